@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.signals import SignalHandlerOptions
 
-    from lava_ros.ros.feed import SceneFeed
+    from lava_ros.ros.monitor import SceneFeed
 
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):

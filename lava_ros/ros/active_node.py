@@ -16,7 +16,6 @@
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from pathlib import Path
 import time
 from typing import Any
 
@@ -28,19 +27,15 @@ from rclpy.node import Node
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import find_file
 from lava_ros.ros import codec, diagnostics, qos
-from lava_ros.ros.deadline import DeadlineChooser
-from lava_ros.ros.diagnostics import ClockWatch
-from lava_ros.ros.entities import Entities
 from lava_ros.ros.forecast_topics import ForecastTopics
 from lava_ros.ros.input_topics import InputTopics
-from lava_ros.ros.layer_publishers import LayerPublishers, published_layers
-from lava_ros.ros.node_log import NodeLog
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
+from lava_ros.ros.publishers import LayerPublishers, published_layers, ScenePublisher
 from lava_ros.ros.recorder import BagFolder, Recorder, SaveAllowance
 from lava_ros.ros.recording import CheckpointRecording, SceneRecording
-from lava_ros.ros.scene_publisher import ScenePublisher
-from lava_ros.ros.services import Services
-from lava_ros.ros.sources import new_simulation, resumed_simulation, Sources
+from lava_ros.ros.services import create_services
+from lava_ros.ros.sources import resumed_simulation, SimulationMaker, Sources
+from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 from lava_ros.simulation.snapshot import Snapshot
@@ -56,11 +51,9 @@ HEARTBEAT = 1.0
 
 
 class ActiveNode:
-    """A configured node: it takes inputs and, while active, lets time pass and publishes.
+    """A configured node: it takes inputs and, while ``is_active``, lets time pass and publishes.
 
-    Attributes:
-        is_active: Whether time passes and layers are published.
-        failure: Why the node has to end, empty as long as it has not.
+    ``failure`` says why the node has to end, empty as long as it has not.
     """
 
     def __init__(
@@ -74,10 +67,7 @@ class ActiveNode:
     ) -> None:
         """Create publishers, subscriptions and services, and load ``sources``; time stands still.
 
-        ``values`` returns the parameters of the node by name.
-
-        Raises:
-            LavaError: A file that a parameter names is not usable.
+        ``values`` returns the node's parameters; LavaError where a file that one names is no good.
         """
         self._node = node
         self._settings = settings
@@ -89,11 +79,10 @@ class ActiveNode:
         if settings.forecast_horizon:
             configs['forecast_config'] = find_file(settings.forecast_config, 'msg_configs')
         layers = published_layers(*configs.values(), settings=settings)
-        self.is_active = False
-        self._is_paused = False
+        self.is_active = self._is_paused = False
         self._is_recording_wanted = settings.record
-        self._clock_watch = ClockWatch()
-        self._log = NodeLog(node.get_logger())
+        self._clock_watch = diagnostics.ClockWatch()
+        self._log = diagnostics.NodeLog(node.get_logger())
         self._recorder = Recorder()
         self._recording = SceneRecording(
             node,
@@ -104,10 +93,10 @@ class ActiveNode:
         )
         self._entities = entities
         snapshot_ready = entities.create('guard_condition', self._publish)
-        chooser = DeadlineChooser()
+        maker = SimulationMaker()
         self._worker = SimulationWorker(
-            lambda scene: new_simulation(scene, self._settings, chooser),
-            clock=lambda: node.get_clock().now().nanoseconds * 1e-9,
+            lambda scene: maker.make(scene, self._settings),
+            clock=lambda: now_ns(node) * 1e-9,
             constants=settings.constants,
             time_scale=settings.time_scale,
             end_time=settings.end_time,
@@ -129,10 +118,10 @@ class ActiveNode:
             self._recorder,
             worker=self._worker,
             settings=lambda: self._settings,
-            choice=lambda: chooser.choice,
+            choice=lambda: maker.choice,
         )
-        publishers: list[LayerPublishers[Any]] = [self._layers, *self._forecasts.publishers]
-        for rate in sorted({rate for item in publishers for rate in item.rates}):
+        rates = self._layers.rates.union(*(item.rates for item in self._forecasts.publishers))
+        for rate in sorted(rates):
             entities.create('timer', 1.0 / rate, lambda rate=rate: self._make_due(rate))
         self._scene = ScenePublisher(entities, frame_id=settings.frame_id)
         self._diagnostics = entities.create(
@@ -150,7 +139,7 @@ class ActiveNode:
             recorder=self._recorder,
             is_own=self._scene.is_own,
         )
-        Services(self, entities, worker=self._worker, inputs=self._inputs, layers=publishers)
+        create_services(self, entities, worker=self._worker, inputs=self._inputs)
         self._begin(sources)
         # The last thing: what fails before leaves no thread behind.
         self._worker.start()
@@ -182,8 +171,8 @@ class ActiveNode:
         self._forecasts.activate(False)
         self._worker.pause(True)
 
-    def close(self) -> bool:
-        """Finish the bag, end the worker and leave the graph; whether the worker has ended."""
+    def close(self) -> None:
+        """Finish the bag, end the worker and leave the graph."""
         self.is_active = False
         try:
             self._close_bag()
@@ -191,9 +180,8 @@ class ActiveNode:
                 self._log.volumes(self._worker.latest)
         finally:
             self._forecasts.stop()
-            ended = self._worker.stop(STOP_TIMEOUT)
+            self._worker.stop(STOP_TIMEOUT)
             self._entities.destroy()
-        return ended
 
     def has_ended(self) -> bool:
         """Whether the thread that ``close`` has told to end is no longer in a step."""
@@ -238,10 +226,10 @@ class ActiveNode:
 
     def start_recording(self) -> str:
         """Begin a bag, and give its name and when; LavaError where it cannot be."""
-        directory = str(self._arm_recorder())
+        self._arm_recorder()
         self._publish(repeat=True)
         self._check_recorder()
-        return directory + ' from the first map on' * self._recorder.is_armed
+        return self._recorder.status.directory + ' from the first map on' * self._recorder.is_armed
 
     def stop_recording(self) -> str:
         """Finish the bag and give its name, empty for none; LavaError where it could not be."""
@@ -259,11 +247,8 @@ class ActiveNode:
     def save(self) -> str:
         """Put the maps and a checkpoint of this moment into a bag and give its name.
 
-        That is the bag that is being recorded, or else one of its own.
-
-        Raises:
-            LavaError: There is nothing to save, too much has been, or the bag or its checkpoint
-                cannot be.
+        That is the bag that is being recorded, or else one of its own; LavaError where that or its
+        checkpoint cannot be, there is nothing to save, or too much has been.
         """
         if self._worker.latest is None:
             raise LavaError('save', 'no simulation yet', 'a terrain')
@@ -275,7 +260,7 @@ class ActiveNode:
             self._publish(repeat=True)
         # asked for by name, so also where checkpoint_period is 0
         reason = self._checkpoints.finish(
-            CHECKPOINT_PERIOD, self._stamp_ns(), timeout=CHECKPOINT_TIMEOUT
+            CHECKPOINT_PERIOD, now_ns(self._node), timeout=CHECKPOINT_TIMEOUT
         )
         self._recorder.flush()
         self._saves.note(max(0, self._recorder.size - before))
@@ -327,14 +312,12 @@ class ActiveNode:
             self._log.scene(scene, snapshot, self._worker.eruption.effects)
         if snapshot is None or not self.is_active:
             return
-        stamp_ns = self._stamp_ns()
+        stamp_ns = now_ns(self._node)
         if scene is not None:
             self._recording.write(self._worker.eruption, snapshot, stamp_ns)
             is_heard = self._inputs.has_heard(scene.terrain)
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
-        self._layers.publish(
-            snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat
-        )
+        self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
         self._forecasts.publish(repeat=repeat)
         self._recorder.flush()
         self._log.recorder(self._recorder)
@@ -348,7 +331,7 @@ class ActiveNode:
             # The end is not told before its frame is out.
             self._publish()
         snapshot = self._layers.shown
-        stamp_ns = self._stamp_ns()
+        stamp_ns = now_ns(self._node)
         is_simulated = self._node.get_clock().ros_time_is_active
         clock = self._clock_watch.look(stamp_ns, time.monotonic()) if is_simulated else ''
         resolution = self._worker.eruption.resolution
@@ -380,23 +363,17 @@ class ActiveNode:
         self._report_checkpoint(self._checkpoints.poll(period, stamp_ns))
         self._log.recorder(self._recorder)
 
-    def _stamp_ns(self) -> int:
-        return int(self._node.get_clock().now().nanoseconds)
-
     # recording
 
-    def _arm_recorder(self) -> Path:
-        settings = self._settings
-        directory = self._bag_folder.path(settings.bag_directory)
+    def _arm_recorder(self) -> None:
+        new = self._settings
+        directory = self._bag_folder.path(new.bag_directory)
         self._recorder.arm(
-            directory,
-            max_size=settings.bag_max_size,
-            max_duration=settings.bag_max_duration,
+            directory, max_size=new.bag_max_size, max_duration=new.bag_max_duration
         )
-        return directory
 
     def _close_bag(self) -> None:
-        period, stamp_ns = self._settings.checkpoint_period, self._stamp_ns()
+        period, stamp_ns = self._settings.checkpoint_period, now_ns(self._node)
         self._report_checkpoint(
             self._checkpoints.finish(period, stamp_ns, timeout=CHECKPOINT_TIMEOUT)
         )

@@ -12,122 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the node says about itself on /diagnostics."""
+"""What the node says about itself, on /diagnostics and in its log."""
 
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from socket import gethostname
-import threading
-import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
-from lava_ros.errors import LavaError
-from lava_ros.ros.deadline import DeadlineChoice
 from lava_ros.ros.ensemble_forecasts import AheadStatus, Live
-from lava_ros.ros.recorder import RecorderStatus
+from lava_ros.ros.recorder import Recorder, RecorderStatus
 from lava_ros.ros.recording import LastCheckpoint
 from lava_ros.ros.session import is_on
+from lava_ros.ros.sources import DeadlineChoice
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
+from lava_ros.scene import Scene, temperature_doubts, Terrain
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.snapshot import Snapshot
-
-#: Time after which an unchanged error of a topic is logged again [s].
-LOG_INTERVAL = 60.0
 
 #: Levels of a status.
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 #: Levels of states of the worker, where they are not OK.
 _LEVELS = {WorkerState.WAITING: WARN, WorkerState.FAILED: ERROR}
-
-
-class InputLog:
-    """Counts what was taken and refused, by topic. Any thread may report."""
-
-    def __init__(self) -> None:
-        """Start with nothing."""
-        self._lock = threading.Lock()
-        self._accepted: Counter[str] = Counter()
-        self._rejected: Counter[str] = Counter()
-        self._superseded = 0
-        self._arrived = 0
-        # number of a topic's newest message that was judged, and whether it was refused
-        self._newest: dict[str, tuple[int, bool]] = {}
-        self._last_error = ''
-        self._logged: dict[str, tuple[str, float]] = {}
-
-    def arrive(self) -> int:
-        """Number a message whose judgement may come after that of a newer one."""
-        with self._lock:
-            self._arrived += 1
-            return self._arrived
-
-    def accept(self, topic: str, number: int | None = None) -> None:
-        """Note a message that was taken; the newest, or that of a number."""
-        with self._lock:
-            self._accepted[topic] += 1
-            self._judge(topic, number, is_bad=False)
-            self._logged.pop(topic, None)
-
-    def supersede(self, topic: str, number: int | None = None) -> None:
-        """Note a sound message that a newer one replaced before the simulation took it.
-
-        The newer one may have come on another topic: both clouds and images are terrain.
-        """
-        with self._lock:
-            self._superseded += 1
-            self._judge(topic, number, is_bad=False)
-
-    def forgive(self, topic: str) -> None:
-        """Leave it at a warning: nothing better can be expected on the topic to end an error."""
-        with self._lock:
-            self._newest[topic] = self._newest[topic][0], False
-
-    def reject(self, topic: str, error: LavaError, number: int | None = None) -> bool:
-        """Note a message that was refused, the newest or that of a number, and whether to log it.
-
-        What was just said about the topic is not logged again.
-        """
-        with self._lock:
-            self._rejected[topic] += 1
-            self._judge(topic, number, is_bad=True)
-            self._last_error = f'{topic}: {error}'
-            now, text = time.monotonic(), str(error)
-            last_text, last_time = self._logged.get(topic, ('', 0.0))
-            if text == last_text and now - last_time < LOG_INTERVAL:
-                return False
-            self._logged[topic] = (text, now)
-            return True
-
-    def _judge(self, topic: str, number: int | None, *, is_bad: bool) -> None:
-        if number is None:
-            self._arrived += 1
-            number = self._arrived
-        if number >= self._newest.get(topic, (0, False))[0]:
-            self._newest[topic] = number, is_bad
-
-    def status(self) -> DiagnosticStatus:
-        """ERROR while a topic's newest message was refused, WARN when an earlier one was."""
-        with self._lock:
-            rejected = sum(self._rejected.values())
-            is_bad = any(newest_is_bad for _, newest_is_bad in self._newest.values())
-            values: dict[str, object] = {
-                'accepted': sum(self._accepted.values()),
-                'rejected': rejected,
-                'superseded': self._superseded,
-                'last_error': self._last_error,
-            }
-            values |= {f'rejected.{topic}': count for topic, count in self._rejected.items()}
-            last_error = self._last_error
-        if is_bad:
-            return status('inputs', ERROR, f'refused {last_error}', values)
-        if rejected:
-            return status('inputs', WARN, f'{rejected} refused so far', values)
-        return status('inputs', OK, 'all taken', values)
 
 
 def simulation_status(
@@ -144,13 +54,13 @@ def simulation_status(
     ``snapshot`` was published last, with maps of the stamp ``frame_stamp_ns`` [ns]; ``resolution``
     says how well particles resolve the flow, and ``clock`` what is wrong with the clock.
     """
-    level, message = _LEVELS.get(worker.state, OK), worker.state.value
-    is_running = worker.state is WorkerState.RUNNING
+    state = worker.state
+    level, message = _LEVELS.get(state, OK), state.value
     warnings = snapshot.budget.warnings() if snapshot is not None else []
     # what starts says so itself
-    warnings += [clock, worker.hold_up if worker.state is not WorkerState.STARTING else '']
+    warnings += [clock, worker.hold_up if state is not WorkerState.STARTING else '']
     warnings.append('running slower than the clock asks for' if worker.is_behind else '')
-    if is_running and resolution is not None and resolution.is_coarse:
+    if state is WorkerState.RUNNING and resolution is not None and resolution.is_coarse:
         warnings.append(resolution.text())
     if worker.error:
         message = f'{message}: {worker.error}'
@@ -159,7 +69,7 @@ def simulation_status(
         level = ERROR if is_lost else WARN
         message = '; '.join(filter(None, warnings))
     values: dict[str, object] = {
-        'state': worker.state.value,
+        'state': state.value,
         'lifecycle': 'active' if is_active else 'inactive',
         'device': worker.device,
         'speed': f'{worker.speed:.4g}',
@@ -248,13 +158,14 @@ def ahead_status(
             message += ' so far'
         elif maps.members < ensemble.asked:
             message += ': the others were left out to meet the deadline'
+    level = OK
     if state.error:
-        return status(task, ERROR, state.error, values)
-    if latest is None:
-        return status(task, OK, staleness, values)
-    if staleness:
-        return status(task, WARN, f'stale, withdrawn: {staleness}', values)
-    return status(task, OK, message, values)
+        level, message = ERROR, state.error
+    elif latest is None:
+        message = staleness
+    elif staleness:
+        level, message = WARN, f'stale, withdrawn: {staleness}'
+    return status(task, level, message, values)
 
 
 def deadline_status(
@@ -275,10 +186,11 @@ def deadline_status(
             'choosing_took_s': f'{choice.spent:.3g}',
         }
     reason = choice.reason if choice else 'nothing chosen: no simulation was started with a vent'
-    if took > deadline:
-        late = f'late: the newest took {took:.3g} s of {deadline:g} s; {reason}'
-        return status('deadline', WARN, late, values)
-    return status('deadline', OK if choice is None or choice.is_met else WARN, reason, values)
+    is_late = took > deadline
+    if is_late:
+        reason = f'late: the newest took {took:.3g} s of {deadline:g} s; {reason}'
+    is_well = not is_late and (choice is None or choice.is_met)
+    return status('deadline', OK if is_well else WARN, reason, values)
 
 
 def recorder_status(
@@ -295,16 +207,12 @@ def recorder_status(
         values['checkpoints'] = checkpoint.count
         values['checkpoint_time_s'] = repr(checkpoint.time)
         values['checkpoint_bytes'] = checkpoint.size
-    if recorder.error:
-        return status('recorder', ERROR, recorder.error, values)
-    return status('recorder', OK, recorder.state, values)
+    level = ERROR if recorder.error else OK
+    return status('recorder', level, recorder.error or recorder.state, values)
 
 
 def sign(message: DiagnosticArray, node: str, device: str) -> None:
-    """Put the node's name before the statuses' names, and name the hardware.
-
-    Diagnostic aggregators identify statuses by name.
-    """
+    """Put the node's name before those of statuses, as aggregators ask, and name the hardware."""
     source = node.strip('/')
     for status in message.status:
         status.name = f'{source}: {status.name}'
@@ -337,8 +245,7 @@ class ClockWatch:
     def look(self, stamp_ns: int, now: float) -> str:
         """Say why simulated time stands still and what to do; empty while the clock moves.
 
-        ``stamp_ns`` is the time on the clock [ns], 0 before it is received; ``now`` is wall time
-        [s].
+        Its time is ``stamp_ns`` [ns], 0 before it is received; ``now`` is wall time [s].
         """
         if self._seen is None or self._seen[0] != stamp_ns:
             self._seen = stamp_ns, now
@@ -349,3 +256,85 @@ class ClockWatch:
             f'/clock {what}, so simulated time stands still: publish it, as `lava replay` and '
             '`ros2 bag play --clock` do, or set use_sim_time to false'
         )
+
+
+class NodeLog:
+    """Logs scene, simulation and recorder when they have changed."""
+
+    def __init__(self, logger: Any) -> None:
+        """Start with nothing logged."""
+        self._logger = logger
+        self._told: dict[str, object] = {'state': WorkerState.WAITING}
+
+    def scene(self, scene: Scene, snapshot: Snapshot | None, effects: Mapping[str, str]) -> None:
+        """Log changes of terrain, vents and effects, as of the newest snapshot."""
+        terrain, vents = scene.terrain, scene.vents
+        self._tell('terrain', terrain, lambda: _terrain_text(terrain))
+        # not the discharge: that of a feed changes all the time
+        now = snapshot.time if snapshot is not None else 0.0
+        discharge = sum(vent.discharge_at(now) for vent in vents)
+        places = [(vent.position, vent.end, vent.radius) for vent in vents]
+        self._tell('vents', places, lambda: f'vents: {len(vents)}, {discharge:g} m3/s')
+        # the topics take Celsius
+        doubts = temperature_doubts(scene, is_celsius=True)[:3]
+        self._tell('doubts', doubts, lambda: '; '.join(doubts), 'warning')
+        names = [name for name, text in effects.items() if is_on(text)]
+        self._tell('effects', names, lambda: f'effects: {", ".join(names) or "none"}')
+
+    def worker(
+        self, worker: WorkerStatus, resolution: Resolution | None, clock: str, *, is_paused: bool
+    ) -> None:
+        """Log changes of the simulation's state, and what is wrong with its clock, if anything."""
+        state = worker.state
+        text = f'simulation {state.value}'
+        if state is WorkerState.FAILED:
+            text = f'simulation failed: {worker.error}; ~/reset starts it again'
+        elif state is WorkerState.PAUSED and not is_paused:
+            # an inactive node holds time too, and says that it is inactive
+            text = ''
+        failed = state is WorkerState.FAILED
+        self._tell('state', state, lambda: text, 'error' if failed else 'info')
+        if resolution is not None:
+            severity = 'warning' if resolution.is_coarse else 'info'
+            self._tell('resolution', resolution, resolution.text, severity)
+        # how long it has been so is part of the text
+        self._tell('clock', bool(clock), lambda: clock, 'warning')
+        self._tell('hold-up', bool(worker.hold_up), lambda: worker.hold_up, 'warning')
+
+    def volumes(self, snapshot: Snapshot) -> None:
+        """Say how much lava has come out, and where it is."""
+        budget = snapshot.budget
+        self._logger.info(f'volume at {snapshot.time:g} s: {budget.text()}')
+        for text in budget.warnings():
+            self._logger.warning(text)
+
+    def recorder(self, recorder: Recorder) -> None:
+        """Say where the bag is, and what is wrong with it."""
+        status = recorder.status
+        if recorder.is_recording:
+            place = Path(status.directory).absolute()
+            self._tell('recorder', place, lambda: f'recording to {place}')
+        self._tell('recorder error', status.error, lambda: status.error, 'error')
+
+    def _tell(
+        self, about: str, thing: object, text: Callable[[], str], severity: str = 'info'
+    ) -> None:
+        """Log what there is, once until it is another; an empty text is not logged."""
+        if about in self._told and self._told[about] == thing:
+            return
+        self._told[about] = thing
+        words = text()
+        # rclpy wants each line that logs to keep its severity
+        if words and severity == 'error':
+            self._logger.error(words)
+        elif words and severity == 'warning':
+            self._logger.warning(words)
+        elif words:
+            self._logger.info(words)
+
+
+def _terrain_text(terrain: Terrain) -> str:
+    rows, columns = terrain.shape
+    empty = int(np.isnan(terrain.elevation).sum())
+    holes = f', {empty} of them without data' * bool(empty)
+    return f'terrain: {columns} x {rows} cells of {terrain.resolution:g} m{holes}'

@@ -26,13 +26,12 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
-from lava_ros.ros.commands import finish
 from lava_ros.ros.session import Fork
+from lava_ros.ros.worker_status import finish
 from lava_ros.scene import Terrain
 
 #: Moments that are remembered to find the simulated time of a stamp.
 _MOMENTS = 512
-
 
 #: What is published of the time to come.
 Ahead = TypeVar('Ahead', Forecast, EnsembleForecast)
@@ -42,10 +41,7 @@ Ahead = TypeVar('Ahead', Forecast, EnsembleForecast)
 class Live(Generic[Ahead]):
     """A forecast or the maps of an ensemble, and what they are of.
 
-    Attributes:
-        shown: The forecast or the maps.
-        stamp_ns: ROS time at which they start [ns].
-        changes: Changes of scene or effects before that.
+    They start at a ROS time [ns], after so many changes of scene or effects.
     """
 
     shown: Ahead
@@ -84,8 +80,7 @@ class AheadStatus:
 
     Attributes:
         count: Number of forecasts, or of complete ensembles, so far.
-        progress: Share of the horizon or of the members that is done, None if nothing is in
-            progress.
+        progress: Share of the horizon or of the members that is done, None when at rest.
         error: Why the last one failed, empty if it did not.
         share: Share of the time that forecasts may compute now.
         outlines: Number of outlines by which the members of this scene have been weighed.
@@ -119,7 +114,7 @@ class EnsembleForecasts:
         self.latest: Live[EnsembleForecast] | None = None
         self.status = AheadStatus()
         self._seen: queue.SimpleQueue[_Seen] = queue.SimpleQueue()
-        self._sent: dict[int, _Seen] = {}
+        self._sent: dict[int, Future[None]] = {}
         self._number = 0
         self._at_hand: int | None = None
         self._ordered: tuple[int, float] | None = None
@@ -145,10 +140,9 @@ class EnsembleForecasts:
 
     def is_wanted(self, changes: int, time: float) -> bool:
         """Whether there is neither an ensemble at hand nor one of this state."""
-        if self._is_refused and changes == self._changes:
-            # it would fail again, until something changes
-            return False
-        return self._at_hand is None and (changes, time) != self._ordered
+        # one that was refused would fail again, until something changes
+        may_be = not self._is_refused or changes != self._changes
+        return may_be and self._at_hand is None and (changes, time) != self._ordered
 
     def order(self, fork: Fork, number: int, rules: ForecastRules) -> dict[str, Any] | None:
         """The part of the order for forecast ``number`` that asks for an ensemble, or None."""
@@ -168,10 +162,7 @@ class EnsembleForecasts:
         }
 
     def send(self, order: Callable[..., None], *, changes: int, time_scale: float) -> None:
-        """Send waiting outlines to the process, unless the scene has just changed.
-
-        ``time_scale`` is simulated time per time of the clock [s/s].
-        """
+        """Send waiting outlines to the process, unless the scene has just changed."""
         while changes == self._changes and not self._seen.empty():
             seen = self._seen.get()
             assert self._terrain is not None
@@ -179,10 +170,10 @@ class EnsembleForecasts:
                 time = self._time_at(seen.clock, time_scale)
                 outline = outline_on(self._terrain, seen.mask, time)
             except LavaError as error:
-                _end(seen, error)
+                finish(seen.done, error)
                 continue
             self._number += 1
-            self._sent[self._number] = seen
+            self._sent[self._number] = seen.done
             order('outline', number=self._number, outline=outline)
 
     def hear(self, name: str, **values: Any) -> bool:
@@ -193,11 +184,11 @@ class EnsembleForecasts:
             self._at_hand, self._is_refused = None, True
             self._put(progress=None, error=values['reason'])
         elif name == 'outline_refused':
-            _end(self._sent.pop(values['number'], None), values['error'])
+            self._end(values['number'], values['error'])
         elif name == 'weighed':
             self._agreement = values['agreement']
             self._put(outlines=values['outlines'], jaccard_mean=values['jaccard_mean'])
-            _end(self._sent.pop(values['number'], None))
+            self._end(values['number'])
         elif name == 'ensemble':
             return self._take(**values)
         return False
@@ -209,9 +200,9 @@ class EnsembleForecasts:
         waiting = list(self._sent.values())
         self._sent = {}
         while not self._seen.empty():
-            waiting.append(self._seen.get())
-        for seen in waiting:
-            _end(seen, LavaError('observed_outline', reason, 'an ensemble to be weighed'))
+            waiting.append(self._seen.get().done)
+        for done in waiting:
+            finish(done, LavaError('observed_outline', reason, 'an ensemble to be weighed'))
 
     def _note(self, fork: Fork) -> None:
         if fork.changes != self._changes:
@@ -239,8 +230,8 @@ class EnsembleForecasts:
     def _take(
         self, number: int, stamp_ns: int, changes: int, *, is_done: bool, **values: Any
     ) -> bool:
+        # of another scene
         if changes != self._changes:
-            # of another scene
             return False
         assert self._terrain is not None
         ensemble = EnsembleForecast(terrain=self._terrain, is_done=is_done, **values)
@@ -251,11 +242,11 @@ class EnsembleForecasts:
             self._put(progress=None, count=self.status.count + 1)
         return True
 
+    def _end(self, number: int, error: LavaError | None = None) -> None:
+        """Complete the future of an outline, with the error if it was not used."""
+        done = self._sent.pop(number, None)
+        if done is not None:
+            finish(done, error)
+
     def _put(self, **changes: Any) -> None:
         self.status = replace(self.status, **changes)
-
-
-def _end(seen: _Seen | None, error: LavaError | None = None) -> None:
-    """Complete the future of an outline, with the error if it was not used."""
-    if seen is not None:
-        finish(seen.done, error)

@@ -16,21 +16,23 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
 from typing import Any, Generic
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
 from lava_ros.ros import diagnostics
-from lava_ros.ros.deadline import DeadlineChoice
 from lava_ros.ros.ensemble_forecasts import Ahead, ForecastRules, Live
-from lava_ros.ros.entities import Entities
 from lava_ros.ros.forecaster import Forecaster
-from lava_ros.ros.layer_publishers import LayerPublishers
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.publishers import LayerPublishers
 from lava_ros.ros.recorder import Recorder
+from lava_ros.ros.sources import DeadlineChoice
+from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 
 #: How long forecasts may take to end [s]: a copy of the state that is being taken is waited for.
@@ -40,71 +42,53 @@ STOP_TIMEOUT = 4.0
 _THRESHOLD = 0.1
 
 
+@dataclass(eq=False)
 class ForecastTopics:
     """The layers of forecasts and of ensembles; without a horizon there are none.
 
     Messages are stamped with the time at which their forecast starts. A forecast is withdrawn, by
     maps on which nothing is known, as soon as scene or effects have changed or it is too old.
-
-    Attributes:
-        publishers: The publishers of the layers.
+    ``choice`` returns what was chosen to meet the deadline, None without a deadline.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        layers: Sequence[Layer],
-        recorder: Recorder,
-        *,
-        worker: SimulationWorker,
-        settings: Callable[[], Settings],
-        choice: Callable[[], DeadlineChoice | None] = lambda: None,
-    ) -> None:
-        """Create a publisher for every layer, and the forecaster if a horizon is set.
+    entities: Entities
+    layers: Sequence[Layer]
+    recorder: Recorder
+    worker: SimulationWorker
+    settings: Callable[[], Settings]
+    choice: Callable[[], DeadlineChoice | None] = lambda: None
 
-        ``choice`` returns what was chosen to meet the deadline, None without a deadline.
-
-        Raises:
-            LavaError: Two layers of arrival times have different thresholds.
-        """
-        self._node = entities.node
-        self._settings = settings
-        self._choice = choice
-        self._threshold = _threshold(layers)
-        self._is_active = False
-        frame_id = settings().frame_id
+    def __post_init__(self) -> None:
+        """Create publishers and the forecaster; LavaError where arrivals differ in threshold."""
+        self._threshold = _threshold(self.layers)
         self.publishers: list[LayerPublishers[Any]] = [
             LayerPublishers(
-                entities,
-                [layer for layer in layers if layer.is_ensemble is is_ensemble],
-                recorder,
-                frame_id=frame_id,
+                self.entities,
+                [layer for layer in self.layers if layer.is_ensemble is is_ensemble],
+                self.recorder,
+                frame_id=self.settings().frame_id,
             )
             for is_ensemble in (False, True)
         ]
-        forecasts, ensembles = self.publishers
-        self._forecasts = _Withdrawable(forecasts, 'forecast', self._node)
-        self._ensembles = _Withdrawable(ensembles, 'ensemble', self._node)
-        self._forecaster: Forecaster | None = None
-        if settings().forecast_horizon:
-            ready = entities.create('guard_condition', self.publish)
-            self._forecaster = Forecaster(worker, self._rules, on_change=ready.trigger)
+        self._forecasts, self._ensembles = (
+            _Withdrawable(publishers, name, self.entities.node)
+            for publishers, name in zip(self.publishers, ('forecast', 'ensemble'), strict=True)
+        )
+        ready = self.entities.create('guard_condition', self.publish)
+        self._forecaster = Forecaster(self.worker, self._rules, on_change=ready.trigger)
 
     def start(self) -> None:
         """Start the thread, where forecasts are wanted at all."""
-        if self._forecaster is not None:
+        if self.settings().forecast_horizon:
             self._forecaster.start()
 
     def stop(self) -> None:
         """End the thread and its process."""
-        if self._forecaster is not None:
-            self._forecaster.stop(STOP_TIMEOUT)
+        self._forecaster.stop(STOP_TIMEOUT)
 
     def activate(self, is_active: bool) -> None:
         """Make and publish forecasts from now on, or no more."""
-        self._is_active = is_active
-        if self._forecaster is not None:
-            self._forecaster.want(is_active)
+        self._forecaster.want(is_active)
 
     def make_due(self, rate: float) -> None:
         """Let the layers of a rate be published with the next forecast."""
@@ -115,26 +99,21 @@ class ForecastTopics:
     def publish(self, *, repeat: bool = False) -> None:
         """Publish new forecasts or withdraw stale ones; ``repeat`` includes those already sent."""
         forecaster = self._forecaster
-        if forecaster is None or not self._is_active:
-            return
-        latest, ensemble = forecaster.latest, forecaster.ensembles.latest
-        self._forecasts.publish(latest, forecaster.staleness(latest), repeat=repeat)
-        self._ensembles.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
+        if forecaster.is_wanted:
+            latest, ensemble = forecaster.latest, forecaster.ensembles.latest
+            self._forecasts.publish(latest, forecaster.staleness(latest), repeat=repeat)
+            self._ensembles.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh members by where lava was observed at ``clock`` [s].
-
-        Raises:
-            LavaError: The node is not active, or makes no ensembles.
-        """
-        if self._forecaster is None or not self._is_active:
+        """Weigh members by where lava was observed at ``clock`` [s]; LavaError while inactive."""
+        if not self._forecaster.is_wanted:
             raise LavaError('observed_outline', 'no ensemble', 'an active node that makes them')
         return self._forecaster.ensembles.observe(mask, clock)
 
     def statuses(self) -> list[DiagnosticStatus]:
         """What diagnostics say, nothing without a horizon."""
-        forecaster, settings = self._forecaster, self._settings()
-        if forecaster is None:
+        forecaster, settings = self._forecaster, self.settings()
+        if not settings.forecast_horizon:
             return []
         ensembles = forecaster.ensembles
         tasks: list[Any] = [('forecast', forecaster.status, forecaster.latest)]
@@ -142,23 +121,19 @@ class ForecastTopics:
             tasks.append(('ensemble', ensembles.status, ensembles.latest))
         found = [
             diagnostics.ahead_status(
-                task,
-                status,
-                live,
-                age=forecaster.age(live),
-                staleness=forecaster.staleness(live),
+                *task, age=forecaster.age(task[-1]), staleness=forecaster.staleness(task[-1])
             )
-            for task, status, live in tasks
+            for task in tasks
         ]
         if settings.deadline:
             # an ensemble includes the forecast that comes before it
-            known = [live.shown.duration for _, _, live in tasks if live is not None]
+            known = [live.shown.duration for *_, live in tasks if live is not None]
             took = max(known, default=0.0)
-            found.append(diagnostics.deadline_status(settings.deadline, self._choice(), took=took))
+            found.append(diagnostics.deadline_status(settings.deadline, self.choice(), took=took))
         return found
 
     def _rules(self) -> ForecastRules:
-        settings, choice = self._settings(), self._choice()
+        settings, choice = self.settings(), self.choice()
         members = settings.ensemble_members
         if choice is not None and choice.members is not None:
             members = min(members, choice.members)
@@ -174,36 +149,36 @@ class ForecastTopics:
         )
 
 
+@dataclass(eq=False)
 class _Withdrawable(Generic[Ahead]):
     """Publishes something of what comes as long as it says anything, and else takes it back."""
 
-    def __init__(self, layers: LayerPublishers[Ahead], name: str, node: Any) -> None:
-        self._layers: LayerPublishers[Ahead] = layers
-        self._name = name
-        self._node = node
-        self._withdrawn: tuple[Ahead, Ahead, int] | None = None
-        self._is_known = False
+    layers: LayerPublishers[Ahead]
+    name: str
+    node: Node
+    withdrawn: tuple[Ahead, Ahead, int] | None = None
+    is_known: bool = False
 
     def publish(self, live: Live[Ahead] | None, staleness: str, *, repeat: bool) -> None:
         """Publish it where it has not been, or that nothing is known any more."""
         if live is None:
             return
         shown, stamp_ns = live.shown, live.stamp_ns
-        now_ns = int(self._node.get_clock().now().nanoseconds)
+        moment_ns = now_ns(self.node)
         if staleness:
-            if self._withdrawn is None or self._withdrawn[0] is not shown:
-                self._node.get_logger().info(f'{self._name} withdrawn: {staleness}')
-                self._withdrawn = (shown, shown.withdrawn(), now_ns)
-            _, shown, stamp_ns = self._withdrawn
-        self._layers.publish(
+            if self.withdrawn is None or self.withdrawn[0] is not shown:
+                self.node.get_logger().info(f'{self.name} withdrawn: {staleness}')
+                self.withdrawn = (shown, shown.withdrawn(), moment_ns)
+            _, shown, stamp_ns = self.withdrawn
+        self.layers.publish(
             shown,
             stamp_ns,
             # neither the end nor the beginning of what is known waits for its turn
-            also_not_due=bool(staleness) or not self._is_known,
+            also_not_due=bool(staleness) or not self.is_known,
             repeat=repeat,
-            recorded_ns=now_ns,
+            recorded_ns=moment_ns,
         )
-        self._is_known = not staleness
+        self.is_known = not staleness
 
 
 def _threshold(layers: Sequence[Layer]) -> float:

@@ -17,7 +17,7 @@
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from dataclasses import replace
+from dataclasses import dataclass, replace
 import multiprocessing
 import os
 from pathlib import Path
@@ -39,7 +39,7 @@ from lava_ros.ros.ensemble_forecasts import (
 )
 from lava_ros.ros.session import Fork
 from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import Pace, WorkerState
+from lava_ros.ros.worker_status import WorkerState
 
 #: Least wall time from one forecast to the next [s].
 LEAST_PERIOD = 1.0
@@ -55,15 +55,41 @@ LONGEST_LAG = 0.5
 #: Wall time between two looks at how the live simulation is doing [s].
 _WATCH_TIME = 0.1
 
+#: Least share of a device that forecasts have, by its kind. On a GPU two that are busy get half of
+#: it each, so the live simulation loses half of this; on a CPU forecasts are nice, and take away
+#: what cores share: caches, memory.
+LEAST_SHARES = {'cpu': 0.25, 'cuda': 0.1}
+
+#: Share by which forecasts get more in a second in which the live simulation keeps up.
+SHARE_RATE = 0.1
+
 #: Wall time after a failure before the next try [s], doubled with each up to the last.
 _RETRY_TIMES = (2.0, 60.0)
-
 
 #: Longest time that the process may take to end by itself [s].
 _END_TIMEOUT = 2.0
 
-#: Name and values of an answer of the process (``lava_ros.forecast.process``).
-Answer = tuple[str, dict[str, Any]]
+
+class Pace:
+    """The share of the time for what may wait: least while the simulation falls behind."""
+
+    def __init__(self) -> None:
+        """Start with all of the time."""
+        self._share = 1.0
+        self._noted: float | None = None
+
+    def note(self, is_behind: bool, now: float) -> None:
+        """Note whether the simulation is behind its clock, at a wall time [s]."""
+        if is_behind:
+            self._share = 0.0
+        elif self._noted is not None:
+            self._share = min(1.0, self._share + SHARE_RATE * (now - self._noted))
+        self._noted = now
+
+    def share(self, most: float, device: str) -> float:
+        """The share now, on a device, given the largest one."""
+        least = LEAST_SHARES[device.partition(':')[0]]
+        return min(max(round(self._share, 1), least), most)
 
 
 class ForecastProcess:
@@ -96,13 +122,13 @@ class ForecastProcess:
         """Send an order; OSError where it has ended."""
         self._connection.send((name, values))
 
-    def answer(self, timeout: float) -> Answer | None:
-        """The next answer, None for none within a time [s]; OSError where it has ended."""
+    def answer(self, timeout: float) -> tuple[str, dict[str, Any]] | None:
+        """Name and values of the next answer, None without one in time [s]; OSError at its end."""
         try:
             if not self._connection.poll(timeout):
                 return None
-            answer: Answer = self._connection.recv()
-            return answer
+            name, values = self._connection.recv()
+            return name, values
         except (EOFError, OSError) as error:
             text = f'the process of the forecasts has ended ({self._ending()})'
             raise ChildProcessError(text) from error
@@ -124,6 +150,7 @@ class ForecastProcess:
         return f'killed by signal {-status}' if status < 0 else f'exit status {status}'
 
 
+@dataclass(eq=False)
 class Forecaster:
     """Runs the newest state of the simulation ahead in a separate process, again and again.
 
@@ -132,38 +159,24 @@ class Forecaster:
     process gets a smaller share of the time. If ensembles are enabled, the next one starts from a
     fork as soon as the one before is complete.
 
-    Attributes:
-        status: The status of the forecasts.
-        latest: The newest forecast, None before the first.
-        ensembles: The ensembles.
+    ``rules`` returns how to make forecasts now. ``on_change`` is called in the thread when
+    ``latest``, the newest forecast, or the scene has changed. ``status`` is that of forecasts.
     """
 
-    def __init__(
-        self,
-        worker: SimulationWorker,
-        rules: Callable[[], ForecastRules],
-        *,
-        on_change: Callable[[], None] = lambda: None,
-        make_process: Callable[[], ForecastProcess] = ForecastProcess,
-    ) -> None:
-        """Prepare the thread; ``start`` runs it.
+    worker: SimulationWorker
+    rules: Callable[[], ForecastRules]
+    on_change: Callable[[], None] = lambda: None
+    make_process: Callable[[], ForecastProcess] = ForecastProcess
 
-        ``rules`` returns how to make forecasts now. ``on_change`` is called in the thread when
-        ``latest`` or the scene has changed.
-        """
-        self._worker = worker
-        self._rules = rules
-        self._on_change = on_change
-        self._make_process = make_process
+    def __post_init__(self) -> None:
+        """Prepare the thread; ``start`` runs it."""
         self.ensembles = EnsembleForecasts()
         self._process: ForecastProcess | None = None
         self.latest: Live[Forecast] | None = None
         self.status = AheadStatus()
         self._pace = Pace()
-        self._is_wanted = False
-        self._failures = 0
-        self._number = 0
-        self._told = 0
+        self.is_wanted = False
+        self._failures = self._number = self._told = 0
         self._forked: tuple[int, float] | None = None
         self._changes: int | None = None
         # the fork from which the forecast in progress started
@@ -174,7 +187,7 @@ class Forecaster:
 
     def age(self, live: Live[Ahead] | None) -> float:
         """How far the simulation is past a forecast's or an ensemble's start [s], 0 for None."""
-        snapshot = self._worker.latest
+        snapshot = self.worker.latest
         if live is None or snapshot is None:
             return 0.0
         return max(0.0, snapshot.time - live.shown.time)
@@ -183,11 +196,11 @@ class Forecaster:
         """Why a forecast or ensemble says nothing about what comes, empty when it does."""
         if live is None:
             return 'there is none yet'
-        if self._worker.eruption.changes != live.changes:
+        if self.worker.eruption.changes != live.changes:
             return 'the scene or the effects have changed'
-        if self._worker.status.state is WorkerState.FAILED:
+        if self.worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
-        age, most = self.age(live), self._rules().max_age
+        age, most = self.age(live), self.rules().max_age
         return f'it is {age:.0f} s old, at most {most:.0f} s are good' if age > most else ''
 
     def start(self) -> None:
@@ -196,7 +209,7 @@ class Forecaster:
 
     def want(self, is_wanted: bool) -> None:
         """Make forecasts from now on, or no more."""
-        self._is_wanted = is_wanted
+        self.is_wanted = is_wanted
 
     def stop(self, timeout: float | None = None) -> bool:
         """End the thread and the process within ``timeout`` [s], and say whether it has ended."""
@@ -217,22 +230,22 @@ class Forecaster:
     def _turn(self) -> None:
         """Begin a forecast that is due, pass on outlines, and take an answer of the process."""
         self._drop_outdated()
-        is_another = self._worker.eruption.changes != self._changes
+        is_another = self.worker.eruption.changes != self._changes
         due = self._due_after_change if is_another else self._due
-        is_due = self._is_wanted and time.monotonic() >= due
+        is_due = self.is_wanted and time.monotonic() >= due
         if is_due and self._process is None:
             # it takes its time to start: before there is anything to look ahead from
-            self._process = self._make_process()
-            if self._rules().members:
+            self._process = self.make_process()
+            if self.rules().members:
                 self._process.order('prepare')
         if is_due and self._at_hand is None and self._is_something_new():
             self._begin()
         if self._process is None:
             self._stopping.wait(_WATCH_TIME)
             return
-        rules = self._rules()
+        rules = self.rules()
         self.ensembles.send(
-            self._process.order, changes=self._worker.eruption.changes, time_scale=rules.time_scale
+            self._process.order, changes=self.worker.eruption.changes, time_scale=rules.time_scale
         )
         if self._at_hand is not None and self._renew_share(rules):
             self._process.order('share', share=self.status.share)
@@ -242,30 +255,26 @@ class Forecaster:
             self._hear(name, **values)
 
     def _report_changes(self) -> None:
-        if self._worker.eruption.changes != self._told:
-            self._told = self._worker.eruption.changes
-            self._on_change()
+        if self.worker.eruption.changes != self._told:
+            self._told = self.worker.eruption.changes
+            self.on_change()
 
     def _is_something_new(self) -> bool:
-        snapshot = self._worker.latest
-        if snapshot is None or self._worker.status.state is WorkerState.FAILED:
+        snapshot = self.worker.latest
+        if snapshot is None or self.worker.status.state is WorkerState.FAILED:
             return False
-        state = (self._worker.eruption.changes, snapshot.time)
-        is_new = state != self._forked
-        return is_new or (self._rules().members > 0 and self.ensembles.is_wanted(*state))
+        state = (self.worker.eruption.changes, snapshot.time)
+        has_members = self.rules().members > 0
+        return state != self._forked or (has_members and self.ensembles.is_wanted(*state))
 
     def _drop_outdated(self) -> None:
-        changes = self._worker.eruption.changes
-        is_outdated = not self._is_wanted or changes != self._changes
-        if not is_outdated or not self._is_busy():
-            return
-        if self._process is not None:
-            self._process.order('cancel')
-        self._report_changes()
-        self._drop('the scene has changed' if self._is_wanted else 'the node is not active')
-
-    def _is_busy(self) -> bool:
-        return self._at_hand is not None or self.ensembles.is_busy
+        changes = self.worker.eruption.changes
+        is_outdated = not self.is_wanted or changes != self._changes
+        if is_outdated and (self._at_hand is not None or self.ensembles.is_busy):
+            if self._process is not None:
+                self._process.order('cancel')
+            self._report_changes()
+            self._drop('the scene has changed' if self.is_wanted else 'the node is not active')
 
     def _drop(self, reason: str) -> None:
         # a state that has been dropped may be forked again
@@ -289,7 +298,7 @@ class Forecaster:
     def _begin(self) -> None:
         """Fork, and have the process look ahead from there."""
         assert self._process is not None
-        rules, begun = self._rules(), time.monotonic()
+        rules, begun = self.rules(), time.monotonic()
         fork = self._fork()
         if fork is None:
             return
@@ -307,14 +316,14 @@ class Forecaster:
             checkpoint=fork.checkpoint,
             horizon=rules.horizon,
             threshold=rules.threshold,
-            device=self._worker.status.device or None,
+            device=self.worker.status.device or None,
             max_particles=rules.max_particles,
             is_first=self.latest is None or self.latest.changes != fork.changes,
             ensemble=self.ensembles.order(fork, self._number, rules),
         )
 
     def _fork(self) -> Fork | None:
-        asked = self._worker.fork()
+        asked = self.worker.fork()
         while not self._stopping.is_set():
             try:
                 fork = asked.result(_WATCH_TIME)
@@ -330,7 +339,7 @@ class Forecaster:
 
     def _hear(self, name: str, **values: Any) -> None:
         if self.ensembles.hear(name, **values):
-            self._on_change()
+            self.on_change()
         fork = self._at_hand
         if fork is None or values.pop('number', None) != self._number:
             return
@@ -342,13 +351,13 @@ class Forecaster:
             self._failures = 0
             self.latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
             self._put_status(progress=None, count=self.status.count + 1, error='')
-            self._on_change()
+            self.on_change()
         elif name == 'progress':
             self._put_status(progress=values['progress'])
 
     def _renew_share(self, rules: ForecastRules) -> bool:
         """Follow the live simulation's lag, and say whether that changed anything."""
-        worker, former = self._worker.status, self.status.share
+        worker, former = self.worker.status, self.status.share
         is_running = worker.state is WorkerState.RUNNING
         self._pace.note(is_running and worker.lag > LONGEST_LAG, time.monotonic())
         self._put_status(share=self._pace.share(rules.share, worker.device))

@@ -12,31 +12,35 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The topics that inputs come in by: checked, turned into commands, never fatal."""
+"""The topics that inputs come in by: checked, turned into commands, counted, never fatal."""
 
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+import threading
 import time
 import traceback
 from typing import Any
 from weakref import WeakValueDictionary
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from rclpy.clock import Clock
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 
+from lava_ros.bag import QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.maps.layers import GRID_MAP, OCCUPANCY_GRID
-from lava_ros.ros import codec, inputs, qos
+from lava_ros.ros import codec, diagnostics, inputs, qos
 from lava_ros.ros.codec import decode
-from lava_ros.ros.diagnostics import InputLog
-from lava_ros.ros.entities import Entities
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
+from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import Terrain
 
@@ -46,69 +50,148 @@ PAIRING_PERIOD = 0.1
 #: Clocks of two machines may differ by this [s].
 CLOCK_TOLERANCE = 1.0
 
+#: Time after which an unchanged error of a topic is logged again [s].
+LOG_INTERVAL = 60.0
+
 _OUTLINE = 'observed_outline'
 
 
+class InputLog:
+    """Counts what was taken and refused, by topic. Any thread may report."""
+
+    def __init__(self) -> None:
+        """Start with nothing."""
+        self._lock = threading.Lock()
+        self._accepted = self._superseded = self._arrived = 0
+        self._rejected: Counter[str] = Counter()
+        # number of a topic's newest message that was judged, and whether it was refused
+        self._newest: dict[str, tuple[int, bool]] = {}
+        self._last_error = ''
+        self._logged: dict[str, tuple[str, float]] = {}
+
+    def arrive(self) -> int:
+        """Number a message whose judgement may come after that of a newer one."""
+        with self._lock:
+            self._arrived += 1
+            return self._arrived
+
+    def accept(self, topic: str, number: int | None = None) -> None:
+        """Note a message that was taken; the newest, or that of a number."""
+        with self._lock:
+            self._accepted += 1
+            self._judge(topic, number, is_bad=False)
+            self._logged.pop(topic, None)
+
+    def supersede(self, topic: str, number: int | None = None) -> None:
+        """Note a sound message that a newer one replaced before the simulation took it.
+
+        The newer one may have come on another topic: both clouds and images are terrain.
+        """
+        with self._lock:
+            self._superseded += 1
+            self._judge(topic, number, is_bad=False)
+
+    def forgive(self, topic: str) -> None:
+        """Leave it at a warning: nothing better can be expected on the topic to end an error."""
+        with self._lock:
+            self._newest[topic] = self._newest[topic][0], False
+
+    def reject(self, topic: str, error: LavaError, number: int | None = None) -> bool:
+        """Note a message that was refused, the newest or that of a number, and whether to log it.
+
+        What was just said about the topic is not logged again.
+        """
+        with self._lock:
+            self._rejected[topic] += 1
+            self._judge(topic, number, is_bad=True)
+            self._last_error = f'{topic}: {error}'
+            now, text = time.monotonic(), str(error)
+            last_text, last_time = self._logged.get(topic, ('', 0.0))
+            if text == last_text and now - last_time < LOG_INTERVAL:
+                return False
+            self._logged[topic] = (text, now)
+            return True
+
+    def _judge(self, topic: str, number: int | None, *, is_bad: bool) -> None:
+        if number is None:
+            self._arrived += 1
+            number = self._arrived
+        if number >= self._newest.get(topic, (0, False))[0]:
+            self._newest[topic] = number, is_bad
+
+    def status(self) -> DiagnosticStatus:
+        """ERROR while a topic's newest message was refused, WARN when an earlier one was."""
+        with self._lock:
+            rejected, last_error = self._rejected.total(), self._last_error
+            level, message = diagnostics.OK, 'all taken'
+            if any(is_bad for _, is_bad in self._newest.values()):
+                level, message = diagnostics.ERROR, f'refused {last_error}'
+            elif rejected:
+                level, message = diagnostics.WARN, f'{rejected} refused so far'
+            values = {
+                'accepted': self._accepted,
+                'rejected': rejected,
+                'superseded': self._superseded,
+                'last_error': last_error,
+                **{f'rejected.{topic}': count for topic, count in self._rejected.items()},
+            }
+        return diagnostics.status('inputs', level, message, values)
+
+
+@dataclass(eq=False)
 class InputTopics:
     """Subscribes to the inputs; what is refused is logged and counted, and changes nothing.
 
-    Attributes:
-        log: What has been taken and refused.
-        wanted: What is said while there is no terrain.
+    ``settings`` returns the settings in use; ``steady`` is a clock that advances independently of
+    ``/clock``. ``observe`` takes a mask of where lava was observed and its ROS time [s]; without
+    it there is no subscription to outlines. ``recorder`` records the outlines. ``is_own`` says
+    whether a serialised message on a topic comes from this node. ``log`` has what has been taken
+    and refused; ``wanted`` is said while there is no terrain.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        worker: SimulationWorker,
-        *,
-        settings: Callable[[], Settings],
-        steady: Clock,
-        observe: Callable[[Mask, float], 'Future[None]'] | None = None,
-        recorder: Recorder | None = None,
-        is_own: Callable[[str, bytes], bool] = lambda topic, data: False,
-    ) -> None:
-        """Subscribe to the input topics.
+    entities: Entities
+    worker: SimulationWorker
+    settings: Callable[[], Settings]
+    steady: Clock
+    observe: Callable[[Mask, float], 'Future[None]'] | None = None
+    recorder: Recorder | None = None
+    is_own: Callable[[str, bytes], bool] = lambda topic, data: False
 
-        ``settings`` returns the settings in use; ``steady`` is a clock that advances independently
-        of ``/clock``. ``observe`` takes a mask of where lava was observed and its ROS time [s];
-        without it there is no subscription to outlines. ``recorder`` records the outlines.
-        ``is_own`` says whether a serialised message on a topic comes from this node.
-        """
+    def __post_init__(self) -> None:
+        """Subscribe to the input topics."""
         self.log = InputLog()
-        self._node = entities.node
-        self._logger = entities.node.get_logger()
-        self._observe = observe
-        self._recorder = recorder
-        self._is_own = is_own
+        self._logger = self.entities.node.get_logger()
         self._heard: WeakValueDictionary[int, Terrain] = WeakValueDictionary()
-        self._worker = worker
-        self._settings = settings
         self._pairing = inputs.TerrainPairing()
         self._clicks = 0
-        terrain_qos = qos.terrain_profile(
-            transient_local=settings().terrain_subscribe_transient_local
-        )
-        command_qos = qos.ros_profile(qos.COMMANDS)
-        topics: list[tuple[Any, str, Callable[[Any], None], QoSProfile]] = [
-            (Image, 'terrain', self._on_terrain, terrain_qos),
-            (MapMetaData, 'terrain_info', self._on_terrain_info, terrain_qos),
-            (PointCloud2, 'terrain_cloud', self._on_terrain_cloud, terrain_qos),
-            (PointCloud2, 'vents', self._on_vents, command_qos),
-            (PointStamped, 'clicked_point', self._on_clicked_point, command_qos),
-        ]
-        if observe is not None:
-            topics.append((OccupancyGrid, _OUTLINE, self._on_outline, command_qos))
+        terrains: dict[str, tuple[Any, Callable[[Any], None]]] = {
+            'terrain': (Image, self._on_terrain),
+            'terrain_info': (MapMetaData, self._on_terrain_info),
+            'terrain_cloud': (
+                PointCloud2, partial(self._on_ground, 'terrain_cloud', inputs.terrain_from_cloud)
+            ),
+        }
         # without grid_map_msgs there is no such topic
         with suppress(LavaError):
-            kind = codec.message_class(GRID_MAP)
-            topics.append((kind, 'terrain_grid', self._on_terrain_grid, terrain_qos))
-        by = ', '.join(topic for _, topic, _, profile in topics if profile is terrain_qos)
-        self.wanted = f'waiting for terrain on {by}'
-        for message_class, topic, callback, profile in topics:
-            take = self._guarded(topic, message_class, callback)
-            entities.create('subscription', message_class, topic, take, profile, raw=True)
-        entities.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=steady)
+            take = partial(self._on_ground, 'terrain_grid', inputs.terrain_from_grid)
+            terrains['terrain_grid'] = codec.message_class(GRID_MAP), take
+        self.wanted = f'waiting for terrain on {", ".join(terrains)}'
+        commands: dict[str, tuple[Any, Callable[[Any], None]]] = {
+            'vents': (PointCloud2, self._on_vents),
+            'clicked_point': (PointStamped, self._on_clicked_point),
+        }
+        if self.observe is not None:
+            commands[_OUTLINE] = OccupancyGrid, self._on_outline
+        # a subscription that asks for latched messages does not hear a volatile publisher
+        is_latched = self.settings().terrain_subscribe_transient_local
+        ground = qos.LATCHED if is_latched else QosProfile(depth=1)
+        for topics, profile in ((terrains, ground), (commands, qos.COMMANDS)):
+            for topic, (kind, callback) in topics.items():
+                guarded = partial(self._take, topic, kind, callback)
+                self.entities.create(
+                    'subscription', kind, topic, guarded, qos.ros_profile(profile), raw=True
+                )
+        self.entities.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
 
     def command(self, topic: str, future: 'Future[None]') -> None:
         """Report how a command for the worker ends; that is in the worker's thread."""
@@ -117,7 +200,7 @@ class InputTopics:
         def report(done: 'Future[None]') -> None:
             error = None if done.cancelled() else done.exception()
             if isinstance(error, LavaError):
-                self.reject(topic, error, number)
+                self._reject(topic, error, number)
             elif done.cancelled():
                 self.log.supersede(topic, number)
             elif error is None:
@@ -129,88 +212,75 @@ class InputTopics:
         """Whether a terrain came by ``terrain`` and ``terrain_info``."""
         return id(terrain) in self._heard
 
-    def reject(self, topic: str, error: LavaError, number: int | None = None) -> None:
-        """Report an input that is refused; the newest of its topic, or that of a number."""
-        if self.log.reject(topic, error, number):
-            self._logger.error(f'{topic} refused: {error}')
-
     def report_callback(self, error: Exception) -> None:
         """Report what a callback of the middleware itself raised."""
         reason = f'{type(error).__name__}: {error}'
-        self.reject('message', LavaError('message', reason, 'one that ROS can take'))
+        self._reject('message', LavaError('message', reason, 'one that ROS can take'))
         self.log.forgive('message')
 
-    def _guarded(
-        self, topic: str, message_class: Any, callback: Callable[[Any], None]
-    ) -> Callable[[bytes], None]:
-        def take(data: bytes) -> None:
-            if self._is_own(topic, data):
-                return
-            try:
-                most = self._settings().max_input_bytes
-                callback(decode(data, message_class, topic, max_bytes=most))
-            except LavaError as error:
-                self.reject(topic, error)
-            except Exception as error:
-                self._logger.error(traceback.format_exc())
-                reason = f'{type(error).__name__}: {error}'
-                self.reject(topic, LavaError(topic, reason, 'a message that can be read'))
+    def _reject(self, topic: str, error: LavaError, number: int | None = None) -> None:
+        if self.log.reject(topic, error, number):
+            self._logger.error(f'{topic} refused: {error}')
 
-        return take
+    def _take(self, topic: str, kind: Any, callback: Callable[[Any], None], data: bytes) -> None:
+        """Read a message and hand it on; whatever is wrong with it is reported."""
+        if self.is_own(topic, data):
+            return
+        try:
+            callback(decode(data, kind, topic, max_bytes=self.settings().max_input_bytes))
+        except LavaError as error:
+            self._reject(topic, error)
+        except Exception as error:
+            self._logger.error(traceback.format_exc())
+            reason = f'{type(error).__name__}: {error}'
+            self._reject(topic, LavaError(topic, reason, 'a message that can be read'))
 
     def _on_terrain(self, image: Image) -> None:
-        inputs.check_image(image, self._settings())
+        inputs.check_image(image, self.settings())
         self._pairing.add(image, time.monotonic())
         self._poll_pairing()
 
     def _on_terrain_info(self, info: MapMetaData) -> None:
-        inputs.check_info(info, self._settings())
+        inputs.check_info(info, self.settings())
         self.log.accept('terrain_info')
         self._pairing.add(info, time.monotonic())
         self._poll_pairing()
 
     def _poll_pairing(self) -> None:
-        if not self._pairing.is_waiting:
-            return
         try:
             pair = self._pairing.poll(time.monotonic())
             if pair is not None:
-                terrain = inputs.terrain_from_image(*pair, self._settings())
+                terrain = inputs.terrain_from_image(*pair, self.settings())
                 self._heard[id(terrain)] = terrain
-                self.command('terrain', self._worker.set_terrain(terrain))
+                self.command('terrain', self.worker.set_terrain(terrain))
         except LavaError as error:
-            self.reject('terrain', error)
+            self._reject('terrain', error)
 
-    def _on_terrain_cloud(self, cloud: PointCloud2) -> None:
-        terrain = inputs.terrain_from_cloud(cloud, self._settings())
-        self.command('terrain_cloud', self._worker.set_terrain(terrain))
-
-    def _on_terrain_grid(self, message: Any) -> None:
-        terrain = inputs.terrain_from_grid(message, self._settings())
-        self.command('terrain_grid', self._worker.set_terrain(terrain))
+    def _on_ground(self, topic: str, read: Callable[..., Terrain], message: Any) -> None:
+        self.command(topic, self.worker.set_terrain(read(message, self.settings())))
 
     def _on_vents(self, cloud: PointCloud2) -> None:
-        vents = inputs.vents_from_cloud(cloud, self._settings())
-        self.command('vents', self._worker.set_vents(vents))
+        vents = inputs.vents_from_cloud(cloud, self.settings())
+        self.command('vents', self.worker.set_vents(vents))
 
     def _on_clicked_point(self, point: PointStamped) -> None:
-        settings, scene = self._settings(), self._worker.eruption.scene
+        settings, scene = self.settings(), self.worker.eruption.scene
         if scene is not None and len(scene.vents) >= settings.max_vents:
             right = f'at most {settings.max_vents} (max_vents)'
             raise LavaError('clicked_point', 'one more vent', right)
         self._clicks += 1
         vent = inputs.vent_from_point(point, settings, name=f'click {self._clicks}')
-        self.command('clicked_point', self._worker.add_vent(vent))
+        self.command('clicked_point', self.worker.add_vent(vent))
 
     def _on_outline(self, grid: OccupancyGrid) -> None:
-        mask = inputs.mask_from_grid(grid, self._settings(), name=_OUTLINE)
+        mask = inputs.mask_from_grid(grid, self.settings(), name=_OUTLINE)
         stamp_ns = codec.nanoseconds(grid.header.stamp)
-        now_ns = int(self._node.get_clock().now().nanoseconds)
-        if not 0 < stamp_ns <= now_ns + CLOCK_TOLERANCE * 1e9:
-            right = f'the time at which it was seen, not after now, {1e-9 * now_ns:.3f} s'
+        moment_ns = now_ns(self.entities.node)
+        if not 0 < stamp_ns <= moment_ns + CLOCK_TOLERANCE * 1e9:
+            right = f'the time at which it was seen, not after now, {1e-9 * moment_ns:.3f} s'
             raise LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', right)
-        assert self._observe is not None
-        self.command(_OUTLINE, self._observe(mask, 1e-9 * stamp_ns))
-        if self._recorder is not None and self._recorder.is_recording:
-            topic, data = self._node.resolve_topic_name(_OUTLINE), codec.serialise(grid)
-            self._recorder.write(topic, OCCUPANCY_GRID, data, now_ns, qos=qos.COMMANDS)
+        assert self.observe is not None
+        self.command(_OUTLINE, self.observe(mask, 1e-9 * stamp_ns))
+        if self.recorder is not None and self.recorder.is_recording:
+            topic, data = self.entities.node.resolve_topic_name(_OUTLINE), codec.serialise(grid)
+            self.recorder.write(topic, OCCUPANCY_GRID, data, moment_ns, qos=qos.COMMANDS)

@@ -14,7 +14,7 @@
 
 """Messages that come in -> Terrain and Vent, or a LavaError that says what is wrong with them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 import math
 from typing import Any
 
@@ -22,13 +22,14 @@ from geometry_msgs.msg import PointStamped, Pose
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
 from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.maps.message_arrays import cloud_columns, image_array
-from lava_ros.ros import grid_map
+from lava_ros.ros import codec
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import (
     MAX_COORDINATE,
@@ -56,26 +57,16 @@ MOST_CELL = 100
 
 
 def check_image(image: Image, settings: Settings) -> None:
-    """Check all that can be said about a terrain image before its terrain_info is there.
-
-    Raises:
-        LavaError: Frame, size, encoding, steps or elevations are not usable.
-    """
-    _check_frame('terrain', image.header.frame_id, settings)
-    _check_bytes('terrain', image.data, settings)
+    """Check all that can be said about a terrain image before its terrain_info is there."""
+    _check_message('terrain', image.header, settings, image.data)
     _check_cells('terrain.size', image.width, image.height, settings)
     _check_elevation('terrain', image_array(image, 'terrain'), settings)
 
 
 def check_info(info: MapMetaData, settings: Settings, *, name: str = 'terrain_info') -> float:
-    """Check the description of a grid by itself.
+    """Check the description of a grid by itself, and return the side of a cell [m].
 
-    Returns:
-        Side of a cell [m], the shortest decimal number the float32 stands for: 0.1, not
-        0.10000000149.
-
-    Raises:
-        LavaError: Size, resolution or origin is not usable.
+    It is the shortest decimal number the float32 stands for: 0.1, not 0.10000000149.
     """
     _check_cells(f'{name}.size', info.width, info.height, settings)
     _check_pose(f'{name}.origin', info.origin)
@@ -87,11 +78,7 @@ def check_info(info: MapMetaData, settings: Settings, *, name: str = 'terrain_in
 
 
 def terrain_from_image(image: Image, info: MapMetaData, settings: Settings) -> Terrain:
-    """Make a terrain from an image of elevations and the description of its cells.
-
-    Raises:
-        LavaError: One of them is not usable, or their sizes differ.
-    """
+    """Make a terrain from an image of elevations and the description of its cells."""
     check_image(image, settings)
     resolution = check_info(info, settings)
     if (image.width, image.height) != (info.width, info.height):
@@ -107,13 +94,9 @@ def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
 
     The cells start half a cell before the outermost points, so that points on a regular grid of
     the same resolution are cell centres. Points with a NaN coordinate count as absent.
-
-    Raises:
-        LavaError: The cloud is not usable, or leaves cells without points.
     """
     name = 'terrain_cloud'
-    _check_frame(name, cloud.header.frame_id, settings)
-    _check_bytes(name, cloud.data, settings)
+    _check_message(name, cloud.header, settings, cloud.data)
     columns = cloud_columns(cloud, name, ('x', 'y', 'z'))
     for axis, most in (('x', MAX_COORDINATE), ('y', MAX_COORDINATE), ('z', MAX_ELEVATION)):
         # NaN compares as False
@@ -127,11 +110,10 @@ def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
         raise LavaError(f'{name}.size', f'{cloud.width} x {cloud.height}', 'at least one point')
     resolution = settings.terrain_cloud_resolution
     low = points[:, :2].min(axis=0) - 0.5 * resolution
-    width, height = (
-        int(cells) for cells in np.floor((points[:, :2].max(axis=0) - low) / resolution) + 1
-    )
+    places = np.floor((points[:, :2] - low) / resolution)
+    width, height = (int(cells) for cells in places.max(axis=0) + 1)
     _check_cells(f'{name}.size', width, height, settings)
-    column, row = np.floor((points[:, :2] - low) / resolution).astype(np.int64).T
+    column, row = places.astype(np.int64).T
     cell = row * width + column
     count = np.bincount(cell, minlength=width * height)
     total = np.bincount(cell, weights=points[:, 2], minlength=width * height)
@@ -144,23 +126,19 @@ def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
 
 
 def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
-    """Make a terrain from the layer ``elevation`` of a grid_map_msgs/GridMap.
-
-    Raises:
-        LavaError: The map is not usable, or lacks the layer.
-    """
-    name = 'terrain_grid'
-    _check_frame(name, message.header.frame_id, settings)
-    _check_pose(f'{name}.info.pose', message.info.pose)
+    """Make a terrain from the layer ``elevation`` of a grid_map_msgs/GridMap."""
+    name, info = 'terrain_grid', message.info
+    _check_message(name, message.header, settings)
+    _check_pose(f'{name}.info.pose', info.pose)
     for array in message.data:
         cells = len(array.data) - array.layout.data_offset
         if cells > settings.max_terrain_cells:
             right = f'at most {settings.max_terrain_cells} (max_terrain_cells)'
             raise LavaError(f'{name}.data', f'{cells} cells', right)
-    elevation = grid_map.layer_values(message, grid_map.ELEVATION, name)
+    elevation = codec.layer_values(message, codec.ELEVATION, name)
     _check_cells(f'{name}.size', elevation.shape[1], elevation.shape[0], settings)
     _check_elevation(name, elevation, settings)
-    info, centre = message.info, message.info.pose.position
+    centre = info.pose.position
     origin = (centre.x - 0.5 * info.length_x, centre.y - 0.5 * info.length_y)
     return Terrain(elevation, info.resolution, origin, settings.epsg, settings.offset)
 
@@ -170,56 +148,43 @@ def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]
 
     With a field ``time`` the points of one id at one place are one vent, whose discharge is that
     of each point from its simulated time [s] on.
-
-    Raises:
-        LavaError: The cloud is not usable, or a vent in it is not.
     """
-    _check_frame('vents', cloud.header.frame_id, settings)
-    _check_bytes('vents', cloud.data, settings)
+    _check_message('vents', cloud.header, settings, cloud.data)
     count = cloud.width * cloud.height
     if count > settings.max_vents:
         raise LavaError('vents.size', count, f'at most {settings.max_vents} vents (max_vents)')
     is_timed = any(item.name == 'time' for item in cloud.fields)
     required = (*VENT_FIELDS, 'id', 'time') if is_timed else VENT_FIELDS
     columns = cloud_columns(cloud, 'vents', required, optional=('id',))
-    ids = columns.get('id', np.arange(count, dtype=np.float64))
-    points: dict[object, list[int]] = {}
+    columns.setdefault('id', np.arange(count, dtype=np.float64))
+    points: dict[object, list[dict[str, float]]] = {}
     for index in range(count):
-        place = (ids[index], columns['x'][index], columns['y'][index]) if is_timed else index
-        points.setdefault(place, []).append(index)
-    return tuple(
-        _vent_of_points(f'vent {ids[rows[0]]:g}', columns, rows) for rows in points.values()
-    )
+        point = {key: float(values[index]) for key, values in columns.items()}
+        place = (point['id'], point['x'], point['y']) if is_timed else index
+        points.setdefault(place, []).append(point)
+    return tuple(_vent_of_points(item, is_timed=is_timed) for item in points.values())
 
 
-def _vent_of_points(name: str, columns: Mapping[str, np.ndarray], rows: Sequence[int]) -> Vent:
+def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Vent:
+    first = points[0]
+    name = f'vent {first["id"]:g}'
     for key in ('temperature', 'radius'):
-        for row in rows:
-            value, first = float(columns[key][row]), float(columns[key][rows[0]])
+        for point in points[1:]:
             # none is equal to NaN, which is refused below
-            if row != rows[0] and value != first:
-                raise LavaError(f"vent '{name}'.{key}", value, f'{first:g} as at its first time')
-    x, y, temperature, radius = (
-        float(columns[key][rows[0]]) for key in ('x', 'y', 'temperature', 'radius')
-    )
-    fluxes = [float(columns['discharge'][row]) for row in rows]
-    if 'time' not in columns:
-        return _vent(name, x, y, fluxes[0], temperature, radius)
-    times = [float(columns['time'][row]) for row in rows]
-    return _vent(name, x, y, list(zip(times, fluxes, strict=True)), temperature, radius)
+            if point[key] != first[key]:
+                right = f'{first[key]:g} as at its first time'
+                raise LavaError(f"vent '{name}'.{key}", point[key], right)
+    series = [(point['time'], point['discharge']) for point in points] if is_timed else None
+    place = first['x'], first['y']
+    return _vent(name, place, series or first['discharge'], first['temperature'], first['radius'])
 
 
 def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
-    """Make a vent where a viewer's user clicked; the stamp is the viewer's and is ignored.
-
-    Raises:
-        LavaError: The frame or the position is not usable.
-    """
-    _check_frame('clicked_point', point.header.frame_id, settings)
+    """Make a vent where a viewer's user clicked; the stamp is the viewer's and is ignored."""
+    _check_message('clicked_point', point.header, settings)
     return _vent(
         name,
-        point.point.x,
-        point.point.y,
+        (point.point.x, point.point.y),
         settings.default_discharge,
         settings.default_temperature,
         settings.default_radius,
@@ -227,12 +192,8 @@ def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Ve
 
 
 def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'observed') -> Mask:
-    """Read where lava was observed: 50 to 100 is lava, 0 to 49 none, negative not observed.
-
-    Raises:
-        LavaError: The frame, size, resolution, origin or data are not usable.
-    """
-    _check_frame(name, grid.header.frame_id, settings)
+    """Read where lava was observed: 50 to 100 is lava, 0 to 49 none, negative not observed."""
+    _check_message(name, grid.header, settings)
     info = grid.info
     resolution = check_info(info, settings, name=f'{name}.info')
     if len(grid.data) != info.width * info.height:
@@ -241,12 +202,8 @@ def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'obse
     cells = np.asarray(grid.data, dtype=np.int8).reshape(info.height, info.width)
     if cells.max() > MOST_CELL:
         raise LavaError(f'{name}.data', int(cells.max()), f'cells from -1 to {MOST_CELL}')
-    return Mask(
-        lava=cells >= LEAST_LAVA,
-        known=cells >= 0,
-        resolution=resolution,
-        origin=(info.origin.position.x, info.origin.position.y),
-    )
+    origin = (info.origin.position.x, info.origin.position.y)
+    return Mask(cells >= LEAST_LAVA, cells >= 0, resolution, origin)
 
 
 class TerrainPairing:
@@ -264,38 +221,29 @@ class TerrainPairing:
         """Start with nothing."""
         self._halves: dict[type, Any] = {}
         self._new: set[type] = set()
-        self._changed = 0.0
-        self._reported = True
+        self._changed, self._is_waiting = 0.0, False
 
     def add(self, half: Image | MapMetaData, now: float) -> None:
         """Take a checked image or description at a monotonic time [s]."""
         self._halves[type(half)] = half
         self._new.add(type(half))
-        self._changed, self._reported = now, False
-
-    @property
-    def is_waiting(self) -> bool:
-        """Whether ``poll`` may still have something to say."""
-        return bool(self._new) and not self._reported
+        self._changed, self._is_waiting = now, True
 
     def poll(self, now: float) -> tuple[Image, MapMetaData] | None:
-        """Return a pair that has become complete.
-
-        Raises:
-            LavaError: The halves have not found each other in time; said once.
-        """
-        if not self.is_waiting:
+        """Return a pair that has become complete; LavaError, once, when it takes too long."""
+        if not self._is_waiting:
             return None
         image, info = self._halves.get(Image), self._halves.get(MapMetaData)
         if image is not None and info is not None:
             fits = (image.width, image.height) == (info.width, info.height)
             if fits and (len(self._new) == 2 or now - self._changed >= SETTLE):
                 self._new.clear()
+                self._is_waiting = False
                 return image, info
         is_alone = image is None or info is None
         if now - self._changed < (ABSENCE if is_alone else PATIENCE):
             return None
-        self._reported = True
+        self._is_waiting = False
         if image is None:
             raise LavaError('terrain', None, 'an Image beside the MapMetaData on terrain_info')
         if info is None:
@@ -313,37 +261,31 @@ def _size_mismatch(image: Image, info: MapMetaData) -> LavaError:
 
 def _vent(
     name: str,
-    x: float,
-    y: float,
+    place: tuple[float, float],
     discharge: float | Sequence[tuple[float, float]],
-    temperature: float,
+    celsius: float,
     radius: float,
 ) -> Vent:
-    validation.number(f"vent '{name}'.temperature", temperature, unit='Celsius')
-    return Vent(
-        position=(x, y),
-        discharge=discharge,
-        temperature=temperature + ZERO_CELSIUS,
-        radius=radius,
-        name=name,
-    )
+    validation.number(f"vent '{name}'.temperature", celsius, unit='Celsius')
+    return Vent(place, discharge, celsius + ZERO_CELSIUS, radius=radius, name=name)
 
 
-def _check_frame(name: str, frame_id: str, settings: Settings) -> None:
-    if frame_id != settings.frame_id:
+def _check_message(name: str, header: Header, settings: Settings, data: Any = b'') -> None:
+    if header.frame_id != settings.frame_id:
         right = f'{settings.frame_id!r}: nothing is transformed here'
-        raise LavaError(f'{name}.header.frame_id', frame_id, right)
+        raise LavaError(f'{name}.header.frame_id', header.frame_id, right)
+    size = memoryview(data).nbytes
+    if size > settings.max_input_bytes:
+        right = f'at most {settings.max_input_bytes} (max_input_bytes)'
+        raise LavaError(f'{name}.data', f'{size} bytes', right)
 
 
 def _check_pose(name: str, pose: Pose) -> None:
     place, turn = pose.position, pose.orientation
-    for axis in ('x', 'y'):
+    most = MAX_COORDINATE
+    for axis, value in (('x', place.x), ('y', place.y)):
         validation.number(
-            f'{name}.position.{axis}',
-            getattr(place, axis),
-            at_least=-MAX_COORDINATE,
-            at_most=MAX_COORDINATE,
-            unit='m',
+            f'{name}.position.{axis}', value, at_least=-most, at_most=most, unit='m'
         )
     if place.z != 0.0:
         raise LavaError(f'{name}.position.z', place.z, '0: the elevations carry the height')
@@ -351,13 +293,6 @@ def _check_pose(name: str, pose: Pose) -> None:
     if not (max(abs(turn.x), abs(turn.y), abs(turn.z)) < 1e-6 and abs(abs(turn.w) - 1.0) < 1e-6):
         right = '(0, 0, 0, 1): rotated grids are not supported'
         raise LavaError(f'{name}.orientation', (turn.x, turn.y, turn.z, turn.w), right)
-
-
-def _check_bytes(name: str, data: object, settings: Settings) -> None:
-    size = memoryview(data).nbytes  # type: ignore[arg-type]
-    if size > settings.max_input_bytes:
-        right = f'at most {settings.max_input_bytes} (max_input_bytes)'
-        raise LavaError(f'{name}.data', f'{size} bytes', right)
 
 
 def _check_cells(field: str, width: int, height: int, settings: Settings) -> None:

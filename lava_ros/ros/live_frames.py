@@ -35,7 +35,7 @@ from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
 from lava_ros.maps.message_arrays import image_array
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
-from lava_ros.ros.scene_publisher import PLACES
+from lava_ros.ros.outputs import PLACES
 from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Level, Status, watched_layers
 
@@ -66,20 +66,16 @@ class _Packed:
 
 
 class LiveFrames(Watcher):
-    """The frames of a node in a namespace since they are heard.
+    """The frames of a node in a namespace since they are heard, at simulated ``times`` [s].
 
-    Attributes:
-        times: Their simulated times [s].
-        version: Changes when they do.
+    ``version`` changes when they do.
     """
 
     def __init__(self, namespace: str = '', domain_id: int | None = None) -> None:
         """Join the ROS graph of a domain, None for that of the environment.
 
-        ``namespace`` is that of the node's topics, such as ``/etna``.
-
-        Raises:
-            LavaError: The namespace is not valid in ROS.
+        ``namespace`` is that of the node's topics, such as ``/etna``; LavaError where ROS has none
+        of that kind.
         """
         self._namespace = namespace.strip('/')
         try:
@@ -140,8 +136,8 @@ class LiveFrames(Watcher):
         if silence > PATIENCE:
             words = f'the node has been silent for {silence:.0f} s: these are its last maps'
             return Status(Level.BAD, words)
-        for problem in self._problems.values():
-            return Status(Level.BAD, problem)
+        if self._problems:
+            return Status(Level.BAD, next(iter(self._problems.values())))
         lacks_ground = self._info is None or self._elevation is None
         if self._maps and lacks_ground and self._said.level is not Level.BAD:
             return Status(Level.WAITING, 'maps are heard, but no terrain with terrain_info')
@@ -155,7 +151,8 @@ class LiveFrames(Watcher):
             raise LavaError('terrain', self._elevation.shape, 'of the size that terrain_info says')
         found: dict[str, _Packed] = {}
         for maps in self._maps[: index + 1]:
-            found |= {key: item for key, item in maps.items() if item.shape == self._shape}
+            shape = self._elevation.shape
+            found |= {key: item for key, item in maps.items() if item.shape == shape}
         layers = {source: item.unpacked() for source, item in found.items()}
         arrived = layers.pop(ARRIVED, None)
         return Frame(
@@ -168,10 +165,6 @@ class LiveFrames(Watcher):
             scene={},
             arrived=None if arrived is None else arrived.values,
         )
-
-    @property
-    def _shape(self) -> tuple[int, ...]:
-        return () if self._elevation is None else self._elevation.shape
 
     def _take(self, topic: str, take: Any, message: Any) -> None:
         """Let a message be taken; one that is not what it says is told, and left out."""
@@ -205,12 +198,11 @@ class LiveFrames(Watcher):
         self.version += 1
 
     def _on_vents(self, message: MarkerArray) -> None:
-        places = [item for item in message.markers if item.ns == PLACES]
-        points = [
-            point
-            for item in places
-            for point in (item.points if item.type == Marker.LINE_STRIP else [item.pose.position])
-        ]
+        points: list[Any] = []
+        for item in message.markers:
+            if item.ns == PLACES:
+                is_line = item.type == Marker.LINE_STRIP
+                points += item.points if is_line else [item.pose.position]
         self._vents = np.array([(item.x, item.y) for item in points]).reshape(-1, 2)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -223,8 +215,8 @@ class LiveFrames(Watcher):
                 self._others.add(node)
                 continue
             self._heard_at = time.monotonic()
-            level = Level.WELL if status.level == status.OK else Level.WAITING
-            level = Level.BAD if status.level == status.ERROR else level
+            levels = {status.OK: Level.WELL, status.ERROR: Level.BAD}
+            level = levels.get(status.level, Level.WAITING)
             self._said = Status(level, f'{node}: {status.message}')
             moment = moment_of(status)
             if moment is not None:

@@ -34,11 +34,11 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from lava_ros.errors import LavaError
-from lava_ros.ros import parameters, qos
+from lava_ros.ros import parameters
 from lava_ros.ros.active_node import ActiveNode
-from lava_ros.ros.entities import Entities
 from lava_ros.ros.sources import adopted, load_sources, Sources
-from lava_ros.ros.spinning import spin
+from lava_ros.ros.spinning import Entities, spin
+from lava_ros.scene import constants_of
 
 # The parameters that are there before the node is configured; those of lava follow a scene.
 _DECLARED = parameters.SOURCES + parameters.PARAMETERS
@@ -54,17 +54,13 @@ class LavaNode(LifecycleNode):
     cleanup      finishes the bag, ends the simulation and leaves the graph
 
     A transition that is refused leaves the node where it was and says why in the log. One that
-    ends in an error nobody expected leaves it unconfigured.
-
-    Attributes:
-        refusal: Why a transition went wrong the last time that one did.
+    ends in an error nobody expected leaves it unconfigured. ``refusal`` says why one went wrong.
     """
 
     def __init__(self, *, typed: Collection[str] = (), **options: Any) -> None:
-        """Declare the parameters; ``typed`` are the names that a command line sets for this node.
+        """Declare the parameters; ParameterException where one of the lifecycle has a wrong type.
 
-        Raises:
-            ParameterException: A parameter of the lifecycle has the wrong type.
+        ``typed`` are the names that a command line sets for this node.
         """
         super().__init__('lava', **options)
         self._active: ActiveNode | None = None
@@ -93,9 +89,8 @@ class LavaNode(LifecycleNode):
     def autostart(self) -> bool:
         """Configure and activate unless told not to; whether it went well (``refusal``)."""
         good = TransitionCallbackReturn.SUCCESS
-        if not self._is_autostarting:
-            return True
-        return bool(self.trigger_configure() == good and self.trigger_activate() == good)
+        steps = (self.trigger_configure, self.trigger_activate) if self._is_autostarting else ()
+        return all(step() == good for step in steps)
 
     def close(self) -> bool:
         """Finish the bag and end the simulation, and say whether its thread has ended."""
@@ -127,9 +122,7 @@ class LavaNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Hold time, and publish no more layers."""
-        return self._transition(
-            'deactivate', 'inactive', lambda: self._configured().deactivate()
-        )
+        return self._transition('deactivate', 'inactive', lambda: self._configured().deactivate())
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Finish the bag, end the simulation and leave the graph."""
@@ -207,7 +200,7 @@ class LavaNode(LifecycleNode):
     # parameters
 
     def _declare_parameters(self, sources: Sources) -> parameters.Settings:
-        constants = sources.constants
+        constants = constants_of(sources.scene)
         specs = parameters.PARAMETERS + parameters.constant_parameters(constants)
         former, self._constants = self._constants, constants
         self._values = parameters.declare(self, specs)
@@ -217,29 +210,24 @@ class LavaNode(LifecycleNode):
             defaults = {spec.name: spec.default for spec in specs}
             self._change(adopted(sources.checkpoint, self._values, defaults))
         elif former is not None:
-            self._renew_constants(former, constants)
+            # from a scene file that has changed, but for those set by hand
+            old = parameters.constant_values(former)
+            self._change({
+                name: value
+                for name, value in parameters.constant_values(constants).items()
+                if self._values[name] == old[name] != value
+            })
         return parameters.settings_from(self._values)
-
-    def _renew_constants(self, former: Mapping[str, Any], constants: Mapping[str, Any]) -> None:
-        """Take constants from a scene file that has changed, but for those set by hand."""
-        old = parameters.constant_values(former)
-        changed = {
-            name: value
-            for name, value in parameters.constant_values(constants).items()
-            if self._values[name] == old[name] != value
-        }
-        self._change(changed)
 
     def _change(self, values: Mapping[str, Any]) -> None:
         parameters.put(self, values)
         self._values |= values
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:
-        # Unconfigured, one wrong value after the other can be put right; configuring checks all.
-        if self._active is None:
-            return SetParametersResult(successful=True)
         try:
-            self._active.check(parameters.settings_from(self._with(changed)))
+            # Unconfigured, one wrong value after the other can be put right.
+            if self._active is not None:
+                self._active.check(parameters.settings_from(self._with(changed)))
         except LavaError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -250,12 +238,8 @@ class LavaNode(LifecycleNode):
             self._active.apply(parameters.settings_from(self._values))
 
     def _with(self, changed: list[Parameter]) -> dict[str, Any]:
-        known = {
-            item.name: parameters.plain(item.value)
-            for item in changed
-            if item.name in self._values
-        }
-        return {**self._values, **known}
+        new = {item.name: parameters.plain(item.value) for item in changed}
+        return {name: new.get(name, value) for name, value in self._values.items()}
 
 
 class _PackageLog(logging.Handler):
@@ -277,7 +261,10 @@ def main(args: list[str] | None = None) -> int:
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopping.append(number))
-    qos.publish_without_waiting()
+    # The default of Fast DDS sends from the thread that publishes, which then waits where sending
+    # again to a subscriber that has stopped reading is under way: seconds in which nobody is
+    # served. It has to be set before rclpy.init; other middleware ignores it.
+    os.environ.setdefault('RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS')
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = LavaNode(typed=parameters.typed(sys.argv if args is None else args))

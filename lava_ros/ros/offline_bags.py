@@ -41,8 +41,6 @@ NAMESPACE = '/lava'
 #: ROS time of simulated time 0 [ns]: 2001-09-09T01:46:40Z, a round number of seconds.
 START_NS = 1_000_000_000 * 10**9
 
-_NS = 1e9
-
 _FRAME = 'map'
 
 
@@ -82,15 +80,8 @@ def write_atlas_bag(
 ) -> None:
     """Write terrain, vents and the layers of an ensemble to a bag; an old bag is replaced.
 
-    Args:
-        directory: The bag.
-        maps: The maps of the ensemble.
-        plan: The plan of the ensemble.
-        stamp_ns: Stamp of all messages [ns], the time from which the maps look ahead.
-        custom_data: Description of the bag, in addition to its scene.
-
-    Raises:
-        LavaError: The bag cannot be written.
+    ``stamp_ns`` is the stamp of all messages [ns], the time from which the maps look ahead;
+    ``custom_data`` describes the bag beside its scene. LavaError where it cannot be written.
     """
     terrain = plan.scene.terrain
     shown = EnsembleForecast(
@@ -126,18 +117,11 @@ def write_snapshots(
     custom_data: Mapping[str, str],
     terrains: Iterable[tuple[float, Terrain]] = (),
 ) -> None:
-    """Write a bag; its ROS time is simulated time.
+    """Write snapshots, by time, to a new bag; its ROS time is simulated time.
 
-    Args:
-        directory: The bag, which does not exist yet.
-        scene: The scene.
-        snapshots: The maps, by time.
-        custom_data: What describes the recording beside the scene, by name.
-        terrains: Later grounds, each with the simulated time of its beginning [s].
-
-    Raises:
-        LavaError: The bag exists or cannot be created.
-        OSError: The bag cannot be written.
+    ``custom_data`` describes the recording beside the scene; ``terrains`` are later grounds, each
+    with the simulated time of its beginning [s]. LavaError where the bag exists or cannot be
+    created, OSError where it cannot be written.
     """
     config = share_path('msg_configs/default.yaml')
     layers = [layer for layer in load_layers(config) if layer.enabled]
@@ -147,14 +131,13 @@ def write_snapshots(
         later = list(terrains)
         rows: Any = None
         for snapshot in snapshots:
-            stamp = START_NS + round(snapshot.time * _NS)
+            stamp = START_NS + round(snapshot.time * 1e9)
             while later and later[0][0] <= snapshot.time:
                 time, terrain = later.pop(0)
-                bag.put_terrain(terrain, START_NS + round(time * _NS))
-            now = outputs.vent_rows(scene.vents, snapshot.time)
-            if now != rows:
-                bag.put_vents(now, scene.terrain, stamp)
-                rows = now
+                bag.put_terrain(terrain, START_NS + round(time * 1e9))
+            before, rows = rows, outputs.vent_rows(scene.vents, snapshot.time)
+            if rows != before:
+                bag.put_vents(rows, scene.terrain, stamp)
             for layer in layers:
                 if layer.source != ARRIVED or snapshot.arrived is not None:
                     bag.put_layer(layer, snapshot, stamp)

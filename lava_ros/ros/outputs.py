@@ -18,24 +18,23 @@ from collections.abc import Sequence
 import math
 from typing import Any
 
+from geometry_msgs.msg import Point
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
 from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
 
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
-from lava_ros.ros import codec, grid_map
+from lava_ros.ros import codec
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot
 
 
 def message_class(layer: Layer) -> Any:
-    """The class of a layer's message.
-
-    Raises:
-        LavaError: Its package is not installed.
-    """
+    """The class of a layer's message; LavaError where its package is not installed."""
     try:
         return codec.message_class(layer.message)
     except LavaError as error:
@@ -58,7 +57,7 @@ def layer_message(
     assert not isinstance(snapshot, EnsembleForecast)
     if layer.message == POINT_CLOUD:
         return codec.point_cloud(layer.points(snapshot), message_header)
-    return grid_map.grid_map_message(layer.maps(snapshot), snapshot.terrain, message_header)
+    return codec.grid_map_message(layer.maps(snapshot), snapshot.terrain, message_header)
 
 
 def terrain_messages(
@@ -104,8 +103,64 @@ def vents_message(
     rows: Sequence[tuple[float, ...]], terrain: Terrain, *, frame_id: str, stamp_ns: int
 ) -> PointCloud2:
     """Make the cloud that stands for rows of ``vent_rows``, at the height of the terrain."""
-    names = ('x', 'y', 'discharge', 'temperature', 'radius', 'id')
-    columns = {name: [row[index] for row in rows] for index, name in enumerate(names)}
-    heights = [float(terrain.elevation[terrain.cell_at(*row[:2])]) for row in rows]
-    columns = {'x': columns.pop('x'), 'y': columns.pop('y'), 'z': heights, **columns}
+    names = ('x', 'y', 'z', 'discharge', 'temperature', 'radius', 'id')
+    points = [
+        (*row[:2], float(terrain.elevation[terrain.cell_at(*row[:2])]), *row[2:]) for row in rows
+    ]
+    columns = {name: [point[index] for point in points] for index, name in enumerate(names)}
     return codec.point_cloud(columns, codec.header(frame_id, stamp_ns))
+
+
+#: Namespaces of the markers: the places where lava comes out, and what is written beside them.
+PLACES, LABELS = 'vents', 'vent labels'
+
+#: Colours of a vent that gives lava, one that gives none, and what is written [RGBA].
+OPEN, CLOSED, WORDS = (1.0, 0.35, 0.0, 0.9), (0.5, 0.5, 0.5, 0.6), (1.0, 1.0, 1.0, 1.0)
+
+#: Height of the letters over the terrain's shorter side, and of a vent's disc over its radius.
+LETTERS, THICKNESS = 0.015, 0.1
+
+
+def vent_markers(
+    vents: Sequence[Vent], time: float, terrain: Terrain, *, frame_id: str, stamp_ns: int
+) -> MarkerArray:
+    """Make markers of the vents on the terrain, as they are at ``time``, simulated [s].
+
+    Returns:
+        A marker that deletes the earlier ones, then for each vent its disc, or the line of a
+        fissure, and a label with its name, discharge [m3/s] and temperature [Celsius].
+    """
+    header = codec.header(frame_id, stamp_ns)
+    letters = LETTERS * min(terrain.shape) * terrain.resolution
+    markers = [Marker(header=header, action=Marker.DELETEALL)]
+    for index, vent in enumerate(vents):
+        discharge = vent.discharge_at(time)
+        place = Marker(header=header, ns=PLACES, id=index, action=Marker.ADD)
+        place.color = _color(*(OPEN if discharge > 0.0 else CLOSED))
+        start = _point(vent.position, terrain)
+        place.scale.x = 2.0 * vent.radius
+        if vent.end is None:
+            place.type = Marker.CYLINDER
+            place.pose.position = start
+            place.scale.y, place.scale.z = place.scale.x, THICKNESS * vent.radius
+        else:
+            place.type = Marker.LINE_STRIP
+            place.points = [start, _point(vent.end, terrain)]
+        label = Marker(header=header, ns=LABELS, id=index, action=Marker.ADD)
+        label.type = Marker.TEXT_VIEW_FACING
+        label.pose.position = Point(x=start.x, y=start.y, z=start.z + vent.radius + letters)
+        label.scale.z = letters
+        label.color = _color(*WORDS)
+        celsius = vent.temperature - ZERO_CELSIUS
+        label.text = f'{vent.name or index + 1}: {discharge:.3g} m3/s, {celsius:.0f} C'
+        markers += [place, label]
+    return MarkerArray(markers=markers)
+
+
+def _point(position: tuple[float, float], terrain: Terrain) -> Point:
+    x, y = position
+    return Point(x=x, y=y, z=float(terrain.elevation[terrain.cell_at(x, y)]))
+
+
+def _color(red: float, green: float, blue: float, alpha: float) -> ColorRGBA:
+    return ColorRGBA(r=red, g=green, b=blue, a=alpha)

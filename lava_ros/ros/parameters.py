@@ -18,6 +18,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -45,25 +46,11 @@ WHEN = 'read-only while the node is configured'
 CHECKPOINT_PERIOD = 60.0
 
 
-def _texts(field: str, value: object) -> tuple[Any, ...]:
-    # ROS leaves a parameter unset that is an empty list at the start.
-    if value is None:
-        return ()
-    if not isinstance(value, list):
-        kind = field.partition('_')[0]
-        example = 'inertia' if kind == 'effects' else 'lava_points'
-        raise LavaError(field, value, f"a list of {kind}, such as ['{example}']")
-    # A list with one empty text is how ROS writes an empty list of texts.
-    return tuple(name for name in value if name != '')
-
-
 @dataclass(frozen=True)
 class ParameterSpec:
-    """One parameter.
+    """One parameter, whose default gives it its type; a list is one of texts.
 
     Attributes:
-        name: Its name.
-        default: Its default, which gives it its type; a list is one of texts.
         description: What it means and in which unit.
         limits: Smallest and largest value, for numbers.
         read_only: Whether it is fixed while the node is configured.
@@ -87,10 +74,17 @@ class ParameterSpec:
     def setting(self, value: Any) -> Any:
         """What a value stands for in ``Settings``; a list becomes a tuple without empty texts.
 
-        Raises:
-            LavaError: It is no list where it has to be one, or none of the choices.
+        LavaError where it is no list but has to be one, or none of the choices.
         """
-        texts = _texts(self.name, value) if self.is_list else (value,)
+        texts = (value,)
+        if self.is_list:
+            # ROS leaves a parameter unset that is an empty list at the start
+            if not isinstance(value, list | None):
+                kind = self.name.partition('_')[0]
+                example = 'inertia' if kind == 'effects' else 'lava_points'
+                raise LavaError(self.name, value, f"a list of {kind}, such as ['{example}']")
+            # a list with one empty text is how ROS writes an empty list of texts
+            texts = tuple(text for text in value or () if text != '')
         for text in texts if self.choices else ():
             validation.choice(self.name, text, self.choices)
         return texts if self.is_list else self.read(value)
@@ -114,31 +108,30 @@ class ParameterSpec:
         return result
 
 
+_FixedSpec = partial(ParameterSpec, read_only=True)
+
 #: What is known before the node is configured.
 LIFECYCLE = (
-    ParameterSpec(
+    _FixedSpec(
         'autostart',
         True,
         'Configure and activate at the start; false: wait for a lifecycle manager',
-        read_only=True,
     ),
 )
 
 #: What says where terrain and lava come from; the defaults of ``lava.*`` depend on it.
 SOURCES = (
-    ParameterSpec('scene', '', 'Scene file (YAML) to start with; empty: none', read_only=True),
-    ParameterSpec(
+    _FixedSpec('scene', '', 'Scene file (YAML) to start with; empty: none'),
+    _FixedSpec(
         'terrain_file',
         '',
         'Terrain to start with (GeoTIFF, ESRI ASCII grid, npz), also in place of that of the '
         'scene file; empty: from the scene file or the topics',
-        read_only=True,
     ),
-    ParameterSpec(
+    _FixedSpec(
         'resume',
         '',
         'Bag to go on from its newest checkpoint, which has the scene; empty: start anew',
-        read_only=True,
     ),
 )
 
@@ -149,12 +142,9 @@ def _parameter(*values: Any, **options: Any) -> Any:
     return field(default=spec.setting(spec.default), metadata={'spec': spec})
 
 
-def _or_none(value: Any) -> Any:
-    return value or None
-
-
-def _seconds(hours: float) -> float:
-    return 3600.0 * hours
+_fixed = partial(_parameter, read_only=True)
+_optional = partial(_parameter, read=lambda value: value or None)
+_hours = partial(_parameter, read=lambda hours: 3600.0 * hours)
 
 
 @dataclass(frozen=True)
@@ -162,43 +152,35 @@ class Settings:
     """What the parameters say, checked: a field for each, of its name and meaning, in SI units.
 
     What is automatic or absent is None, where the parameter is 0 or empty. A list of texts is a
-    tuple.
-
-    Attributes:
-        constants: Lava and surroundings (``scene.constants_of``).
+    tuple. ``constants`` are lava and surroundings (``scene.constants_of``).
     """
 
-    device: str | None = _parameter(
-        '', 'cpu, cuda:0, ...; empty: the first GPU, else the CPU', read_only=True, read=_or_none
+    device: str | None = _optional(
+        '', 'cpu, cuda:0, ...; empty: the first GPU, else the CPU', read_only=True
     )
-    msg_config: str = _parameter(
-        'default.yaml',
-        'How layers become messages: a path, or the name of a file in msg_configs/',
-        read_only=True,
+    msg_config: str = _fixed(
+        'default.yaml', 'How layers become messages: a path, or the name of a file in msg_configs/'
     )
-    layers_on: tuple[str, ...] = _parameter(
-        [''],
-        'Layers of msg_config that are published whatever it says, such as lava_points',
-        read_only=True,
+    layers_on: tuple[str, ...] = _fixed(
+        [''], 'Layers of msg_config that are published whatever it says, such as lava_points'
     )
-    layers_off: tuple[str, ...] = _parameter(
-        [''], 'Layers of msg_config that are not published whatever it says', read_only=True
+    layers_off: tuple[str, ...] = _fixed(
+        [''], 'Layers of msg_config that are not published whatever it says'
     )
-    frame_id: str = _parameter('map', 'Frame of every message in and out (ENU)', read_only=True)
+    frame_id: str = _fixed('map', 'Frame of every message in and out (ENU)')
     time_scale: float = _parameter(1.0, 'Simulated time per time of the clock [s/s]', (1e-3, 1e6))
-    end_time: float | None = _parameter(
-        0.0, 'Simulated time [s] at which to stop; 0: never', (0.0, 1e10), read=_or_none
+    end_time: float | None = _optional(
+        0.0, 'Simulated time [s] at which to stop; 0: never', (0.0, 1e10)
     )
     preset: str = _parameter(
         DEFAULT_PRESET,
         f'Accuracy: one of {", ".join(PRESETS)}; from the next start or reset on',
         choices=tuple(PRESETS),
     )
-    spacing: float | None = _parameter(
+    spacing: float | None = _optional(
         0.0,
         'Distance between particles [m], from the next start or reset on; 0: as the preset has it',
         (0.0, 1e4),
-        read=_or_none,
     )
     effects_on: tuple[str, ...] = _parameter(
         [''],
@@ -208,23 +190,18 @@ class Settings:
     effects_off: tuple[str, ...] = _parameter(
         [''], 'Effects that are off whatever the scene says', choices=tuple(EFFECTS)
     )
-    horizon: float = _parameter(
-        HORIZON / 3600.0,
-        'How far ahead the choice of effects looks [h]',
-        (1e-3, 1e5),
-        read=_seconds,
+    horizon: float = _hours(
+        HORIZON / 3600.0, 'How far ahead the choice of effects looks [h]', (1e-3, 1e5)
     )
-    forecast_horizon: float = _parameter(
+    forecast_horizon: float = _hours(
         0.0,
         'How far ahead forecasts look, made again and again beside the simulation [h]; 0: none',
         (0.0, 1e5),
         read_only=True,
-        read=_seconds,
     )
-    forecast_config: str = _parameter(
+    forecast_config: str = _fixed(
         'forecast.yaml',
         'How forecasts become messages: a path, or the name of a file in msg_configs/',
-        read_only=True,
     )
     forecast_max_age: float = _parameter(
         0.0,
@@ -238,12 +215,11 @@ class Settings:
         'falls behind the clock [s/s]',
         (0.01, 1.0),
     )
-    ensemble_members: int = _parameter(
+    ensemble_members: int = _fixed(
         0,
         'Members of the ensembles that are made beside forecasts; they differ in what the scene '
         'says is uncertain; 0: no ensembles',
         (0, 100_000),
-        read_only=True,
     )
     deadline: float = _parameter(
         0.0,
@@ -261,10 +237,9 @@ class Settings:
         (VENT_TEMPERATURE_RANGE[0] - ZERO_CELSIUS, VENT_TEMPERATURE_RANGE[1] - ZERO_CELSIUS),
     )
     default_radius: float = _parameter(10.0, 'Radius of a vent opened by a click [m]', (0.01, 1e4))
-    terrain_subscribe_transient_local: bool = _parameter(
+    terrain_subscribe_transient_local: bool = _fixed(
         True,
         'Subscribe to terrain as a latched topic; false to receive from a volatile publisher',
-        read_only=True,
     )
     terrain_scale: float = _parameter(1.0, 'Height of a unit of a terrain image [m]', (1e-6, 1e6))
     terrain_offset: float = _parameter(0.0, 'Height added to terrain images [m]', (-1e6, 1e6))
@@ -282,14 +257,11 @@ class Settings:
         'Most particles of the simulation, each with up to 0.8 kB of memory; beyond it stops',
         (1, 2**30),
     )
-    max_input_bytes: int = _parameter(
-        512 * 1024 * 1024, 'Most data in a message [bytes]', (64, 2**32)
-    )
-    epsg: int | None = _parameter(
+    max_input_bytes: int = _parameter(512 * 2**20, 'Most data in a message [bytes]', (64, 2**32))
+    epsg: int | None = _optional(
         0,
         'EPSG code of the system that map is an offset of, for terrain from topics; 0: none',
         (0, 2**31),
-        read=_or_none,
     )
     offset_easting: float = _parameter(
         0.0, 'Easting of the map origin [m], with epsg', (-1e9, 1e9)
@@ -297,7 +269,7 @@ class Settings:
     offset_northing: float = _parameter(
         0.0, 'Northing of the map origin [m], with epsg', (-1e9, 1e9)
     )
-    record: bool = _parameter(False, 'Record from the first terrain on', read_only=True)
+    record: bool = _fixed(False, 'Record from the first terrain on')
     bag_directory: str = _parameter(
         '',
         'Bag to record to, a new folder; empty: <bag_root>/<date and time>; while the node runs '
@@ -314,19 +286,15 @@ class Settings:
         'Most data that ~/save writes between configuring and cleaning up [bytes]',
         (0, 2**50),
     )
-    bag_root: str = _parameter(
-        '',
-        'Folder of the bags; empty: the one that holds bag_directory, else bags/',
-        read_only=True,
+    bag_root: str = _fixed(
+        '', 'Folder of the bags; empty: the one that holds bag_directory, else bags/'
     )
     bag_max_size: int = _parameter(
-        0,
-        'Size [bytes] from which on the next recording goes on in a new file; 0: no limit',
+        0, 'Size [bytes] from which on the next recording goes on in a new file; 0: no limit',
         (0, 2**50),
     )
     bag_max_duration: float = _parameter(
-        0.0,
-        'Time [s] after which the next recording goes on in a new file; 0: no limit',
+        0.0, 'Time [s] after which the next recording goes on in a new file; 0: no limit',
         (0.0, 1e9),
     )
     constants: Mapping[str, Any] = field(default_factory=lambda: constants_of(None))
@@ -350,30 +318,21 @@ PARAMETERS = tuple(
 
 def constant_parameters(constants: Mapping[str, Any]) -> tuple[ParameterSpec, ...]:
     """Parameters of surroundings and lava (``lava.*``); ``constants`` has the defaults."""
-    lava = constants['lava']
-    around = [item for item in fields(Scene) if item.name in ENVIRONMENT]
-    declared = [(item.name, constants[item.name], item.metadata) for item in around]
-    declared += [(LAVA + i.name, getattr(lava, i.name), i.metadata) for i in fields(Lava)]
-    return tuple(
-        ParameterSpec(
-            name,
-            value,
-            f'{_labelled(metadata)}; from the next start or reset on',
-            metadata.get('limits'),
-            choices=tuple(metadata.get('choices', ())),
-        )
-        for name, value, metadata in declared
-    )
+    lava, result = constants['lava'], []
+    around = [(item, constants[item.name]) for item in fields(Scene) if item.name in ENVIRONMENT]
+    for item, value in [*around, *((item, getattr(lava, item.name)) for item in fields(Lava))]:
+        about, prefix = item.metadata, '' if item.name in ENVIRONMENT else LAVA
+        unit = f' [{about["unit"]}]' if about.get('unit') else ''
+        text = f'{about["text"]}{unit}; from the next start or reset on'
+        choices = tuple(about.get('choices', ()))
+        spec = ParameterSpec(prefix + item.name, value, text, about.get('limits'), choices=choices)
+        result.append(spec)
+    return tuple(result)
 
 
 def constant_values(constants: Mapping[str, Any]) -> dict[str, Any]:
     """The values of the parameters of lava and surroundings, by name."""
     return {spec.name: spec.default for spec in constant_parameters(constants)}
-
-
-def _labelled(metadata: Mapping[str, Any]) -> str:
-    unit = metadata.get('unit')
-    return f'{metadata["text"]} [{unit}]' if unit else str(metadata['text'])
 
 
 def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
@@ -407,10 +366,7 @@ def typed(args: Sequence[str]) -> set[str]:
 def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
     """What to say of each parameter given at the start that the node does not have.
 
-    Files of parameters may speak to many nodes, so that one more is no error.
-
-    Raises:
-        LavaError: It was typed for this node.
+    Files may speak to many nodes, so that one more is no error; LavaError where it was typed.
     """
     known = list(node._parameters)
     result = []
@@ -453,11 +409,7 @@ def plain(value: Any) -> Any:
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:
-    """Make settings of parameter values by name.
-
-    Raises:
-        LavaError: A value is not usable.
-    """
+    """Make settings of parameter values by name; LavaError where one is not usable."""
     if not values['frame_id']:
         raise LavaError('frame_id', '', 'the name of a frame, such as map')
     lava = Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
@@ -468,12 +420,6 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         **{spec.name: spec.setting(values[spec.name]) for spec in PARAMETERS},
         constants={'lava': lava, **{name: values[name] for name in ENVIRONMENT}},
     )
-    _check_effects(settings, lava)
-    return settings
-
-
-def _check_effects(settings: Settings, lava: Lava) -> None:
-    """Refuse effects that are on and off, exclude each other or are of another material."""
     names_on = list(settings.effects_on)
     for name in settings.effects_off:
         if name in names_on:
@@ -487,3 +433,4 @@ def _check_effects(settings: Settings, lava: Lava) -> None:
     except LavaError as error:
         expected = f'{error.field.removeprefix("effects.")} {error.expected}'
         raise LavaError('effects_on', names_on, expected) from None
+    return settings

@@ -57,11 +57,8 @@ GRIDS = (500, 1000, 2000)
 #: Time between two grids, and wall time of one measurement [s].
 PERIOD, SPAN = 0.1, 2.0
 
-#: Effects by their names in ``effect_sets``.
-EFFECTS = 'green'
-
-#: Layer of the default layers that is made of each snapshot.
-LAYER = 'height'
+#: Effects by their names in ``effect_sets``; the default layer that is made of each snapshot.
+EFFECTS, LAYER = 'green', 'height'
 
 #: Simulated time that the worker is asked for each second [s]: more than there can be.
 _ENDLESS = 1e6
@@ -93,7 +90,7 @@ def measure(
         for _ in range(repetitions):
             beside.append(stepping.run(with_grids=True))
             alone.append(stepping.run(with_grids=False)[0])
-        stepping.stop()
+        stepping.worker.stop()
         count = stepping.particles
         around = [0.5 * sum(pair) for pair in pairwise(alone)]
         slower = [100.0 * (1.0 - one[0] / two) for one, two in zip(beside, around, strict=True)]
@@ -108,72 +105,59 @@ def measure(
 
 
 class Stepping:
-    """A worker that steps a field of lava as fast as it can.
-
-    Attributes:
-        particles: Particles of it.
-    """
+    """A worker that steps a field of lava, of so many particles, as fast as it can."""
 
     def __init__(self, particles: int, cells: int, device: str) -> None:
         """Start it, and wait until all is compiled."""
         layers = load_layers(find_file('default.yaml', 'msg_configs'))
         (self._layer,) = (layer for layer in layers if layer.name == LAYER)
         self._shown = threading.Event()
-        self._times: list[float] = []
         field = lava_field(particles, effect_sets()[EFFECTS], device, cells=cells)
         # it has all attributes of a Simulation
         self._watched: Any = _Watched(field)
         self.particles = self._watched.particle_count
-        self._worker = SimulationWorker(
+        self.worker = SimulationWorker(
             lambda scene: self._watched,
             clock=wall_clock.monotonic,
             time_scale=_ENDLESS,
             on_snapshot=self._shown.set,
         )
-        self._worker.start()
-        self._worker.set_scene(self._watched.scene).result()
+        self.worker.start()
+        self.worker.set_scene(self._watched.scene).result()
         self.run(with_grids=True)
 
     def run(self, *, with_grids: bool) -> tuple[float, float, float]:
-        """Let it step for a while.
+        """Let it step for a while; LavaError where the simulation fails.
 
         Returns:
             Steps a second, grids a second, and the median time that the bytes of a grid take to
             make from a snapshot [ms], 0 without grids.
-
-        Raises:
-            LavaError: The simulation has failed.
         """
-        self._times, self._watched.marks = [], []
-        is_over = threading.Event()
-        maker = threading.Thread(target=self._make_grids, args=(is_over,))
+        times, is_over, self._watched.marks = [], threading.Event(), []
+
+        def make_grids() -> None:
+            while not is_over.is_set():
+                if self._shown.wait(PERIOD):
+                    self._shown.clear()
+                    start, snapshot = wall_clock.perf_counter(), self.worker.latest
+                    assert snapshot is not None
+                    # as in the node, and without rclpy
+                    array('b').frombytes(self._layer.grid_values(snapshot).data.cast('B'))
+                    times.append(wall_clock.perf_counter() - start)
+
+        maker = threading.Thread(target=make_grids)
         maker.start()
         start = wall_clock.perf_counter()
         while wall_clock.perf_counter() < start + SPAN or len(self._watched.marks) < 3:
             if with_grids:
-                self._worker.request_snapshot()
+                self.worker.request_snapshot()
             wall_clock.sleep(PERIOD)
         elapsed, rate = wall_clock.perf_counter() - start, self._watched.rate()
         is_over.set()
         maker.join()
-        if self._worker.status.error:
-            raise LavaError('worker', self._worker.status.error, 'no failure')
-        return rate, len(self._times) / elapsed, 1e3 * median(self._times or [0.0])
-
-    def stop(self) -> None:
-        """End the worker."""
-        self._worker.stop()
-
-    def _make_grids(self, is_over: threading.Event) -> None:
-        while not is_over.is_set():
-            if self._shown.wait(PERIOD):
-                self._shown.clear()
-                start = wall_clock.perf_counter()
-                snapshot = self._worker.latest
-                assert snapshot is not None
-                data = array('b')
-                data.frombytes(self._layer.grid_values(snapshot).data.cast('B'))
-                self._times.append(wall_clock.perf_counter() - start)
+        if self.worker.status.error:
+            raise LavaError('worker', self.worker.status.error, 'no failure')
+        return rate, len(times) / elapsed, 1e3 * median(times or [0.0])
 
 
 class _Watched:

@@ -14,7 +14,6 @@
 
 """Quality of service of the node's topics, for rclpy and for bags."""
 
-import os
 from typing import Any
 
 from rclpy.duration import Duration
@@ -56,18 +55,3 @@ def ros_profile(profile: QosProfile) -> QoSProfile:
 def _policy(kind: Any, word: str, default: str) -> Any:
     usable = word in kind.short_keys() and word not in ('unknown', 'best_available')
     return kind.get_from_short_key(word if usable else default)
-
-
-def terrain_profile(*, transient_local: bool) -> QoSProfile:
-    """Return the profile for terrain: latched, or not to hear a volatile publisher."""
-    return ros_profile(LATCHED if transient_local else QosProfile(depth=1))
-
-
-def publish_without_waiting() -> None:
-    """Let Fast DDS send from a thread of its own, unless the user says otherwise.
-
-    Its default sends from the thread that publishes, which then waits where sending again to a
-    subscriber that has stopped reading is under way: seconds in which nobody is served. Has to be
-    called before ``rclpy.init``; other middleware ignores it.
-    """
-    os.environ.setdefault('RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS')

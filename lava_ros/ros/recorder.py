@@ -28,14 +28,10 @@ from lava_ros.errors import LavaError
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """How the recorder is doing.
+    """How the recorder is doing: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
 
-    Attributes:
-        state: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
-        directory: The bag, empty before the first.
-        files: Files it has so far.
-        messages: Messages written to it.
-        error: What stopped the last recording, empty when nothing did.
+    ``directory`` is the bag, empty before the first, with so many files and messages; ``error`` is
+    what stopped the last recording, empty when nothing did.
     """
 
     state: str = 'off'
@@ -50,9 +46,6 @@ class Recorder:
 
     ``arm`` chooses the bag; ``begin`` opens it once there is a scene to describe. A bag that
     cannot be written is closed and reported in ``status``; the node continues without it.
-
-    Attributes:
-        status: The status of the recording.
     """
 
     def __init__(self) -> None:
@@ -78,15 +71,9 @@ class Recorder:
         return self._writer is not None
 
     def arm(self, directory: Path, *, max_size: int = 0, max_duration: float = 0.0) -> None:
-        """Choose the bag to record to.
+        """Choose the bag to record to; LavaError while one is recorded, or where it exists.
 
-        Args:
-            directory: The bag.
-            max_size: Size from which on a file of it is not continued [bytes]; 0: no limit.
-            max_duration: Time after which a file of it is not continued [s]; 0: no limit.
-
-        Raises:
-            LavaError: A recording is under way, or the folder exists.
+        A file of it is not continued beyond a size [bytes] and a duration [s]; 0: no limit.
         """
         if self.is_armed or self.is_recording:
             raise LavaError('record', self.status.directory, 'one recording at a time')
@@ -142,10 +129,9 @@ class Recorder:
         """Finish the bag; does nothing without one."""
         writer, self._writer = self._writer, None
         self._put(state='off')
-        if writer is None:
-            return
         try:
-            writer.close()
+            if writer is not None:
+                writer.close()
         except OSError as error:
             self._put(error=f'cannot finish {self.status.directory}: {error}')
 
@@ -194,7 +180,11 @@ class BagFolder:
     def path(self, name: str) -> Path:
         """The bag of a name, by the time for an empty one; LavaError outside the root."""
         if not name:
-            return self._unused(time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix)
+            name = time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix
+            names = chain([name], (f'{name}_{number}' for number in count(2)))
+            paths = map(self._root.joinpath, names)
+            # Where nobody may look, there is nothing to be seen: opening the bag says why.
+            return next(path for path in paths if not os.path.exists(path))
         if name == self._given:
             return Path(name)
         try:
@@ -204,12 +194,6 @@ class BagFolder:
         if root not in path.parents:
             raise LavaError('bag_directory', name, f'a new folder inside {root} (bag_root)')
         return Path(name)
-
-    def _unused(self, name: str) -> Path:
-        names = chain([name], (f'{name}_{number}' for number in count(2)))
-        paths = map(self._root.joinpath, names)
-        # Where nobody may look, there is nothing to be seen: opening the bag says why.
-        return next(path for path in paths if not os.path.exists(path))
 
 
 #: Saves that may come at once.
@@ -229,11 +213,7 @@ class SaveAllowance:
         self._written = 0
 
     def take(self, most: int) -> None:
-        """Count a save before it is written; all saves together may write ``most`` [bytes].
-
-        Raises:
-            LavaError: The saves have reached that size, or follow each other too fast.
-        """
+        """Count a save before it is written; all saves together may write ``most`` [bytes]."""
         now = self._clock()
         self._left = min(float(SAVES), self._left + (now - self._counted) / SAVE_PERIOD)
         self._counted = now

@@ -39,6 +39,7 @@ from lava_ros.simulation.snapshot import Snapshot
 REPEAT_PERIOD_NS = 60 * 10**9
 
 
+@dataclass(eq=False)
 class SceneRecording:
     """Opens an armed bag, and writes terrain and vents into it whenever they have changed.
 
@@ -46,27 +47,19 @@ class SceneRecording:
     What describes the bag is replaced when the scene changes, all but the effects: their list has
     one entry for the start and one for each time that some went on or off, in JSON. A bag that
     begins in the middle of an eruption names the checkpoint it has gone on from, in JSON.
+
+    ``configs`` has the texts of the layer files by their parameters, ``parameters`` returns all of
+    the node by name.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        recorder: Recorder,
-        *,
-        frame_id: str,
-        configs: Mapping[str, str],
-        parameters: Callable[[], Mapping[str, Any]],
-    ) -> None:
-        """Prepare the recording, without writing yet.
+    node: Node
+    recorder: Recorder
+    frame_id: str
+    configs: Mapping[str, str]
+    parameters: Callable[[], Mapping[str, Any]]
 
-        ``configs`` has the texts of the layer files by their parameters. ``parameters`` returns
-        the parameters of the node by name.
-        """
-        self._node = node
-        self._recorder = recorder
-        self._frame_id = frame_id
-        self._configs = configs
-        self._parameters = parameters
+    def __post_init__(self) -> None:
+        """Begin without a bag."""
         self._scene: Scene | None = None
         self._origin: Origin | None = None
         self._terrain: Terrain | None = None
@@ -77,36 +70,32 @@ class SceneRecording:
 
     def write(self, eruption: Eruption, snapshot: Snapshot, stamp_ns: int) -> None:
         """Record what has changed since the last call; ``stamp_ns`` is the ROS time [ns]."""
-        scene, effects = eruption.scene, eruption.effects
-        if scene is None:
+        scene, recorder, is_new = eruption.scene, self.recorder, self.recorder.is_armed
+        if scene is None or not (is_new or recorder.is_recording):
             return
-        if not (self._recorder.is_armed or self._recorder.is_recording):
-            return
-        if self._recorder.is_armed:
+        if is_new:
             self._effects, self._history, self._origin = {}, [], eruption.origin
-            self._note_effects(effects, snapshot, stamp_ns)
-            self._recorder.begin(self._description(scene, eruption))
+        has_changed = self._note_effects(eruption.effects, snapshot, stamp_ns)
+        if is_new or has_changed or scene is not self._scene:
+            put = recorder.begin if is_new else recorder.describe
+            put(self._description(scene, eruption))
             self._scene = scene
+        if is_new or self._is_to_repeat(snapshot.terrain, stamp_ns):
             self._terrain = self._vents = None
-        if self._note_effects(effects, snapshot, stamp_ns) or scene is not self._scene:
-            self._recorder.describe(self._description(scene, eruption))
-            self._scene = scene
-        if self._is_to_repeat(snapshot.terrain, stamp_ns):
-            self._terrain = self._vents = None
-        header: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
+        header: dict[str, Any] = {'frame_id': self.frame_id, 'stamp_ns': stamp_ns}
         if snapshot.terrain is not self._terrain:
             messages = outputs.terrain_messages(snapshot.terrain, **header)
             for topic, message in messages.items():
                 self._write(topic, message, stamp_ns)
             self._terrain = snapshot.terrain
-            self._told_ns, self._told_size = stamp_ns, self._recorder.size
+            self._told_ns, self._told_size = stamp_ns, self.recorder.size
         rows = outputs.vent_rows(scene.vents, snapshot.time)
         if rows != self._vents:
             self._write('vents', outputs.vents_message(rows, scene.terrain, **header), stamp_ns)
             self._vents = rows
 
     def _is_to_repeat(self, terrain: Terrain, stamp_ns: int) -> bool:
-        grown = self._recorder.size - self._told_size
+        grown = self.recorder.size - self._told_size
         is_late = stamp_ns - self._told_ns >= REPEAT_PERIOD_NS
         # what it has grown by begins with the terrain itself
         return is_late and grown >= 2 * terrain.elevation.nbytes
@@ -127,19 +116,18 @@ class SceneRecording:
         return bool(changed)
 
     def _write(self, topic: str, message: Any, stamp_ns: int) -> None:
-        name, kind = self._node.resolve_topic_name(topic), codec.type_name(type(message))
-        self._recorder.write(name, kind, codec.serialise(message), stamp_ns, qos=qos.LATCHED)
+        name, kind = self.node.resolve_topic_name(topic), codec.type_name(type(message))
+        self.recorder.write(name, kind, codec.serialise(message), stamp_ns, qos=qos.LATCHED)
 
     def _description(self, scene: Scene, eruption: Eruption) -> dict[str, str]:
         resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
+        whole = scene_to_dict(replace(scene, vents=eruption.schedule))
         return {
-            'scene': yaml.safe_dump(
-                scene_to_dict(replace(scene, vents=eruption.schedule)), sort_keys=False
-            ),
-            'parameters': yaml.safe_dump(dict(self._parameters()), sort_keys=False),
+            'scene': yaml.safe_dump(whole, sort_keys=False),
+            'parameters': yaml.safe_dump(dict(self.parameters()), sort_keys=False),
             'effects': json.dumps(self._history),
             **resumed,
-            **self._configs,
+            **self.configs,
             'version': lava_ros.__version__,
             'device': eruption.device,
         }
@@ -151,46 +139,33 @@ PATIENCE = 10.0
 
 @dataclass(frozen=True)
 class LastCheckpoint:
-    """What a status says of the newest checkpoint in the bag.
-
-    Attributes:
-        time: Simulated time [s].
-        size: Its size [bytes].
-        count: Checkpoints in the bag.
-    """
+    """The newest checkpoint in a bag: simulated time [s], size [bytes], and how many there are."""
 
     time: float
     size: int
     count: int
 
 
+@dataclass(eq=False)
 class CheckpointRecording:
     """Writes a checkpoint at the start of a recording, at intervals, and at its end.
 
     If checkpoints would take up more than half of the bag, the next one is postponed, by at most
-    ``PATIENCE`` periods. A checkpoint equal to the last one is not written.
-
-    Attributes:
-        last: The newest checkpoint in the bag, None without one.
+    ``PATIENCE`` periods. A checkpoint equal to the last one, ``last``, is not written. ``take``
+    requests a checkpoint, ``clock`` returns wall time [s].
     """
 
-    def __init__(
-        self,
-        recorder: Recorder,
-        take: Callable[[], 'Future[bytes]'],
-        *,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        """Write nothing yet; ``take`` requests a checkpoint, ``clock`` returns wall time [s]."""
-        self._recorder = recorder
-        self._take = take
-        self._clock = clock
+    recorder: Recorder
+    take: Callable[[], 'Future[bytes]']
+    clock: Callable[[], float] = time.monotonic
+    last: LastCheckpoint | None = None
+
+    def __post_init__(self) -> None:
+        """Write nothing yet."""
         self._directory = ''
         self._pending: Future[bytes] | None = None
         self._asked: float | None = None
-        self._data = b''
-        self._written = 0
-        self.last: LastCheckpoint | None = None
+        self._data, self._written = b'', 0
 
     def poll(self, period: float, stamp_ns: int) -> str:
         """Write the requested checkpoint if it is ready, and request the next when it is due.
@@ -203,8 +178,8 @@ class CheckpointRecording:
         if self._pending is not None:
             return self._write(stamp_ns) if self._pending.done() else ''
         if self._is_due(period):
-            self._asked = self._clock()
-            self._pending = self._take()
+            self._asked = self.clock()
+            self._pending = self.take()
         return ''
 
     def finish(self, period: float, stamp_ns: int, *, timeout: float) -> str:
@@ -214,27 +189,23 @@ class CheckpointRecording:
         """
         if not self._is_recording() or not period:
             return ''
-        self._pending = self._take()
+        self._pending = self.take()
         return self._write(stamp_ns, timeout)
 
     def _is_recording(self) -> bool:
-        directory = self._recorder.status.directory
-        if not self._recorder.is_recording or directory != self._directory:
-            self._forget()
+        directory = self.recorder.status.directory
+        if not self.recorder.is_recording or directory != self._directory:
+            self._pending = self._asked = self.last = None
+            self._data, self._written = b'', 0
         self._directory = directory
-        return self._recorder.is_recording
-
-    def _forget(self) -> None:
-        self._pending = self._asked = self.last = None
-        self._data = b''
-        self._written = 0
+        return self.recorder.is_recording
 
     def _is_due(self, period: float) -> bool:
         if self._asked is None:
             return True
-        waited = self._clock() - self._asked
+        waited = self.clock() - self._asked
         size = len(self._data)
-        fits = 2 * (self._written + size) <= self._recorder.size + size
+        fits = 2 * (self._written + size) <= self.recorder.size + size
         return waited >= period and (fits or waited >= PATIENCE * period)
 
     def _write(self, stamp_ns: int, timeout: float = 0.0) -> str:
@@ -247,7 +218,7 @@ class CheckpointRecording:
         except Exception as error:
             return str(error)
         if data != self._data:
-            self._recorder.attach(NAME, MEDIA_TYPE, data, stamp_ns)
+            self.recorder.attach(NAME, MEDIA_TYPE, data, stamp_ns)
             self._data = data
             self._written += len(data)
             count = 1 if self.last is None else self.last.count + 1

@@ -42,10 +42,7 @@ class SimulationError(Exception):
 class Origin(NamedTuple):
     """The checkpoint that a simulation has gone on from.
 
-    Attributes:
-        bag: The bag that has it.
-        time: Its simulated time [s].
-        stamp_ns: ROS time at which it was taken [ns].
+    It is in a bag, of a simulated time [s], and was taken at a ROS time, ``stamp_ns`` [ns].
     """
 
     bag: str
@@ -56,11 +53,8 @@ class Origin(NamedTuple):
 class Fork(NamedTuple):
     """A copy of the state, from which another simulation can go on.
 
-    Attributes:
-        checkpoint: The copy.
-        changes: Changes of scene or effects up to then.
-        clock: Time on the clock that simulated time follows [s].
-        wall_time: How long the copy took [s].
+    ``changes`` are those of scene or effects up to then, ``clock`` is the time on the clock that
+    simulated time follows [s], and ``wall_time`` is how long the copy took [s].
     """
 
     checkpoint: Checkpoint
@@ -92,10 +86,7 @@ class Eruption:
         *,
         constants: Mapping[str, Any] | None = None,
     ) -> None:
-        """Start without a terrain; ``constants`` apply until a scene brings its own.
-
-        ``make_simulation`` makes a simulation of a scene at time 0.
-        """
+        """Start without a terrain; ``constants`` apply until a scene brings its own."""
         self._make_simulation = make_simulation
         self._constants = constants or constants_of(None)
         self._is_changed = False
@@ -123,8 +114,7 @@ class Eruption:
         return simulation.device if simulation is not None else ''
 
     def start(self, scene: Scene) -> None:
-        """Start a scene at time 0 in place of what there was."""
-        # A scene that is refused here leaves the old simulation in place.
+        """Start a scene at time 0 in place of what there was; refused, that stays in place."""
         self.go_on_with(self._make_simulation(scene), scene)
 
     def go_on_with(
@@ -136,8 +126,8 @@ class Eruption:
     ) -> None:
         """Continue with a simulation of a scene, at any time, in place of the present one.
 
-        ``origin`` is the checkpoint that the simulation was resumed from. ``before`` has the vents
-        up to its time if they differ from the scene's; it determines the volume emitted so far.
+        ``before`` has the vents up to its time if they differ from the scene's; it determines the
+        volume emitted so far.
         """
         self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
         self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
@@ -158,8 +148,7 @@ class Eruption:
     def advance(self, until: float, *, wall_limit: float, max_particles: int) -> float:
         """Simulate up to a time [s], at most a wall time [s], and return the time reached [s].
 
-        Raises:
-            SimulationError: There are more than ``max_particles``; ``latest`` shows them.
+        SimulationError where there are more than ``max_particles``; ``latest`` shows them.
         """
         assert self.simulation is not None
         before = self.simulation.time
@@ -190,8 +179,7 @@ class Eruption:
     def set_vents(self, vents: tuple[Vent, ...]) -> None:
         """Replace all vents.
 
-        The first vents of a simulation without lava start it again at time 0: its resolution
-        follows their discharge.
+        The first ones of a simulation without lava start it again: its resolution follows them.
         """
         assert self.scene is not None
         scene = replace(self.scene, vents=vents)
@@ -229,15 +217,10 @@ class Eruption:
         self.changes += 1
 
     def renew_snapshot(self) -> bool:
-        """Bring ``latest`` up to date and say whether it changed.
-
-        Raises:
-            SimulationError: What the simulation shows is no map; ``latest`` stays.
-        """
+        """Bring ``latest`` up to date, and say whether it changed; SimulationError for a flaw."""
         if self.simulation is None or not self._is_changed:
             return False
-        number = next(self._numbers)
-        self._take(self.simulation.snapshot(), number)
+        self._take(self.simulation.snapshot(), next(self._numbers))
         self._is_changed = False
         return True
 
@@ -308,10 +291,7 @@ _NO_MEMORY = 'Failed to allocate'
 
 
 def failure_text(error: Exception, latest: 'Snapshot | None') -> str:
-    """Describe why the simulation has failed, and the remedy if one is known.
-
-    ``latest`` is the newest snapshot, None without one.
-    """
+    """Describe why the simulation has failed, and the remedy if one is known."""
     if isinstance(error, SimulationError):
         return str(error)
     if isinstance(error, MemoryError) or _NO_MEMORY in str(error):

@@ -12,12 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a node starts with: a scene, a terrain or a bag to resume; and the simulation of it."""
+"""What a node starts with: a scene, a terrain or a bag to resume; and the simulation of it.
+
+The accuracy of a simulation goes with the deadline of its forecasts, where there is one.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 import math
 from pathlib import Path
+import time
 from typing import Any, TYPE_CHECKING
 
 from rclpy.node import Node
@@ -27,13 +32,13 @@ from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_yaml
 from lava_ros.ros import parameters
-from lava_ros.ros.deadline import DeadlineChooser
 from lava_ros.ros.parameters import constant_values, Settings
 from lava_ros.ros.session import Origin
 from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
 from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.checkpoint import Checkpoint
-from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.presets import preset_accuracy, PRESETS
 from lava_ros.simulation.resolution import resolved_accuracy
 
 if TYPE_CHECKING:
@@ -58,17 +63,11 @@ class Sources:
     origin: Origin | None = None
     before: tuple[Vent, ...] = ()
 
-    @property
-    def constants(self) -> dict[str, Any]:
-        """Lava and surroundings, and the defaults of their parameters."""
-        return constants_of(self.scene)
-
 
 def load_sources(node: Node) -> Sources:
     """Declare the parameters that say where the scene comes from, and load what they name.
 
-    Raises:
-        LavaError: A file or a bag is not usable, or there is a scene beside a bag to resume.
+    LavaError where a file or a bag is not usable, or there is a scene beside a bag to resume.
     """
     values = parameters.declare(node, parameters.SOURCES)
     if values['resume']:
@@ -112,10 +111,7 @@ def adopted(
 ) -> dict[str, Any]:
     """The parameters that a checkpoint sets in place of their defaults, by name.
 
-    ``values`` are the parameters as given, ``defaults`` their defaults.
-
-    Raises:
-        LavaError: A parameter was given and contradicts the checkpoint.
+    ``values`` are the parameters as given; LavaError where one contradicts the checkpoint.
     """
     result = {}
     for name, decided in _decided(checkpoint).items():
@@ -156,20 +152,104 @@ def _is_same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def new_simulation(
-    scene: Scene, settings: Settings, chooser: DeadlineChooser
-) -> 'Simulation':
-    """Make a simulation of a scene at time 0; LavaError where the settings do not suit it."""
-    from lava_ros.simulation import Simulation
+@dataclass(frozen=True)
+class DeadlineChoice:
+    """What was chosen at a start, and why.
 
-    return Simulation(
-        scene,
-        accuracy=chooser.accuracy(scene, settings),
-        device=settings.device,
-        effects=settings.forced,
-        horizon=settings.horizon,
-        notes_arrival=True,
-    )
+    Attributes:
+        reason: In words.
+        is_met: Whether forecasts are expected to be there in time.
+        spacing: Distance between particles [m], None where it is that of the parameters.
+        members: Most members of an ensemble, None for those that are asked for.
+        wall_time: Expected wall time of a forecast with its ensemble [s].
+        error: Expected share of the covered area that is wrong for being coarse.
+        sampling_error: Expected standard error of a probability of one half, 0 without members.
+        spent: Wall time that the choice took [s].
+    """
+
+    reason: str
+    is_met: bool
+    spacing: float | None = None
+    members: int | None = None
+    wall_time: float = 0.0
+    error: float = 0.0
+    sampling_error: float = 0.0
+    spent: float = 0.0
+
+
+class SimulationMaker:
+    """Makes simulations of scenes; the worker's thread calls, others read.
+
+    ``choice`` is that for the deadline at the last start, None without one or a vent.
+    """
+
+    def __init__(self) -> None:
+        """Begin without a choice."""
+        self.choice: DeadlineChoice | None = None
+
+    def make(self, scene: Scene, settings: Settings) -> 'Simulation':
+        """Make one at time 0; LavaError where the settings do not suit the scene."""
+        # the solver loads Warp; the worker's thread does that, not the importer
+        from lava_ros.simulation import Simulation
+
+        return Simulation(
+            scene,
+            accuracy=self.accuracy(scene, settings),
+            device=settings.device,
+            effects=settings.forced,
+            horizon=settings.horizon,
+            notes_arrival=True,
+        )
+
+    def accuracy(self, scene: Scene, settings: Settings) -> Accuracy:
+        """The accuracy of a simulation of a scene."""
+        self.choice = None
+        if settings.deadline and scene.vents:
+            begun = time.monotonic()
+            try:
+                return self._afford(scene, settings, begun)
+            except LavaError as error:
+                # late maps of a flow are better than none
+                reason = f'preset {settings.preset}, as without a deadline: {error}'
+                self.choice = DeadlineChoice(reason, False, spent=time.monotonic() - begun)
+        return preset_accuracy(settings.preset, spacing=settings.spacing)
+
+    def _afford(self, scene: Scene, settings: Settings, begun: float) -> Accuracy:
+        # this loads Warp, too
+        from lava_ros.forecast.planning import afford, sampling_error
+
+        asked = settings.ensemble_members
+        how = partial(
+            afford,
+            scene,
+            within=settings.deadline,
+            horizon=settings.forecast_horizon,
+            device=settings.device,
+        )
+        try:
+            # the next forecasts take turns with the members
+            plan = how(members=1 + 2 * asked)
+        except LavaError:
+            if not asked:
+                raise
+            # not even the coarsest: as many as err least
+            plan = how(members=None)
+        members = min(asked, max(plan.members - 1, 0) // 2)
+        self.choice = DeadlineChoice(
+            f'spacing {plan.spacing:.3g} m'
+            + (f' and {members} of {asked} members' if asked else '')
+            + f': {plan.members} run{"s" * (plan.members > 1)} in about {plan.wall_time:.2g} s of '
+            f'{settings.deadline:g} s, from {plan.pilots} pilot runs'
+            + ('; more time would not help' if plan.is_finest else ''),
+            is_met=True,
+            spacing=plan.spacing,
+            members=members,
+            wall_time=plan.wall_time,
+            error=plan.error,
+            sampling_error=sampling_error(members),
+            spent=time.monotonic() - begun,
+        )
+        return preset_accuracy(plan.preset, spacing=plan.spacing)
 
 
 def resumed_simulation(checkpoint: Checkpoint, settings: Settings) -> 'Simulation':

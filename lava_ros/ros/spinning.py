@@ -12,20 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs the callbacks of a node; one that fails does not end it."""
+"""Runs the callbacks of a node; one that fails does not end it. What nodes have in the graph."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import signal
 import threading
 import time
+from typing import Any
 
 import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 #: Wait after a callback that failed: one that always does must not take the processor [s].
 PAUSE = 0.01
+
+
+def now_ns(node: Node) -> int:
+    """The time on a node's clock [ns]."""
+    return int(node.get_clock().now().nanoseconds)
 
 
 def spin(
@@ -63,6 +70,30 @@ def interrupts_wait() -> Iterator[None]:
         signal.signal(signal.SIGINT, handler)
         if came:
             signal.raise_signal(signal.SIGINT)
+
+
+class Entities:
+    """What a node creates while it is configured, and takes out of the graph afterwards."""
+
+    def __init__(self, node: Node) -> None:
+        """Create nothing yet."""
+        self.node = node
+        self._made: dict[Any, str] = {}
+
+    def create(self, kind: str, *args: Any, **options: Any) -> Any:
+        """Do as ``Node.create_<kind>``: a publisher, subscription, timer, ..."""
+        made = getattr(self.node, f'create_{kind}')(*args, **options)
+        self._made[made] = kind
+        return made
+
+    def drop(self, made: Any) -> None:
+        """Take one of them out of the graph."""
+        getattr(self.node, f'destroy_{self._made.pop(made)}')(made)
+
+    def destroy(self) -> None:
+        """Take all of them out of the graph, the newest first."""
+        while self._made:
+            self.drop(next(reversed(self._made)))
 
 
 class Watcher:

@@ -16,7 +16,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 import queue
 import threading
@@ -24,9 +24,15 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.commands import Command, CommandQueue, finish
 from lava_ros.ros.session import Eruption, failure_text, Fork, Origin
-from lava_ros.ros.worker_status import SpeedMeter, WorkerState, WorkerStatus
+from lava_ros.ros.worker_status import (
+    Command,
+    CommandQueue,
+    finish,
+    SpeedMeter,
+    WorkerState,
+    WorkerStatus,
+)
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 
 if TYPE_CHECKING:
@@ -52,6 +58,7 @@ MAX_LAG = 1.0
 _STOPPED = LavaError('simulation', 'stopped', 'one that runs')
 
 
+@dataclass(eq=False)
 class SimulationWorker:
     """Runs a simulation in a thread of its own, after a clock.
 
@@ -63,37 +70,24 @@ class SimulationWorker:
     (vents, terrain, a parameter) cancels the future of one that still waits. Any other exception
     stops the simulation: the state is FAILED, the last snapshot stays, and ``reset`` starts again.
 
-    Attributes:
-        eruption: The scene and what is known of its simulation; others than the thread only read.
+    ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` is what
+    simulated time follows [s]. ``constants`` are lava and surroundings until a scene brings its
+    own, ``end_time`` is the simulated time at which to stop [s]. ``on_snapshot`` is called when
+    ``latest`` has changed, in the thread or in another. The ``eruption`` has the scene and what is
+    known of its simulation; others than the thread only read it.
     """
 
-    def __init__(
-        self,
-        make_simulation: Callable[[Scene], 'Simulation'],
-        *,
-        clock: Callable[[], float],
-        constants: Mapping[str, Any] | None = None,
-        time_scale: float = 1.0,
-        end_time: float | None = None,
-        paused: bool = False,
-        max_particles: int = MAX_PARTICLES,
-        on_snapshot: Callable[[], None] = lambda: None,
-    ) -> None:
-        """Prepare the thread; ``start`` runs it.
+    make_simulation: Callable[[Scene], 'Simulation']
+    clock: Callable[[], float]
+    constants: Mapping[str, Any] | None = None
+    time_scale: float = 1.0
+    end_time: float | None = None
+    paused: bool = False
+    max_particles: int = MAX_PARTICLES
+    on_snapshot: Callable[[], None] = lambda: None
 
-        ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` is
-        what simulated time follows [s]. ``constants`` are lava and surroundings until a scene
-        brings its own, ``end_time`` is the simulated time at which to stop [s]. ``on_snapshot`` is
-        called when ``latest`` has changed, in the thread or in another.
-        """
-        self._make_simulation = make_simulation
-        self.eruption = Eruption(self._make, constants=constants)
-        self._clock = clock
-        self._time_scale = time_scale
-        self._end_time = end_time
-        self._paused = paused
-        self._max_particles = max_particles
-        self._on_snapshot = on_snapshot
+    def __post_init__(self) -> None:
+        """Prepare the thread; ``start`` runs it."""
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
         self._snapshot_asked = False
         self._finisher = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
@@ -103,6 +97,7 @@ class SimulationWorker:
         self._step_target: float | None = None
         self._speed = SpeedMeter()
         self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
+        self.eruption = Eruption(self._starting(self.make_simulation), constants=self.constants)
         self._error = ''
         self._is_stopping = False
         self._commands = CommandQueue()
@@ -149,17 +144,12 @@ class SimulationWorker:
         origin: Origin | None = None,
         before: tuple[Vent, ...] = (),
     ) -> 'Future[None]':
-        """Continue with another simulation of ``scene`` in place of the present one.
+        """Continue with another simulation of a scene, as ``Eruption.go_on_with`` does.
 
-        ``make_simulation`` is called in the worker's thread. ``origin`` and ``before`` are as in
-        ``Eruption.go_on_with``.
+        ``make_simulation`` is called in the worker's thread.
         """
-
-        def start() -> None:
-            self._status = replace(self._status, state=WorkerState.STARTING)
-            self.eruption.go_on_with(make_simulation(), scene, origin, before)
-
-        return self._put(start)
+        make = self._starting(make_simulation)
+        return self._put(lambda: self.eruption.go_on_with(make(), scene, origin, before))
 
     def checkpoint(self) -> 'Future[bytes]':
         """Serialise all that is needed to go on from here; LavaError without a simulation."""
@@ -174,11 +164,9 @@ class SimulationWorker:
         return self._put(lambda: self._set_terrain(terrain), kind='terrain')
 
     def set_vents(self, vents: Iterable[Vent]) -> 'Future[None]':
-        """Replace all vents.
+        """Replace all vents, as ``Eruption.set_vents`` does.
 
-        Before there is a terrain the newest vents wait for it, and so does their future. The first
-        vents of a simulation without lava start it again at time 0: its resolution follows their
-        discharge.
+        Before there is a terrain the newest vents wait for it, and so does their future.
         """
         vents = tuple(vents)
         future: Future[None] = Future()
@@ -201,7 +189,7 @@ class SimulationWorker:
 
     def set(self, name: str, value: float | None) -> 'Future[None]':
         """Change ``time_scale``, ``end_time`` or ``max_particles``, as at the start."""
-        return self._put(lambda: setattr(self, f'_{name}', value), kind=name)
+        return self._put(lambda: setattr(self, name, value), kind=name)
 
     def pause(self, paused: bool) -> 'Future[None]':
         """Hold simulated time, also in the middle of a step, or let it go on."""
@@ -232,7 +220,7 @@ class SimulationWorker:
         return future
 
     def _run(self) -> None:
-        self._last_clock = self._clock()
+        self._last_clock = self.clock()
         while not self._is_stopping:
             self._run_commands()
             if not self._is_stopping:
@@ -248,9 +236,8 @@ class SimulationWorker:
     def _run_commands(self) -> None:
         """Run what is queued; wait for it as long as there is nothing else to do."""
         time.sleep(max(0.0, self._last_turn + TURN_WALL_TIME - time.monotonic()))
-        wait: float | None = None
-        if self._is_moving():
-            wait = 0.0 if self._target > self.eruption.time else IDLE_WALL_TIME
+        is_behind = self._target > self.eruption.time
+        wait = (0.0 if is_behind else IDLE_WALL_TIME) if self._is_moving() else None
         try:
             command = self._commands.get(wait)
             self._last_turn = time.monotonic()
@@ -270,14 +257,13 @@ class SimulationWorker:
             result = command.action()
             if self.eruption.starts != starts:
                 self._note_start()
-        except LavaError as error:
-            finish(future, error)
         except Exception as error:
-            self._fail(error)
+            if not isinstance(error, LavaError):
+                self._fail(error)
             finish(future, error)
         else:
-            waits = self._waiting_vents is not None and self._waiting_vents[1] is future
-            if not waits:
+            # vents that wait for a terrain are not done yet
+            if self._waiting_vents is None or self._waiting_vents[1] is not future:
                 finish(future, result=result)
         self._turn = '', 0.0
         self._guard(self._update_status)
@@ -296,7 +282,7 @@ class SimulationWorker:
 
     def _advance(self) -> None:
         """Move simulated time one slice towards the clock."""
-        now = self._clock()
+        now = self.clock()
         # A clock that jumps back, as at the start of a replay, moves nothing.
         elapsed = max(0.0, now - self._last_clock)
         self._last_clock = now
@@ -306,17 +292,17 @@ class SimulationWorker:
         if self._step_target is not None:
             self._target = self._step_target
         else:
-            lag = MAX_LAG * self._time_scale
-            self._target = min(self._target + elapsed * self._time_scale, before + lag)
-        if self._end_time is not None:
-            self._target = min(self._target, self._end_time)
+            lag = MAX_LAG * self.time_scale
+            self._target = min(self._target + elapsed * self.time_scale, before + lag)
+        if self.end_time is not None:
+            self._target = min(self._target, self.end_time)
         self._slice = 0.0
         if self._target > before:
             begun = time.monotonic()
             self._turn = 'a step', begun
             try:
                 reached = self.eruption.advance(
-                    self._target, wall_limit=SLICE_WALL_TIME, max_particles=self._max_particles
+                    self._target, wall_limit=SLICE_WALL_TIME, max_particles=self.max_particles
                 )
             finally:
                 self._turn, self._slice = ('', 0.0), time.monotonic() - begun
@@ -327,10 +313,10 @@ class SimulationWorker:
     def _is_moving(self) -> bool:
         if self.eruption.simulation is None or self._is_finished():
             return False
-        return not self._paused or self._step_target is not None
+        return not self.paused or self._step_target is not None
 
     def _is_finished(self) -> bool:
-        return self._end_time is not None and self.eruption.time >= self._end_time
+        return self.end_time is not None and self.eruption.time >= self.end_time
 
     def _update_status(self) -> None:
         old = self._status.state
@@ -340,7 +326,7 @@ class SimulationWorker:
             state = WorkerState.WAITING
         elif self._is_finished():
             state = WorkerState.FINISHED
-        elif self._paused:
+        elif self.paused:
             state = WorkerState.PAUSED
         else:
             state = WorkerState.RUNNING
@@ -350,28 +336,29 @@ class SimulationWorker:
             self._speed.clear()
         # What is at rest is shown as it is by the time its state says so.
         is_new = not self._is_moving() and self._is_snapshot_new()
+        lag = max(0.0, self._target - self.eruption.time)
         self._status = WorkerStatus(
             state=state,
             error=self._error,
             speed=self._speed.value,
             mean_speed=self._speed.mean,
-            is_behind=state is WorkerState.RUNNING and self._target > self.eruption.time,
+            is_behind=state is WorkerState.RUNNING and lag > 0.0,
             device=self.eruption.device,
-            lag=max(0.0, self._target - self.eruption.time) / self._time_scale,
+            lag=lag / self.time_scale,
             turn=self._slice if self._is_moving() else 0.0,
         )
         if is_new:
-            self._on_snapshot()
+            self.on_snapshot()
 
     def _follow_from_here(self) -> None:
-        self._last_clock = self._clock()
+        self._last_clock = self.clock()
         self._target = self.eruption.time
         self._speed.clear()
         self._speed.note(self._target)
 
     def _show(self) -> None:
         if self._is_snapshot_new():
-            self._on_snapshot()
+            self.on_snapshot()
 
     def _is_snapshot_new(self) -> bool:
         """Bring ``latest`` up to date now, and say whether it may not have been."""
@@ -394,22 +381,26 @@ class SimulationWorker:
 
     def _finish_snapshot(self, rest: Callable[[], None], simulation: 'Simulation | None') -> None:
         """Do the rest of a snapshot; if that fails, its simulation has failed."""
+
+        def fail(reason: Exception) -> None:
+            if self.eruption.simulation is simulation:
+                self._fail(reason)
+
         try:
             rest()
         except Exception as error:
-            reason = error
-
-            def fail() -> None:
-                if self.eruption.simulation is simulation:
-                    self._fail(reason)
-
-            self._put(fail, kind='failure')
+            self._put(partial(fail, error), kind='failure')
         else:
-            self._on_snapshot()
+            self.on_snapshot()
 
-    def _make(self, scene: Scene) -> 'Simulation':
-        self._status = replace(self._status, state=WorkerState.STARTING)
-        return self._make_simulation(scene)
+    def _starting(self, make: Callable[..., 'Simulation']) -> Callable[..., 'Simulation']:
+        """The same, with a status that says so."""
+
+        def start(*scene: Scene) -> 'Simulation':
+            self._status = replace(self._status, state=WorkerState.STARTING)
+            return make(*scene)
+
+        return start
 
     def _note_start(self) -> None:
         self._error = ''
@@ -421,15 +412,13 @@ class SimulationWorker:
     def _fork(self) -> Fork:
         begun = time.monotonic()
         checkpoint = self.eruption.checkpoint()
-        return Fork(checkpoint, self.eruption.changes, self._clock(), time.monotonic() - begun)
+        return Fork(checkpoint, self.eruption.changes, self.clock(), time.monotonic() - begun)
 
     def _set_terrain(self, terrain: Terrain) -> None:
-        if self.eruption.scene is None:
-            self._start_with_waiting_vents(terrain)
-        elif self.eruption.set_terrain(terrain):
-            self._show()
-
-    def _start_with_waiting_vents(self, terrain: Terrain) -> None:
+        if self.eruption.scene is not None:
+            if self.eruption.set_terrain(terrain):
+                self._show()
+            return
         vents, future = self._waiting_vents or ((), None)
         error: LavaError | None = None
         try:
@@ -460,10 +449,10 @@ class SimulationWorker:
         self._show()
 
     def _pause(self, paused: bool) -> None:
-        self._paused = paused
+        self.paused = paused
         self._step_target = None
 
     def _begin_step(self, duration: float) -> None:
-        if self.eruption.simulation is None or not self._paused:
+        if self.eruption.simulation is None or not self.paused:
             raise LavaError('step', self._status.state.value, 'a paused simulation')
         self._step_target = self.eruption.time + duration

@@ -12,15 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the worker is doing, how fast, and the share of the time that forecasts may have."""
+"""What the worker is doing, how fast, and the commands that wait for it."""
 
 from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass
 from enum import Enum
+import queue
+import threading
 import time
+from typing import Any, NamedTuple
 
-#: Wall time of a step or a command from which on it is said that others wait for it [s]: ten
-#: slices.
+from lava_ros.errors import LavaError
+
+#: Wall time of a step or a command from which on others are said to wait for it [s]: ten slices.
 LONGEST_TURN = 1.0
 
 
@@ -73,14 +79,6 @@ class WorkerStatus:
         return f'{self.doing or "a step"} takes {self.turn:.1f} s or more{waiting}'
 
 
-#: Least share of a device that forecasts have, by its kind. On a GPU two that are busy get half of
-#: it each, so the live simulation loses half of this; on a CPU forecasts are nice, and take away
-#: what cores share: caches, memory.
-LEAST_SHARES = {'cpu': 0.25, 'cuda': 0.1}
-
-#: Share by which forecasts get more in a second in which the live simulation keeps up.
-SHARE_RATE = 0.1
-
 #: Wall time over which the speed is averaged [s].
 SPEED_WINDOW = 5.0
 
@@ -122,26 +120,90 @@ class SpeedMeter:
         self._history.clear()
 
 
-class Pace:
-    """The share of the time for what may wait: least while the simulation falls behind its clock.
+#: Most commands that wait; kinds of which the newest alone waits count as one each.
+MAX_WAITING = 1000
 
-    It grows by ``SHARE_RATE`` a second again when the simulation keeps up.
+
+class Command(NamedTuple):
+    """Something to be done in the thread, and what becomes of it.
+
+    ``kind`` is what it replaces all of, such as ``vents``; empty when it replaces nothing.
     """
 
-    def __init__(self) -> None:
-        """Start with all of the time."""
-        self._share = 1.0
-        self._noted: float | None = None
+    action: Callable[[], Any]
+    future: 'Future[Any]'
+    kind: str
 
-    def note(self, is_behind: bool, now: float) -> None:
-        """Note whether the simulation is behind its clock, at a wall time [s]."""
-        if is_behind:
-            self._share = 0.0
-        elif self._noted is not None:
-            self._share = min(1.0, self._share + SHARE_RATE * (now - self._noted))
-        self._noted = now
 
-    def share(self, most: float, device: str) -> float:
-        """The share now, on a device, given the largest one."""
-        least = LEAST_SHARES[device.partition(':')[0]]
-        return min(max(round(self._share, 1), least), most)
+class CommandQueue:
+    """Commands from any thread for one thread, bounded in number.
+
+    A command of a kind replaces the waiting one of that kind, whose future is cancelled: a flood
+    of messages that each stand for everything of their kind costs the thread one command a turn.
+    """
+
+    def __init__(self, limit: int = MAX_WAITING) -> None:
+        """Start empty."""
+        self._limit = limit
+        # by kind, and those without one each by itself
+        self._waiting: dict[object, Command] = {}
+        self._closed: LavaError | None = None
+        self._changed = threading.Condition()
+
+    def __len__(self) -> int:
+        """Commands that wait."""
+        return len(self._waiting)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of the commands that wait, oldest first, each once."""
+        with self._changed:
+            return tuple(dict.fromkeys(item.kind or 'command' for item in self._waiting.values()))
+
+    def put(self, command: Command) -> None:
+        """Add a command in place of one of its kind, or refuse it: too many, or closed."""
+        with self._changed:
+            former = self._waiting.pop(command.kind, None)
+            refusal = self._closed
+            if not command.kind and len(self._waiting) >= self._limit:
+                waiting = f'{self._limit} waiting'
+                refusal = LavaError('commands', waiting, 'fewer at a time; try again later')
+            if refusal is None:
+                self._waiting[command.kind or object()] = command
+                self._changed.notify()
+        # Futures call back, and what they call may put another command.
+        if former is not None:
+            former.future.cancel()
+        if refusal is not None:
+            finish(command.future, refusal)
+
+    def get(self, timeout: float | None = None) -> Command:
+        """Take the oldest command, after waiting for one for a time [s], None for ever.
+
+        Raises:
+            queue.Empty: There was none in time, or the queue is closed.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting or self._closed, timeout)
+            if not self._waiting:
+                raise queue.Empty
+            return self._waiting.pop(next(iter(self._waiting)))
+
+    def close(self, reason: LavaError) -> None:
+        """Refuse what waits, and whatever comes from now on, for a reason."""
+        with self._changed:
+            self._closed = reason
+            commands = list(self._waiting.values())
+            self._waiting.clear()
+            self._changed.notify()
+        for command in commands:
+            finish(command.future, reason)
+
+
+def finish(future: 'Future[Any]', error: Exception | None = None, *, result: Any = None) -> None:
+    """Give a future its result or its error, unless it has been cancelled."""
+    if future.set_running_or_notify_cancel():
+        if error is None:
+            future.set_result(result)
+        else:
+            future.set_exception(error)

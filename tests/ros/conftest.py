@@ -26,7 +26,7 @@ import time
 
 import pytest
 
-from ros.graph_publisher import Publisher
+from ros.graph_publisher import PATIENCE, Publisher
 from ros_domain import own_domain
 
 HERE = Path(__file__).parent
@@ -40,19 +40,6 @@ active_node.HEARTBEAT = 0.2
 raise SystemExit(main())
 """
 QUICK = QUICK_MODULE.format('ros.node')
-
-#: How long to wait for what has to come, on a busy machine too [s].
-PATIENCE = 60.0
-
-
-def wait_until(condition, what=lambda: ''):
-    """Wait until something holds, on a busy machine too, and return its value."""
-    end = time.monotonic() + PATIENCE
-    while not (value := condition()):
-        assert time.monotonic() < end, what()
-        time.sleep(0.01)
-    return value
-
 
 def _environment(aside):
     environment = dict(os.environ)
@@ -116,8 +103,7 @@ class Process:
         """Wait until a text is in the log, beyond so many characters of it: a pipe may lag."""
         end = time.monotonic() + timeout
         while text not in self.log[after:]:
-            assert self.child.poll() is None, self.log
-            assert time.monotonic() < end, self.log
+            assert self.child.poll() is None and time.monotonic() < end, self.log
             time.sleep(0.05)
 
     def wait_for_end(self, timeout=PATIENCE):

@@ -14,6 +14,7 @@
 
 """Messages for nodes, sound and malformed, and what sends them and asks a node of this or that."""
 
+from contextlib import suppress
 import hashlib
 import time
 
@@ -36,8 +37,18 @@ from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.ros import codec
 
-#: How long to wait for an answer, on a busy machine too [s].
+#: How long to wait for what has to come, on a busy machine too [s].
 PATIENCE = 60.0
+
+
+def wait_until(condition, what=lambda: '', pause=0.01):
+    """Wait until something holds, on a busy machine too, and return its value."""
+    end = time.monotonic() + PATIENCE
+    while not (value := condition()):
+        assert time.monotonic() < end, what()
+        time.sleep(pause)
+    return value
+
 
 ROWS, COLUMNS, RESOLUTION = 30, 40, 10.0
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -64,10 +75,10 @@ TRANSITIONS = {
 }
 
 
-def elevation():
+def elevation(height=500.0, columns=COLUMNS):
     """A plane that falls towards +x with a slope of 1 in 10, and a valley along its middle."""
-    y, x = np.mgrid[0:ROWS, 0:COLUMNS]
-    return (500.0 - RESOLUTION * 0.1 * x + 0.05 * (y - ROWS / 2) ** 2).astype(np.float32)
+    y, x = np.mgrid[0:ROWS, 0:columns]
+    return (height - RESOLUTION * 0.1 * x + 0.05 * (y - ROWS / 2) ** 2).astype(np.float32)
 
 
 def image(values=None, frame_id='map', **changes):
@@ -79,9 +90,10 @@ def image(values=None, frame_id='map', **changes):
     return message
 
 
-def info(width=COLUMNS, angle=0.0, **changes):
+def info(width=COLUMNS, angle=0.0, x=0.0, **changes):
     """The description of the terrain's cells, with fields changed."""
     message = MapMetaData(width=width, height=ROWS, resolution=RESOLUTION)
+    message.origin.position.x = x
     message.origin.orientation.z = float(np.sin(angle / 2.0))
     message.origin.orientation.w = float(np.cos(angle / 2.0))
     for name, value in changes.items():
@@ -137,19 +149,6 @@ def lying_cloud(width, height):
     return message
 
 
-def higher():
-    """A terrain of another size, 5 m higher, with the same valley."""
-    y, x = np.mgrid[0:ROWS, 0 : COLUMNS + 8]
-    return (505.0 - RESOLUTION * 0.1 * x + 0.05 * (y - ROWS / 2) ** 2).astype(np.float32)
-
-
-def far_away():
-    """The description of a terrain where no vent is."""
-    message = info()
-    message.origin.position.x = 1e5
-    return message
-
-
 VENT_COLUMNS = ('x', 'y', 'z', 'discharge', 'temperature', 'radius')
 
 CASES = {
@@ -179,9 +178,11 @@ CASES = {
     'wide_cloud': ('terrain_cloud', lambda: cloud({'x': [0, 3e5], 'y': [0, 3e5], 'z': [0, 1]})),
     'many_vents': ('vents', lambda: cloud({key: np.ones(1001) for key in VENT_COLUMNS})),
     'lying_vents': ('vents', lambda: lying_cloud(2**31, 2**31)),
-    'higher': ('terrain', lambda: image(higher())),
+    # of another size, with the same valley
+    'higher': ('terrain', lambda: image(elevation(505.0, COLUMNS + 8))),
     'higher_info': ('terrain_info', lambda: info(width=COLUMNS + 8)),
-    'away': ('terrain_info', lambda: far_away()),
+    # where no vent is
+    'away': ('terrain_info', lambda: info(x=1e5)),
     'outline': ('observed_outline', outline),
     'outline_wrong_frame': ('observed_outline', lambda: outline(frame_id='odom')),
     'outline_wrong_size': ('observed_outline', lambda: outline(width=COLUMNS + 1)),
@@ -200,26 +201,26 @@ class Publisher:
         self._context = Context()
         self._context.init(args=[], domain_id=domain)
         words = ['--ros-args', *(word for rule in remap for word in ('-r', rule))]
-        self._node = Node('test_publisher', context=self._context, cli_args=words)
+        self.node = Node('test_publisher', context=self._context, cli_args=words)
         self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
         self._publishers = {
-            topic: self._node.create_publisher(kind, topic, qos)
+            topic: self.node.create_publisher(kind, topic, qos)
             for topic, (kind, qos) in TYPES.items()
         }
-        self._clock = self._node.create_publisher(Clock, '/clock', 1)
+        self._clock = self.node.create_publisher(Clock, '/clock', 1)
         self._clients = {}
 
     def close(self):
         """Leave the graph."""
         self._executor.shutdown()
-        self._node.destroy_node()
+        self.node.destroy_node()
         self._context.shutdown()
 
-    def _ask(self, kind, name, **fields):
+    def ask(self, kind, name, **fields):
         """Call a service and return its answer."""
         if name not in self._clients:
-            self._clients[name] = self._node.create_client(kind, name)
+            self._clients[name] = self.node.create_client(kind, name)
         client = self._clients[name]
         assert client.wait_for_service(timeout_sec=PATIENCE), f'no service {name}'
         future = client.call_async(kind.Request(**fields))
@@ -231,11 +232,9 @@ class Publisher:
         """Send messages by their names in ``CASES`` once somebody hears them."""
         for case in cases:
             topic, make = CASES[case]
-            end = time.monotonic() + PATIENCE
-            while self._publishers[topic].get_subscription_count() == 0:
-                assert time.monotonic() < end, f'nobody hears {topic}'
-                time.sleep(0.02)
-            self._publishers[topic].publish(make())
+            publisher = self._publishers[topic]
+            wait_until(publisher.get_subscription_count, lambda: f'nobody hears {topic}')  # noqa: B023
+            publisher.publish(make())
 
     def flood(self, count, rate, last):
         """Send vents of ever another discharge up to a last one, so many a second."""
@@ -252,7 +251,7 @@ class Publisher:
 
     def map(self, topic, node='/lava'):
         """Get a map of the node: its shape, its stamp and the hash of its cells."""
-        grid = self._ask(GetMap, f'{node}/{topic}/get_map').map
+        grid = self.ask(GetMap, f'{node}/{topic}/get_map').map
         return {
             'cells': hashlib.sha256(grid.data).hexdigest(),
             'shape': [grid.info.height, grid.info.width],
@@ -266,24 +265,24 @@ class Publisher:
             for name, value in values.items()
         ]
         name = f'{node}/set_parameters_atomically'
-        result = self._ask(SetParametersAtomically, name, parameters=messages).result
+        result = self.ask(SetParametersAtomically, name, parameters=messages).result
         return {'success': result.successful, 'message': result.reason}
 
     def call(self, service, data=False, node='/lava'):
         """Call a service of the node and return its answer."""
         kind = SERVICES[service]
-        result = self._ask(kind, f'{node}/{service}', **{'data': data} if kind is SetBool else {})
+        result = self.ask(kind, f'{node}/{service}', **{'data': data} if kind is SetBool else {})
         return {'success': result.success, 'message': result.message}
 
     def change(self, name, node='/lava'):
         """Ask for a transition: ``shutdown`` is another in each state, and found by its label."""
         transition = Transition(id=TRANSITIONS.get(name, 0))
         transition.label = '' if name in TRANSITIONS else name
-        return self._ask(ChangeState, f'{node}/change_state', transition=transition).success
+        return self.ask(ChangeState, f'{node}/change_state', transition=transition).success
 
     def state(self, node='/lava'):
         """The label of the state that the node is in."""
-        return self._ask(GetState, f'{node}/get_state').current_state.label
+        return self.ask(GetState, f'{node}/get_state').current_state.label
 
     def names(self, expected=(), only=False, node='/lava'):
         """Topics and services of a node, sorted, once those that are expected are there.
@@ -293,18 +292,16 @@ class Publisher:
         """
         space, _, name = node.rpartition('/')
         ways = (
-            self._node.get_publisher_names_and_types_by_node,
-            self._node.get_subscriber_names_and_types_by_node,
-            self._node.get_service_names_and_types_by_node,
+            self.node.get_publisher_names_and_types_by_node,
+            self.node.get_subscriber_names_and_types_by_node,
+            self.node.get_service_names_and_types_by_node,
         )
         found, since, end = [], 0.0, time.monotonic() + PATIENCE
         while time.monotonic() < end:
             time.sleep(0.05)
-            before = found
-            try:
+            before, found = found, []
+            with suppress(NodeNameNonExistentError):
                 found = sorted({item for way in ways for item, _ in way(name, space or '/')})
-            except NodeNameNonExistentError:
-                found = []
             since = since if found == before else time.monotonic()
             if only:
                 is_there = found == expected

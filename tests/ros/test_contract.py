@@ -25,7 +25,10 @@ from typing import Any
 from xml.etree import ElementTree
 
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.srv import GetAvailableTransitions
 import pytest
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+from rclpy.parameter import Parameter, parameter_value_to_python
 import yaml
 
 from lava_ros.bag.qos import QosProfile
@@ -33,8 +36,7 @@ from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import diagnostics
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from maps.test_masks import SNAPSHOT
-from ros.graph_contract import contract_of
-from ros_domain import own_domain
+from ros.graph_publisher import wait_until
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'ROS.md'
@@ -81,12 +83,82 @@ def full_name(name):
     return f'/lava{name[1:]}' if name.startswith('~') else '/' + name.lstrip('/')
 
 
+def endpoints_of(looking, name):
+    """Type, reliability and durability by kind and topic, as they are known now."""
+    found = {'publishers': {}, 'subscriptions': {}}
+    for topic, _ in looking.get_topic_names_and_types():
+        for kind, infos in (
+            ('publishers', looking.get_publishers_info_by_topic(topic)),
+            ('subscriptions', looking.get_subscriptions_info_by_topic(topic)),
+        ):
+            for info in infos:
+                if info.node_name == name:
+                    found[kind][topic] = {
+                        'type': info.topic_type,
+                        'reliability': info.qos_profile.reliability.name,
+                        'durability': info.qos_profile.durability.name,
+                    }
+    return found
+
+
+def parameters_of(publisher, name):
+    """Value and description of each parameter, by its name."""
+    names = publisher.ask(ListParameters, f'/{name}/list_parameters').result.names
+    values = publisher.ask(GetParameters, f'/{name}/get_parameters', names=names).values
+    shown = publisher.ask(DescribeParameters, f'/{name}/describe_parameters', names=names)
+    found = {}
+    for item, value, descriptor in zip(names, values, shown.descriptors, strict=True):
+        limits = [*descriptor.floating_point_range, *descriptor.integer_range]
+        found[item] = {
+            'type': Parameter.Type(value.type).name.lower(),
+            'value': parameter_value_to_python(value),
+            'read_only': descriptor.read_only,
+            'description': descriptor.description,
+            'range': [limits[0].from_value, limits[0].to_value] if limits else None,
+        }
+    return found
+
+
+def transitions_of(publisher, name):
+    """Label and states of each transition."""
+    answer = publisher.ask(GetAvailableTransitions, f'/{name}/get_transition_graph')
+    return sorted(
+        [item.transition.label, item.start_state.label, item.goal_state.label]
+        for item in answer.available_transitions
+    )
+
+
+def contract_of(publisher, name):
+    """What a node has once that has stopped changing."""
+    looking, seen = publisher.node, []
+
+    def is_steady():
+        there = name in looking.get_node_names()
+        services, clients = (
+            dict(get(name, '/')) if there else {}
+            for get in (
+                looking.get_service_names_and_types_by_node,
+                looking.get_client_names_and_types_by_node,
+            )
+        )
+        seen.append({**endpoints_of(looking, name), 'services': services, 'clients': clients})
+        # a busy machine learns of them one by one: for two seconds nothing has come
+        return len(seen) > 4 and seen[-1]['publishers'] and seen[-1] == seen[-5]
+
+    wait_until(is_steady, lambda: f'nothing steady of {name}: {seen[-1]}', pause=0.5)
+    return {
+        **seen[-1],
+        'parameters': parameters_of(publisher, name),
+        'transitions': transitions_of(publisher, name),
+    }
+
+
 @pytest.fixture(scope='module')
 def shown(graph):
     """What a node with every optional layer shows."""
     node = graph.node(program=('-m', 'lava_ros.ros.node'), **GIVEN)
     node.wait_for_log('active')
-    found = contract_of('lava', own_domain('graph'))
+    found = contract_of(graph.publisher(), 'lava')
     assert node.end() == 0
     return found
 
@@ -260,8 +332,11 @@ def _policy(words: str) -> str:
     return words.upper().replace(' ', '_')
 
 
-def test_rviz_shows_topics_of_the_node(rviz, shown):
-    """Each display's topic is published, of a type it shows, and asked for as it is offered."""
+def test_rviz_shows_what_the_node_publishes(rviz, shown):
+    """Each display's topic is published, of a type it shows, and asked for as it is offered.
+
+    The fixed frame is the node's, and hazard on the ground is what one sees first.
+    """
     displays = [display for display in rviz['Displays'] if 'Topic' in display]
     assert {'hazard', 'height', 'vents_markers'} <= {item['Topic']['Value'] for item in displays}
     for display in displays:
@@ -274,14 +349,10 @@ def test_rviz_shows_topics_of_the_node(rviz, shown):
         }
         # A map that was published before RViz came is there at once.
         assert offered['durability'] == 'TRANSIENT_LOCAL'
-
-
-def test_rviz_stands_in_the_frame_of_the_node(rviz):
-    """The fixed frame is the node's, and hazard on the ground is what one sees first."""
     assert rviz['Global Options']['Fixed Frame'] == 'map'
-    maps = [item for item in rviz['Displays'] if item['Class'] == 'rviz_default_plugins/Map']
-    shown = [item['Topic']['Value'] for item in maps if item['Enabled'] and item['Value']]
-    assert shown == ['relief', 'hazard']
+    maps = [item for item in displays if item['Class'] == 'rviz_default_plugins/Map']
+    seen = [item['Topic']['Value'] for item in maps if item['Enabled'] and item['Value']]
+    assert seen == ['relief', 'hazard']
     assert [item['Draw Behind'] for item in maps] == [True, False, False, False]
 
 
@@ -298,23 +369,28 @@ def _panels(node: Any) -> set[str]:
     return {node} if isinstance(node, str) else _panels(node['first']) | _panels(node['second'])
 
 
-def test_every_foxglove_panel_is_laid_out(foxglove):
-    """The panels of the layout and those that are configured are the same."""
-    assert _panels(foxglove['layout']) == set(foxglove['configById'])
-    kinds = {name.split('!')[0] for name in foxglove['configById']}
-    assert {'3D', 'Plot', 'RawMessages'} <= kinds
-
-
 def test_foxglove_shows_topics_of_the_node(foxglove, shown):
-    """Topics of the 3D panel and of every path are published; clicks go where it listens."""
+    """Topics of the 3D panel and of every path are published; clicks go where it listens.
+
+    The panels of the layout are those that are configured. What a layer publishes is recorded,
+    latched.
+    """
     panels = foxglove['configById']
-    topics = set(panels['3D!lava']['topics'])
+    assert _panels(foxglove['layout']) == set(panels)
+    assert {'3D', 'Plot', 'RawMessages'} <= {name.split('!')[0] for name in panels}
+    drawn = set(panels['3D!lava']['topics'])
+    topics = set(drawn)
     for panel in panels.values():
         paths = [path['value'] for path in panel.get('paths', ())]
         paths += [panel[key] for key in ('topicPath', 'topicToRender') if key in panel]
         topics |= {path.split('.')[0] for path in paths}
     assert {'/hazard', '/height', '/diagnostics'} <= topics <= set(shown['publishers'])
     assert panels['3D!lava']['publish']['pointTopic'] in shown['subscriptions']
+    layers = {f'/{item.topic}': item for item in load_layers(ROOT / 'msg_configs/default.yaml')}
+    assert drawn & set(layers) == {'/hazard', '/height', '/temperature'}
+    for topic in drawn & set(layers):
+        assert layers[topic].record
+        assert layers[topic].qos == QosProfile(depth=1, durability='transient_local')
 
 
 def test_foxglove_plots_what_the_diagnostics_say(foxglove):
@@ -333,13 +409,3 @@ def test_foxglove_plots_what_the_diagnostics_say(foxglove):
         name, key = re.findall(r'"([^"]+)"', path)
         assert name == status.name
         assert float(values[key]) >= 0.0
-
-
-def test_the_bag_has_what_foxglove_shows(foxglove):
-    """Topics of the layout that a layer publishes are recorded, latched."""
-    layers = {f'/{item.topic}': item for item in load_layers(ROOT / 'msg_configs/default.yaml')}
-    shown = set(foxglove['configById']['3D!lava']['topics']) & set(layers)
-    assert shown == {'/hazard', '/height', '/temperature'}
-    for topic in shown:
-        assert layers[topic].record
-        assert layers[topic].qos == QosProfile(depth=1, durability='transient_local')

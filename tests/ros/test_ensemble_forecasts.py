@@ -14,7 +14,9 @@
 
 """The node's side of ensembles: what is ordered and dropped, their maps, and outlines."""
 
+from array import array
 from dataclasses import replace
+from operator import attrgetter
 from types import SimpleNamespace
 
 import numpy as np
@@ -120,7 +122,7 @@ def test_outlines_never_wait_for_nothing():
     """Those on their way are refused when the process ends; those of a new scene wait for it."""
     ensembles = EnsembleForecasts()
     order(ensembles, 1, fork(1.0, 0.0))
-    gone, kept = ensembles.observe(MASK, 2.0), None
+    gone = ensembles.observe(MASK, 2.0)
     assert len(sent(ensembles)) == 1
     kept = ensembles.observe(MASK, 3.0)
     assert sent(ensembles, changes=2) == []
@@ -193,24 +195,22 @@ def test_a_mask_is_read_and_laid_on_the_terrain():
         outline_on(Terrain(ground, 5.0, origin=(900.0, 45.0)), mask, 60.0)
 
 
-def test_masks_that_cannot_be_used_are_refused():
-    """Another frame, another number of cells, turned, of no size."""
-    other = seen([[100, 0], [0, 0]])
-    other.header.frame_id = 'odom'
-    short = seen([[100, 0], [0, 0]])
-    short.data = short.data[:3]
-    turned = seen([[100, 0], [0, 0]])
-    turned.info.origin.orientation.z = 0.7
-    flat = seen([[100, 0], [0, 0]])
-    flat.info.resolution = 0.0
-    far = seen([[100, 0], [0, 0]])
-    far.info.origin.position.x = 1e308
-    beyond = seen([[101, 0], [0, 0]])
-    for message, field in (
-        (other, 'observed.header.frame_id'), (short, 'observed.data'),
-        (turned, 'observed.info.origin.orientation'), (flat, 'observed.info.resolution'),
-        (beyond, 'observed.data'), (far, 'observed.info.origin.position.x'),
-    ):
-        with pytest.raises(LavaError) as caught:
-            mask_from_grid(message, SETTINGS)
-        assert caught.value.field == field
+@pytest.mark.parametrize(
+    ('path', 'value', 'field'),
+    [
+        ('header.frame_id', 'odom', 'header.frame_id'),
+        ('data', array('b', [100, 0, 0]), 'data'),
+        ('data', array('b', [101, 0, 0, 0]), 'data'),
+        ('info.origin.orientation.z', 0.7, 'info.origin.orientation'),
+        ('info.resolution', 0.0, 'info.resolution'),
+        ('info.origin.position.x', 1e308, 'info.origin.position.x'),
+    ],
+)
+def test_masks_that_cannot_be_used_are_refused(path, value, field):
+    """Another frame, another number of cells, no such cell, turned, of no size, far away."""
+    message = seen([[100, 0], [0, 0]])
+    owner, _, name = path.rpartition('.')
+    setattr(attrgetter(owner)(message) if owner else message, name, value)
+    with pytest.raises(LavaError) as caught:
+        mask_from_grid(message, SETTINGS)
+    assert caught.value.field == f'observed.{field}'

@@ -30,7 +30,7 @@ from lava_ros.forecast.lookahead import LookAhead
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from ros.conftest import PATIENCE
+from ros.graph_publisher import PATIENCE
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
 
@@ -72,8 +72,8 @@ class Robot:
         self.rest.child.stdin.write(json.dumps(what) + '\n')
         self.rest.child.stdin.flush()
 
-    def plan(self, condition, timeout=PATIENCE):
-        """The next plan that fulfils a condition."""
+    def plan(self, condition=lambda plan: len(plan) > 1, timeout=PATIENCE):
+        """The next plan that fulfils a condition, or leads anywhere."""
         end = time.monotonic() + timeout
         while True:
             assert time.monotonic() < end, self.example.log
@@ -85,9 +85,10 @@ class Robot:
             if condition(plan):
                 return plan
 
-    def says(self, text):
-        """Wait until the example has logged a text."""
-        self.example.wait_for_log(text)
+    def stops(self, reason):
+        """Wait until the plan is to stop, and the log says why."""
+        self.plan(lambda plan: len(plan) == 0)
+        self.example.wait_for_log(reason)
 
 
 def _shortest(blocked, near, start):
@@ -139,14 +140,6 @@ def _map(*gaps):
     return rows.tolist()
 
 
-def _is_stop(plan):
-    return len(plan) == 0
-
-
-def _is_way(plan):
-    return len(plan) > 1
-
-
 def _distance_to_lava(plan, rows):
     cells = np.argwhere(np.array(rows) != 0)
     centres = 10.0 * cells[:, ::-1] + 5.0
@@ -158,7 +151,7 @@ def test_a_robot_stays_out(graph):
     robot = Robot(graph, 'keep_out.py', 'hazard', 'clearance:=20.0')
     low = _map(4)
     robot.tell(hazard=low, pose=[15.0, 95.0], goal=[285.0, 95.0])
-    plan = robot.plan(_is_way)
+    plan = robot.plan()
     assert plan[0].tolist() == [15.0, 95.0]
     assert plan[-1].tolist() == [285.0, 95.0]
     assert _distance_to_lava(plan, low) > 20.0
@@ -167,11 +160,10 @@ def test_a_robot_stays_out(graph):
 
     # The gap closes, and another one opens.
     robot.tell(hazard=_map())
-    robot.plan(_is_stop)
-    robot.says('no way leads around the lava')
+    robot.stops('no way leads around the lava')
     high = _map(14)
     robot.tell(hazard=high)
-    plan = robot.plan(_is_way)
+    plan = robot.plan()
     assert _distance_to_lava(plan, high) > 20.0
     assert plan[np.abs(plan[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(145.0, abs=10.0)
 
@@ -185,12 +177,11 @@ def test_a_robot_stays_out(graph):
         ([285.0, 95.0, 'odom'], "the goal is in frame 'odom', the map in 'map'"),
     ):
         robot.tell(goal=goal)
-        robot.plan(_is_stop)
-        robot.says(f'stop: {reason}')
+        robot.stops(f'stop: {reason}')
 
     # The lava has come near: the way leads out of its surroundings first, and stays out.
     robot.tell(goal=[25.0, 45.0])
-    robot.plan(_is_way)
+    robot.plan()
     robot.tell(pose=[125.0, 95.0])
     plan = robot.plan(lambda plan: len(plan) > 1 and plan[0, 0] == 125.0)
     assert _distance_to_lava(plan[:1], high) == 20.0
@@ -198,8 +189,7 @@ def test_a_robot_stays_out(graph):
 
     # Nobody keeps the map any more.
     robot.tell(leave=True)
-    robot.plan(_is_stop)
-    robot.says('stop: there is no hazard map')
+    robot.stops('stop: there is no hazard map')
 
 
 def _arrivals_by_waves(until, start, duration):
@@ -260,6 +250,7 @@ class Machine:
     def __init__(self, place):
         self.place = np.array(place)
         self.is_lost = False
+
     @property
     def cell(self):
         """The cell it is in."""
@@ -332,7 +323,7 @@ def test_a_robot_leaves(graph):
     robot = Robot(graph, 'leave_in_time.py', 'arrival', *parameters)
     robot.tell(arrival=_coming(200.0, 900.0), pose=[95.0, 95.0])
     # down is nearer; right it would be overtaken by nothing, but later
-    plan = robot.plan(lambda plan: len(plan) > 1)
+    plan = robot.plan()
     assert plan[0].tolist() == [95.0, 95.0]
     assert plan[-1][0] >= 270.0 or plan[-1][1] >= 190.0
     times = np.append(0.0, np.cumsum(np.hypot(*np.diff(plan, axis=0).T)))
@@ -344,28 +335,26 @@ def test_a_robot_leaves(graph):
     robot.plan(_ends_at(285.0, 45.0))
     robot.tell(goal=[205.0, 45.0])
     robot.plan(lambda plan: len(plan) > 1 and plan[-1][0] != 205.0)
-    robot.says('not to the goal, but to where no lava comes')
+    robot.example.wait_for_log('not to the goal, but to where no lava comes')
 
     # the same forecast, much older: what was far off is near
     robot.tell(arrival=_coming(200.0, 900.0), age=600.0)
-    robot.plan(lambda plan: len(plan) == 0)
-    robot.says('no way leads out in time')
+    robot.stops('no way leads out in time')
 
     # older than anybody should trust
     robot.tell(arrival=_coming(2000.0, 9000.0), pose=[95.0, 95.0])
-    robot.plan(lambda plan: len(plan) > 1)
+    robot.plan()
     robot.tell(arrival=_coming(2000.0, 9000.0), age=3600.0)
-    robot.says('stop: there is no forecast')
+    robot.example.wait_for_log('stop: there is no forecast')
 
     # taken back by the node
     robot.tell(arrival=_coming(2000.0, 9000.0))
-    robot.plan(lambda plan: len(plan) > 1)
+    robot.plan()
     robot.tell(arrival=[[-1.0] * 30] * 20)
-    robot.plan(lambda plan: len(plan) == 0)
-    robot.says('stop: the forecast has been withdrawn')
+    robot.stops('stop: the forecast has been withdrawn')
 
     # nobody is there to take it back
     robot.tell(arrival=_coming(2000.0, 9000.0))
-    robot.plan(lambda plan: len(plan) > 1)
+    robot.plan()
     robot.tell(leave=True)
-    robot.plan(lambda plan: len(plan) == 0)
+    robot.stops('')

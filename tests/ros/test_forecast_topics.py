@@ -26,8 +26,9 @@ from lava_ros.bag.decoding import Decoder
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.ros.forecast_topics import _threshold
-from lava_ros.ros.layer_publishers import published_layers
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.publishers import published_layers
+from ros.graph_publisher import elevation
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
 
@@ -67,9 +68,7 @@ IMAGES = ('arrival_time', *ENSEMBLES[1:])
 @pytest.fixture(scope='module')
 def node(graph):
     """A node that makes forecasts and ensembles and records them."""
-    y, x = np.mgrid[0:30, 0:40]
-    ground = (500.0 - x + 0.05 * (y - 15) ** 2).astype(np.float32)
-    np.savez(graph.directory / 'slope.npz', elevation=ground, resolution=10.0)
+    np.savez(graph.directory / 'slope.npz', elevation=elevation(), resolution=10.0)
     (graph.directory / 'scene.yaml').write_text(SCENE, encoding='utf-8')
     return graph.node(
         device='cpu',

@@ -14,14 +14,16 @@
 
 """Forecasts beside a live simulation, and ensembles that have a deadline."""
 
+from contextlib import suppress
 from dataclasses import replace
 import os
+from pathlib import Path
 import queue
 import signal
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -33,17 +35,23 @@ from lava_ros.forecast import process as forecast_process
 from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.forecast.planning import Affordable
 from lava_ros.ros import diagnostics, forecaster
-from lava_ros.ros.deadline import DeadlineChooser
 from lava_ros.ros.ensemble_forecasts import ForecastRules
-from lava_ros.ros.forecaster import Forecaster, ForecastProcess, LEAST_PERIOD
+from lava_ros.ros.forecaster import (
+    Forecaster,
+    ForecastProcess,
+    LEAST_PERIOD,
+    LEAST_SHARES,
+    Pace,
+    SHARE_RATE,
+)
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.sources import SimulationMaker
 from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import LEAST_SHARES, Pace, SHARE_RATE
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
-from ros.conftest import PATIENCE, wait_until
+from ros.graph_publisher import PATIENCE, wait_until
 
 RULES = ForecastRules(
     horizon=200.0, threshold=0.01, max_age=1e9, share=1.0, max_particles=1_000_000
@@ -148,15 +156,6 @@ def bench(running):
     running.worker.set_scene(scene()).result(PATIENCE)
     running.forecast(lambda _: running.staleness() == '')
     return running
-
-
-def is_running(pid):
-    """Whether a process is there, and no zombie."""
-    try:
-        with open(f'/proc/{pid}/stat', encoding='ascii') as file:
-            return file.read().rpartition(')')[2].split()[0] != 'Z'
-    except FileNotFoundError:
-        return False
 
 
 def test_forecasts_follow_the_live_simulation(bench):
@@ -280,54 +279,48 @@ def test_the_pace():
 FORK = {'number': 1, 'checkpoint': None, 'is_first': True, 'ensemble': None}
 
 
-class Slice:
-    """A look ahead that takes 0.02 s a slice, on a clock of its own, and never ends."""
+class Slices(queue.SimpleQueue):
+    """Orders, a look ahead that never ends, and the clock of both.
 
-    is_done, progress = False, 0.0
+    A slice takes 0.02 s of it, and so long as it may does waiting for an order.
+    """
 
-    def __init__(self, *_, **__):
-        self.slices, self.now = 0, 0.0
+    is_done, progress, now, count = False, 0.0, 0.0, 0
+
+    def monotonic(self):
+        """Time on the clock."""
+        return self.now
 
     def advance(self, wall_limit):
         """Work."""
         assert wall_limit <= 0.1
         self.now += 0.02
-        self.slices += 1
-
-
-class Orders(queue.SimpleQueue):
-    """A queue whose waiting takes time of a slice's clock alone."""
-
-    def __init__(self, clock):
-        super().__init__()
-        self._clock = clock
+        self.count += 1
 
     def get(self, *, timeout):
         """What has been put, or nothing after the wait."""
         if self.empty():
-            self._clock.now += timeout
+            self.now += timeout
         return super().get(block=False)
 
 
 def test_the_process_computes_no_more_than_its_share(monkeypatch):
     """It rests between slices, also while orders come; another share holds from then on."""
-    made = Slice()
-    monkeypatch.setattr(forecast_process, 'LookAhead', lambda *_, **__: made)
+    slices = Slices()
+    monkeypatch.setattr(forecast_process, 'LookAhead', lambda *_, **__: slices)
     # of its module alone: the worker of the tests before still runs
-    clock = SimpleNamespace(monotonic=lambda: made.now)
-    monkeypatch.setattr(forecast_process, 'time', clock)
-    orders = Orders(made)
-    forecasting = forecast_process.Forecasting(orders, lambda *_, **__: None)
-    orders.put(('share', {'share': 0.1}))
-    orders.put(('fork', FORK))
+    monkeypatch.setattr(forecast_process, 'time', slices)
+    forecasting = forecast_process.Forecasting(slices, lambda *_, **__: None)
+    slices.put(('share', {'share': 0.1}))
+    slices.put(('fork', FORK))
     for share in (0.1, 0.5):
-        orders.put(('share', {'share': share}))
-        start, before = made.now, made.slices
-        while made.now - start < 2.0:
+        slices.put(('share', {'share': share}))
+        start, before = slices.now, slices.count
+        while slices.now - start < 2.0:
             forecasting.turn()
         # the first rest is still that of the share before
-        most = share * (made.now - start) + 0.02
-        assert 0.8 * most < (made.slices - before) * 0.02 <= most
+        most = share * (slices.now - start) + 0.02
+        assert 0.8 * most < (slices.count - before) * 0.02 <= most
 
 
 def test_the_first_forecast_of_a_scene_is_there_sooner(monkeypatch):
@@ -350,13 +343,17 @@ def test_the_process_ends_with_the_node():
         'import time\nfrom lava_ros.ros.forecaster import ForecastProcess\n'
         'process = ForecastProcess()\nprint(process.pid, flush=True)\ntime.sleep(100.0)\n'
     )
-    node = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
-    pid = int(node.stdout.readline())
-    assert is_running(pid)
-    node.kill()
-    node.wait()
-    node.stdout.close()
-    wait_until(lambda: not is_running(pid))
+    with subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True) as node:
+        status = Path(f'/proc/{int(node.stdout.readline())}/stat')
+        assert status.exists()
+        node.kill()
+
+    def has_ended():
+        with suppress(OSError):
+            return status.read_text(encoding='ascii').rpartition(')')[2].split()[0] == 'Z'
+        return True
+
+    wait_until(has_ended)
 
 
 SCENE = Scene(Terrain(np.zeros((10, 10)), 10.0), (Vent((50.0, 50.0), 5.0),), lava=Lava())
@@ -364,14 +361,6 @@ SCENE = Scene(Terrain(np.zeros((10, 10)), 10.0), (Vent((50.0, 50.0), 5.0),), lav
 SETTINGS = Settings(
     device='cpu', forecast_horizon=600.0, ensemble_members=8, deadline=20.0, preset='draft'
 )
-
-
-def plan(members):
-    """A plan of so many runs."""
-    return Affordable(
-        preset='draft', spacing=25.0, refinement=0.4, members=members, wall_time=9.0, error=0.02,
-        sampling_error=0.1, is_finest=False, pilots=3, spent=4.0,
-    )
 
 
 @pytest.fixture
@@ -384,7 +373,10 @@ def asked(monkeypatch):
         assert (scene, within, horizon, device) == (SCENE, 20.0, 600.0, 'cpu')
         if members is not None and members > 20:
             raise LavaError('within', within, 'about 31 s: that is what the coarsest take')
-        return plan(members or 13)
+        return Affordable(
+            preset='draft', spacing=25.0, refinement=0.4, members=members or 13, wall_time=9.0,
+            error=0.02, sampling_error=0.1, is_finest=False, pilots=3, spent=4.0,
+        )
 
     monkeypatch.setattr(affordable, 'afford', afford)
     return found
@@ -392,7 +384,7 @@ def asked(monkeypatch):
 
 def test_the_finest_that_is_there_in_time(asked):
     """A forecast, and members that take turns with the next ones; the spacing is the plan's."""
-    chooser = DeadlineChooser()
+    chooser = SimulationMaker()
     assert chooser.accuracy(SCENE, SETTINGS).spacing == 25.0
     assert asked == [17]
     choice = chooser.choice
@@ -408,7 +400,7 @@ def test_the_finest_that_is_there_in_time(asked):
 
 def test_fewer_members_where_not_even_the_coarsest_fit(asked):
     """As many as err least."""
-    chooser = DeadlineChooser()
+    chooser = SimulationMaker()
     chooser.accuracy(SCENE, replace(SETTINGS, ensemble_members=100))
     assert asked == [201, None]
     assert chooser.choice.members == 6
@@ -417,13 +409,10 @@ def test_fewer_members_where_not_even_the_coarsest_fit(asked):
 
 def test_a_flow_is_never_refused_for_a_deadline(monkeypatch):
     """Late maps are better than none: the preset is that of the parameters, with a warning."""
-    chooser = DeadlineChooser()
+    chooser = SimulationMaker()
+    too_late = LavaError('within', 20.0, 'longer: the coarsest runs take more')
+    monkeypatch.setattr(affordable, 'afford', Mock(side_effect=too_late))
     settings = replace(SETTINGS, ensemble_members=0)
-
-    def too_late(*_, **__):
-        raise LavaError('within', 20.0, 'longer: the coarsest runs take more')
-
-    monkeypatch.setattr(affordable, 'afford', too_late)
     assert chooser.accuracy(SCENE, settings) == preset_accuracy('draft', spacing=None)
     assert not chooser.choice.is_met and 'the coarsest runs take more' in chooser.choice.reason
     status = diagnostics.deadline_status(20.0, chooser.choice, took=0.0)
@@ -432,7 +421,7 @@ def test_a_flow_is_never_refused_for_a_deadline(monkeypatch):
 
 def test_nothing_to_choose(asked):
     """Without a deadline, or without lava that comes."""
-    chooser = DeadlineChooser()
+    chooser = SimulationMaker()
     usual = preset_accuracy('draft', spacing=None)
     assert chooser.accuracy(SCENE, replace(SETTINGS, deadline=0.0)) == usual
     assert chooser.accuracy(replace(SCENE, vents=()), SETTINGS) == usual

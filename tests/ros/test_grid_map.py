@@ -20,6 +20,7 @@ The package itself is not on PyPI: that its own classes pass through DDS cannot 
 from concurrent.futures import Future
 import sys
 import types
+from unittest.mock import Mock
 
 from geometry_msgs.msg import Pose
 import numpy as np
@@ -31,7 +32,7 @@ from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.maps.layers import GRID_MAP
-from lava_ros.ros import codec, grid_map, inputs, outputs
+from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.codec import decode, MAX_GRID_LAYERS
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import Settings
@@ -42,19 +43,12 @@ from maps.test_masks import SNAPSHOT
 TERRAIN = Terrain(np.arange(12.0).reshape(3, 4), 2.0, origin=(100.0, -50.0))
 
 
-class GridMapInfo:
-    """Has the fields of grid_map_msgs/msg/GridMapInfo."""
-
-    def __init__(self):
-        self.resolution = self.length_x = self.length_y = 0.0
-        self.pose = Pose()
-
-
 class GridMap:
-    """Has the fields of grid_map_msgs/msg/GridMap."""
+    """Has the fields of grid_map_msgs/msg/GridMap, and info those of GridMapInfo."""
 
     def __init__(self):
-        self.header, self.info = Header(), GridMapInfo()
+        self.header = Header()
+        self.info = types.SimpleNamespace(resolution=0.0, length_x=0.0, length_y=0.0, pose=Pose())
         self.layers, self.basic_layers, self.data = [], [], []
         self.outer_start_index = self.inner_start_index = 0
 
@@ -62,17 +56,16 @@ class GridMap:
 @pytest.fixture(autouse=True)
 def installed(monkeypatch):
     """A package grid_map_msgs on the import path."""
-    package, messages = types.ModuleType('grid_map_msgs'), types.ModuleType('grid_map_msgs.msg')
-    messages.GridMap = GridMap
-    monkeypatch.setitem(sys.modules, 'grid_map_msgs', package)
-    monkeypatch.setitem(sys.modules, 'grid_map_msgs.msg', messages)
+    for name in ('grid_map_msgs', 'grid_map_msgs.msg'):
+        monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
+    sys.modules['grid_map_msgs.msg'].GridMap = GridMap
 
 
 @pytest.fixture
 def absent(installed, monkeypatch):
     """No package grid_map_msgs, also where there is one."""
-    monkeypatch.setitem(sys.modules, 'grid_map_msgs', None)
-    monkeypatch.setitem(sys.modules, 'grid_map_msgs.msg', None)
+    for name in ('grid_map_msgs', 'grid_map_msgs.msg'):
+        monkeypatch.setitem(sys.modules, name, None)
 
 
 def position(message, row, column):
@@ -117,7 +110,7 @@ def expected(terrain, values):
 def made(terrain=TERRAIN, **maps):
     """The map of a terrain."""
     maps = {'elevation': terrain.elevation, **maps}
-    return grid_map.grid_map_message(maps, terrain, Header(frame_id='map'))
+    return codec.grid_map_message(maps, terrain, Header(frame_id='map'))
 
 
 def moved(outer, inner, *, row_major=False, offset=0):
@@ -141,25 +134,23 @@ def moved(outer, inner, *, row_major=False, offset=0):
 
 
 def test_a_map_has_each_value_where_grid_map_looks_for_it():
-    """Every layer has the value of the terrain's cell at the position of its own cell."""
+    """Every layer has the value of the terrain's cell at the position of its own cell.
+
+    Lengths, centre, header and strides are those that grid_map writes.
+    """
     thickness = np.where(TERRAIN.elevation > 5.0, TERRAIN.elevation, np.nan)
     message = made(thickness=thickness)
     assert message.layers == ['elevation', 'thickness']
     assert message.basic_layers == ['elevation']
     for layer, values in (('elevation', TERRAIN.elevation), ('thickness', thickness)):
         assert cells(message, layer) == pytest.approx(expected(TERRAIN, values), nan_ok=True)
-
-
-def test_place_and_layout_of_a_map():
-    """Lengths, centre, header and strides are those that grid_map writes."""
-    message = made()
-    info = message.info
+    info, place = message.info, message.info.pose
     assert (info.resolution, info.length_x, info.length_y) == (2.0, 8.0, 6.0)
-    assert (info.pose.position.x, info.pose.position.y, info.pose.position.z) == (104, -47, 0)
-    assert info.pose.orientation.w == 1.0
+    assert (place.position.x, place.position.y, place.position.z) == (104, -47, 0)
+    assert place.orientation.w == 1.0
     assert message.header == Header(frame_id='map')
     assert (message.outer_start_index, message.inner_start_index) == (0, 0)
-    (array,) = message.data
+    array = message.data[0]
     # 4 cells along x are rows, 3 along y are columns
     dimensions = [(item.label, item.size, item.stride) for item in array.layout.dim]
     assert dimensions == [('column_index', 3, 12), ('row_index', 4, 4)]
@@ -196,33 +187,33 @@ def spoilt(**changes):
 
 
 @pytest.mark.parametrize(
-    ('changes', 'sentence'),
+    ('changes', 'said'),
     [
-        ({'header__frame_id': 'odom'}, "terrain_grid.header.frame_id is 'odom'"),
-        ({'layers': ['height']}, "terrain_grid.layers is ['height'], expected with the layer"),
-        ({'layers': ['elevation', 'more']}, "terrain_grid.data is '1 arrays', expected as many"),
-        ({'outer_start_index': 4}, 'terrain_grid.outer_start_index is 4, expected 0 to 3'),
-        ({'inner_start_index': 3}, 'terrain_grid.inner_start_index is 3, expected 0 to 2'),
-        ({'info__resolution': 0.0}, 'terrain_grid.info.resolution is 0.0'),
-        ({'info__resolution': float('nan')}, 'terrain_grid.info.resolution is nan'),
-        ({'info__length_x': 6.0}, 'terrain_grid.info.length_x is 6.0, expected 8 m: 4 cells'),
-        ({'info__length_y': float('nan')}, 'terrain_grid.info.length_y is nan, expected 6 m'),
-        ({'info__pose__position__x': float('inf')}, 'terrain_grid.info.pose.position.x is inf'),
-        ({'info__pose__position__z': 3.0}, 'terrain_grid.info.pose.position.z is 3.0'),
-        ({'info__pose__orientation__w': 0.5}, 'terrain_grid.info.pose.orientation is'),
-        ({'data__0__data': [1.0]}, "terrain_grid.data[0].data is '1 values', expected data_off"),
-        ({'data__0__layout__dim': []}, 'terrain_grid.data[0].layout.dim is []'),
-        ({'data__0__layout__dim__0__label': 'x'}, "terrain_grid.data[0].layout.dim is ['x', 'ro"),
-        ({'data__0__layout__dim__0__size': 0}, 'terrain_grid.data[0].layout.dim is [0, 4]'),
-        ({'data__0__data': [float('inf')] * 12}, 'terrain_grid.data is inf'),
-        ({'data__0__data': [1.0] * 11 + [float('nan')]}, "terrain_grid.data is '1 of 12 cells"),
+        ({'header__frame_id': 'odom'}, "header.frame_id is 'odom'"),
+        ({'layers': ['height']}, "layers is ['height'], expected with the layer"),
+        ({'layers': ['elevation', 'more']}, "data is '1 arrays', expected as many"),
+        ({'outer_start_index': 4}, 'outer_start_index is 4, expected 0 to 3'),
+        ({'inner_start_index': 3}, 'inner_start_index is 3, expected 0 to 2'),
+        ({'info__resolution': 0.0}, 'info.resolution is 0.0'),
+        ({'info__resolution': float('nan')}, 'info.resolution is nan'),
+        ({'info__length_x': 6.0}, 'info.length_x is 6.0, expected 8 m: 4 cells'),
+        ({'info__length_y': float('nan')}, 'info.length_y is nan, expected 6 m'),
+        ({'info__pose__position__x': float('inf')}, 'info.pose.position.x is inf'),
+        ({'info__pose__position__z': 3.0}, 'info.pose.position.z is 3.0'),
+        ({'info__pose__orientation__w': 0.5}, 'info.pose.orientation is'),
+        ({'data__0__data': [1.0]}, "data[0].data is '1 values', expected data_off"),
+        ({'data__0__layout__dim': []}, 'data[0].layout.dim is []'),
+        ({'data__0__layout__dim__0__label': 'x'}, "data[0].layout.dim is ['x', 'ro"),
+        ({'data__0__layout__dim__0__size': 0}, 'data[0].layout.dim is [0, 4]'),
+        ({'data__0__data': [float('inf')] * 12}, 'data is inf'),
+        ({'data__0__data': [1.0] * 11 + [float('nan')]}, "data is '1 of 12 cells"),
     ],
 )
-def test_a_map_that_contradicts_itself_is_refused(changes, sentence):
+def test_a_map_that_contradicts_itself_is_refused(changes, said):
     """The field, what it says and what would be right are named."""
     with pytest.raises(LavaError) as caught:
         inputs.terrain_from_grid(spoilt(**changes), Settings())
-    assert str(caught.value).startswith(sentence)
+    assert str(caught.value).startswith(f'terrain_grid.{said}')
 
 
 def test_a_map_that_is_too_large_is_refused():
@@ -244,16 +235,10 @@ def test_the_layer_shows_ground_and_lava():
     assert message.layers == ['elevation', 'thickness', 'temperature', 'hazard']
     assert (message.header.frame_id, message.header.stamp.nanosec) == ('map', 4)
     for source in ('thickness', 'temperature', 'hazard'):
-        (alone,) = layers_from_dict(
-            {
-                'layers': {
-                    'one': {'source': source, 'message': 'sensor_msgs/Image', 'threshold': 0.01}
-                }
-            }
-        )
-        again = grid_map.layer_values(message, source, 'lava_grid_map')
+        alone = layer(source=source, message='sensor_msgs/Image')
+        again = codec.layer_values(message, source, 'lava_grid_map')
         np.testing.assert_array_equal(again, alone.raw_values(SNAPSHOT))
-    ground = grid_map.layer_values(message, 'elevation', 'lava_grid_map')
+    ground = codec.layer_values(message, 'elevation', 'lava_grid_map')
     np.testing.assert_array_equal(ground, SNAPSHOT.terrain.elevation.astype(np.float32))
 
 
@@ -264,7 +249,7 @@ def test_the_hazard_of_the_layer_has_its_limits():
         outputs.layer_message(item, SNAPSHOT, frame_id='map', stamp_ns=0)
         for item in (layer(), layer(hazard=milder))
     ]
-    lethal = [(grid_map.layer_values(item, 'hazard', 'map') == 100.0).sum() for item in messages]
+    lethal = [(codec.layer_values(item, 'hazard', 'map') == 100.0).sum() for item in messages]
     # the cell whose temperature is unknown stays
     assert lethal[0] > lethal[1] == 1
 
@@ -280,58 +265,38 @@ def test_without_the_package_the_layer_is_refused(absent):
     assert '\n' not in sentence
 
 
-class Bench:
-    """Takes what a node would: subscriptions and terrain."""
-
-    def __init__(self):
-        self.node, self.terrain = self, None
-        self.subscriptions = {}
-        self.lines = []
-
-    def get_logger(self):
-        """The log."""
-        return types.SimpleNamespace(error=self.lines.append)
-
-    def create(self, kind, *what, **_):
-        """Note a subscription."""
-        if kind == 'subscription':
-            message_class, topic, callback, profile = what
-            self.subscriptions[topic] = (message_class, callback, profile)
-
-    def set_terrain(self, terrain):
-        """Note a terrain."""
-        self.terrain = terrain
-        done = Future()
-        done.set_result(None)
-        return done
+def subscribed():
+    """What a node subscribes to by topic, with its worker and its log."""
+    entities, worker = Mock(), Mock()
+    worker.set_terrain.return_value = Future()
+    InputTopics(entities, worker, settings=Settings, steady=Clock())
+    made = [call.args[1:] for call in entities.create.call_args_list]
+    topics = {words[1]: (words[0], *words[2:]) for words in made if len(words) == 4}
+    return topics, worker.set_terrain, entities.node.get_logger().error
 
 
 def test_without_the_package_maps_are_not_subscribed_to(absent):
     """The other topics are there."""
-    bench = Bench()
-    InputTopics(bench, bench, settings=Settings, steady=Clock())
     usual = {'terrain', 'terrain_info', 'terrain_cloud', 'vents', 'clicked_point'}
-    assert set(bench.subscriptions) == usual
+    assert set(subscribed()[0]) == usual
 
 
 def test_a_map_becomes_the_terrain(monkeypatch):
     """What comes on terrain_grid is given to the simulation, or refused in the log."""
-    bench = Bench()
-    InputTopics(bench, bench, settings=Settings, steady=Clock())
-    kind, take, profile = bench.subscriptions['terrain_grid']
+    topics, set_terrain, error = subscribed()
+    kind, take, profile = topics['terrain_grid']
     assert kind is GridMap
-    assert profile == bench.subscriptions['terrain'][2]
-    arrived = []
-    monkeypatch.setattr('lava_ros.ros.input_topics.decode', lambda *_, **__: arrived[-1])
-    arrived.append(moved(1, 2))
+    assert profile == topics['terrain'][2]
+    monkeypatch.setattr('lava_ros.ros.input_topics.decode', lambda *_, **__: moved(1, 2))
     take(b'')
-    np.testing.assert_array_equal(bench.terrain.elevation, TERRAIN.elevation)
-    before = bench.terrain
-    arrived.append(spoilt(layers=['height']))
+    (terrain,) = set_terrain.call_args.args
+    np.testing.assert_array_equal(terrain.elevation, TERRAIN.elevation)
+    refused = spoilt(layers=['height'])
+    monkeypatch.setattr('lava_ros.ros.input_topics.decode', lambda *_, **__: refused)
     take(b'')
-    assert bench.terrain is before
-    assert len(bench.lines) == 1
-    assert bench.lines[0].startswith('terrain_grid refused: terrain_grid.layers is')
+    set_terrain.assert_called_once()
+    (((said,), _),) = error.call_args_list
+    assert said.startswith('terrain_grid refused: terrain_grid.layers is')
 
 
 def wire(message, *, layers=None, arrays=None):
@@ -339,34 +304,29 @@ def wire(message, *, layers=None, arrays=None):
     assert codec.serialise(Header())[1] == 1
     body = bytearray()
 
-    def text(value):
-        return number(len(value) + 1) + value.encode() + b'\0'
-
-    def number(value):
-        body_pad(4)
-        return int(value).to_bytes(4, 'little')
-
-    def body_pad(size):
+    def pad(size):
         body.extend(bytes(-len(body) % size))
 
+    def put(*values):
+        """Numbers, and texts behind their lengths."""
+        for value in values:
+            pad(4)
+            text = f'{value}\0'.encode() if isinstance(value, str) else b''
+            body.extend(int(len(text) or value).to_bytes(4, 'little') + text)
+
+    info = message.info
     body += serialize_message(message.header)[4:]
-    body_pad(8)
-    info, pose = message.info, message.info.pose
+    pad(8)
     body += np.array([info.resolution, info.length_x, info.length_y], '<f8').tobytes()
-    body += serialize_message(pose)[4:]
-    for names, count in ((message.layers, layers), (message.basic_layers, None)):
-        body += number(len(names) if count is None else count)
-        for name in names:
-            body += text(name)
-    body += number(len(message.data) if arrays is None else arrays)
+    body += serialize_message(info.pose)[4:]
+    put(len(message.layers) if layers is None else layers, *message.layers)
+    put(len(message.basic_layers), *message.basic_layers)
+    put(len(message.data) if arrays is None else arrays)
     for array in message.data:
-        body += number(len(array.layout.dim))
+        put(len(array.layout.dim))
         for item in array.layout.dim:
-            body += text(item.label)
-            body += number(item.size)
-            body += number(item.stride)
-        body += number(array.layout.data_offset)
-        body += number(len(array.data))
+            put(item.label, item.size, item.stride)
+        put(array.layout.data_offset, len(array.data))
         body += np.asarray(array.data, '<f4').tobytes()
     return b'\0\1\0\0' + bytes(body)
 

@@ -16,6 +16,7 @@
 
 import array
 from dataclasses import replace
+from functools import partial
 from operator import attrgetter
 import tracemalloc
 from types import SimpleNamespace
@@ -32,39 +33,39 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Vent
 
 RULES = Settings()
+
+_header = partial(codec.header, 'map', 0)
+
 #: Lengths that no cell has [m].
 RESOLUTIONS = (0.0, -1.0, np.nan, 1e30, 1e-30)
 
 ELEVATION = np.arange(12, dtype=np.float32).reshape(3, 4) + 100.0
 
-
-def _header():
-    return codec.header('map', 0)
+ALLOWED = {'terrain_allow_holes': True}
 
 
-
-def _pair(elevation=ELEVATION, resolution=10.0, origin=(5.0, -7.0)):
-    rows, columns = np.shape(elevation)
-    image = codec.float_image(np.asarray(elevation, np.float32), _header())
-    info = MapMetaData(width=columns, height=rows, resolution=resolution)
-    info.origin.position.x, info.origin.position.y = origin
-    return image, info
+def _pair(resolution=10.0):
+    info = MapMetaData(width=4, height=3, resolution=resolution)
+    info.origin.position.x, info.origin.position.y = 5.0, -7.0
+    return codec.float_image(ELEVATION, _header()), info
 
 
-def _with(value, place=(1, 1)):
+def _image(value, place=...):
     elevation = ELEVATION.copy()
     elevation[place] = value
-    return elevation
+    return codec.float_image(elevation, _header())
+
+
+def _cloud(x, y, z):
+    return codec.point_cloud({'x': np.ravel(x), 'y': np.ravel(y), 'z': np.ravel(z)}, _header())
 
 
 def test_terrain_from_image():
     """Elevation, resolution, origin and the offset of the map arrive as they are."""
     rules = replace(RULES, epsg=32633, offset_easting=5e5, offset_northing=4.17e6)
-    image, info = _pair(resolution=0.1)
-    terrain = inputs.terrain_from_image(image, info, rules)
+    terrain = inputs.terrain_from_image(*_pair(resolution=0.1), rules)
     np.testing.assert_array_equal(terrain.elevation, ELEVATION)
-    assert terrain.resolution == 0.1
-    assert terrain.origin == (5.0, -7.0)
+    assert (terrain.resolution, terrain.origin) == (0.1, (5.0, -7.0))
     assert (terrain.epsg, terrain.offset) == (32633, (500000.0, 4170000.0))
 
 
@@ -79,87 +80,63 @@ def test_terrain_from_16_bit_image():
         np.testing.assert_allclose(terrain.elevation, ELEVATION - 100.0, atol=1e-4)
 
 
-def test_holes_are_taken_on_request():
-    """NaN cells are refused unless the parameter allows them."""
-    pair = _pair(_with(np.nan))
-    with pytest.raises(LavaError, match=r'1 of 12 cells without data.*terrain_allow_holes'):
-        inputs.terrain_from_image(*pair, RULES)
-    terrain = inputs.terrain_from_image(*pair, replace(RULES, terrain_allow_holes=True))
-    assert np.isnan(terrain.elevation[1, 1])
-
-
 @pytest.mark.parametrize(
-    ('path', 'value', 'field'),
+    ('path', 'value', 'rules', 'said'),
     [
-        ('image.encoding', '8UC1', 'terrain.encoding'),
-        ('image.step', 15, 'terrain.step'),
-        ('image.step', 17, 'terrain.data'),
-        ('image.data', array.array('B', b'1234'), 'terrain.data'),
-        ('image.width', 0, 'terrain.size'),
-        ('image.height', 40000, 'terrain.size'),
-        ('image.header.frame_id', 'odom', 'terrain.header.frame_id'),
-        ('image.header.frame_id', '', 'terrain.header.frame_id'),
-        ('info.width', 5, 'terrain_info.size'),
-        ('info.height', 0, 'terrain_info.size'),
-        *(('info.resolution', value, 'terrain_info.resolution') for value in RESOLUTIONS),
-        ('info.origin.position.y', -1e308, 'terrain_info.origin.position.y'),
-        ('info.origin.position.x', np.inf, 'terrain_info.origin.position.x'),
-        ('info.origin.position.z', 1.0, 'terrain_info.origin.position.z'),
-        ('info.origin.orientation.z', 0.1, 'terrain_info.origin.orientation'),
-        ('info.origin.orientation.w', np.nan, 'terrain_info.origin.orientation'),
+        ('image.encoding', '8UC1', {}, 'terrain.encoding is'),
+        ('image.step', 15, {}, 'terrain.step is'),
+        ('image.step', 17, {}, 'terrain.data is'),
+        ('image.data', array.array('B', b'1234'), {}, 'terrain.data is'),
+        ('image.width', 0, {}, 'terrain.size is'),
+        ('image.height', 40000, {}, 'terrain.size is'),
+        ('image.header.frame_id', 'odom', {}, 'terrain.header.frame_id is'),
+        ('image.header.frame_id', '', {}, 'terrain.header.frame_id is'),
+        ('info.width', 5, {}, 'terrain_info.size is'),
+        ('info.height', 0, {}, 'terrain_info.size is'),
+        *(('info.resolution', value, {}, 'terrain_info.resolution is') for value in RESOLUTIONS),
+        ('info.origin.position.y', -1e308, {}, 'terrain_info.origin.position.y is'),
+        ('info.origin.position.x', np.inf, {}, 'terrain_info.origin.position.x is'),
+        ('info.origin.position.z', 1.0, {}, 'terrain_info.origin.position.z is'),
+        ('info.origin.orientation.z', 0.1, {}, 'terrain_info.origin.orientation is'),
+        ('info.origin.orientation.w', np.nan, {}, 'terrain_info.origin.orientation is'),
+        ('image', _image(np.nan, (1, 1)), {}, 'terrain.data is .1 of 12 cells without.*holes'),
+        # infinity is never an elevation, and all holes are no terrain
+        ('image', _image(np.inf, (1, 1)), ALLOWED, 'terrain.data is inf'),
+        ('image', _image(-np.inf, (1, 1)), ALLOWED, 'terrain.data is inf'),
+        ('image', _image(np.nan), ALLOWED, 'terrain.data is .*at least one cell with data'),
+        ('image.width', 4, {'max_terrain_cells': 11}, 'terrain.size is .*max_terrain_cells'),
+        ('image.width', 4, {'max_input_bytes': 11}, 'terrain.data is .*max_input_bytes'),
     ],
 )
-def test_malformed_terrain_is_refused(path, value, field):
-    """Each thing that can be wrong with a terrain is named."""
+def test_malformed_terrain_is_refused(path, value, rules, said):
+    """Each thing that can be wrong with a terrain is named, with the limit that was hit."""
     pair = SimpleNamespace(**dict(zip(('image', 'info'), _pair(), strict=True)))
     owner, _, name = path.rpartition('.')
-    setattr(attrgetter(owner)(pair), name, value)
-    with pytest.raises(LavaError) as caught:
-        inputs.terrain_from_image(pair.image, pair.info, RULES)
-    assert caught.value.field == field
+    setattr(attrgetter(owner)(pair) if owner else pair, name, value)
+    with pytest.raises(LavaError, match=f'^{said}'):
+        inputs.terrain_from_image(pair.image, pair.info, replace(RULES, **rules))
 
 
-@pytest.mark.parametrize('value', [np.inf, -np.inf])
-def test_infinite_elevation_is_refused(value):
-    """Infinity is never an elevation, holes allowed or not."""
-    with pytest.raises(LavaError, match=r'terrain\.data is inf'):
-        inputs.terrain_from_image(*_pair(_with(value)), replace(RULES, terrain_allow_holes=True))
+def test_holes_are_taken_on_request():
+    """NaN cells of an image, and cells without points of a cloud, stay NaN."""
+    rules = replace(RULES, **ALLOWED)
+    terrain = inputs.terrain_from_image(_image(np.nan, (1, 1)), _pair()[1], rules)
+    assert np.argwhere(np.isnan(terrain.elevation)).tolist() == [[1, 1]]
+    cloud = _cloud([0, 20, 0, 20], [0, 0, 10, 10], [1, 2, 3, 4])
+    terrain = inputs.terrain_from_cloud(cloud, rules)
+    np.testing.assert_array_equal(terrain.elevation, [[1, np.nan, 2], [3, np.nan, 4]])
 
 
-def test_terrain_without_data_is_refused():
-    """All holes is no terrain."""
-    pair = _pair(np.full((3, 4), np.nan))
-    with pytest.raises(LavaError, match='at least one cell with data'):
-        inputs.terrain_from_image(*pair, replace(RULES, terrain_allow_holes=True))
+def test_terrain_from_cloud():
+    """Points on a grid of the cells' size are cell centres; else a cell gets the mean of its own.
 
-
-@pytest.mark.parametrize(
-    ('limit', 'field'),
-    [('max_terrain_cells', 'terrain.size'), ('max_input_bytes', 'terrain.data')],
-)
-def test_too_large_a_terrain_is_refused(limit, field):
-    """The limits are parameters, and the error names the one that was hit."""
-    with pytest.raises(LavaError, match=limit) as caught:
-        inputs.terrain_from_image(*_pair(), replace(RULES, **{limit: 11}))
-    assert caught.value.field == field
-
-
-def _cloud(x, y, z):
-    columns = {'x': np.ravel(x), 'y': np.ravel(y), 'z': np.ravel(z)}
-    return codec.point_cloud(columns, _header())
-
-
-def test_terrain_from_regular_cloud():
-    """Points on a grid of the cells' size are cell centres, also with inexact coordinates."""
+    Coordinates may be inexact, and points with NaN are absent.
+    """
     rules = replace(RULES, terrain_cloud_resolution=0.1)
     y, x = np.mgrid[0:3, 0:4] * 0.1
     terrain = inputs.terrain_from_cloud(_cloud(x + 7.0, y - 2.0, ELEVATION), rules)
     np.testing.assert_array_equal(terrain.elevation, ELEVATION)
     assert terrain.origin == pytest.approx((6.95, -2.05))
-
-
-def test_terrain_from_scattered_cloud():
-    """A cell gets the mean of its points; points with NaN are absent."""
     x = [0.0, 1.0, 10.0, 0.0, 10.0, 5.0]
     y = [0.0, 1.0, 0.0, 10.0, 10.0, 5.0]
     z = [100.0, 200.0, 10.0, 20.0, 30.0, np.nan]
@@ -168,32 +145,43 @@ def test_terrain_from_scattered_cloud():
     assert terrain.origin == (-5.0, -5.0)
 
 
+#: The corners of a cell.
+EAST, NORTH = [0, 10, 0, 10], [0, 0, 10, 10]
+
+
 @pytest.mark.parametrize(
     ('x', 'y', 'z', 'rules', 'field'),
     [
-        ([0, 20, 0, 20], [0, 0, 20, 20], [1, 2, 3, 4], {}, 'terrain_cloud.data'),
-        ([0, 10, 0, 10], [0, 0, 10, 10], [1, 2, 3, np.inf], {}, 'terrain_cloud.z'),
-        ([0, 10, 0, np.inf], [0, 0, 10, 10], [1, 2, 3, 4], {}, 'terrain_cloud.x'),
-        ([0, 10, 0, 10], [0, -2e9, 10, 10], [1, 2, 3, 4], {}, 'terrain_cloud.y'),
-        ([0, 10], [0, 0], [1, 2], {}, 'terrain_cloud.size'),
-        ([np.nan], [0], [1], {}, 'terrain_cloud.size'),
-        ([], [], [], {}, 'terrain_cloud.size'),
-        ([0, 1e8], [0, 1e8], [1, 2], {}, 'terrain_cloud.size'),
-        (
-            [0, 1e4],
-            [0, 1e4],
-            [1, 2],
-            {'max_terrain_cells': 100, 'terrain_allow_holes': True},
-            'terrain_cloud.size',
-        ),
-        ([0, 10], [0, 10], [1, 2], {'frame_id': 'world'}, 'terrain_cloud.header.frame_id'),
+        ([0, 20, 0, 20], [0, 0, 20, 20], [1, 2, 3, 4], {}, 'data'),
+        (EAST, NORTH, [1, 2, 3, np.inf], {}, 'z'),
+        ([0, 10, 0, np.inf], NORTH, [1, 2, 3, 4], {}, 'x'),
+        (EAST, [0, -2e9, 10, 10], [1, 2, 3, 4], {}, 'y'),
+        ([0, 10], [0, 0], [1, 2], {}, 'size'),
+        ([np.nan], [0], [1], {}, 'size'),
+        ([], [], [], {}, 'size'),
+        ([0, 1e8], [0, 1e8], [1, 2], {}, 'size'),
+        ([0, 1e4], [0, 1e4], [1, 2], {'max_terrain_cells': 100, **ALLOWED}, 'size'),
+        ([0, 10], [0, 10], [1, 2], {'frame_id': 'world'}, 'header.frame_id'),
     ],
 )
 def test_malformed_terrain_cloud_is_refused(x, y, z, rules, field):
     """Holes, infinities, a cloud too small or too wide, and the wrong frame are errors."""
-    with pytest.raises(LavaError) as caught:
+    with pytest.raises(LavaError, match=f'^terrain_cloud.{field} is'):
         inputs.terrain_from_cloud(_cloud(x, y, z), replace(RULES, **rules))
-    assert caught.value.field == field
+
+
+def _wide_cloud(columns, **datatypes):
+    """A cloud of FLOAT64 columns, or of the datatypes that are named."""
+    kinds = {PointField.INT32: '<i4', PointField.FLOAT64: '<f8'}
+    types = {name: datatypes.get(name, PointField.FLOAT64) for name in columns}
+    dtype = np.dtype([(name, kinds[datatype]) for name, datatype in types.items()])
+    points = np.array(list(zip(*columns.values(), strict=True)), dtype)
+    cloud = codec.point_cloud({name: np.zeros(len(points)) for name in columns}, _header())
+    for item in cloud.fields:
+        item.datatype, item.offset = types[item.name], dtype.fields[item.name][1]
+    cloud.point_step, cloud.row_step = dtype.itemsize, points.nbytes
+    cloud.data = array.array('B', points.tobytes())
+    return cloud
 
 
 @pytest.mark.parametrize('axis', ['x', 'y', 'z'])
@@ -201,21 +189,8 @@ def test_numbers_of_a_cloud_are_bounded_before_they_are_used(axis):
     """FLOAT64 may have any number: a spread or a mean of such is none, or another one's."""
     columns = {'x': [0.0, 10.0, 10.0], 'y': [0.0, 10.0, 10.0], 'z': [1.0, 2.0, 3.0]}
     columns[axis][1:] = [1e308, -1e308]
-    points = np.array(list(columns.values())).T
-    cloud = codec.point_cloud(columns, _header())
-    for index, item in enumerate(cloud.fields):
-        item.datatype, item.offset = PointField.FLOAT64, 8 * index
-    cloud.point_step, cloud.row_step = 24, 72
-    cloud.data = array.array('B', points.tobytes())
     with pytest.raises(LavaError, match=rf'terrain_cloud\.{axis} is 1e\+308, expected at most'):
-        inputs.terrain_from_cloud(cloud, RULES)
-
-
-def test_cloud_holes_are_taken_on_request():
-    """Cells without points stay NaN when holes are allowed."""
-    cloud = _cloud([0, 20, 0, 20], [0, 0, 10, 10], [1, 2, 3, 4])
-    terrain = inputs.terrain_from_cloud(cloud, replace(RULES, terrain_allow_holes=True))
-    np.testing.assert_array_equal(terrain.elevation, [[1, np.nan, 2], [3, np.nan, 4]])
+        inputs.terrain_from_cloud(_wide_cloud(columns), RULES)
 
 
 VENT = {'x': 1.0, 'y': 2.0, 'z': 0.0, 'discharge': 5.0, 'temperature': 1100.0, 'radius': 8.0}
@@ -233,6 +208,11 @@ def test_vents_from_cloud():
     assert first == Vent((1.0, 2.0), 5.0, temperature=1373.15, radius=8.0, name='vent 0')
     assert (second.position, second.name) == ((9.0, 2.0), 'vent 1')
     assert inputs.vents_from_cloud(_vents({}, id=7.0), RULES)[0].name == 'vent 7'
+    assert inputs.vents_from_cloud(_vents(), RULES) == ()
+    # the id may be an integer, the rest doubles
+    columns = {name: [value] for name, value in {'id': 42, **VENT}.items()}
+    (vent,) = inputs.vents_from_cloud(_wide_cloud(columns, id=PointField.INT32), RULES)
+    assert vent == replace(first, name='vent 42')
 
 
 def test_a_vent_with_a_schedule():
@@ -246,30 +226,36 @@ def test_a_vent_with_a_schedule():
     assert (first.position, second.position) == ((1.0, 2.0), (9.0, 2.0))
     assert first.series == second.series == ((0.0, 5.0), (60.0, 2.0), (600.0, 0.0))
     assert first.name == 'vent 7'
-    with pytest.raises(LavaError, match='missing: id'):
-        inputs.vents_from_cloud(_vents(*points), RULES)
-    with pytest.raises(LavaError, match="'vent 7'.radius is 9.0, expected 8 as at its first time"):
-        inputs.vents_from_cloud(_vents(points[0], {**points[1], 'radius': 9.0}, id=7.0), RULES)
-    with pytest.raises(LavaError, match="'vent 7'.discharge"):
-        inputs.vents_from_cloud(_vents(points[1], points[0], id=7.0), RULES)
-    assert inputs.vents_from_cloud(_vents(), RULES) == ()
+    for cloud, said in (
+        (_vents(*points), 'missing: id'),
+        (
+            _vents(points[0], {**points[1], 'radius': 9.0}, id=7.0),
+            "'vent 7'.radius is 9.0, expected 8 as at its first time",
+        ),
+        (_vents(points[1], points[0], id=7.0), "'vent 7'.discharge"),
+    ):
+        with pytest.raises(LavaError, match=said):
+            inputs.vents_from_cloud(cloud, RULES)
 
 
 @pytest.mark.parametrize(
-    ('changes', 'field'),
+    ('changes', 'rules', 'field'),
     [
-        ({'discharge': -1.0}, "vent 'vent 0'.discharge"),
-        ({'discharge': np.nan}, "vent 'vent 0'.discharge"),
-        ({'radius': 0.0}, "vent 'vent 0'.radius"),
-        ({'temperature': 100.0}, "vent 'vent 0'.temperature"),
-        ({'temperature': np.inf}, "vent 'vent 0'.temperature"),
-        ({'x': np.nan}, "vent 'vent 0'.position[0]"),
+        ({'discharge': -1.0}, {}, "vent 'vent 0'.discharge"),
+        ({'discharge': np.nan}, {}, "vent 'vent 0'.discharge"),
+        ({'radius': 0.0}, {}, "vent 'vent 0'.radius"),
+        ({'temperature': 100.0}, {}, "vent 'vent 0'.temperature"),
+        ({'temperature': np.inf}, {}, "vent 'vent 0'.temperature"),
+        ({'x': np.nan}, {}, "vent 'vent 0'.position[0]"),
+        ({}, {'max_vents': 1}, 'vents.size'),
+        ({}, {'max_input_bytes': 47}, 'vents.data'),
+        ({}, {'frame_id': 'world'}, 'vents.header.frame_id'),
     ],
 )
-def test_a_malformed_vent_is_refused(changes, field):
-    """Each thing that can be wrong with a vent is named."""
+def test_malformed_vents_are_refused(changes, rules, field):
+    """Each thing that can be wrong with a vent or the message of vents is named."""
     with pytest.raises(LavaError) as caught:
-        inputs.vents_from_cloud(_vents(changes), RULES)
+        inputs.vents_from_cloud(_vents(changes, {}), replace(RULES, **rules))
     assert caught.value.field == field
 
 
@@ -280,44 +266,6 @@ def test_vents_need_their_fields(name):
     cloud.fields = [item for item in cloud.fields if item.name != name]
     with pytest.raises(LavaError, match=f'missing: {name}$'):
         inputs.vents_from_cloud(cloud, RULES)
-
-
-@pytest.mark.parametrize(
-    ('rules', 'field'),
-    [
-        ({'max_vents': 1}, 'vents.size'),
-        ({'max_input_bytes': 47}, 'vents.data'),
-        ({'frame_id': 'world'}, 'vents.header.frame_id'),
-    ],
-)
-def test_a_malformed_vents_message_is_refused(rules, field):
-    """Too many vents, too many bytes and the wrong frame are errors."""
-    with pytest.raises(LavaError) as caught:
-        inputs.vents_from_cloud(_vents({}, {}), replace(RULES, **rules))
-    assert caught.value.field == field
-
-
-def test_vents_of_other_types():
-    """The id may be an integer, the rest doubles."""
-    dtype = np.dtype([('id', '<i4'), *((name, '<f8') for name in VENT)])
-    points = np.array([(42, *VENT.values())], dtype)
-    cloud = codec.point_cloud(VENT_COLUMNS, _header())
-    cloud.fields = [
-        PointField(
-            name=name,
-            offset=dtype.fields[name][1],
-            datatype=PointField.INT32 if name == 'id' else PointField.FLOAT64,
-            count=1,
-        )
-        for name in dtype.names
-    ]
-    cloud.point_step = cloud.row_step = dtype.itemsize
-    cloud.data = array.array('B', points.tobytes())
-    (vent,) = inputs.vents_from_cloud(cloud, RULES)
-    assert (vent.name, vent.discharge, vent.position) == ('vent 42', 5.0, (1.0, 2.0))
-
-
-VENT_COLUMNS = {name: [value] for name, value in VENT.items()}
 
 
 def test_vent_from_point():
@@ -332,32 +280,29 @@ def test_vent_from_point():
         inputs.vent_from_point(point, settings, name='click 1')
 
 
-def _info(width=4):
-    return MapMetaData(width=width, height=3)
+_plain_image, _info = partial(Image, width=4, height=3), partial(MapMetaData, width=4, height=3)
 
 
-def _plain_image():
-    return Image(width=4, height=3)
+def _pairing(*halves):
+    """What has heard halves of a terrain at time 0."""
+    result = inputs.TerrainPairing()
+    for half in halves:
+        result.add(half, 0.0)
+    return result
 
 
-@pytest.mark.parametrize('image_first', [True, False])
-def test_pairing_in_either_order(image_first):
-    """Two new halves of one size are a pair at once, whichever comes first."""
-    pairing, image, info = inputs.TerrainPairing(), _plain_image(), _info()
-    pairing.add(image if image_first else info, 0.0)
-    assert pairing.poll(0.0) is None
-    pairing.add(info if image_first else image, 0.0)
-    assert pairing.poll(0.0) == (image, info)
-    assert pairing.poll(0.0) is None
-    assert not pairing.is_waiting
+def test_pairing():
+    """Two new halves of one size are a pair at once, in either order.
 
-
-def test_pairing_waits_for_the_partner_of_a_new_half():
-    """A new half of the old size takes the old partner only when no new one comes."""
-    pairing, info = inputs.TerrainPairing(), _info()
-    pairing.add(_plain_image(), 0.0)
-    pairing.add(info, 0.0)
-    assert pairing.poll(0.0)
+    A new half of the old size takes the old partner only when no new one comes.
+    """
+    image, info = _plain_image(), _info()
+    for halves in ((image, info), (info, image)):
+        pairing = _pairing(halves[0])
+        assert pairing.poll(0.0) is None
+        pairing.add(halves[1], 0.0)
+        assert pairing.poll(0.0) == (image, info)
+        assert pairing.poll(100.0) is None
     second, third, moved = _plain_image(), _plain_image(), _info()
     pairing.add(second, 10.0)
     assert pairing.poll(10.4) is None
@@ -365,37 +310,28 @@ def test_pairing_waits_for_the_partner_of_a_new_half():
     pairing.add(third, 20.0)
     pairing.add(moved, 20.1)
     result = pairing.poll(20.1)
-    assert result[0] is third
-    assert result[1] is moved
-
-
-def test_pairing_reports_a_mismatch_once():
-    """Halves of different sizes are reported once, after the patience, and can still be mended."""
-    pairing = inputs.TerrainPairing()
-    pairing.add(_plain_image(), 0.0)
-    pairing.add(_info(5), 0.0)
-    assert pairing.poll(1.9) is None
-    with pytest.raises(LavaError, match=r"terrain_info\.size is '5 x 3', expected.*4 x 3"):
-        pairing.poll(2.0)
-    assert pairing.poll(3.0) is None
-    mended = _info()
-    pairing.add(mended, 4.0)
-    assert pairing.poll(4.0)[1] is mended
+    assert result[0] is third and result[1] is moved
 
 
 @pytest.mark.parametrize(
-    ('half', 'field'),
-    [(Image(width=4, height=3), 'terrain_info'), (MapMetaData(width=4, height=3), 'terrain')],
+    ('halves', 'patience', 'said'),
+    [
+        ([_plain_image(), _info(width=5)], 2.0, r"terrain_info\.size is '5 x 3', expected.*4 x 3"),
+        ([_plain_image()], 10.0, 'terrain_info is missing'),
+        ([_info()], 10.0, 'terrain is missing'),
+    ],
 )
-def test_pairing_reports_a_lonely_half_once(half, field):
-    """A half whose partner never comes is reported once, later than one of another size."""
-    pairing = inputs.TerrainPairing()
-    pairing.add(half, 0.0)
-    assert pairing.poll(9.9) is None
-    with pytest.raises(LavaError) as caught:
-        pairing.poll(10.0)
-    assert caught.value.field == field
-    assert pairing.poll(20.0) is None
+def test_pairing_reports_what_does_not_fit_once(halves, patience, said):
+    """After a while, sooner for halves of different sizes; then they can still be mended."""
+    pairing = _pairing(*halves)
+    assert pairing.poll(patience - 0.1) is None
+    with pytest.raises(LavaError, match=f'^{said}'):
+        pairing.poll(patience)
+    assert pairing.poll(2.0 * patience) is None
+    mended = _plain_image(), _info()
+    for half in mended:
+        pairing.add(half, 30.0)
+    assert pairing.poll(30.0) == mended
 
 
 @pytest.mark.parametrize('lie', [False, True])

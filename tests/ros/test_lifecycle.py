@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from lava_ros.bag import BagReader
-from ros.conftest import wait_until
+from ros.graph_publisher import wait_until
 
 GRIDS = ('/hazard', '/height', '/temperature')
 SCALE = 20.0
@@ -98,16 +98,17 @@ def managed(graph):
 
 
 def test_unconfigured(managed):
-    """There is nothing of the simulation, and what the state does not have is refused."""
+    """There is nothing of the simulation; what the state does not have is refused.
+
+    Configuring fails by a missing file, or an error nobody expected: nothing stays, and it can be
+    tried again.
+    """
     assert managed.publisher.state() == 'unconfigured'
     assert '/lava/change_state' in managed.alone
-    assert not {*GRIDS, '/terrain', '/diagnostics', '/lava/step'} & {*managed.alone}
+    expected = {*GRIDS, '/terrain', '/diagnostics', '/lava/step'}
+    assert not expected & {*managed.alone}
     for name in ('activate', 'deactivate', 'cleanup'):
         managed.refuse(name, state='unconfigured', words='no transition of id')
-
-
-def test_configuring_that_fails(managed):
-    """A missing file, or an error nobody expected: nothing stays, and it can be tried again."""
     managed.refuse('configure', state='unconfigured', words='slope.npz')
     _, x = np.mgrid[0:30, 0:40]
     np.savez(managed.terrain, elevation=(300.0 - x).astype(np.float32), resolution=10.0)
@@ -118,7 +119,6 @@ def test_configuring_that_fails(managed):
     assert managed.is_alone()
     managed.graph.fault()
     managed.change('configure', state='inactive')
-    expected = {*GRIDS, '/terrain', '/diagnostics', '/lava/step'}
     assert expected < {*managed.publisher.names(expected)}
 
 

@@ -27,11 +27,11 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.layers import IMAGE, PROBABILITY
 from lava_ros.ros import codec, live_frames, outputs, qos
 from lava_ros.ros.live_frames import LiveFrames
-from lava_ros.ros.scene_publisher import vent_markers
+from lava_ros.ros.outputs import vent_markers
 from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Level, watched_layers
 from recording import diagnostics_of, growing, SECOND, snapshot_at, START, TERRAIN, VENT
-from ros.conftest import wait_until
+from ros.graph_publisher import wait_until
 from ros_domain import own_domain
 
 LAYERS = {item.source: item for item in watched_layers()}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages out: layers as they are due, terrain, vents, their markers."""
+"""Messages out: arrays in fields and back, layers as they are due, terrain, vents and markers."""
 
 from array import array
 from dataclasses import replace
@@ -22,19 +22,135 @@ from types import SimpleNamespace
 from geometry_msgs.msg import Pose
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker
 
+from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.message_arrays import cloud_columns, image_array
-from lava_ros.ros import inputs, outputs
-from lava_ros.ros.layer_publishers import LayerPublishers
+from lava_ros.ros import codec, inputs, outputs
+from lava_ros.ros.outputs import CLOSED, LABELS, OPEN, PLACES, vent_markers
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.publishers import LayerPublishers
 from lava_ros.ros.recorder import Recorder
-from lava_ros.ros.scene_publisher import CLOSED, LABELS, OPEN, PLACES, vent_markers
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.snapshot import Snapshot, StepReport
 from recording import snapshot_at
+
+VALUES = np.array([[1.5, -2.0, 3.0], [4.0, 5.0, np.nan]])
+
+
+def _image(values, encoding, dtype, *, padding=0, is_bigendian=False):
+    rows, columns = values.shape
+    data = values.astype(np.dtype(dtype).newbyteorder('>' if is_bigendian else '<'))
+    lines = [line.tobytes() + b'\xff' * padding for line in data]
+    return Image(
+        height=rows,
+        width=columns,
+        encoding=encoding,
+        is_bigendian=int(is_bigendian),
+        step=columns * data.itemsize + padding,
+        data=array('B', b''.join(lines)),
+    )
+
+
+@pytest.mark.parametrize('is_bigendian', [False, True])
+@pytest.mark.parametrize('padding', [0, 6])
+@pytest.mark.parametrize(('encoding', 'dtype'), [('32FC1', 'f4'), ('16UC1', 'u2')])
+def test_image_array(encoding, dtype, padding, is_bigendian):
+    """Both encodings are read in both byte orders and with padded rows."""
+    values = np.arange(6.0).reshape(2, 3) + 1000.0
+    image = _image(values, encoding, dtype, padding=padding, is_bigendian=is_bigendian)
+    np.testing.assert_array_equal(image_array(image, 'terrain'), values)
+
+
+def _cloud(order, datatypes, *, rows, padding, is_bigendian):
+    """Three points, or two rows of three, with fields in any order and holes between them."""
+    names = {'x': 1.0, 'y': 2.0, 'z': 3.0}
+    kinds = {PointField.FLOAT32: 'f4', PointField.FLOAT64: 'f8'}
+    mark = '>' if is_bigendian else '<'
+    formats = [mark + kinds[datatype] for datatype in datatypes]
+    sizes = [np.dtype(item).itemsize + padding for item in formats]
+    offsets = [padding + sum(sizes[:index]) for index in range(3)]
+    step = padding + sum(sizes)
+    dtype = np.dtype({'names': order, 'formats': formats, 'offsets': offsets, 'itemsize': step})
+    points = np.zeros((rows, 3), dtype)
+    for name in order:
+        points[name] = names[name] + 10.0 * np.arange(rows * 3).reshape(rows, 3)
+    data = b''.join(line.tobytes() + b'\xee' * padding for line in points)
+    fields = [
+        PointField(name=name, offset=offset, datatype=datatype, count=1)
+        for name, offset, datatype in zip(order, offsets, datatypes, strict=True)
+    ]
+    return PointCloud2(
+        height=rows,
+        width=3,
+        fields=fields,
+        is_bigendian=is_bigendian,
+        point_step=step,
+        row_step=3 * step + padding,
+        data=array('B', data),
+    )
+
+
+@pytest.mark.parametrize('order', [['x', 'y', 'z'], ['z', 'x', 'y']])
+@pytest.mark.parametrize('rows', [1, 2])
+@pytest.mark.parametrize('padding', [0, 3])
+@pytest.mark.parametrize('is_bigendian', [False, True])
+@pytest.mark.parametrize('datatypes', [(7, 7, 7), (8, 7, 8)])
+def test_cloud_columns(order, rows, padding, is_bigendian, datatypes):
+    """Any order, type, padding, organisation and byte order gives the same numbers."""
+    cloud = _cloud(order, datatypes, rows=rows, padding=padding, is_bigendian=is_bigendian)
+    columns = cloud_columns(cloud, 'cloud', ('x', 'y', 'z'), optional=('id',))
+    steps = 10.0 * np.arange(rows * 3)
+    for name, first in (('x', 1.0), ('y', 2.0), ('z', 3.0)):
+        np.testing.assert_array_equal(columns[name], first + steps)
+    assert set(columns) == {'x', 'y', 'z'}
+
+
+@pytest.mark.parametrize(
+    ('changes', 'field'),
+    [
+        ({'row_step': 35}, 'cloud.row_step'),
+        ({'row_step': 40}, 'cloud.data'),
+        ({'height': 2}, 'cloud.data'),
+        ({'width': 0}, 'cloud.data'),
+        ({'fields': []}, 'cloud.fields'),
+        ({'point_step': 11}, 'cloud.fields.z.offset'),
+        (
+            {'fields': [PointField(name=name, datatype=9, count=1) for name in 'xyz']},
+            'cloud.fields.x',
+        ),
+        (
+            {'fields': [PointField(name=name, datatype=7, count=2) for name in 'xyz']},
+            'cloud.fields.x',
+        ),
+    ],
+)
+def test_a_malformed_cloud_is_refused(changes, field):
+    """Fields, steps, size and data have to agree."""
+    cloud = _cloud(['x', 'y', 'z'], (7, 7, 7), rows=1, padding=0, is_bigendian=False)
+    for name, value in changes.items():
+        setattr(cloud, name, value)
+    with pytest.raises(LavaError) as caught:
+        cloud_columns(cloud, 'cloud', ('x', 'y', 'z'))
+    assert caught.value.field == field
+
+
+def test_round_trips():
+    """An image comes back bit by bit, through the wire format too; so does a cloud."""
+    image = codec.float_image(VALUES, codec.header('map', 1_500_000_002))
+    assert (image.header.stamp.sec, image.header.stamp.nanosec) == (1, 500_000_002)
+    again = deserialize_message(codec.serialise(image), Image)
+    np.testing.assert_array_equal(image_array(again, 'x'), VALUES.astype(np.float32))
+    for x, ids in (([1.0, 2.0], [3.0, 4.0]), ([], [])):
+        cloud = codec.point_cloud({'x': x, 'id': ids}, codec.header('map', 0))
+        columns = cloud_columns(cloud, 'cloud', ('x',), optional=('id',))
+        assert columns['x'].tolist() == x
+        assert columns.get('id', np.empty(0)).tolist() == ids
+
 
 TERRAIN = Terrain(np.arange(6.0).reshape(2, 3), 10.0, origin=(100.0, 200.0))
 SNAPSHOT = Snapshot(
@@ -72,21 +188,21 @@ def test_image_message():
 
 
 def test_points_message():
-    """A cloud has a point for each wet cell, under the names that viewers show."""
+    """A cloud has a point for each wet cell, under the names that viewers show; without any, none.
+
+    A cloud without points lets viewers take away what they showed.
+    """
     cloud = _message(source='lava', message='sensor_msgs/PointCloud2', threshold=0.05)
-    assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'thickness', 'temperature']
+    names = ['x', 'y', 'z', 'thickness', 'temperature']
+    assert [field.name for field in cloud.fields] == names
     assert (cloud.header.frame_id, cloud.header.stamp.sec) == ('map', 3)
     assert (cloud.height, cloud.width, cloud.is_dense) == (1, 4, True)
-    columns = cloud_columns(cloud, 'lava_points', [field.name for field in cloud.fields])
+    columns = cloud_columns(cloud, 'lava_points', names)
     assert columns['x'].tolist() == [115.0, 125.0, 105.0, 125.0]
     assert columns['y'].tolist() == [205.0, 205.0, 215.0, 215.0]
     assert columns['z'].tolist() == pytest.approx([2.0, 4.0, 6.0, 5.05])
     assert columns['thickness'].tolist() == pytest.approx([1.0, 2.0, 3.0, 0.05])
     assert columns['temperature'].tolist() == pytest.approx([1000.0] * 4)
-
-
-def test_no_points_message():
-    """Without lava there is a cloud without points: viewers take away what they showed."""
     cloud = _message(source='lava', message='sensor_msgs/PointCloud2', threshold=100.0)
     assert (cloud.width, len(cloud.data), len(cloud.fields)) == (0, 0, 5)
 
@@ -107,10 +223,6 @@ def test_vents_message_reads_back():
     assert [vent.position for vent in again] == [(105.0, 205.0), (125.0, 215.0), (115.0, 205.0)]
     assert again[0].temperature == pytest.approx(1300.0, abs=1e-3)
     assert again[0].radius == 3.0
-
-
-def test_no_vents_message():
-    """No vents are a cloud without points."""
     cloud = outputs.vents_message([], TERRAIN, frame_id='map', stamp_ns=0)
     assert inputs.vents_from_cloud(cloud, Settings()) == ()
 
@@ -137,36 +249,31 @@ VENTS = (
 )
 
 
-def markers(time):
-    """The markers of both vents at a time."""
-    return vent_markers(VENTS, time, HILL, frame_id='map', stamp_ns=3_000_000_004).markers
+def test_markers_of_vents():
+    """Old ones go first. A disc is as wide as its vent; a fissure is a line between its ends.
 
-
-def test_old_markers_go_first():
-    """A vent that is no more leaves no marker behind."""
-    first, *others = markers(10.0)
+    Both lie on the ground, and beside them is their name, or number, and what they give.
+    """
+    first, *others = vent_markers(VENTS, 10.0, HILL, frame_id='map', stamp_ns=0).markers
     assert first.action == Marker.DELETEALL
     assert {item.action for item in others} == {Marker.ADD}
     assert len({(item.ns, item.id) for item in others}) == len(others) == 4
     assert {item.header.frame_id for item in others} == {'map'}
-    (only,) = vent_markers((), 0.0, HILL, frame_id='map', stamp_ns=0).markers
-    assert only.action == Marker.DELETEALL
-
-
-def test_places_lie_on_the_ground():
-    """A disc is as wide as its vent; a fissure is a line between its ends."""
-    disc, fissure = (item for item in markers(10.0) if item.ns == PLACES)
+    disc, fissure = (item for item in others if item.ns == PLACES)
     assert disc.type == Marker.CYLINDER
     at = disc.pose.position
     assert (at.x, at.y, at.z) == (105.0, 205.0, 0.0)
     assert (disc.scale.x, disc.scale.y) == (6.0, 6.0)
     assert fissure.type == Marker.LINE_STRIP
-    assert [(end.x, end.y, end.z) for end in fissure.points] == [
-        (125.0, 215.0, 32.0),
-        (115.0, 205.0, 1.0),
-    ]
+    ends = [(end.x, end.y, end.z) for end in fissure.points]
+    assert ends == [(125.0, 215.0, 32.0), (115.0, 205.0, 1.0)]
     assert fissure.scale.x == 4.0
     assert disc.pose.orientation.w == fissure.pose.orientation.w == 1.0
+    one, two = (item for item in others if item.ns == LABELS)
+    assert one.pose.position.z > 0.0 and one.scale.z > 0.0
+    assert two.text.startswith('2: 6 m3/s')
+    (only,) = vent_markers((), 0.0, HILL, frame_id='map', stamp_ns=0).markers
+    assert only.action == Marker.DELETEALL
 
 
 @pytest.mark.parametrize(
@@ -175,19 +282,9 @@ def test_places_lie_on_the_ground():
 )
 def test_discharge_of_the_moment(time, color, words):
     """What a vent gives now is written beside it and colours it."""
-    shown = markers(time)
-    disc = next(item for item in shown if item.ns == PLACES)
+    _, disc, label, *_ = vent_markers(VENTS, time, HILL, frame_id='map', stamp_ns=0).markers
     assert (disc.color.r, disc.color.g, disc.color.b, disc.color.a) == pytest.approx(color)
-    label = next(item for item in shown if item.ns == LABELS)
     assert label.text == words
-    assert label.pose.position.z > 0.0
-    assert label.scale.z > 0.0
-
-
-def test_a_vent_without_a_name_has_its_number():
-    """The second vent is called 2."""
-    label = [item for item in markers(0.0) if item.ns == LABELS][1]
-    assert label.text.startswith('2: 6 m3/s')
 
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'

@@ -38,7 +38,7 @@ from lava_ros.errors import LavaError
 from lava_ros.ros.codec import message_class
 from lava_ros.ros.player import play
 from lava_ros.ros.qos import ros_profile
-from ros.conftest import PATIENCE, wait_until
+from ros.graph_publisher import PATIENCE, wait_until
 from ros_domain import own_domain
 
 SECOND = 1_000_000_000

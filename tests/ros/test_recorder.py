@@ -31,12 +31,28 @@ def _write(recorder, text, stamp_ns=1):
     return data
 
 
+@pytest.fixture
+def recorder(tmp_path):
+    """A recorder whose bag is open."""
+    result = Recorder()
+    result.arm(tmp_path / 'bag')
+    result.begin({})
+    return result
+
+
 def test_records_what_it_is_given(tmp_path):
-    """The bytes in the bag are the bytes that were handed over, with QoS and description."""
+    """The bytes in the bag are the bytes that were handed over, with QoS and description.
+
+    An existing folder and a second recording are refused.
+    """
     recorder = Recorder()
     assert recorder.status.state == 'off'
+    with pytest.raises(LavaError, match='does not exist yet'):
+        recorder.arm(tmp_path)
     recorder.arm(tmp_path / 'bag')
     assert recorder.status.state == 'armed'
+    with pytest.raises(LavaError, match='one recording at a time'):
+        recorder.arm(tmp_path / 'two')
     _write(recorder, 'too early')
     recorder.begin({'scene': 'old'})
     assert recorder.status.state == 'recording'
@@ -52,17 +68,6 @@ def test_records_what_it_is_given(tmp_path):
     assert bag.custom_data == {'scene': 'new'}
     (topic,) = bag.topics.values()
     assert topic.qos.durability == 'transient_local'
-
-
-def test_one_bag_at_a_time(tmp_path):
-    """An existing folder and a second recording are refused."""
-    recorder = Recorder()
-    with pytest.raises(LavaError, match='does not exist yet'):
-        recorder.arm(tmp_path)
-    recorder.arm(tmp_path / 'one')
-    with pytest.raises(LavaError, match='one recording at a time'):
-        recorder.arm(tmp_path / 'two')
-    recorder.stop()
     recorder.arm(tmp_path / 'two')
 
 
@@ -81,11 +86,8 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
 
 
 @pytest.mark.parametrize('step', ['write', 'flush'])
-def test_a_full_disk_stops_the_recording(tmp_path, monkeypatch, step):
+def test_a_full_disk_stops_the_recording(tmp_path, recorder, monkeypatch, step):
     """When a write fails, the recording ends and says why; writing on does nothing."""
-    recorder = Recorder()
-    recorder.arm(tmp_path / 'bag')
-    recorder.begin({})
     _write(recorder, 'kept')
     recorder.flush()
 
@@ -141,16 +143,17 @@ def test_a_bag_that_is_gone_is_reported(tmp_path, fault, is_flushed):
 
 def test_a_link_that_comes_before_the_first_map_is_not_followed(tmp_path):
     """The place of the bag is that of when it was chosen and checked."""
-    (tmp_path / 'bags' / 'deep').mkdir(parents=True)
-    (tmp_path / 'outside').mkdir()
+    deep, outside = tmp_path / 'deep', tmp_path / 'outside'
+    deep.mkdir()
+    outside.mkdir()
     recorder = Recorder()
-    recorder.arm(tmp_path / 'bags' / 'deep' / 'bag')
-    (tmp_path / 'bags' / 'deep').rmdir()
-    (tmp_path / 'bags' / 'deep').symlink_to(tmp_path / 'outside')
+    recorder.arm(deep / 'bag')
+    deep.rmdir()
+    deep.symlink_to(outside)
     recorder.begin({})
     assert recorder.status.state == 'off'
     assert 'a link has come into its path' in recorder.status.error
-    assert list((tmp_path / 'outside').iterdir()) == []
+    assert list(outside.iterdir()) == []
 
 
 def test_a_bag_is_split(tmp_path):
@@ -179,48 +182,36 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_bag_without_a_name(here):
-    """It is named by the time, in the root: the folder of the given bag, or bags/."""
+def test_names_of_bags(here):
+    """Without one it is the time, in the root: the given folder, that of the given bag, or bags/.
+
+    Names inside the root are relative to the working directory, or absolute.
+    """
+    given, root = here / 'outside' / 'bag', here / 'outside'
     assert BagFolder('', '').path('').parent.name == 'bags'
-    given = here / 'outside' / 'bag'
     assert BagFolder('', str(given)).path('').parent == given.parent
     assert BagFolder(str(here), '').path('').parent == here
-
-
-def test_names_inside_the_root(here):
-    """Relative to the working directory, or absolute."""
     folder = BagFolder('', '')
     for name in ('bags/one', 'bags/two/three', str(here / 'here' / 'bags' / 'four')):
         assert str(folder.path(name)) == name
+    folder = BagFolder(str(root), 'bags/first')
+    assert str(folder.path('bags/first')) == 'bags/first'
+    assert folder.path(str(root / 'second')) == root / 'second'
+    with pytest.raises(LavaError, match='outside'):
+        folder.path('bags/third')
 
 
 @pytest.mark.parametrize(
     'name',
     [
-        '/etc/lava',
-        'one',
-        'bags',
-        'bags/../one',
-        '../outside/bag',
-        'bags/link/bag',
-        'bags/link/../outside/bag',
-        'bags/\0',
+        '/etc/lava', 'one', 'bags', 'bags/../one', '../outside/bag', 'bags/link/bag',
+        'bags/link/../outside/bag', 'bags/\0',
     ],
 )
 def test_names_outside_the_root_are_refused(here, name):
     """Whether by an absolute path, by .., or by a link."""
     with pytest.raises(LavaError, match='bag_directory'):
         BagFolder('', '').path(name)
-
-
-def test_a_root_of_its_own(here):
-    """With bag_root the bags lie there, and only there."""
-    root = here / 'outside'
-    folder = BagFolder(str(root), 'bags/first')
-    assert str(folder.path('bags/first')) == 'bags/first'
-    assert folder.path(str(root / 'second')) == root / 'second'
-    with pytest.raises(LavaError, match='outside'):
-        folder.path('bags/third')
 
 
 def test_nodes_that_share_a_folder(here):
@@ -236,8 +227,11 @@ def test_nodes_that_share_a_folder(here):
         assert not second.exists()
 
 
-def test_a_storm_is_refused_and_one_more_comes_each_period():
-    """However many calls come, and however long none came before."""
+def test_saves_are_bounded():
+    """A storm is refused and one more comes each period, however long none came before.
+
+    What all have written is bounded as well; a larger bound lets more come.
+    """
     now = [1e6]
     allowance = SaveAllowance(lambda: now[0])
     now[0] += 100.0 * SAVE_PERIOD
@@ -250,13 +244,8 @@ def test_a_storm_is_refused_and_one_more_comes_each_period():
             assert 'again in' in str(error)
         now[0] += 0.05 * SAVE_PERIOD
     assert len(taken) == SAVES + 9
-
-
-def test_what_is_written_is_bounded():
-    """By what all saves have written so far; a larger bound lets more come."""
-    allowance = SaveAllowance()
-    allowance.take(1000)
     allowance.note(1000)
+    now[0] += SAVE_PERIOD
     with pytest.raises(LavaError, match=r"1000 bytes saved so far', expected less than 1000 \("):
         allowance.take(1000)
     allowance.take(1001)

@@ -17,6 +17,7 @@
 from concurrent.futures import Future
 import json
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -38,14 +39,6 @@ STEEP = {'steep': 'on: slope = 0.5 > 0.12', 'inertia': 'off: number = 0.01 <= 0.
 FAST = {'steep': 'on: slope = 0.5 > 0.12', 'inertia': 'on: number = 0.2 > 0.1'}
 
 
-class Names:
-    """What a recording asks of a node."""
-
-    @staticmethod
-    def resolve_topic_name(name):
-        return f'/{name}'
-
-
 class Taped:
     """A recording that is told of one frame after the other."""
 
@@ -56,7 +49,11 @@ class Taped:
         self.origin = None
         self.recorder = Recorder()
         self.recording = SceneRecording(
-            Names(), self.recorder, frame_id='map', configs={}, parameters=dict
+            SimpleNamespace(resolve_topic_name='/{}'.format),
+            self.recorder,
+            frame_id='map',
+            configs={},
+            parameters=dict,
         )
 
     def write(self, time, effects):
@@ -86,34 +83,27 @@ def taped(tmp_path):
 
 
 def test_changes_of_effects_are_kept(taped):
-    """Each time that some went on or off is an entry; a new number alone is none."""
+    """Each time that some went on or off is an entry; a new number alone is none.
+
+    The list is in the file as soon as the frame is. The next bag has the whole table again.
+    """
     taped.write(2.0, {**STEEP, 'steep': 'on: slope = 0.6 > 0.12'})
     taped.write(3.0, FAST)
+    # of a recording that was cut off
+    assert [entry['time'] for entry in taped.effects('one')] == [1.0, 3.0]
     taped.scene = Scene(TERRAIN, lava=Lava())
     taped.write(4.0, FAST)
     taped.write(5.0, STEEP)
-    taped.recorder.stop()
-    entries = taped.effects('one')
-    assert [entry['time'] for entry in entries] == [1.0, 3.0, 5.0]
-    assert entries[1]['effects'] == {'inertia': FAST['inertia']}
-    assert entries[2]['effects'] == {'inertia': STEEP['inertia']}
-
-
-def test_a_recording_that_was_cut_off_has_the_changes(taped):
-    """The list is in the file as soon as the frame is."""
-    taped.write(3.0, FAST)
-    assert [entry['time'] for entry in taped.effects('one')] == [1.0, 3.0]
-    taped.recorder.stop()
-
-
-def test_the_next_bag_begins_anew(taped):
-    """A second recording has the whole table again, as it is then."""
-    taped.write(3.0, FAST)
-    taped.recorder.stop()
-    taped.recorder.arm(taped.directory / 'two')
     taped.write(6.0, FAST)
     taped.recorder.stop()
-    assert taped.effects('two') == [{'stamp_ns': 6 * 10**9, 'time': 6.0, 'effects': FAST}]
+    entries = taped.effects('one')
+    assert [entry['time'] for entry in entries] == [1.0, 3.0, 5.0, 6.0]
+    assert entries[1]['effects'] == entries[3]['effects'] == {'inertia': FAST['inertia']}
+    assert entries[2]['effects'] == {'inertia': STEEP['inertia']}
+    taped.recorder.arm(taped.directory / 'two')
+    taped.write(7.0, FAST)
+    taped.recorder.stop()
+    assert taped.effects('two') == [{'stamp_ns': 7 * 10**9, 'time': 7.0, 'effects': FAST}]
 
 
 def test_a_bag_names_the_checkpoint_it_begins_after(taped):
@@ -246,7 +236,7 @@ def test_none_when_they_are_off_or_nothing_is_recorded(tmp_path, recording):
 def test_the_same_is_not_written_twice(tmp_path, recording):
     """A simulation that stands still costs the bag one checkpoint."""
     recorder, _eruption, checkpoints = recording
-    checkpoints._take = lambda: _done(state(7.0))
+    checkpoints.take = lambda: Mock(**{'result.return_value': state(7.0)})
     run(*recording, 300, bytes_a_second=1000)
     checkpoints.finish(PERIOD, 1, timeout=1.0)
     recorder.stop()
@@ -292,13 +282,10 @@ def test_large_ones_wait_for_the_bag_to_grow(tmp_path, recording):
 def test_what_goes_wrong_is_said_and_tried_again(recording):
     """An eruption that has not begun or has failed: a reason, and the next period."""
     _recorder, eruption, checkpoints = recording
-    failures = [LavaError('checkpoint', 'no simulation', 'one'), RuntimeError('out of memory')]
-    for failure in failures:
-        future = Future()
-        future.set_exception(failure)
-        checkpoints._take = lambda future=future: future
+    for failure in (LavaError('checkpoint', 'no simulation', 'one'), RuntimeError('no memory')):
+        checkpoints.take = Mock(**{'return_value.result.side_effect': failure})
         assert checkpoints.finish(PERIOD, 1, timeout=1.0) == str(failure)
-    checkpoints._take = eruption.take
+    checkpoints.take = eruption.take
     run(*recording, 1)
     assert checkpoints.last.count == 1
 
@@ -314,9 +301,3 @@ def test_a_new_bag_begins_with_a_checkpoint(tmp_path, recording):
     assert checkpoints.last.time == 10.5
     recorder.stop()
     assert [item.time for item in checkpoints_of(tmp_path / 'second')] == [10.5]
-
-
-def _done(data):
-    future = Future()
-    future.set_result(data)
-    return future

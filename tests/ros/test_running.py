@@ -19,6 +19,7 @@ import pytest
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
+from ros.graph_publisher import elevation
 
 GRIDS = ('height', 'temperature', 'hazard')
 OPTIONAL = ('height_raw', 'temperature_raw', 'lava_points')
@@ -46,9 +47,7 @@ class Running:
     def __init__(self, graph):
         self.graph = graph
         self.bags = graph.directory / 'bags'
-        y, x = np.mgrid[0:30, 0:40]
-        ground = (500.0 - x + 0.05 * (y - 15) ** 2).astype(np.float32)
-        np.savez(graph.directory / 'slope.npz', elevation=ground, resolution=10.0)
+        np.savez(graph.directory / 'slope.npz', elevation=elevation(), resolution=10.0)
         (graph.directory / 'scene.yaml').write_text(SCENE, encoding='utf-8')
         self.node = graph.node(
             autostart=False,
@@ -175,7 +174,7 @@ def test_save_makes_a_bag_of_this_moment(running):
 
 
 def test_save_while_recording_goes_into_that_bag(running):
-    """The recording has maps and a checkpoint of that moment, and goes on."""
+    """The recording has maps and a checkpoint of that moment, and goes on until it is ended."""
     bag = running.bags / 'run'
     assert running.publisher.set(bag_directory=str(bag))['success']
     assert running.publisher.call('record', True)['success']
@@ -188,6 +187,10 @@ def test_save_while_recording_goes_into_that_bag(running):
     topics = [message.topic for message in BagReader(bag).messages()]
     # at the start of the recording, and when it was saved
     assert topics.count('/height') == topics.count('/lava_points') == 2
+    # a bag that exists is not written into
+    answer = running.publisher.call('save')
+    assert not answer['success']
+    assert "run', expected a folder that does not exist yet" in answer['message']
 
 
 def test_a_bag_that_is_gone_while_it_is_recorded(running):
@@ -209,15 +212,6 @@ def test_a_bag_that_is_gone_while_it_is_recorded(running):
     said = [line for line in running.node.log.splitlines() if reason in line]
     assert len(said) == 1 and '[ERROR]' in said[0], said
     assert list(outside.iterdir()) == []
-    bag.unlink()
-    assert running.publisher.set(bag_directory=str(running.bags / 'run'))['success']
-
-
-def test_save_that_fails_says_so(running):
-    """A bag that exists is not written into."""
-    answer = running.publisher.call('save')
-    assert not answer['success']
-    assert "run', expected a folder that does not exist yet" in answer['message']
     assert running.publisher.set(bag_directory='')['success']
 
 
@@ -241,25 +235,24 @@ def test_what_a_click_opens_can_be_changed(running):
     running.publisher.publish('click')
     (text,) = running.labels(lambda texts: len(texts) == 1)
     assert text.endswith(': 7 m3/s, 900 C')
-
-
-def test_kelvin_in_place_of_celsius_does_not_go_unnoticed(running):
-    """The log warns of a vent that is far too hot, with what it would be in kelvin."""
+    # kelvin in place of Celsius does not go unnoticed
     assert 'Celsius' not in running.node.log
     running.publisher.publish('kelvin_vents')
     running.node.wait_for_log('vents[0].temperature is 1360 Celsius, 273 K above lava.reference_')
     assert '1360 K would be 1086.85 Celsius' in running.node.log
 
 
-def refused(running, words):
-    """Wait until an input is refused with certain words."""
-    running.listener.wait_for_status(
-        'inputs', lambda status: all(word in status['last_error'] for word in words)
-    )
+def test_how_inputs_are_read_can_be_changed(running):
+    """What is beyond a limit that has just been set is refused, and taken again after that.
 
+    Holes of the next terrain, and cells of the next cloud, are as the parameters say then.
+    """
 
-def test_limits_can_be_changed(running):
-    """What is beyond a limit that has just been set is refused, and taken again after that."""
+    def is_refused(*words):
+        running.listener.wait_for_status(
+            'inputs', lambda status: all(word in status['last_error'] for word in words)
+        )
+
     for name, limit, case, words in (
         ('max_vents', 1, 'click', 'one more vent'),
         ('max_terrain_cells', 1199, 'terrain', '40 x 30'),
@@ -267,17 +260,13 @@ def test_limits_can_be_changed(running):
     ):
         assert running.publisher.set(**{name: limit})['success']
         running.publisher.publish(case)
-        refused(running, (words, name))
+        is_refused(words, name)
         assert running.publisher.set(**{name: 100_000})['success']
     # the marker of the click before stays until something else is taken
     newest = running.listener.newest('vents_markers')['vents_markers']
     assert len([item for item in newest['markers'] if item['text']]) == 1
-
-
-def test_how_terrain_is_read_can_be_changed(running):
-    """Holes of the next terrain, and cells of the next cloud, are as the parameters say then."""
     running.publisher.publish('vents', 'nan_hole')
-    refused(running, ('cells without data',))
+    is_refused('cells without data')
     values = {'terrain_allow_holes': True, 'terrain_cloud_resolution': 20.0}
     assert running.publisher.set(**values)['success']
     running.publisher.publish('terrain_info', 'nan_hole')

@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The feed publishes a scene as sensors would."""
+"""Nodes around a node: one that feeds it, and callbacks that fail or are interrupted."""
 
 from collections.abc import Callable, Iterator
-import time
+import signal
 from typing import Any
+from unittest.mock import Mock
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from nav_msgs.msg import MapMetaData
@@ -28,11 +29,74 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.maps.message_arrays import cloud_columns
-from lava_ros.ros import inputs, qos
-from lava_ros.ros.feed import SceneFeed
+from lava_ros.ros import inputs, qos, spinning
+from lava_ros.ros.monitor import SceneFeed
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.spinning import Watcher
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from ros.graph_publisher import wait_until
 from ros_domain import own_domain
+
+
+def test_errors_are_told_and_the_rest_goes_on():
+    """Each error is told once, and the callbacks after it run."""
+    first, second, told = ValueError('clock'), RuntimeError('message'), []
+    turn = Mock(side_effect=[None, first, None, second, None])
+    executor = Mock(spin_once=turn)
+    spinning.spin(executor, until=lambda: turn.call_count == 5, on_error=told.append)
+    assert told == [first, second]
+    assert turn.call_args.kwargs['timeout_sec'] > 0.0
+
+
+class Echo(Watcher):
+    """Hears what it says."""
+
+    def __init__(self) -> None:
+        super().__init__('lava_echo', own_domain('watcher'))
+        profile = qos.ros_profile(qos.LATCHED)
+        self.heard: list[DiagnosticArray] = []
+        self._node.create_subscription(DiagnosticArray, 'echo', self.heard.append, profile)
+        self._publisher = self._node.create_publisher(DiagnosticArray, 'echo', profile)
+
+    def say(self) -> None:
+        """Send a message with something in it."""
+        self._publisher.publish(DiagnosticArray(status=[DiagnosticStatus(message='here')]))
+
+    def wait(self) -> None:
+        """Listen until a message was heard."""
+        wait_until(lambda: self.listen(0.1) or self.heard)
+
+
+@pytest.fixture
+def echo(monkeypatch: pytest.MonkeyPatch) -> Iterator[Echo]:
+    """A watcher that hears what it says, in a domain of this test run."""
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    echo = Echo()
+    yield echo
+    echo.close()
+
+
+def test_ctrl_c_in_the_middle_of_a_message_is_still_ctrl_c(
+    echo: Echo, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It comes out as KeyboardInterrupt once the message is whole, and not as rclpy's error."""
+    make, interrupted = DiagnosticStatus.__init__, []
+
+    def make_interrupted(self: DiagnosticStatus, **fields: object) -> None:
+        make(self, **fields)
+        if not interrupted:
+            interrupted.append(True)
+            signal.raise_signal(signal.SIGINT)
+
+    echo.say()
+    monkeypatch.setattr(DiagnosticStatus, '__init__', make_interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        echo.wait()
+    assert interrupted
+    echo.wait()
+    assert [item.status[0].message for item in echo.heard] == ['here']
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
 
 TERRAIN = Terrain(np.arange(12.0).reshape(3, 4), resolution=2.5, origin=(1.0, 2.0))
 VENTS = (
@@ -90,10 +154,7 @@ class Graph:
 
     def spin_until(self, condition: Callable[[], bool]) -> None:
         """Run the graph until something holds, for at most a minute."""
-        deadline = time.monotonic() + 60.0
-        while not condition():
-            assert time.monotonic() < deadline, {k: len(v) for k, v in self.heard.items()}
-            self._executor.spin_once(timeout_sec=0.1)
+        wait_until(lambda: self._executor.spin_once(timeout_sec=0.1) or condition())
 
 
 @pytest.fixture

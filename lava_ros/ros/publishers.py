@@ -12,24 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publishes the layers of snapshots, and records the same bytes."""
+"""Publishes the layers of snapshots, records the same bytes, and draws the scene."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from nav_msgs.srv import GetMap
 from rclpy.publisher import Publisher
+from sensor_msgs.msg import Image
+from visualization_msgs.msg import MarkerArray
 
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layer_files import load_layers, switched
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
-from lava_ros.ros.entities import Entities
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
+from lava_ros.ros.spinning import Entities
+from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.snapshot import Snapshot
 
 #: What layers show.
@@ -47,9 +53,15 @@ def published_layers(
         LavaError: A file or the name of a layer is wrong, two layers share a topic, or the package
             of a message is missing.
     """
-    known = _layers_of(config, is_forecast=False)
-    if forecast is not None:
-        known += _layers_of(forecast, is_forecast=True)
+    known: list[Layer] = []
+    for path, is_forecast, right in (
+        (config, False, 'one of now; those of a forecast are in another file, forecast_config'),
+        (forecast, True, 'one of a forecast'),
+    ):
+        for layer in load_layers(path) if path is not None else ():
+            if layer.is_forecast is not is_forecast:
+                raise LavaError(f'layers.{layer.name}.source', layer.source, right)
+            known.append(layer)
     topics = [layer.topic for layer in known]
     for layer in known:
         if topics.count(layer.topic) > 1:
@@ -65,16 +77,6 @@ def published_layers(
     return enabled
 
 
-def _layers_of(config: Path, *, is_forecast: bool) -> tuple[Layer, ...]:
-    layers = load_layers(config)
-    for layer in layers:
-        if layer.is_forecast is not is_forecast:
-            right = 'one of a forecast' if is_forecast else 'one of now; those of a forecast have'
-            right += '' if is_forecast else ' a file of their own, forecast_config'
-            raise LavaError(f'layers.{layer.name}.source', layer.source, right)
-    return layers
-
-
 @dataclass(eq=False)
 class _Output(Generic[Shown]):
     """A layer, its publisher and what was sent last."""
@@ -87,12 +89,9 @@ class _Output(Generic[Shown]):
 
 
 class LayerPublishers(Generic[Shown]):
-    """The publishers of layers.
+    """The publishers of layers, and services that give the newest map of those that are grids.
 
-    Attributes:
-        shown: What was published last, None before the first.
-        shown_stamp_ns: Its stamp [ns].
-        rates: The rates the layers ask for [Hz], each once.
+    ``shown`` was published last, with a stamp [ns]; ``rates`` are those of the layers [Hz].
     """
 
     def __init__(
@@ -106,21 +105,12 @@ class LayerPublishers(Generic[Shown]):
             kind, profile = outputs.message_class(layer), qos.ros_profile(layer.qos)
             publisher = entities.create('publisher', kind, layer.topic, profile)
             self._outputs.append(_Output(layer, publisher))
-        self.rates: list[float] = sorted({output.layer.rate for output in self._outputs})
+            if layer.message == OCCUPANCY_GRID:
+                get = partial(self._get_map, layer)
+                entities.create('service', GetMap, f'~/{layer.topic}/get_map', get)
+        self.rates = {layer.rate for layer in layers}
         self.shown: Shown | None = None
         self.shown_stamp_ns = 0
-
-    @property
-    def grid_topics(self) -> list[str]:
-        """Topics of the layers that are occupancy grids."""
-        layers = [output.layer for output in self._outputs]
-        return [layer.topic for layer in layers if layer.message == OCCUPANCY_GRID]
-
-    def newest(self, topic: str) -> OccupancyGrid | None:
-        """The grid of a topic for the snapshot that was shown last, None before the first."""
-        if self.shown is None:
-            return None
-        return self._message(*(o.layer for o in self._outputs if o.layer.topic == topic))
 
     def make_due(self, rate: float) -> None:
         """Let the layers of a rate be published with the next new snapshot."""
@@ -171,9 +161,75 @@ class LayerPublishers(Generic[Shown]):
             topic = output.publisher.topic_name
             self._recorder.write(topic, layer.message, data, recorded_ns, qos=layer.qos)
 
+    def _get_map(self, layer: Layer, _: Any, response: Any) -> Any:
+        # Without a map there is one of no cells: this type has no other way to say so.
+        if self.shown is not None:
+            response.map = self._message(layer)
+        return response
+
     def _message(self, layer: Layer) -> Any:
         """The message of a layer for what is shown."""
         assert self.shown is not None
         return outputs.layer_message(
             layer, self.shown, frame_id=self._frame_id, stamp_ns=self.shown_stamp_ns
         )
+
+
+class ScenePublisher:
+    """Publishes relief and vents, latched, and a terrain of the node's own on its input topics."""
+
+    def __init__(self, entities: Entities, *, frame_id: str) -> None:
+        """Create the publishers."""
+        self._entities = entities
+        self._frame_id = frame_id
+        self._shown: Terrain | None = None
+        self._marked: object = None
+        self._sent: dict[str, bytes] = {}
+        self._publishers = self._create(terrain=Image, terrain_info=MapMetaData)
+        self._drawn = self._create(relief=OccupancyGrid, vents_markers=MarkerArray)
+
+    def publish(self, scene: Scene, time: float, stamp_ns: int, *, is_heard: bool) -> None:
+        """Publish the vents and the terrain if they have changed.
+
+        Once a terrain is received from elsewhere (``is_heard``), the one published here is
+        withdrawn. ``time`` is simulated [s], ``stamp_ns`` the ROS time [ns].
+        """
+        terrain, vents = scene.terrain, scene.vents
+        options: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
+        is_new, self._shown = terrain is not self._shown, terrain
+        # what is written beside the vents is all that changes of them
+        marked = vents, [vent.discharge_at(time) for vent in vents]
+        if is_new or marked != self._marked:
+            self._marked = marked
+            markers = outputs.vent_markers(vents, time, terrain, **options)
+            self._drawn['vents_markers'].publish(markers)
+        if not is_new:
+            return
+        relief = outputs.relief_message(terrain, **options)
+        self._drawn['relief'].publish(codec.serialise(relief))
+        if is_heard:
+            self._take_back()
+            return
+        for topic, message in outputs.terrain_messages(terrain, **options).items():
+            data = codec.serialise(message)
+            self._sent[topic] = sha256(data).digest()
+            self._publishers[topic].publish(data)
+
+    def is_own(self, topic: str, data: bytes) -> bool:
+        """Whether a message is the one that was published here."""
+        return topic in self._sent and sha256(data).digest() == self._sent[topic]
+
+    def _take_back(self) -> None:
+        """Let nobody who comes late get an old terrain beside the one that was heard."""
+        if self._sent:
+            self._sent = {}
+            for publisher in self._publishers.values():
+                self._entities.drop(publisher)
+            self._publishers = self._create(terrain=Image, terrain_info=MapMetaData)
+
+    def _create(self, **kinds: Any) -> dict[str, Any]:
+        latched = qos.ros_profile(qos.LATCHED)
+        return {
+            topic: self._entities.create('publisher', kind, topic, latched)
+            for topic, kind in kinds.items()
+        }
