@@ -18,7 +18,7 @@ It makes members_day_h200.csv and members_cpu.csv:
 
     python docs/benchmarks/members.py CASE --device cuda:0 --members 256 --machine M
     python docs/benchmarks/members.py CASE --device cpu --members 32 --workers 2 --machine M
-    python docs/benchmarks/members.py CASE --device cuda --days 22 --members 512 --workers 2 --machine M
+    python docs/benchmarks/members.py CASE --device cuda --members 512 --workers 2 --machine M
 
 CASE is a folder as `lava hindcast` reads it, or that case pickled. Members are looked at each hour
 of the first day, or 24 times in other horizons, on ground no finer than the particles.
