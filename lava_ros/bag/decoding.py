@@ -16,6 +16,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 import re
 import struct
 from typing import Any, NamedTuple
@@ -51,11 +52,10 @@ class Decoder:
             for number, (name, topic) in enumerate(bag.topics.items(), start=1)
         }
 
-    def decode(self, message: BagMessage, take: Callable[[Any], Any] | None = None) -> Any:
+    def decode(self, message: BagMessage, take: Callable[[Any], Any] = lambda item: item) -> Any:
         """Decode a message, and return what ``take`` makes of it, or itself.
 
-        Raises:
-            LavaError: It is not what its definition says, or that lacks what ``take`` looks for.
+        LavaError where it is not what its definition says, or lacks what ``take`` looks for.
         """
         schema = self._schemas[message.topic]
         if _FIXED.search(schema.data):
@@ -64,8 +64,7 @@ class Decoder:
         try:
             decode = self._factory.decoder_for('cdr', schema)
             assert decode is not None
-            decoded = decode(message.data)
-            return decoded if take is None else take(decoded)
+            return take(decode(message.data))
         except LavaError:
             raise
         # a definition from anywhere is parsed by a library, and its fields are of any type
@@ -85,8 +84,7 @@ class Grid(NamedTuple):
 def read_grid(message: BagMessage) -> Grid:
     """Read the grid that a message carries, without the Python number a cell that decoders make.
 
-    Raises:
-        LavaError: The message is cut off or is not such a grid.
+    LavaError where the message is cut off or is not such a grid.
     """
     body = memoryview(message.data)[_CDR_HEADER:]
     try:
@@ -144,27 +142,24 @@ class Timeline:
 
     def __init__(self, bag: BagReader, decoder: Decoder) -> None:
         """Read the diagnostics of a bag; without any there are no moments."""
-        known: dict[int, Moment] = {}
-        for message in bag.messages([DIAGNOSTICS] if DIAGNOSTICS in bag.topics else []):
-            for moment in decoder.decode(message, _moments):
-                known[moment.stamp_ns] = moment
+        known: dict[int, Moment] = {
+            moment.stamp_ns: moment
+            for message in bag.messages([DIAGNOSTICS])
+            for moment in decoder.decode(message, _moments)
+        }
         self.moments = tuple(known[stamp] for stamp in sorted(known))
 
     @property
     def last_run(self) -> tuple[Moment, ...]:
         """The moments since the simulation was last set back to an earlier time."""
-        start = 0
-        for index in range(1, len(self.moments)):
-            if self.moments[index].time < self.moments[index - 1].time:
-                start = index
-        return self.moments[start:]
+        pairs = enumerate(pairwise(self.moments), start=1)
+        starts = [index for index, (before, after) in pairs if after.time < before.time]
+        return self.moments[max(starts, default=0) :]
 
     def stamp_at(self, time: float | None) -> int | None:
         """Stamp of the newest frame up to a simulated time [s], None for the newest of all."""
-        for moment in reversed(self.moments):
-            if time is None or moment.time <= time:
-                return moment.stamp_ns
-        return None
+        newest_first = reversed(self.moments)
+        return next((m.stamp_ns for m in newest_first if time is None or m.time <= time), None)
 
     def time_at(self, stamp_ns: int) -> float | None:
         """Simulated time [s] at a stamp, None where nothing is known."""

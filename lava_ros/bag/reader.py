@@ -96,7 +96,7 @@ class BagReader:
             raise LavaError('bag', str(path), 'a bag directory or an .mcap file that exists')
         yaml_path = self.path / bag_metadata.FILE_NAME
         stored = bag_metadata.read_metadata(yaml_path) if yaml_path.exists() else None
-        self.files = mcap_files(self.path, None if stored is None else stored.file_names)
+        self.files = mcap_files(self.path, None if stored is None else stored[0])
         was_begun = stored is not None or len(self.files) == 1 or has_begun(self.files[-1])
         if not was_begun:
             self.files = self.files[:-1]
@@ -104,10 +104,10 @@ class BagReader:
         self.damage = tuple(text for item in self.contents for text in item.damage)
         self.topics = _topics(self.contents)
         described, unreadable = _described(self.contents)
-        self.custom_data = described if stored is None else stored.custom_data
+        self.custom_data = described if stored is None else stored[1]
         if stored is None:
             self.damage += unreadable
-        elif _is_checked(self.contents) and described != stored.custom_data:
+        elif _is_checked(self.contents) and described != self.custom_data:
             self.damage += (
                 f'custom_data of {yaml_path} is damaged or changed: the last file says otherwise',
             )
@@ -243,7 +243,7 @@ def _described(files: list[McapFile]) -> tuple[dict[str, str], tuple[str, ...]]:
         record = contents.metadata.get(bag_metadata.RECORD)
         if record is not None:
             try:
-                return bag_metadata.parse_record(record, contents.path).custom_data, unreadable
+                return bag_metadata.parse_record(record, contents.path)[1], unreadable
             except LavaError as error:
                 unreadable += (str(error),)
     return {}, unreadable
