@@ -119,7 +119,7 @@ def _attachment(path: Path, data: mmap.mmap, offset: int, end: int) -> Attachmen
         size = place = -1
     if place + 8 + size + 4 != end:
         texts, log_time, size = [UNREADABLE, ''], 0, 0
-    return Attachment(*texts, log_time, size, path, offset, end - offset)
+    return Attachment(texts[0], texts[1], log_time, size, path, offset, end - offset)
 
 
 class StoredCheckpoint(NamedTuple):

@@ -211,13 +211,9 @@ def frames(data: bytes | memoryview) -> Iterator[tuple[int, memoryview]]:
 
 
 def parse(opcode: int, content: bytes | memoryview) -> list[McapRecord]:
-    """Parse a record; a chunk gives the records inside it.
+    """Parse a record; a chunk gives the records inside it. Raises what ``unpacked`` does.
 
     The data of a message are a view of the content, or of the chunk.
-
-    Raises:
-        UnsupportedCompressionError: The chunk has another compression than lz4 and zstd.
-        DAMAGE: The record is damaged, or too large.
     """
     if opcode == Opcode.CHUNK:
         return [

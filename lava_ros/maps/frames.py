@@ -24,14 +24,13 @@ from typing import Any
 import numpy as np
 
 from lava_ros.bag import BagReader
-from lava_ros.bag.decoding import Decoder, read_grid, Timeline
+from lava_ros.bag.decoding import cloud_columns, Decoder, image_array, read_grid, Timeline
 from lava_ros.bag.reader import BagMessage
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, IMAGE, Layer
-from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.scene import MAX_COORDINATE, Terrain
 from lava_ros.simulation.accuracy import COVERED
 

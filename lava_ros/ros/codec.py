@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Arrays to message fields, fast, and messages to bytes; back: lava_ros/maps/message_arrays.py."""
+"""Arrays to message fields, fast, and messages to bytes; back: lava_ros/bag/decoding.py."""
 
 import array
 from collections.abc import Mapping

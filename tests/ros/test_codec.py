@@ -21,8 +21,8 @@ import pytest
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
+from lava_ros.bag.decoding import cloud_columns, image_array
 from lava_ros.errors import LavaError
-from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.ros import codec
 
 VALUES = np.array([[1.5, -2.0, 3.0], [4.0, 5.0, np.nan]])

@@ -27,7 +27,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 
-from lava_ros.maps.message_arrays import cloud_columns
+from lava_ros.bag.decoding import cloud_columns
 from lava_ros.ros import inputs, qos
 from lava_ros.ros.feed import SceneFeed
 from lava_ros.ros.parameters import Settings

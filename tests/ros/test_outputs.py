@@ -24,8 +24,8 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
 
+from lava_ros.bag.decoding import cloud_columns, image_array
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
-from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.ros import inputs, outputs
 from lava_ros.ros.layer_publishers import LayerPublishers
 from lava_ros.ros.parameters import Settings
