@@ -56,19 +56,11 @@ def animate_bag(
     width: int = 800,
     progress: Progress = silent,
 ) -> int:
-    """Draw the frames of a bag over shaded relief, evenly spread over its simulated time.
+    """Draw frames of a bag over shaded relief as .gif or .mp4; returns how many differ.
 
-    Args:
-        path: The bag's directory, or an .mcap file.
-        output: The animation: .gif or .mp4.
-        source: The layer: ``thickness``, ``temperature`` or ``hazard``.
-        seconds: How long the animation lasts [s]; the last picture stays for two more.
-        fps: Pictures per second.
-        width: Width of the pictures [pixels].
-        progress: Is told what is being done, and the share that is done.
-
-    Returns:
-        How many different frames it shows.
+    They are evenly spread over its simulated time. The source is ``thickness``, ``temperature`` or
+    ``hazard``; ``seconds`` is how long the animation lasts [s], whose last picture stays for two
+    more; ``width`` that of the pictures [pixels].
 
     Raises:
         LavaError: The bag cannot be read, an argument is not usable, or a program or library that

@@ -126,9 +126,7 @@ class Recording:
     """
 
     def __init__(self, path: str | Path, *, more: Sequence[Layer] = ()) -> None:
-        """Open a bag and find its layers.
-
-        ``more`` are layers to look for in addition to those that the bag describes.
+        """Open a bag and find its layers, and ``more`` in addition to those that it describes.
 
         Raises:
             LavaError: The bag cannot be read, or has no maps or no terrain.

@@ -146,11 +146,8 @@ def write_grid(
 ) -> Path:
     """Write values on the cells of a terrain as GeoTIFF, and return its path.
 
-    ``meaning`` describes the values, and ``unit`` is their unit. The band is named after the file.
-
-    Raises:
-        LavaError: rasterio is not installed, GDAL does not know the coordinate system, or the file
-            cannot be written.
+    The band is named after the file. LavaError also where rasterio is not installed, or GDAL does
+    not know the coordinate system.
     """
     require('rasterio', 'GeoTIFF', str(path))
     write_map(path, values, place_of(terrain), path.stem, unit, meaning, {})
@@ -158,7 +155,7 @@ def write_grid(
 
 
 def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, Any]]:
-    """Turn cells into a list of one GeoJSON feature in the map's coordinates; empty without cells.
+    """Cells as a list of one GeoJSON feature in the map's coordinates; empty without cells.
 
     ``cells`` is bool, shape [rows, columns], row 0 the southernmost. The feature has
     ``properties`` and its ``area_m2``.

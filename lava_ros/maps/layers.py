@@ -213,15 +213,15 @@ class Layer:
             Columns ``x``, ``y``, ``z`` [m], ``thickness`` [m] and ``temperature`` [Celsius, NaN
             where it is unknown], float32, one value a point.
         """
-        rows, columns = np.nonzero(self.wet(snapshot))
-        terrain, thickness = snapshot.terrain, snapshot.thickness[rows, columns]
-        temperature = snapshot.temperature[rows, columns]
+        wet, thickness = self._quantity('thickness', snapshot)
+        rows, columns = np.nonzero(wet)
+        terrain = snapshot.terrain
         values = {
             'x': terrain.origin[0] + (columns + 0.5) * terrain.resolution,
             'y': terrain.origin[1] + (rows + 0.5) * terrain.resolution,
-            'z': terrain.elevation[rows, columns] + thickness,
+            'z': terrain.elevation[wet] + thickness,
             'thickness': thickness,
-            'temperature': self._quantity('temperature', thickness, temperature),
+            'temperature': snapshot.temperature[wet] - np.float32(ZERO_CELSIUS),
         }
         return {name: np.asarray(column, dtype=np.float32) for name, column in values.items()}
 
@@ -242,27 +242,22 @@ class Layer:
                 return self._probabilities(snapshot)
             layer, forecast = self._plain(snapshot)
             return layer.grid_values(forecast)
-        wet = self.wet(snapshot)
-        if isinstance(snapshot, Forecast) and self.source == ARRIVAL:
-            quantity, default = snapshot.arrival[wet], (0.0, snapshot.horizon)
-        else:
-            source, default = self.source.removeprefix(PEAK), None
-            quantity = self._quantity(
-                source, snapshot.thickness[wet], snapshot.temperature[wet]
-            )
+        wet, quantity = self._quantity(self.source.removeprefix(PEAK), snapshot)
+        is_time = isinstance(snapshot, Forecast) and self.source == ARRIVAL
         distance = self.margin / snapshot.terrain.resolution
         values = np.zeros(snapshot.thickness.shape, dtype=np.int8)
         if self.step is not None:
             reached = wet.copy()
             # The comparison is false for what is unknown.
             is_below = quantity < np.float32(self.step)
-            reached[wet] = quantity <= np.float32(self.step) if default else ~is_below
+            reached[wet] = quantity <= np.float32(self.step) if is_time else ~is_below
             values[within(reached, distance)] = 100
         elif self.classes is not None:
-            values[wet] = self._classed(quantity, is_time=default is not None)
+            values[wet] = self._classed(quantity, is_time=is_time)
         else:
             values[within(wet, distance)] = max(1, self.scale[0])
-            values[wet] = self._scaled(quantity, self.range or default)
+            ends = (0.0, snapshot.horizon) if is_time else None
+            values[wet] = self._scaled(quantity, self.range or ends)
         values[np.isnan(snapshot.thickness)] = self.outside
         return values
 
@@ -271,12 +266,6 @@ class Layer:
         if self.message == OCCUPANCY_GRID:
             return self.grid_values(snapshot)
         return self.raw_values(snapshot)
-
-    def wet(self, snapshot: 'Flow') -> np.ndarray:
-        """Where this layer sees lava, bool, shape [rows, columns]."""
-        if isinstance(snapshot, Forecast) and self.source == ARRIVAL:
-            return np.isfinite(snapshot.arrival)
-        return (snapshot.thickness > 0.0) & (snapshot.thickness >= self.threshold)
 
     def _plain(self, ensemble: EnsembleForecast) -> 'tuple[Layer, Forecast]':
         """The layer of a forecast that shows what this one does of an ensemble, and that."""
@@ -318,25 +307,25 @@ class Layer:
         return np.clip(np.where(np.isnan(scaled), last, scaled), max(1, least), most)
 
     def _raw(self, source: str, snapshot: 'Flow') -> np.ndarray:
-        if isinstance(snapshot, Forecast) and source == ARRIVAL:
-            unknown = np.isnan(snapshot.thickness)
-            return np.where(unknown, np.float32(UNKNOWN), snapshot.arrival)
-        wet = self.wet(snapshot)
-        dry_value = np.nan if source == 'temperature' else 0.0
+        wet, quantity = self._quantity(source, snapshot)
+        dry_value = np.nan if source in ('temperature', ARRIVAL) else 0.0
         values = np.full(snapshot.thickness.shape, dry_value, dtype=np.float32)
-        values[wet] = self._quantity(source, snapshot.thickness[wet], snapshot.temperature[wet])
-        values[np.isnan(snapshot.thickness)] = np.nan
+        values[wet] = quantity
+        values[np.isnan(snapshot.thickness)] = UNKNOWN if source == ARRIVAL else np.nan
         return values
 
-    def _quantity(
-        self, source: str, thickness: np.ndarray, temperature: np.ndarray
-    ) -> np.ndarray:
-        """A quantity in wet cells alone: they are few."""
+    def _quantity(self, source: str, snapshot: 'Flow') -> tuple[np.ndarray, np.ndarray]:
+        """Where this layer sees lava, bool, shape [rows, columns], and a quantity there."""
+        if isinstance(snapshot, Forecast) and source == ARRIVAL:
+            wet = np.isfinite(snapshot.arrival)
+            return wet, snapshot.arrival[wet]
+        wet = (snapshot.thickness > 0.0) & (snapshot.thickness >= self.threshold)
+        thickness, temperature = snapshot.thickness[wet], snapshot.temperature[wet]
         if source == 'thickness':
-            return thickness
+            return wet, thickness
         if source == 'temperature':
-            return temperature - np.float32(ZERO_CELSIUS)
-        return hazard(thickness, temperature, self.hazard)
+            return wet, temperature - np.float32(ZERO_CELSIUS)
+        return wet, hazard(thickness, temperature, self.hazard)
 
 
 def within(marked: np.ndarray, distance: float) -> np.ndarray:

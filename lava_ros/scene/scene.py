@@ -164,19 +164,12 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
 def read_scene(
     path: str | Path, *, terrain: Terrain | None = None, fill_holes: bool = False
 ) -> tuple[dict[str, Any], Terrain]:
-    """Read a scene file without making a scene of it.
+    """Read a scene file without making a scene of it: what ``scene_from_dict`` takes.
 
-    The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
-    the scene file or ``st_helens.npz`` of the package, and the options of
-    ``terrain_files.load_terrain``.
-
-    Args:
-        path: The YAML file.
-        terrain: Ground to use in place of the file's own.
-        fill_holes: Fill the holes of the file's own ground, whatever the file says.
-
-    Returns:
-        What ``scene_from_dict`` takes.
+    The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative
+    to the scene file or ``st_helens.npz`` of the package, and the options of
+    ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``fill_holes``
+    fills the holes of the file's own, whatever the file says.
 
     Raises:
         LavaError: The file cannot be read, or has other keys, or its ground is not usable.
