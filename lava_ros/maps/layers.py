@@ -243,21 +243,22 @@ class Layer:
             layer, forecast = self._plain(snapshot)
             return layer.grid_values(forecast)
         wet, quantity = self._quantity(self.source.removeprefix(PEAK), snapshot)
-        is_time = isinstance(snapshot, Forecast) and self.source == ARRIVAL
+        default = None
+        if isinstance(snapshot, Forecast) and self.source == ARRIVAL:
+            default = (0.0, snapshot.horizon)
         distance = self.margin / snapshot.terrain.resolution
         values = np.zeros(snapshot.thickness.shape, dtype=np.int8)
         if self.step is not None:
             reached = wet.copy()
             # The comparison is false for what is unknown.
             is_below = quantity < np.float32(self.step)
-            reached[wet] = quantity <= np.float32(self.step) if is_time else ~is_below
+            reached[wet] = quantity <= np.float32(self.step) if default else ~is_below
             values[within(reached, distance)] = 100
         elif self.classes is not None:
-            values[wet] = self._classed(quantity, is_time=is_time)
+            values[wet] = self._classed(quantity, is_time=default is not None)
         else:
             values[within(wet, distance)] = max(1, self.scale[0])
-            ends = (0.0, snapshot.horizon) if is_time else None
-            values[wet] = self._scaled(quantity, self.range or ends)
+            values[wet] = self._scaled(quantity, self.range or default)
         values[np.isnan(snapshot.thickness)] = self.outside
         return values
 

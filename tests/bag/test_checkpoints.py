@@ -23,7 +23,7 @@ from mcap.reader import make_reader
 import pytest
 from rosbags.rosbag2 import Reader
 
-from bag.conftest import GRID, MakeGrid, messages_of, SECOND
+from bag.conftest import GRID, MakeGrid, messages_of, SECOND, small_bag
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import (
     attachments_in,
@@ -114,9 +114,8 @@ def test_no_checkpoint_is_an_error(tmp_path: Path) -> None:
     (tmp_path / 'text.mcap').write_text('not a bag at all')
     with pytest.raises(LavaError, match='does not start like one'):
         newest_checkpoint(tmp_path)
-    BagWriter(tmp_path / 'bag', custom_data={}).close()
     with pytest.raises(LavaError, match='with a checkpoint in it; this one has none'):
-        newest_checkpoint(tmp_path / 'bag')
+        newest_checkpoint(small_bag(tmp_path / 'bag').path)
     with BagWriter(tmp_path / 'later', custom_data={}) as writer:
         later = bytearray(checkpoint(3.0))
         later[8] = 9
