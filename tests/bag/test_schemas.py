@@ -74,7 +74,7 @@ def define(share: Path, package: str, name: str, text: str) -> None:
 
 @pytest.mark.parametrize('name', TYPES)
 def test_definitions_are_complete_and_hashes_right(name: str) -> None:
-    """An independent implementation parses each text alone and computes the same hash from it."""
+    """Another implementation parses each text alone and computes the same hash from it."""
     schema = message_schema(name)
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(schema.text, name))
@@ -94,21 +94,27 @@ def test_dependencies_come_once_in_rosbag2s_order() -> None:
     ]
 
 
-def test_every_kind_of_field_is_understood(share: Path) -> None:
-    """Bounds, arrays, constants, defaults and comments do not hide a dependency or make one."""
+def test_installed_definitions_are_understood(share: Path) -> None:
+    """Bounds, arrays, constants, defaults and comments do not hide a dependency or make one.
+
+    A sourced workspace overrides what the interpreter has. What is missing is named, and so is a
+    distribution without type hashes.
+    """
     define(share, 'a_msgs', 'Leaf', 'uint8 value\n')
     define(share, 'b_msgs', 'Other', 'a_msgs/Leaf leaf\n')
     text = '# Missing type\nuint8 LIMIT=3\nstring<=5 name "x # y"\nwstring<=2[<=4] words\n'
     text += 'Leaf[<=3] leaves\n  b_msgs/msg/Other[2] others # Missing other\nfloat64[36] numbers\n'
     define(share, 'a_msgs', 'Root', text)
     assert headings('a_msgs/msg/Root') == ['a_msgs/Leaf', 'b_msgs/Other']
-
-
-def test_the_ament_prefix_comes_first(share: Path) -> None:
-    """A sourced workspace overrides what the interpreter has."""
     define(share, 'std_msgs', 'Empty', '# ours\n')
     schema = message_schema('std_msgs/msg/Empty')
     assert (schema.text, schema.type_hash) == ('# ours\n', 'RIHS01_Empty')
+    define(share, 'c_msgs', 'Root', 'gone_msgs/Leaf leaf\n')
+    with pytest.raises(LavaError, match=r'gone_msgs/msg/Leaf.*install gone_msgs'):
+        message_schema('c_msgs/msg/Root')
+    (share / 'a_msgs/msg/Leaf.json').unlink()
+    with pytest.raises(LavaError, match=r'Leaf\.json'):
+        message_schema('a_msgs/msg/Leaf')
 
 
 @pytest.mark.parametrize(
@@ -118,17 +124,6 @@ def test_names_of_other_things_are_refused(name: str) -> None:
     """Only full message type names are looked up."""
     with pytest.raises(LavaError, match='a name such as nav_msgs/msg/OccupancyGrid'):
         message_schema(name)
-
-
-def test_a_type_that_is_not_installed_says_what_to_do(share: Path) -> None:
-    """It names the missing dependency; a distribution without type hashes is refused as well."""
-    define(share, 'a_msgs', 'Root', 'gone_msgs/Leaf leaf\n')
-    with pytest.raises(LavaError, match=r'gone_msgs/msg/Leaf.*install gone_msgs'):
-        message_schema('a_msgs/msg/Root')
-    define(share, 'a_msgs', 'Other', 'uint8 x\n')
-    (share / 'a_msgs' / 'msg' / 'Other.json').unlink()
-    with pytest.raises(LavaError, match=r'Other\.json'):
-        message_schema('a_msgs/msg/Other')
 
 
 #: The keys, order, words and infinite durations that rosbag2 of Jazzy writes.
