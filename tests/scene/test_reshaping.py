@@ -14,6 +14,8 @@
 
 """Barriers, the low-pass filter and finer cells: where they change the ground, and where not."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -58,15 +60,11 @@ def test_thin_barrier_has_no_gap() -> None:
         assert set(columns) & set(following)
 
 
-def test_corners_are_not_piled_up() -> None:
-    """Where two parts of a line meet the barrier is as high as elsewhere."""
+def test_corners_and_turned_barriers() -> None:
+    """Two parts of a line are not piled up; a barrier on turned ground is the turned barrier."""
     line = (_place(100, 100), _place(300, 100), _place(300, 300))
     added = _added(with_barrier(GROUND, Barrier(line, 8.0, 20.0)))
     assert added.max() == pytest.approx(8.0)
-
-
-def test_turned_barrier_is_the_same() -> None:
-    """A barrier on turned ground is the turned barrier."""
     flat = Terrain(np.zeros((40, 40)), 10.0)
     one = with_barrier(flat, Barrier(((55.0, 105.0), (255.0, 305.0)), 8.0, 20.0))
     other = with_barrier(flat, Barrier(((400.0 - 105.0, 55.0), (400.0 - 305.0, 255.0)), 8.0, 20.0))
@@ -87,28 +85,23 @@ def test_holes_stay_holes() -> None:
 
 
 @pytest.mark.parametrize(
-    ('line', 'height', 'width', 'word'),
+    ('change', 'word'),
     [
-        (((0.0, 0.0),), 5.0, 5.0, 'two or more places'),
-        (((0.0, 0.0), (0.0, 0.0)), 5.0, 5.0, 'that differ'),
-        ('0,0 1,1', 5.0, 5.0, 'two or more places'),
-        (((0.0, 0.0), (1.0, 1.0)), -5.0, 5.0, 'barrier.height'),
-        (((0.0, 0.0), (1.0, 1.0)), 5.0, 0.0, 'barrier.width'),
-        (((0.0, 0.0), (1.0, np.nan)), 5.0, 5.0, r'barrier.line\[1\]'),
+        ({'line': ((0.0, 0.0),)}, 'two or more places'),
+        ({'line': ((0.0, 0.0), (0.0, 0.0))}, 'that differ'),
+        ({'line': '0,0 1,1'}, 'two or more places'),
+        ({'line': ((0.0, 0.0), (1.0, np.nan))}, r'barrier.line\[1\]'),
+        ({'height': -5.0}, 'barrier.height'),
+        ({'width': 0.0}, 'barrier.width'),
+        # one that does not touch the terrain is a mistake
+        ({}, 'a line on the terrain.*easting 500000 to 500500'),
     ],
 )
-def test_wrong_barriers_are_refused(
-    line: object, height: float, width: float, word: str
-) -> None:
+def test_wrong_barriers_are_refused(change: dict[str, Any], word: str) -> None:
     """Each by the name of what is wrong."""
+    good: dict[str, Any] = {'line': ((0.0, 0.0), (100.0, 0.0)), 'height': 5.0, 'width': 5.0}
     with pytest.raises(LavaError, match=word):
-        Barrier(line, height, width)  # type: ignore[arg-type]
-
-
-def test_barrier_somewhere_else_is_refused() -> None:
-    """A line that does not touch the terrain is a mistake, not a barrier without effect."""
-    with pytest.raises(LavaError, match='a line on the terrain.*easting 500000 to 500500'):
-        with_barrier(GROUND, Barrier(((0.0, 0.0), (100.0, 0.0)), 5.0, 5.0))
+        with_barrier(GROUND, Barrier(**{**good, **change}))
 
 
 def test_filter_takes_short_waves_and_leaves_planes() -> None:
@@ -121,13 +114,9 @@ def test_filter_takes_short_waves_and_leaves_planes() -> None:
     smooth = low_pass(GROUND, 30.0)
     np.testing.assert_allclose(smooth.elevation[13:27], GROUND.elevation[13:27], atol=1e-3)
     assert low_pass(GROUND, 0.0) is GROUND
-
-
-@pytest.mark.parametrize('width', [-1.0, np.nan, 1e4])
-def test_widths_that_make_no_sense_are_refused(width: float) -> None:
-    """Negative ones, and those that leave nothing of the terrain."""
-    with pytest.raises(LavaError, match='low_pass'):
-        low_pass(GROUND, width)
+    for width in (-1.0, np.nan, 1e4):
+        with pytest.raises(LavaError, match='low_pass'):
+            low_pass(GROUND, width)
 
 
 def test_it_is_the_surface_that_lava_flows_on() -> None:
