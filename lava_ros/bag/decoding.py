@@ -121,10 +121,8 @@ IMAGE_TYPES = {'32FC1': 'f4', '16UC1': 'u2'}
 def image_array(image: Any, name: str) -> np.ndarray:
     """A view of an image's pixels, shape [height, width], in the type of its encoding.
 
-    Errors name the message by ``name``.
-
-    Raises:
-        LavaError: The encoding is not one of ``IMAGE_TYPES``, or size, step and data disagree.
+    Errors name the message by ``name``. LavaError where the encoding is not one of
+    ``IMAGE_TYPES``, or size, step and data disagree.
     """
     if image.encoding not in IMAGE_TYPES:
         raise LavaError(f'{name}.encoding', image.encoding, f'one of {", ".join(IMAGE_TYPES)}')

@@ -153,8 +153,7 @@ class BagReader:
     def newest(self, topics: Collection[str], before_ns: int) -> list[BagMessage]:
         """The newest message of each topic before a log time [ns], oldest first.
 
-        Raises:
-            LavaError: A file is damaged or cannot be read.
+        LavaError where a file is damaged or cannot be read.
         """
         found: dict[str, BagMessage] = {}
         for contents in reversed(self.contents):

@@ -265,8 +265,7 @@ class BagWriter:
     def set_custom_data(self, custom_data: Mapping[str, str]) -> None:
         """Replace the description of the recording; the next ``flush`` writes it to the file.
 
-        Raises:
-            LavaError: A key or a value is not text, or the bag is closed.
+        LavaError where a key or a value is not text, or the bag is closed.
         """
         self._open()
         self._custom_data = _texts(custom_data)
@@ -330,20 +329,15 @@ class BagWriter:
         """Put data beside the messages; players pass over it, ``bag.checkpoints`` finds it.
 
         Names need not differ. The data are logged at ``stamp_ns`` [ns], or at the latest log time
-        where that is later.
-
-        Raises:
-            LavaError: The bag is closed.
-            OSError: The file cannot be written.
+        where that is later. LavaError where the bag is closed; OSError where the file cannot be
+        written.
         """
         self._open().attach(name, media_type, data, max(stamp_ns, self._end_ns))
 
     def begin_file(self) -> None:
         """Finish the file at hand and go on in a new one; nothing is repeated in it.
 
-        Raises:
-            LavaError: The bag is closed.
-            OSError: One of them cannot be written.
+        LavaError where the bag is closed; OSError where one of them cannot be written.
         """
         file, self._file = self._open(), None
         self._finished_size += file.size
@@ -354,19 +348,16 @@ class BagWriter:
     def flush(self) -> None:
         """Hand everything written so far to the operating system, as a complete chunk.
 
-        It survives the end of this process from here on, though not a loss of power.
-
-        Raises:
-            LavaError: The bag is closed.
-            OSError: The file cannot be written, or is not in the bag any more.
+        It survives the end of this process from here on, though not a loss of power. LavaError
+        where the bag is closed; OSError where the file cannot be written, or is not in the bag any
+        more.
         """
         self._open().flush(self._custom_data)
 
     def close(self) -> None:
         """Finish the file and write metadata.yaml; does nothing the second time.
 
-        Raises:
-            OSError: The file cannot be written; it is closed as it is.
+        OSError where the file cannot be written; it is closed as it is.
         """
         if self._closed:
             return

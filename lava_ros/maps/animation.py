@@ -60,11 +60,8 @@ def animate_bag(
 
     They are evenly spread over its simulated time. The source is ``thickness``, ``temperature`` or
     ``hazard``; ``seconds`` is how long the animation lasts [s], whose last picture stays for two
-    more; ``width`` that of the pictures [pixels].
-
-    Raises:
-        LavaError: The bag cannot be read, an argument is not usable, or a program or library that
-            writes the format is missing.
+    more; ``width`` that of the pictures [pixels]. LavaError where the bag cannot be read, an
+    argument is not usable, or a program or library that writes the format is missing.
     """
     output = file_to_write('output', output, FORMATS)
     validation.choice('layer', source, SOURCES)

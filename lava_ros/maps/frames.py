@@ -128,8 +128,7 @@ class Recording:
     def __init__(self, path: str | Path, *, more: Sequence[Layer] = ()) -> None:
         """Open a bag and find its layers, and ``more`` in addition to those that it describes.
 
-        Raises:
-            LavaError: The bag cannot be read, or has no maps or no terrain.
+        LavaError where the bag cannot be read, or has no maps or no terrain.
         """
         self.bag = bag = BagReader(path)
         self.decoder = Decoder(bag)
@@ -157,8 +156,7 @@ class Recording:
     def frame_at(self, time: float | None = None) -> Frame:
         """Read the newest maps up to a simulated time [s]; None for the last ones.
 
-        Raises:
-            LavaError: The bag is damaged, or has no terrain or no map at that time.
+        LavaError where the bag is damaged, or has no terrain or no map at that time.
         """
         stamp = self.timeline.stamp_at(time)
         last = max((item.time for item in self.timeline.moments), default=math.inf)
@@ -179,10 +177,8 @@ class Recording:
 
         A run ends where the simulation was set back to an earlier time. A frame is there for each
         time a layer was published; layers that were not have their newest map before. Frames that
-        the bag knows no simulated time of are left out, unless it knows none at all.
-
-        Raises:
-            LavaError: The bag is damaged.
+        the bag knows no simulated time of are left out, unless it knows none at all. LavaError
+        where the bag is damaged.
         """
         run = self.timeline.last_run
         start = run[0].stamp_ns if run else 0

@@ -88,8 +88,7 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
 def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) -> list[Layer]:
     """Enable the layers named in ``on`` and disable those in ``off``, whatever their file says.
 
-    Raises:
-        LavaError: A name is not that of a layer, or is in both lists.
+    LavaError where a name is not that of a layer, or is in both lists.
     """
     known = [layer.name for layer in layers]
     for field_name, names in (('layers_on', on), ('layers_off', off)):

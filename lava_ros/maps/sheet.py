@@ -100,9 +100,7 @@ def draw_sheet(
 
     All maps show the same area, and maps of the same kind share a colour scale. Panels and
     overlays must be in the same coordinate system. The suffix of the file chooses the format.
-
-    Raises:
-        LavaError: matplotlib is not installed, or the picture cannot be written.
+    LavaError where matplotlib is not installed, or the picture cannot be written.
     """
     require('matplotlib.figure', 'plot', str(output))
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -70,9 +70,8 @@ class Scene:
     def __post_init__(self) -> None:
         """Validate the parts together.
 
-        Raises:
-            LavaError: A part is of the wrong kind, a vent is not on the terrain, or its lava is
-                solid.
+        LavaError where a part is of the wrong kind, a vent is not on the terrain, or its lava is
+        solid.
         """
         kinds = (('terrain', Terrain), ('lava', Lava), ('uncertainty', Uncertainty))
         for name, kind in kinds:
@@ -166,13 +165,11 @@ def read_scene(
 ) -> tuple[dict[str, Any], Terrain]:
     """Read a scene file without making a scene of it: what ``scene_from_dict`` takes.
 
-    The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative
-    to the scene file or ``st_helens.npz`` of the package, and the options of
+    The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
+    the scene file or ``st_helens.npz`` of the package, and the options of
     ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``fill_holes``
-    fills the holes of the file's own, whatever the file says.
-
-    Raises:
-        LavaError: The file cannot be read, or has other keys, or its ground is not usable.
+    fills the holes of the file's own, whatever the file says. LavaError where the file cannot be
+    read, or has other keys, or its ground is not usable.
     """
     path = Path(path)
     data = validation.keys('scene', read_yaml('scene', path), allowed=SCENE_KEYS)

@@ -312,9 +312,7 @@ def ridge_terrain() -> Terrain:
 
     The sample is NASA's SRTM elevation of the Jacksboro fault, Tennessee, in cells of 3 seconds of
     arc; the part is 9 km wide and 8 km high, falls from 1070 to 250 m and has cells of 30 m.
-
-    Raises:
-        LavaError: matplotlib or rasterio is not installed.
+    LavaError where matplotlib or rasterio is not installed.
     """
     try:
         from matplotlib import cbook

@@ -172,8 +172,7 @@ class Displacement:
     def __post_init__(self) -> None:
         """Validate every field.
 
-        Raises:
-            LavaError: A field is not usable, or not exactly one of them is above 0.
+        LavaError where a field is not usable, or not exactly one of them is above 0.
         """
         check_fields('displacement', self)
         if bool(self.deviation) == bool(self.radius):
@@ -263,8 +262,7 @@ class Uncertainty:
     def __post_init__(self) -> None:
         """Validate every field.
 
-        Raises:
-            LavaError: A field is of the wrong kind, or a factor may be negative.
+        LavaError where a field is of the wrong kind, or a factor may be negative.
         """
         kinds: dict[str, type] = {
             'position': Displacement, 'terrain': Roughness, 'constants': Mapping,
