@@ -164,12 +164,9 @@ class Recording:
             raise LavaError('time', time, self.timeline.span)
         assembly = _Assembly(self)
         end = (self.bag.end_ns or 0) if stamp is None else stamp
-        for message in self.bag.newest(self.topics, end + 1):
-            assembly.take(message)
-        if not assembly.has_ground:
-            raise self.lack(time, 'terrain')
-        if not assembly.has_layers:
-            raise self.lack(time, 'map')
+        assembly.newest = {item.topic: item for item in self.bag.newest(self.topics, end + 1)}
+        if what := assembly.lacks():
+            raise self.lack(time, what)
         return assembly.frame()
 
     def frames(self) -> Iterator[Frame]:
@@ -195,7 +192,7 @@ class Recording:
                 is_due = False
             is_layer = message.topic in self.layers
             if not is_layer or message.publish_ns >= start:
-                assembly.take(message)
+                assembly.newest[message.topic] = message
                 stamp, is_due = message.publish_ns, is_due or is_layer
         if is_due:
             yield from self._due(assembly)
@@ -214,7 +211,7 @@ class Recording:
         return (frame.time - run[0].time) / (run[-1].time - run[0].time)
 
     def _due(self, assembly: '_Assembly') -> Iterator[Frame]:
-        if assembly.has_ground and assembly.has_layers:
+        if not assembly.lacks():
             frame = assembly.frame()
             if frame.time is not None or not self.timeline.moments:
                 yield frame
@@ -225,22 +222,16 @@ class _Assembly:
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._newest: dict[str, BagMessage] = {}
+        self.newest: dict[str, BagMessage] = {}
         self._decoded: dict[str, tuple[BagMessage, Any]] = {}
         # the newest description and elevations, and what they make
         self._ground: tuple[_Place, np.ndarray, Terrain] | None = None
 
-    def take(self, message: BagMessage) -> None:
-        """Let a message replace the one before on its topic."""
-        self._newest[message.topic] = message
-
-    @property
-    def has_ground(self) -> bool:
-        return {self._recording.terrain, self._recording.terrain_info} <= set(self._newest)
-
-    @property
-    def has_layers(self) -> bool:
-        return bool(self._layer_names())
+    def lacks(self) -> str:
+        """What is not there for a frame, or an empty text."""
+        if not {self._recording.terrain, self._recording.terrain_info} <= set(self.newest):
+            return 'terrain'
+        return '' if self._layer_names() else 'map'
 
     def frame(self) -> Frame:
         """Make the frame; maps of another terrain than the newest are left out."""
@@ -261,8 +252,8 @@ class _Assembly:
                 if shown.values.shape == terrain.shape and where in (place, None):
                     layers[layer.source] = shown
         arrived = layers.pop(ARRIVED, None)
-        has_vents = recording.vents in self._newest
-        stamp = max(self._newest[name].publish_ns for name in self._layer_names())
+        has_vents = recording.vents in self.newest
+        stamp = max(self.newest[name].publish_ns for name in self._layer_names())
         return Frame(
             elevation=terrain.elevation,
             resolution=terrain.resolution,
@@ -275,16 +266,16 @@ class _Assembly:
         )
 
     def _layer_names(self) -> list[str]:
-        return [name for name in self._recording.layers if name in self._newest]
+        return [name for name in self._recording.layers if name in self.newest]
 
     def _rank(self, name: str) -> tuple[int, bool]:
         """Newer maps come first, and of the same time what is not rounded."""
         is_rounded = self._recording.layers[name].message != IMAGE
-        return (-self._newest[name].publish_ns, is_rounded)
+        return (-self.newest[name].publish_ns, is_rounded)
 
     def _get(self, name: Any, convert: Callable[[Decoder, BagMessage], Any]) -> Any:
         """What a topic's newest message says; each is decoded once."""
-        message = self._newest[name]
+        message = self.newest[name]
         known = self._decoded.get(name)
         if known is None or known[0] is not message:
             known = (message, convert(self._recording.decoder, message))
@@ -311,12 +302,10 @@ def _yaml(bag: BagReader, name: str) -> Any:
 
 def _topic(bag: BagReader, name: str, message_type: str) -> str | None:
     """Full name of a topic with messages by its relative name, whatever the namespace."""
-    for topic in bag.topics.values():
-        is_it = topic.name.endswith(f'/{name}') and topic.message_type == message_type
-        # rosbag2 lists what it subscribed to, also where nothing came
-        if is_it and topic.count != 0:
-            return topic.name
-    return None
+    # rosbag2 lists what it subscribed to, also where nothing came
+    shown = [item for item in bag.topics.values() if item.count != 0]
+    names = (item.name for item in shown if item.message_type == message_type)
+    return next((item for item in names if item.endswith(f'/{name}')), None)
 
 
 def _required(bag: BagReader, name: str, message_type: str) -> str:

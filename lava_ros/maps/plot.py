@@ -315,8 +315,6 @@ def draw_contours(axes: Any, frame: Frame, window: Window) -> None:
         return
     step = _round_up((high - low) / 16.0)
     levels = np.arange(math.ceil(low / step) * step, high, step)
-    if len(levels) == 0:
-        return
     lines = axes.contour(
         x[columns], y[rows], shown, levels=levels, colors='#3b352a', linewidths=0.45, alpha=0.45
     )
