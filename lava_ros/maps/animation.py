@@ -17,7 +17,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
-import math
 from pathlib import Path
 import shutil
 import subprocess
@@ -166,15 +165,12 @@ def _part(
     frame: Frame, window: tuple[float, float, float, float]
 ) -> tuple[tuple[slice, slice], tuple[float, float, float, float]]:
     """The cells that are in a window, and their edges: left, right, bottom, top [m]."""
-    ends: list[float] = []
-    slices = []
-    for axis, size in enumerate(frame.elevation.shape[::-1]):
-        start, cell = frame.origin[axis], frame.resolution
-        first = max(0, math.floor((window[axis] - start) / cell))
-        last = min(size, math.ceil((window[axis + 2] - start) / cell))
-        slices.append(slice(first, last))
-        ends += [start + first * cell, start + last * cell]
-    return (slices[1], slices[0]), (ends[0], ends[1], ends[2], ends[3])
+    start, cell = np.array(frame.origin), frame.resolution
+    first = np.maximum(0, np.floor((window[:2] - start) / cell)).astype(int)
+    last = np.ceil((window[2:] - start) / cell).astype(int)
+    last = np.minimum(frame.elevation.shape[::-1], last)
+    (left, bottom), (right, top) = start + first * cell, start + last * cell
+    return np.s_[first[1] : last[1], first[0] : last[0]], (left, right, bottom, top)
 
 
 def _pictures(

@@ -41,13 +41,6 @@ IMAGE = 'sensor_msgs/msg/Image'
 POINT_CLOUD = 'sensor_msgs/msg/PointCloud2'
 GRID_MAP = 'grid_map_msgs/msg/GridMap'
 
-#: What a file may call a message type, and its full name.
-MESSAGES = {
-    name: full
-    for full in (OCCUPANCY_GRID, IMAGE, POINT_CLOUD, GRID_MAP)
-    for name in (full.replace('/msg/', '/'), full)
-}
-
 #: Quantities that a message may show alone.
 SOURCES = ('thickness', 'temperature', 'hazard')
 
@@ -77,14 +70,9 @@ ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)
 
 #: The source of messages that show several quantities side by side.
 LAVA = 'lava'
-RELIABILITIES = ('reliable', 'best_effort')
-DURABILITIES = ('transient_local', 'volatile')
 
 #: Where classes of depth end that people can picture: a knee, somebody's height, a roof [m].
 DEPTHS = (0.5, 2.0, 5.0)
-
-#: Widest margin around lava [m].
-MOST_MARGIN = 1000.0
 
 
 def plain_source(source: str) -> str:

@@ -96,9 +96,9 @@ class Distribution:
             raise LavaError('distribution.mode', clean[1], right)
         object.__setattr__(self, 'numbers', tuple(clean))
         if self.limits is not None:
-            object.__setattr__(self, 'limits', self._checked_limits())
+            self._check_limits()
 
-    def _checked_limits(self) -> tuple[float, float]:
+    def _check_limits(self) -> None:
         where = 'distribution.limits'
         if self.kind not in _WITH_LIMITS:
             raise LavaError(where, self.limits, f'absent: a {self.kind} one has its own')
@@ -107,13 +107,16 @@ class Distribution:
             raise LavaError(f'{where}[0]', low, 'above 0')
         if not low < high:
             raise LavaError(f'{where}[1]', high, f'above the lower limit, {low:g}')
-        centre, width = self.numbers
-        if self.kind == 'lognormal':
-            low, high, centre, width = (math.log(item) for item in (low, high, centre, width))
+        object.__setattr__(self, 'limits', bounds)
+        centre, width, low, high = self._as_normal()
         inside = _STANDARD.cdf((high - centre) / width) - _STANDARD.cdf((low - centre) / width)
         if inside < LEAST_INSIDE:
             raise LavaError(where, bounds, 'limits with 0.1 % of the distribution between them')
-        return bounds
+
+    def _as_normal(self) -> tuple[float, ...]:
+        """Mean, deviation and limits, of a lognormal one those of the logarithm."""
+        values = (*self.numbers, *(self.limits or ()))
+        return tuple(map(math.log, values)) if self.kind == 'lognormal' else values
 
     @property
     def support(self) -> tuple[float, float]:
@@ -136,19 +139,16 @@ class Distribution:
         return low + (high - low) * share
 
     def _normal_quantile(self, share: float) -> float:
-        centre, width = self.numbers
-        is_log = self.kind == 'lognormal'
-        if is_log:
-            centre, width = math.log(centre), math.log(width)
-        if self.limits is not None:
-            low, high = (math.log(limit) if is_log else limit for limit in self.limits)
+        centre, width, *limits = self._as_normal()
+        if limits:
+            low, high = limits
             first = _STANDARD.cdf((low - centre) / width)
             share = first + share * (_STANDARD.cdf((high - centre) / width) - first)
             value = centre + width * _STANDARD.inv_cdf(min(max(share, 1e-16), 1.0 - 1e-16))
             value = min(max(value, low), high)
         else:
             value = centre + width * _STANDARD.inv_cdf(share)
-        return math.exp(value) if is_log else value
+        return math.exp(value) if self.kind == 'lognormal' else value
 
 
 def _triangular_quantile(share: float, low: float, mode: float, high: float) -> float:
