@@ -96,10 +96,13 @@ class BagReader:
         self.damage = tuple(text for item in self.contents for text in item.damage)
         self.topics = _topics(self.contents)
         described, unreadable = _described(self.contents)
+        last = self.contents[-1]
+        record = last.metadata.get(bag_metadata.RECORD, {})
+        is_checked = not last.damage and bag_metadata.CHECKSUM in record
         self.custom_data = described if stored is None else stored[1]
         if stored is None:
             self.damage += unreadable
-        elif _is_checked(self.contents[-1]) and described != self.custom_data:
+        elif is_checked and described != self.custom_data:
             self.damage += (
                 f'custom_data of {yaml_path} is damaged or changed: the last file says otherwise',
             )
@@ -231,9 +234,3 @@ def _described(files: list[McapFile]) -> tuple[dict[str, str], tuple[str, ...]]:
             except LavaError as error:
                 unreadable += (str(error),)
     return {}, unreadable
-
-
-def _is_checked(file: McapFile) -> bool:
-    """Whether a file is whole and its description has a checksum."""
-    record = file.metadata.get(bag_metadata.RECORD, {})
-    return not file.damage and bag_metadata.CHECKSUM in record

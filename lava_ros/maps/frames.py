@@ -132,7 +132,13 @@ class Recording:
         """
         self.bag = bag = BagReader(path)
         self.decoder = Decoder(bag)
-        shown = [*filter(_is_map, _layers(bag)), *more]
+        described = _yaml(bag, 'msg_config')
+        # as they were when the bag was recorded; the default ones for a foreign bag
+        if described is None:
+            layers = load_layers(share_path('msg_configs/default.yaml'))
+        else:
+            layers = layers_from_dict(described)
+        shown = [*filter(_is_map, layers), *more]
         named = {_topic(bag, item.topic, item.message): item for item in shown}
         self.layers = {name: item for name, item in named.items() if name}
         if not self.layers:
@@ -286,14 +292,6 @@ class _Assembly:
 def _is_map(layer: Layer) -> bool:
     """Whether quantities can be read from a layer: a mask or a margin around lava hides them."""
     return layer.message == IMAGE or (layer.range is not None and layer.margin == 0.0)
-
-
-def _layers(bag: BagReader) -> tuple[Layer, ...]:
-    """The layers as they were when the bag was recorded; the default ones for a foreign bag."""
-    data = _yaml(bag, 'msg_config')
-    if data is not None:
-        return layers_from_dict(data)
-    return load_layers(share_path('msg_configs/default.yaml'))
 
 
 def _yaml(bag: BagReader, name: str) -> Any:

@@ -14,7 +14,7 @@
 
 """The layers of a simulation that are published, as a file in msg_configs/ describes them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -182,12 +182,9 @@ class Layer:
         if self.source == LAVA:
             right = f'one of {", ".join(SOURCES)}; maps and points have them all'
             raise LavaError(f'layers.{self.name}.source', self.source, right)
-        if isinstance(snapshot, EnsembleForecast):
-            if self.source == PROBABILITY:
-                return snapshot.maps.probability
-            layer, forecast = self._plain(snapshot)
-            return layer.raw_values(forecast)
-        return self._raw(self.source.removeprefix(PEAK), snapshot)
+        if isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY:
+            return snapshot.maps.probability
+        return self._raw(plain_source(self.source), self._flow(snapshot))
 
     def maps(self, snapshot: 'Flow') -> dict[str, np.ndarray]:
         """Return the ground's elevation [m] and each of ``SOURCES`` as ``raw_values`` does."""
@@ -225,29 +222,35 @@ class Layer:
         Raises:
             LavaError: The layer has neither a range, a step nor classes.
         """
-        if isinstance(snapshot, EnsembleForecast):
-            if self.source == PROBABILITY:
-                return self._probabilities(snapshot)
-            layer, forecast = self._plain(snapshot)
-            return layer.grid_values(forecast)
-        wet, quantity = self._quantity(self.source.removeprefix(PEAK), snapshot)
-        default = None
-        if isinstance(snapshot, Forecast) and self.source == ARRIVAL:
-            default = (0.0, snapshot.horizon)
-        distance = self.margin / snapshot.terrain.resolution
-        values = np.zeros(snapshot.thickness.shape, dtype=np.int8)
+        if isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY:
+            return self._probabilities(snapshot)
+        flow, source = self._flow(snapshot), plain_source(self.source)
+        wet, quantity = self._quantity(source, flow)
+        is_time = isinstance(flow, Forecast) and source == ARRIVAL
+        distance = self.margin / flow.terrain.resolution
+        values = np.zeros(flow.thickness.shape, dtype=np.int8)
         if self.step is not None:
             reached = wet.copy()
             # The comparison is false for what is unknown.
             is_below = quantity < np.float32(self.step)
-            reached[wet] = quantity <= np.float32(self.step) if default else ~is_below
+            reached[wet] = quantity <= np.float32(self.step) if is_time else ~is_below
             values[within(reached, distance)] = 100
         elif self.classes is not None:
-            values[wet] = self._classed(quantity, is_time=default is not None)
+            values[wet] = self._classed(quantity, is_time=is_time)
         else:
-            values[within(wet, distance)] = max(1, self.scale[0])
-            values[wet] = self._scaled(quantity, self.range or default)
-        values[np.isnan(snapshot.thickness)] = self.outside
+            ends = self.range
+            if ends is None and isinstance(flow, Forecast) and is_time:
+                ends = (0.0, flow.horizon)
+            if ends is None:
+                raise LavaError(f'layers.{self.name}.range', None, 'two numbers [low, high]')
+            first, last = self.scale
+            gain = np.float32((last - first) / (ends[1] - ends[0]))
+            scaled = np.rint(np.float32(first) + (quantity - np.float32(ends[0])) * gain)
+            scaled = np.where(np.isnan(scaled), last, scaled)
+            values[within(wet, distance)] = max(1, first)
+            # never 0
+            values[wet] = np.clip(scaled, max(1, min(self.scale)), max(self.scale))
+        values[np.isnan(flow.thickness)] = self.outside
         return values
 
     def values(self, snapshot: 'Shown') -> np.ndarray:
@@ -256,10 +259,11 @@ class Layer:
             return self.grid_values(snapshot)
         return self.raw_values(snapshot)
 
-    def _plain(self, ensemble: EnsembleForecast) -> 'tuple[Layer, Forecast]':
-        """The layer of a forecast that shows what this one does of an ensemble, and that."""
-        share = QUANTILE_SOURCES.get(self.source, 0.5)
-        return replace(self, source=plain_source(self.source)), ensemble.forecast(share)
+    def _flow(self, shown: 'Shown') -> 'Flow':
+        """What is shown, of an ensemble the forecast by this layer's share of the members."""
+        if isinstance(shown, EnsembleForecast):
+            return shown.forecast(QUANTILE_SOURCES.get(self.source, 0.5))
+        return shown
 
     def _probabilities(self, ensemble: EnsembleForecast) -> np.ndarray:
         values = occupancy(ensemble.maps.probability)
@@ -283,17 +287,6 @@ class Layer:
         else:
             place = np.searchsorted(bounds, quantity, side='right')
         return np.rint(100.0 * (place + 1) / (len(bounds) + 1)).astype(np.int8)
-
-    def _scaled(self, quantity: np.ndarray, ends: tuple[float, float] | None) -> np.ndarray:
-        """Grid values of the quantity in wet cells, never 0."""
-        if ends is None:
-            raise LavaError(f'layers.{self.name}.range', None, 'two numbers [low, high]')
-        low, high = ends
-        first, last = self.scale
-        gain = np.float32((last - first) / (high - low))
-        scaled = np.rint(np.float32(first) + (quantity - np.float32(low)) * gain)
-        least, most = sorted(self.scale)
-        return np.clip(np.where(np.isnan(scaled), last, scaled), max(1, least), most)
 
     def _raw(self, source: str, snapshot: 'Flow') -> np.ndarray:
         wet, quantity = self._quantity(source, snapshot)

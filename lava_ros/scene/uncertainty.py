@@ -132,7 +132,10 @@ class Distribution:
         if self.kind in _WITH_LIMITS:
             return self._normal_quantile(share)
         if self.kind == 'triangular':
-            return _triangular_quantile(share, *self.numbers)
+            low, mode, high = self.numbers
+            if share < (mode - low) / (high - low):
+                return low + math.sqrt(share * (high - low) * (mode - low))
+            return high - math.sqrt((1.0 - share) * (high - low) * (high - mode))
         low, high = self.numbers
         if self.kind == 'loguniform':
             return low * math.exp(share * math.log(high / low))
@@ -149,13 +152,6 @@ class Distribution:
         else:
             value = centre + width * _STANDARD.inv_cdf(share)
         return math.exp(value) if self.kind == 'lognormal' else value
-
-
-def _triangular_quantile(share: float, low: float, mode: float, high: float) -> float:
-    rising = (mode - low) / (high - low)
-    if share < rising:
-        return low + math.sqrt(share * (high - low) * (mode - low))
-    return high - math.sqrt((1.0 - share) * (high - low) * (high - mode))
 
 
 @dataclass(frozen=True)
