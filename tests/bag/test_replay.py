@@ -151,12 +151,6 @@ def test_the_clock_stands_still_between_rounds(bag: Bag) -> None:
     assert back[1].round == 1
 
 
-def test_a_stop_ends_the_replay(bag: Bag) -> None:
-    """Nothing is taken after the stop, also in a loop."""
-    taken = steps(schedule(BagReader(bag[0]), loop=True), FakeClock(stop_at=30.2), tick=0.01)
-    assert taken[-1][0] == pytest.approx(30.2, abs=0.02)
-
-
 class Desk:
     """Somebody who presses keys at given times, and a clock that moves when waited for."""
 
@@ -261,8 +255,10 @@ def test_a_held_replay_shows_where_it_jumps_to(bag: Bag, rate: float) -> None:
     assert taken[-1][0] == pytest.approx(30.0 + (9.5 - place) / rate, abs=0.1)
 
 
-def test_q_ends_it_also_while_it_is_held(bag: Bag) -> None:
-    """At once; a stop from elsewhere does as well."""
+def test_q_or_a_stop_ends_it(bag: Bag) -> None:
+    """At once, in a loop and while it is held."""
+    taken = steps(schedule(BagReader(bag[0]), loop=True), FakeClock(stop_at=30.2), tick=0.01)
+    assert taken[-1][0] == pytest.approx(30.2, abs=0.02)
     assert Desk(q=2.25).play(bag[0])[-1][2] == 2.0
     assert Desk(space=2.25, q=9.0).play(bag[0])[-1][2] == 2.0
     desk = Desk(space=2.25)

@@ -123,7 +123,10 @@ def test_metadata_yaml_is_as_rosbag2_writes_it(bag: Bag) -> None:
 
 
 def test_log_time_never_decreases(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """A stamp that goes back is logged at the latest time; it stays as publish time and inside."""
+    """A stamp that goes back is logged at the latest time; it stays as publish time and inside.
+
+    Files are still divided by size.
+    """
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for stamp in (5, 9, 2, 10):
             writer.write('/hazard', GRID, make_grid(stamp), stamp, qos=LATCHED)
@@ -132,15 +135,27 @@ def test_log_time_never_decreases(tmp_path: Path, make_grid: MakeGrid) -> None:
     assert [item.log_time for item in messages] == [5, 9, 9, 10]
     assert [item.publish_time for item in messages] == [5, 9, 2, 10]
     assert messages[2].data == make_grid(2)
+    stamps = [1000 * SECOND, *(second * SECOND for second in range(40))]
+    with BagWriter(tmp_path / 'split', custom_data={}, max_size=20_000) as writer:
+        for stamp in stamps:
+            writer.write('/hazard', GRID, make_grid(stamp), stamp, qos=LATCHED)
+            writer.flush()
+        assert writer.file_count > 2
+    found = list(BagReader(tmp_path / 'split').messages())
+    assert [item.publish_ns for item in found] == stamps
+    assert {item.stamp_ns for item in found} == {1000 * SECOND}
 
 
 def test_an_existing_directory_is_left_alone(tmp_path: Path) -> None:
-    """Nothing is overwritten, and the message says what to do."""
+    """Nothing is overwritten, and the message says what to do; nor is it made for a bad limit."""
     (tmp_path / 'kept').write_text('mine')
     with pytest.raises(LavaError, match='choose another name'):
         BagWriter(tmp_path, custom_data={})
     with pytest.raises(LavaError, match=r'bag is .*kept'):
         BagWriter(tmp_path / 'kept' / 'bag', custom_data={})
+    for limits in ({'max_size': -1}, {'max_duration': -1.0}, {'max_duration': float('nan')}):
+        with pytest.raises(LavaError, match=next(iter(limits))):
+            BagWriter(tmp_path / 'new', custom_data={}, **limits)
     assert [item.name for item in tmp_path.iterdir()] == ['kept']
 
 
@@ -307,7 +322,9 @@ def test_others_read_a_split_bag(split: Bag, tmp_path: Path) -> None:
 
 
 def test_a_bag_is_split_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """A file that has reached the size gets no further frame, and no frame is divided."""
+    """A file that has reached the size gets no further frame; no frame is divided; 0: no limit."""
+    record(tmp_path / 'one', make_grid, max_size=0, max_duration=0.0)
+    assert [item.name for item in BagReader(tmp_path / 'one').files] == ['one_0.mcap']
     written = record(tmp_path / 'bag', make_grid, frames=40, max_size=30_000)
     reader = BagReader(tmp_path / 'bag')
     files = reader.contents
@@ -334,29 +351,6 @@ def test_large_latched_messages_do_not_fill_the_disk(tmp_path: Path, make_grid: 
     reader = BagReader(tmp_path / 'bag')
     assert len(without_repeats(reader)) == 200
     assert reader.size < 3 * (200 + 40) * 2000
-
-
-def test_without_limits_there_is_one_file(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """Zero is no limit, and a limit below is refused."""
-    record(tmp_path / 'bag', make_grid, max_size=0, max_duration=0.0)
-    assert [item.name for item in BagReader(tmp_path / 'bag').files] == ['bag_0.mcap']
-    for limits in ({'max_size': -1}, {'max_duration': -1.0}, {'max_duration': float('nan')}):
-        with pytest.raises(LavaError, match=next(iter(limits))):
-            BagWriter(tmp_path / 'new', custom_data={}, **limits)
-        assert not (tmp_path / 'new').exists()
-
-
-def test_a_clock_that_jumps_back_is_split_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """Log time stands still then; files are still divided, and time never decreases."""
-    stamps = [1000 * SECOND, *(second * SECOND for second in range(40))]
-    with BagWriter(tmp_path / 'bag', custom_data={}, max_size=20_000) as writer:
-        for stamp in stamps:
-            writer.write('/hazard', GRID, make_grid(stamp), stamp, qos=LATCHED)
-            writer.flush()
-        assert writer.file_count > 2
-    messages = list(BagReader(tmp_path / 'bag').messages())
-    assert [item.publish_ns for item in messages] == stamps
-    assert {item.stamp_ns for item in messages} == {1000 * SECOND}
 
 
 def test_a_recovered_bag_has_the_same_files(split: Bag, tmp_path: Path) -> None:

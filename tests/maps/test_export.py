@@ -138,18 +138,14 @@ def test_lava_is_as_thick_as_it_is(tmp_path):
         np.testing.assert_array_equal(cells, np.where(flow > 0.0, flow, np.float32(NODATA)))
 
 
-def test_at_a_time(bag, tmp_path):
-    """Maps, arrival and peak are what was known at that time."""
+def test_at_a_time_or_every_one(bag, tmp_path):
+    """What was known at that time; a numbered file for each, with its time in the name."""
     export_bag(bag, tmp_path / 'out', time=450.0)
     assert (band(tmp_path / 'out/height.tif')[12] > 0.0).sum() == 4
     with rasterio.open(tmp_path / 'out/height.tif') as file:
         assert file.tags()['simulated_time_s'] == '400.0'
     assert band(tmp_path / 'out/arrival.tif').max() == 400.0
-
-
-def test_every_frame(bag, tmp_path):
-    """A numbered file for each, with its time in the name."""
-    exported = export_bag(bag, tmp_path / 'out', every=True, maps=['height', 'arrival'])
+    exported = export_bag(bag, tmp_path / 'every', every=True, maps=['height', 'arrival'])
     *heights, arrival = exported.files
     names = [f'height_000{number}_{200 * (number + 1)}s.tif' for number in range(4)]
     assert [item.name for item in heights] == names

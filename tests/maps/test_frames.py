@@ -243,7 +243,7 @@ def test_first_times(tmp_path):
     assert (found.longest_gap, found.frame_count) == (200.0, 4)
 
 
-def test_the_threshold_decides(tmp_path):
+def test_the_threshold_decides(grids, tmp_path):
     """Cells whose lava stays below it are never reached."""
     bag = record(tmp_path / 'bag', config=RAW_CONFIG)
     found = arrival_of(bag, 3.05)
@@ -251,14 +251,11 @@ def test_the_threshold_decides(tmp_path):
     # 3.26 m less 5 cm a column: columns 0 to 4 are above 3.05 m.
     np.testing.assert_array_equal(np.isfinite(found.times[12]), np.arange(40) < 5)
     np.testing.assert_allclose(found.peak[12, :8], 3.26 - 0.05 * np.arange(8), rtol=1e-6)
-
-
-def test_what_a_grid_shows(grids, tmp_path):
-    """Lava that it rounds to the threshold has arrived; when thinner came it cannot say."""
+    # a grid has lava that it rounds to the threshold; when thinner came it cannot say
     for threshold in (0.05, 0.0, -1.0):
         with pytest.raises(LavaError, match=r'threshold is .*at least 0\.1 m'):
             arrival_of(grids, threshold)
-    bag = record(tmp_path / 'bag', flow=lambda time: np.full_like(growing(time), 0.3))
+    bag = record(tmp_path / 'thin', flow=lambda time: np.full_like(growing(time), 0.3))
     found = arrival_of(bag, 0.3)
     assert found.times is not None
     assert np.isfinite(found.times).sum() == 30 * 40 - 6

@@ -65,12 +65,18 @@ def test_a_table(tmp_path: Path, header: str, row: str) -> None:
     assert (found.kind, found.name) == ('Point', 'gauge')
 
 
-def test_a_table_of_lines(tmp_path: Path) -> None:
-    """A row with a second place is a line, one without it a point."""
+def test_tables_of_lines_and_of_degrees(tmp_path: Path) -> None:
+    """A row with a second place is a line, one without it a point.
+
+    On a terrain that is nowhere nobody knows where degrees are.
+    """
     (tmp_path / 'a.csv').write_text('x,y,x_end,y_end\n1,2,3,4\n5,6,,\n')
     line, point = read_features('--vents', tmp_path / 'a.csv', TERRAIN)
     assert line.rings[0].tolist() == [[1.0, 2.0], [3.0, 4.0]]
     assert (line.kind, point.kind) == ('LineString', 'Point')
+    (tmp_path / 'a.csv').write_text('lon,lat\n15,37\n')
+    with pytest.raises(LavaError, match='which has no coordinate system'):
+        read_features('--vents', tmp_path / 'a.csv', Terrain(np.zeros((5, 5)), 10.0))
 
 
 def test_geojson(tmp_path: Path) -> None:
@@ -137,13 +143,6 @@ def test_what_cannot_be_read(tmp_path: Path, name: str, text: str, words: str) -
     (tmp_path / name).write_text(text)
     with pytest.raises(LavaError, match=words):
         read_features('--overlay', tmp_path / name, TERRAIN)
-
-
-def test_degrees_on_a_terrain_that_is_nowhere(tmp_path: Path) -> None:
-    """Nobody knows where they are."""
-    (tmp_path / 'a.csv').write_text('lon,lat\n15,37\n')
-    with pytest.raises(LavaError, match='which has no coordinate system'):
-        read_features('--vents', tmp_path / 'a.csv', Terrain(np.zeros((5, 5)), 10.0))
 
 
 GROUND = Terrain(

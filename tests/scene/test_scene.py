@@ -311,10 +311,7 @@ def test_laws_are_as_published(temperature: float) -> None:
     assert np.log10(lava.yield_strength_at(temperature)) == pytest.approx(
         13.00997 - 0.0089 * temperature, abs=2e-3
     )
-
-
-def test_crystals_are_the_published_ones() -> None:
-    """At the vent and at the solidus, by the line between them."""
+    # crystals at the vent and at the solidus, by the line between them
     reunion = material_named('reunion_basalt').lava
     assert fraction(reunion, 1387.15) == pytest.approx(0.104, abs=1e-3)
     kilauea = material_named('kilauea_tholeiite').lava
