@@ -229,8 +229,7 @@ def open_mcap(path: Path) -> McapFile:
 
 def read_summary(data: mmap.mmap) -> Summary | None:
     """The index at the end of a file; None where it is missing, incomplete or damaged."""
-    footer = records.footer_of(data)
-    if footer is None or not records.has_end(data) or not records.fits_footer(data, footer):
+    if not records.has_index(data):
         return None
     try:
         data.seek(0)
@@ -303,8 +302,8 @@ def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
 
 def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
     """Read the records from the first on, and note which are damaged."""
-    footer = records.footer_of(data)
-    result = McapFile(path, finished=records.has_end(data) or footer is not None)
+    is_finished = records.has_end(data) or records.footer_of(data) is not None
+    result = McapFile(path, finished=is_finished)
     if summary is not None:
         # it repeats what damaged chunks define
         result.channels, result.schemas = dict(summary.channels), dict(summary.schemas)
@@ -335,8 +334,7 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
             except records.DAMAGE:
                 damage.append((offset, end, f'a {Opcode(opcode).name.lower()} record'))
     result.damage = [_sentence(result, *item) for item in damage]
-    is_indexed = records.has_end(data) and footer is not None and records.fits_footer(data, footer)
-    if result.finished and not is_indexed:
+    if is_finished and not records.has_index(data):
         result.damage.append(f'the index at the end of {path} is damaged; the file is read anyway')
     lost = sum(result.counts.pop(key) for key in set(result.counts) - set(result.channels))
     if lost:

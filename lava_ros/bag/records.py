@@ -179,9 +179,11 @@ def footer_of(data: mmap.mmap) -> Footer | None:
     return Footer(*_FOOTER.unpack_from(data, start))
 
 
-def fits_footer(data: mmap.mmap, footer: Footer) -> bool:
-    """Whether summary and footer, but for the checksum in it, fit that checksum."""
-    end = len(data) - len(MAGIC) - 4
+def has_index(data: mmap.mmap) -> bool:
+    """Whether a file ends as a finished one does, with an index that its checksum fits."""
+    footer, end = footer_of(data), len(data) - len(MAGIC) - 4
+    if footer is None or not has_end(data):
+        return False
     return footer.summary_crc in (0, checksum(data, footer.summary_start, end))
 
 

@@ -231,10 +231,9 @@ def write_formats(
     """
     require_formats(formats, folder, place.crs)
     written = []
-    if 'geojson' in formats:
-        written = [folder / f'{name}.geojson' for name in layers]
-        for path, features in zip(written, layers.values(), strict=True):
-            write_geojson(path, features, place)
+    for name, features in layers.items() if 'geojson' in formats else ():
+        written.append(folder / f'{name}.geojson')
+        write_geojson(written[-1], features, place)
     if 'gpkg' in formats:
         written.append(folder / 'lava.gpkg')
         write_geopackage(written[-1], layers, place)

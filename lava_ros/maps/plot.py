@@ -67,33 +67,27 @@ class Style:
 #: red from green too.
 STYLES = {
     'thickness': Style(
-        'Lava thickness',
-        'm',
+        'Lava thickness', 'm',
         ('#2a0a3d', '#6a176e', '#a92e5e', '#e2583b', '#fb9a06', '#fbe66a'),
     ),
     'temperature': Style(
-        'Temperature',
-        '°C',
+        'Temperature', '°C',
         ('#1c1014', '#5b0f14', '#a11d12', '#dc4a10', '#f79420', '#fee08a', '#fffbe6'),
     ),
     'hazard': Style(
-        'Hazard',
-        '0 no lava, 100 lethal',
+        'Hazard', '0 no lava, 100 lethal',
         ('#ffffb2', '#fed976', '#feb24c', '#fd8d3c', '#f03b20', '#a50026'),
     ),
     'arrival': Style(
-        'Arrival of the lava',
-        's',
+        'Arrival of the lava', 's',
         ('#67001f', '#b2182b', '#d6604d', '#f4a582', '#fddbc7', '#d1e5f0', '#92c5de'),
     ),
     'probability': Style(
-        'Probability that lava comes',
-        '%',
+        'Probability that lava comes', '%',
         ('#fff3c4', '#fdd17a', '#f99a3b', '#e2571e', '#a81d1d', '#5a0a2a'),
     ),
     'comparison': Style(
-        'Simulated and mapped',
-        '',
+        'Simulated and mapped', '',
         ('#f2b134', '#2166ac', '#b2182b'),
         ('hit', 'miss', 'false alarm'),
     ),

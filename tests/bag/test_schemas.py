@@ -186,10 +186,9 @@ def message(frame_id: str = 'map') -> BagMessage:
 
 
 def test_a_grid() -> None:
-    """Values and place are found whatever the length of the name before them and order of bytes."""
-    found = [
-        read_grid(message(name)) for name in ('', 'm', 'ma', 'map', 'odom', 'a/long/frame')
-    ]
+    """Values and place are found whatever the length of the name before and the order of bytes."""
+    names = ('', 'm', 'ma', 'map', 'odom', 'a/long/frame')
+    found = [read_grid(message(name)) for name in names]
     body = bytearray(message().data)
     body[1] = 0
     # Stamp, length of the name, load time, resolution, width, height; pose; count of cells.
