@@ -112,7 +112,8 @@ def draw_sheet(
     limits = _union(_moved(plot.extent_of(item.frame), item) for item in panels)
     page = _page(len(panels) + len(charts), bounds, notes)
     least = plot.LEAST_CELLS * min(item.frame.resolution for item in panels)
-    seen = plot.window_of(bounds, limits, page.aspect, least)
+    width, height = page.map_size
+    seen = plot.window_of(bounds, limits, width / height, least)
     figure = Figure(figsize=(page.width, page.height), dpi=_DPI, facecolor='white')
     FigureCanvasAgg(figure)
     scales = _scales(panels)
@@ -184,10 +185,6 @@ class _Page:
         width = (self.width - 2.0 * _MARGIN) / self.columns - _AROUND[0] - _AROUND[1]
         room = self.height - _HEADER - self.footer
         return width, room / self.rows - _AROUND[2] - _AROUND[3]
-
-    @property
-    def aspect(self) -> float:
-        return self.map_size[0] / self.map_size[1]
 
     def axes(self, figure: Any, index: int) -> tuple[Any, tuple[float, float, float, float]]:
         """Axes for a map, and where its colours go."""
