@@ -143,14 +143,10 @@ def cloud_columns(
 ) -> dict[str, np.ndarray]:
     """Read fields of a point cloud, organised or not, in any order, type and padding.
 
-    Errors name the message by ``name``.
-
-    Returns:
-        Values by field name, float64, shape [height x width], of the required fields and of the
-        optional ones present. A cloud without points has empty arrays of the required fields.
-
-    Raises:
-        LavaError: A field is missing or malformed, or size, steps and data disagree.
+    Returns values by field name, float64, shape [height x width], of the required fields and of
+    the optional ones present. A cloud without points has empty arrays of the required fields.
+    Errors name the message by ``name``. LavaError where a field is missing or malformed, or size,
+    steps and data disagree.
     """
     rows, columns = cloud.height, cloud.width
     if rows == 0 or columns == 0:

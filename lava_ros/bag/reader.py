@@ -75,13 +75,9 @@ class BagReader:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Find out what the bag holds; an unfinished file is read once from start to end.
+        """Find out what a directory or an .mcap file holds; LavaError if it is no readable bag.
 
-        Args:
-            path: The bag's directory, or an .mcap file.
-
-        Raises:
-            LavaError: There is no bag, or it is not one that can be read.
+        An unfinished file is read once from start to end.
         """
         self.path = Path(path)
         if not self.path.exists():
@@ -135,15 +131,10 @@ class BagReader:
         *,
         file: Path | None = None,
     ) -> Iterator[BagMessage]:
-        """Yield messages in the order of log time, file by file.
+        """Yield messages of some topics, None for all, in the order of log time, file by file.
 
-        Args:
-            topics: Names of the topics to read, None for all; names the bag lacks give nothing.
-            start_ns: Earliest log time [ns].
-            file: The one of ``files`` to read, None for all.
-
-        Raises:
-            LavaError: A file is damaged or cannot be read.
+        Names the bag lacks give nothing. ``start_ns`` is the earliest log time [ns]; ``file`` the
+        one of ``files`` to read, None for all. LavaError where one is damaged or cannot be read.
         """
         for contents in self.contents:
             if file is None or contents.path == file:

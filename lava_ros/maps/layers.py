@@ -165,16 +165,12 @@ class Layer:
         return self.source in ENSEMBLE_SOURCES
 
     def raw_values(self, snapshot: 'Shown') -> np.ndarray:
-        """Return the layer's quantity on the terrain's cells.
+        """Return the layer's quantity on the terrain's cells; LavaError if it shows several.
 
-        Returns:
-            float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard or
-            probability 0..100, arrival [s], or time [s] of it. Dry cells are 0, or NaN for
-            temperature and both of these; cells of which nothing is known, as outside the
-            terrain, are NaN, and for the arrival ``UNKNOWN``.
-
-        Raises:
-            LavaError: The layer shows several quantities.
+        float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard or probability
+        0..100, arrival [s], or time [s] of it. Dry cells are 0, or NaN for temperature and both of
+        these; cells of which nothing is known, as outside the terrain, are NaN, and for the
+        arrival ``UNKNOWN``.
         """
         if self.source == ARRIVED:
             times = getattr(snapshot, 'arrived', None)
@@ -194,9 +190,8 @@ class Layer:
     def points(self, snapshot: 'Flow') -> dict[str, np.ndarray]:
         """Return a point on the lava's surface for each wet cell, row by row.
 
-        Returns:
-            Columns ``x``, ``y``, ``z`` [m], ``thickness`` [m] and ``temperature`` [Celsius, NaN
-            where it is unknown], float32, one value a point.
+        Columns are ``x``, ``y``, ``z`` [m], ``thickness`` [m] and ``temperature`` [Celsius, NaN
+        where it is unknown], float32, one value a point.
         """
         wet, thickness = self._quantity('thickness', snapshot)
         rows, columns = np.nonzero(wet)
@@ -213,14 +208,11 @@ class Layer:
     def grid_values(self, snapshot: 'Shown') -> np.ndarray:
         """Return the layer's quantity on the scale of an occupancy grid.
 
-        Returns:
-            int8, shape [rows, columns]: 0 without lava, 1 to 100 with lava, ``outside`` outside
-            the terrain. With a step 100 from it on and 0 below, with classes theirs. A wet cell
-            whose quantity is unknown is as one at the range's high end, or beyond the step. A
-            probability is 0 only where no member has lava, and 100 only where all have.
-
-        Raises:
-            LavaError: The layer has neither a range, a step nor classes.
+        int8, shape [rows, columns]: 0 without lava, 1 to 100 with lava, ``outside`` outside the
+        terrain. With a step 100 from it on and 0 below, with classes theirs. A wet cell whose
+        quantity is unknown is as one at the range's high end, or beyond the step. A probability is
+        0 only where no member has lava, and 100 only where all have. LavaError where the layer has
+        neither a range, a step nor classes.
         """
         if isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY:
             return self._probabilities(snapshot)

@@ -263,13 +263,10 @@ def draw_map(
 ) -> tuple[Any, Any]:
     """Draw the terrain's cells and the vents, and return the artists of both.
 
-    Args:
-        axes: Axes to draw into.
-        frame: The terrain and the vents.
-        picture: RGBA of the cells, 0 to 1, shape [rows, columns, 4].
-        window: The part of the map that the axes show: left, bottom, right, top [m].
-        fissures: Ends of the vents that are lines [m], shape [count, 2, 2].
-        extent: Edges of a picture of only some cells: left, right, bottom, top [m]; None for all.
+    The picture is RGBA of the cells, 0 to 1, shape [rows, columns, 4]; the window the part of the
+    map that the axes show: left, bottom, right, top [m]. Fissures are ends of vents [m], shape
+    [count, 2, 2]. ``extent`` has the edges of a picture of only some cells: left, right, bottom,
+    top [m]; None for all.
     """
     x0, y0, x1, y1 = extent_of(frame)
     image = axes.imshow(

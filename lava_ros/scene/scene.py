@@ -192,16 +192,11 @@ def read_scene(
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
-    """Build a scene from the plain data of a YAML file.
+    """Build a scene from the plain data of a YAML file; LavaError names a field that is wrong.
 
-    Args:
-        data: ``vents``, ``lava`` (fields of ``Lava``, and maybe ``material``, a name of ``lava
-            materials`` whose constants they replace; ``materials.DEFAULT`` where it is absent),
-            ``ambient_temperature``, ``gravity`` and ``uncertainty``; all may be left out.
-        terrain: The ground.
-
-    Raises:
-        LavaError: A field is not usable.
+    They are ``vents``, ``lava`` (fields of ``Lava``, and maybe ``material``, a name of ``lava
+    materials`` whose constants they replace; ``materials.DEFAULT`` where it is absent),
+    ``ambient_temperature``, ``gravity`` and ``uncertainty``; all may be left out.
     """
     lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
     scene = Scene(
