@@ -420,12 +420,17 @@ def test_a_step_is_of_the_source():
 
 
 def test_scales_run_either_way():
-    """The ends of the range are the ends of the scale; a cell with lava is never 0."""
+    """The ends of the range are the ends of the scale; a cell with lava is never 0.
+
+    A quantity that is unknown is as at the high end.
+    """
     up = _layer(range=[0.0, 5.0], scale=[20, 80], threshold=0.0).values(EASTWARD)
     assert up[1, 40] == 20 and up[1, 46] == 32 and up[1, 48] == 80
     down = _layer(range=[0.0, 5.0], scale=[100, 0], threshold=0.0).values(EASTWARD)
     assert down[1, 40] == 100 and down[1, 46] == 80 and down[1, 48] == 1
     assert (up[0] == down[0])[:58].all()
+    heat = _layer(source='temperature', range=[0.0, 2000.0], scale=[0, 60]).values(EASTWARD)
+    assert heat[1, 48:50].tolist() == [30, 60]
 
 
 @pytest.mark.parametrize('distance', [0.0, 0.9, 1.0, 1.5, 2.0, 3.7, 40.0])
