@@ -46,16 +46,9 @@ UNREADABLE = 'without a readable name'
 
 @dataclass(frozen=True)
 class Attachment:
-    """An attachment in a file.
+    """An attachment: when it was recorded [ns], size of its data [bytes], and where it is.
 
-    Attributes:
-        name: Its name.
-        media_type: What kind of data it is.
-        log_time_ns: When it was recorded [ns].
-        size: Size of its data [bytes].
-        path: The file.
-        offset: Where its record's content starts in the file [bytes].
-        length: Size of that content [bytes].
+    ``offset`` and ``length`` [bytes] are those of its record's content in the file.
     """
 
     name: str
@@ -90,11 +83,7 @@ def attachments_of(bag: str | Path) -> list[Attachment]:
 
 
 def attachments_in(path: Path) -> list[Attachment]:
-    """The attachments of a file, damaged ones included, in the order of the file.
-
-    Raises:
-        LavaError: The file cannot be read, or is no MCAP file.
-    """
+    """Those of a file, damaged ones included, in its order; LavaError if it is unreadable."""
     if path.is_file() and not has_begun(path):
         # cut off before it began
         return []
@@ -119,20 +108,18 @@ def _places(data: mmap.mmap) -> Iterator[tuple[int, int]]:
 def _attachment(path: Path, data: mmap.mmap, offset: int, end: int) -> Attachment:
     # log and create time, two texts with their lengths, the data's length
     try:
-        log_time, _, name_length = struct.unpack_from('<QQI', data, offset)
-        place = offset + 20
-        name = data[place : min(place + name_length, end)].decode()
-        place += name_length
-        (type_length,) = struct.unpack_from('<I', data, place)
-        place += 4
-        media_type = data[place : min(place + type_length, end)].decode()
-        place += type_length
+        (log_time,) = struct.unpack_from('<Q', data, offset)
+        texts, place = [], offset + 16
+        for _ in range(2):
+            (length,) = struct.unpack_from('<I', data, place)
+            texts.append(data[place + 4 : min(place + 4 + length, end)].decode())
+            place += 4 + length
         (size,) = struct.unpack_from('<Q', data, place)
     except (struct.error, UnicodeDecodeError):
         size = place = -1
     if place + 8 + size + 4 != end:
-        return Attachment(UNREADABLE, '', 0, 0, path, offset, end - offset)
-    return Attachment(name, media_type, log_time, size, path, offset, end - offset)
+        texts, log_time, size = [UNREADABLE, ''], 0, 0
+    return Attachment(texts[0], texts[1], log_time, size, path, offset, end - offset)
 
 
 class StoredCheckpoint(NamedTuple):
@@ -158,10 +145,7 @@ def checkpoints_of(
     """List the checkpoints of a bag, finished or not, oldest first, without unpacking their state.
 
     ``on_refused`` is called with the error of each attachment that is damaged or has a later
-    format version.
-
-    Raises:
-        LavaError: The bag does not exist, or cannot be read.
+    format version. LavaError where the bag does not exist, or cannot be read.
     """
     return [
         StoredCheckpoint(summary.time, item.log_time_ns, summary.particle_count, item.size)
@@ -170,11 +154,7 @@ def checkpoints_of(
 
 
 def newest_checkpoint(bag: str | Path) -> FoundCheckpoint:
-    """Read the newest undamaged checkpoint of a bag, finished or not.
-
-    Raises:
-        LavaError: The bag does not exist, or has no checkpoint that can be read.
-    """
+    """Read the newest undamaged checkpoint of a bag, finished or not; LavaError without any."""
     refused: list[LavaError] = []
     newest_first = reversed(attachments_of(bag))
     for item, checkpoint in _parsed(newest_first, from_bytes, refused.append):

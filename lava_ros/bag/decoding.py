@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages of a bag as objects and arrays, and what a simulation said of itself over its time."""
+"""Messages, of a bag or not, as objects and arrays; what a simulation said of itself over time."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 import re
 import struct
 from typing import Any, NamedTuple
@@ -51,11 +52,10 @@ class Decoder:
             for number, (name, topic) in enumerate(bag.topics.items(), start=1)
         }
 
-    def decode(self, message: BagMessage, take: Callable[[Any], Any] | None = None) -> Any:
+    def decode(self, message: BagMessage, take: Callable[[Any], Any] = lambda item: item) -> Any:
         """Decode a message, and return what ``take`` makes of it, or itself.
 
-        Raises:
-            LavaError: It is not what its definition says, or that lacks what ``take`` looks for.
+        LavaError where it is not what its definition says, or lacks what ``take`` looks for.
         """
         schema = self._schemas[message.topic]
         if _FIXED.search(schema.data):
@@ -64,8 +64,7 @@ class Decoder:
         try:
             decode = self._factory.decoder_for('cdr', schema)
             assert decode is not None
-            decoded = decode(message.data)
-            return decoded if take is None else take(decoded)
+            return take(decode(message.data))
         except LavaError:
             raise
         # a definition from anywhere is parsed by a library, and its fields are of any type
@@ -85,8 +84,7 @@ class Grid(NamedTuple):
 def read_grid(message: BagMessage) -> Grid:
     """Read the grid that a message carries, without the Python number a cell that decoders make.
 
-    Raises:
-        LavaError: The message is cut off or is not such a grid.
+    LavaError where the message is cut off or is not such a grid.
     """
     body = memoryview(message.data)[_CDR_HEADER:]
     try:
@@ -111,6 +109,83 @@ def _aligned(position: int, size: int) -> int:
 
 def _wrong(message: BagMessage, right: str) -> LavaError:
     return LavaError(f'message on {message.topic}', f'{len(message.data)} bytes', right)
+
+
+#: numpy type of each sensor_msgs/PointField datatype: INT8 is 1, FLOAT64 is 8.
+POINT_TYPES = dict(enumerate(('i1', 'u1', 'i2', 'u2', 'i4', 'u4', 'f4', 'f8'), start=1))
+
+#: numpy type of each image encoding a terrain may have.
+IMAGE_TYPES = {'32FC1': 'f4', '16UC1': 'u2'}
+
+
+def image_array(image: Any, name: str) -> np.ndarray:
+    """A view of an image's pixels, shape [height, width], in the type of its encoding.
+
+    Errors name the message by ``name``. LavaError where the encoding is not one of
+    ``IMAGE_TYPES``, or size, step and data disagree.
+    """
+    if image.encoding not in IMAGE_TYPES:
+        raise LavaError(f'{name}.encoding', image.encoding, f'one of {", ".join(IMAGE_TYPES)}')
+    dtype = np.dtype(('>' if image.is_bigendian else '<') + IMAGE_TYPES[image.encoding])
+    rows, columns = image.height, image.width
+    if rows == 0 or columns == 0:
+        raise LavaError(f'{name}.size', f'{columns} x {rows}', 'at least one pixel')
+    least = columns * dtype.itemsize
+    right = f'at least {least} bytes for {columns} pixels of {image.encoding}'
+    _check_rows(image, name, 'step', least, right)
+    strides = (image.step, dtype.itemsize)
+    pixels: np.ndarray = np.ndarray((rows, columns), dtype, image.data, strides=strides)
+    return pixels
+
+
+def cloud_columns(
+    cloud: Any, name: str, required: Sequence[str], optional: Sequence[str] = ()
+) -> dict[str, np.ndarray]:
+    """Read fields of a point cloud, organised or not, in any order, type and padding.
+
+    Returns values by field name, float64, shape [height x width], of the required fields and of
+    the optional ones present. A cloud without points has empty arrays of the required fields.
+    Errors name the message by ``name``. LavaError where a field is missing or malformed, or size,
+    steps and data disagree.
+    """
+    rows, columns = cloud.height, cloud.width
+    if rows == 0 or columns == 0:
+        if size := len(cloud.data):
+            right = f'none for {columns} x {rows} points'
+            raise LavaError(f'{name}.data', f'{size} bytes', right)
+        return {key: np.empty(0) for key in required}
+    by_name = {item.name: item for item in cloud.fields}
+    if missing := [key for key in required if key not in by_name]:
+        right = f'{", ".join(required)}; missing: {", ".join(missing)}'
+        raise LavaError(f'{name}.fields', list(by_name), right)
+    least = columns * cloud.point_step
+    _check_rows(cloud, name, 'row_step', least, f'at least width x point_step = {least} bytes')
+    result = {}
+    for key in [*required, *(key for key in optional if key in by_name)]:
+        item, where = by_name[key], f'{name}.fields.{key}'
+        if item.datatype not in POINT_TYPES or item.count != 1:
+            found = f'datatype {item.datatype}, count {item.count}'
+            raise LavaError(where, found, 'a datatype from 1 (INT8) to 8 (FLOAT64), count 1')
+        dtype = np.dtype(('>' if cloud.is_bigendian else '<') + POINT_TYPES[item.datatype])
+        if item.offset + dtype.itemsize > cloud.point_step:
+            right = f'inside a point of {cloud.point_step} bytes (point_step)'
+            raise LavaError(f'{where}.offset', item.offset, right)
+        steps = (cloud.row_step, cloud.point_step)
+        view = np.ndarray((rows, columns), dtype, cloud.data, item.offset, steps)
+        # Any bit pattern may come, signalling NaN too.
+        with np.errstate(invalid='ignore'):
+            result[key] = view.astype(np.float64).ravel()
+    return result
+
+
+def _check_rows(message: Any, name: str, field: str, least: int, right: str) -> None:
+    """Check that rows have at least some bytes, and that the data are as many rows."""
+    step = getattr(message, field)
+    if step < least:
+        raise LavaError(f'{name}.{field}', step, right)
+    if len(message.data) != step * message.height:
+        expected = f'{field} x height = {step * message.height} bytes'
+        raise LavaError(f'{name}.data', f'{len(message.data)} bytes', expected)
 
 
 DIAGNOSTICS = '/diagnostics'
@@ -144,27 +219,24 @@ class Timeline:
 
     def __init__(self, bag: BagReader, decoder: Decoder) -> None:
         """Read the diagnostics of a bag; without any there are no moments."""
-        known: dict[int, Moment] = {}
-        for message in bag.messages([DIAGNOSTICS] if DIAGNOSTICS in bag.topics else []):
-            for moment in decoder.decode(message, _moments):
-                known[moment.stamp_ns] = moment
+        known: dict[int, Moment] = {
+            moment.stamp_ns: moment
+            for message in bag.messages([DIAGNOSTICS])
+            for moment in decoder.decode(message, _moments)
+        }
         self.moments = tuple(known[stamp] for stamp in sorted(known))
 
     @property
     def last_run(self) -> tuple[Moment, ...]:
         """The moments since the simulation was last set back to an earlier time."""
-        start = 0
-        for index in range(1, len(self.moments)):
-            if self.moments[index].time < self.moments[index - 1].time:
-                start = index
-        return self.moments[start:]
+        pairs = enumerate(pairwise(self.moments), start=1)
+        starts = [index for index, (before, after) in pairs if after.time < before.time]
+        return self.moments[max(starts, default=0) :]
 
     def stamp_at(self, time: float | None) -> int | None:
         """Stamp of the newest frame up to a simulated time [s], None for the newest of all."""
-        for moment in reversed(self.moments):
-            if time is None or moment.time <= time:
-                return moment.stamp_ns
-        return None
+        newest_first = reversed(self.moments)
+        return next((m.stamp_ns for m in newest_first if time is None or m.time <= time), None)
 
     def time_at(self, stamp_ns: int) -> float | None:
         """Simulated time [s] at a stamp, None where nothing is known."""

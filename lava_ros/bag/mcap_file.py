@@ -37,28 +37,8 @@ from mcap.records import Channel, McapRecord, Message, Metadata, Schema
 from mcap.summary import Summary
 
 from lava_ros.bag import metadata as bag_metadata
-from lava_ros.bag.records import (
-    BROKEN,
-    check_size,
-    checksum,
-    CUT,
-    DAMAGE,
-    DATA_END,
-    fits,
-    fits_footer,
-    footer_of,
-    FRAME,
-    frames,
-    has_end,
-    is_whole,
-    MAGIC,
-    MAX_CHUNK_SIZE,
-    MAX_RECORD_SIZE,
-    parse,
-    PARSED,
-    unpacked,
-    walk,
-)
+from lava_ros.bag import records
+from lava_ros.bag.records import MAGIC
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 
@@ -66,18 +46,13 @@ from lava_ros.files import open_input
 _RUN_SIZE = 4 * 1024 * 1024
 
 #: Most that is held at once of blocks that overlap in time, uncompressed [bytes].
-MAX_HELD = 2 * MAX_CHUNK_SIZE
+MAX_HELD = 2 * records.MAX_CHUNK_SIZE
 
 
 class Block(NamedTuple):
-    """A part of the file that holds messages and is read at once.
+    """A part of the file that holds messages and is read at once: its log times [ns] and place.
 
-    Attributes:
-        start_ns: Earliest log time in it [ns].
-        end_ns: Latest log time in it [ns].
-        offset: Place in the file [bytes].
-        length: Size in the file [bytes].
-        channels: Ids of the channels with messages in it, None when unknown.
+    ``channels`` are the ids of the channels with messages in it, None when unknown.
     """
 
     start_ns: int
@@ -90,16 +65,6 @@ class Block(NamedTuple):
         """Whether messages of one of some channels may be in it."""
         return self.channels is None or not self.channels.isdisjoint(channel_ids)
 
-    def joined(self, block: 'Block') -> 'Block':
-        """This block and the one that follows it in the file."""
-        return Block(
-            min(self.start_ns, block.start_ns),
-            max(self.end_ns, block.end_ns),
-            self.offset,
-            self.length + block.length,
-            (self.channels or frozenset()) | (block.channels or frozenset()),
-        )
-
 
 @dataclass
 class McapFile:
@@ -108,9 +73,7 @@ class McapFile:
     Attributes:
         path: The file.
         finished: Whether its writer closed it and the summary is usable.
-        channels: Channels by id.
-        schemas: Schemas by id.
-        counts: Messages by channel id.
+        channels, schemas, counts: Channels, schemas, and numbers of messages of channels, by id.
         blocks: Where the messages are, in file order.
         metadata: MCAP metadata records by name, the latest whole one of each name.
         damage: What is damaged, and what is left out for it, each a sentence.
@@ -150,11 +113,8 @@ class McapFile:
     def messages(self, channel_ids: Collection[int], start_ns: int = 0) -> Iterator[Message]:
         """Yield messages of some channels in the order of log time, then of the file.
 
-        ``start_ns`` is the earliest log time [ns].
-
-        Raises:
-            LavaError: The file is damaged, cannot be read, or needs more than ``MAX_HELD`` bytes
-                of messages at once to put them in order.
+        ``start_ns`` is the earliest log time [ns]. LavaError where the file is damaged, cannot be
+        read, or needs more than ``MAX_HELD`` bytes of messages at once to put them in order.
         """
         wanted = frozenset(channel_ids)
         waiting = deque(
@@ -184,10 +144,8 @@ class McapFile:
     def newest(self, channel_ids: Collection[int], before_ns: int) -> dict[int, Message]:
         """Return the newest message of each channel that was logged before ``before_ns`` [ns].
 
-        Reads backwards and stops as soon as no earlier block can hold a newer message.
-
-        Raises:
-            LavaError: The file is damaged or cannot be read.
+        Reads backwards and stops as soon as no earlier block can hold a newer message. LavaError
+        where the file is damaged or cannot be read.
         """
         found: dict[int, Message] = {}
         with self._opened() as stream:
@@ -219,19 +177,19 @@ class McapFile:
         self, stream: BinaryIO, block: Block, channel_ids: frozenset[int]
     ) -> Iterator[Message]:
         try:
-            check_size(block.length, MAX_RECORD_SIZE)
+            records.check_size(block.length, records.MAX_RECORD_SIZE)
             stream.seek(block.offset)
             data = stream.read(block.length)
-            records = [record for frame in frames(data) for record in parse(*frame)]
-        except (OSError, *DAMAGE) as error:
+            found = [item for frame in records.frames(data) for item in records.parse(*frame)]
+        except (OSError, *records.DAMAGE) as error:
             right = f'a file that can be read; {block.length} bytes from byte {block.offset} on '
             right += f'cannot ({type(error).__name__}: {error})'
             raise LavaError('bag', str(self.path), right) from error
-        for record in records:
-            if isinstance(record, Message) and record.channel_id in channel_ids:
+        for item in found:
+            if isinstance(item, Message) and item.channel_id in channel_ids:
                 # a view would keep all of the block
-                record.data = bytes(record.data)
-                yield record
+                item.data = bytes(item.data)
+                yield item
 
 
 def has_begun(path: Path) -> bool:
@@ -251,7 +209,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
                 raise LavaError('bag', str(path), 'an MCAP file; this one is empty')
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 # one damaged byte at the start does not make it another file
-                if data[: len(MAGIC)] != MAGIC and not fits(data, len(MAGIC)):
+                if data[: len(MAGIC)] != MAGIC and not records.fits(data, len(MAGIC)):
                     right = 'an MCAP file; it does not start like one'
                     raise LavaError('bag', str(path), right)
                 yield data
@@ -262,11 +220,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
 
 
 def open_mcap(path: Path) -> McapFile:
-    """Find out what an MCAP file holds, and whether it is damaged.
-
-    Raises:
-        LavaError: The file does not exist, cannot be read, is empty, or is no MCAP file.
-    """
+    """Find out what an MCAP file holds, and whether it is damaged; LavaError if it is none."""
     with mapped(path) as data:
         summary = read_summary(data)
         contents = summary and _from_summary(data, path, summary)
@@ -275,14 +229,13 @@ def open_mcap(path: Path) -> McapFile:
 
 def read_summary(data: mmap.mmap) -> Summary | None:
     """The index at the end of a file; None where it is missing, incomplete or damaged."""
-    footer = footer_of(data)
-    if footer is None or not has_end(data) or not fits_footer(data, footer):
+    if not records.has_index(data):
         return None
     try:
         data.seek(0)
-        reader = SeekingReader(data, record_size_limit=MAX_RECORD_SIZE)
+        reader = SeekingReader(data, record_size_limit=records.MAX_RECORD_SIZE)
         summary = reader.get_summary()
-    except DAMAGE:
+    except records.DAMAGE:
         return None
     if summary is None or summary.statistics is None:
         return None
@@ -303,10 +256,10 @@ def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | N
         if not _is_sound(data, summary):
             return None
         for index in sorted(summary.metadata_indexes, key=lambda item: item.offset):
-            check_size(index.length, MAX_RECORD_SIZE)
-            for frame in frames(data[index.offset : index.offset + index.length]):
-                _add(result, parse(*frame), 0, 0)
-    except DAMAGE:
+            records.check_size(index.length, records.MAX_RECORD_SIZE)
+            for frame in records.frames(data[index.offset : index.offset + index.length]):
+                _add(result, records.parse(*frame), 0, 0)
+    except records.DAMAGE:
         return None
     assert summary.statistics is not None
     result.channels, result.schemas = summary.channels, summary.schemas
@@ -326,70 +279,62 @@ def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | N
 
 def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
     """Whether the data fit their checksum, or those of their parts where they have none."""
-    footer = footer_of(data)
+    footer = records.footer_of(data)
     assert footer is not None
-    end = footer.summary_start - FRAME.size - DATA_END.size
-    if FRAME.unpack_from(data, end) != (Opcode.DATA_END, DATA_END.size):
+    end = footer.summary_start - records.FRAME.size - records.DATA_END.size
+    if records.FRAME.unpack_from(data, end) != (Opcode.DATA_END, records.DATA_END.size):
         return False
-    (stored,) = DATA_END.unpack_from(data, end + FRAME.size)
+    (stored,) = records.DATA_END.unpack_from(data, end + records.FRAME.size)
     if stored:
-        return int(stored) == checksum(data, 0, end)
+        return int(stored) == records.checksum(data, 0, end)
     for index in summary.attachment_indexes:
         attached = data[index.offset : index.offset + index.length]
-        if attached[:1] != bytes([Opcode.ATTACHMENT]) or not is_whole(attached):
+        if attached[:1] != bytes([Opcode.ATTACHMENT]) or not records.is_whole(attached):
             return False
     for chunk in summary.chunk_indexes:
         start = chunk.chunk_start_offset
-        for opcode, content in frames(data[start : start + chunk.chunk_length]):
+        for opcode, content in records.frames(data[start : start + chunk.chunk_length]):
             if opcode != Opcode.CHUNK:
                 return False
-            unpacked(content)
+            records.unpacked(content)
     return data[: len(MAGIC)] == MAGIC
 
 
 def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
     """Read the records from the first on, and note which are damaged."""
-    footer = footer_of(data)
-    result = McapFile(path, finished=has_end(data) or footer is not None)
+    is_finished = records.has_end(data) or records.footer_of(data) is not None
+    result = McapFile(path, finished=is_finished)
     if summary is not None:
         # it repeats what damaged chunks define
         result.channels, result.schemas = dict(summary.channels), dict(summary.schemas)
     damage: list[tuple[int, int, str]] = []
     if data[: len(MAGIC)] != MAGIC:
         damage.append((0, len(MAGIC), 'the start of the file'))
-    is_run = False
-    for opcode, start, end in walk(data):
-        offset = start - FRAME.size
-        if opcode == CUT:
+    for opcode, start, end in records.walk(data):
+        offset = start - records.FRAME.size
+        if opcode == records.CUT:
             result.rest = end - start
-        elif opcode == BROKEN:
+        elif opcode == records.BROKEN:
             damage.append((start, end, 'a record'))
         elif opcode == Opcode.DATA_END:
-            (stored,) = DATA_END.unpack_from(data, start)
-            if stored not in (0, checksum(data, 0, offset)) and not damage:
+            (stored,) = records.DATA_END.unpack_from(data, start)
+            if stored not in (0, records.checksum(data, 0, offset)) and not damage:
                 damage.append((0, end, 'the data outside of chunks and attachments'))
         elif opcode == Opcode.ATTACHMENT:
-            if end - start <= MAX_RECORD_SIZE and not is_whole(data[start:end]):
+            if end - start <= records.MAX_RECORD_SIZE and not records.is_whole(data[start:end]):
                 damage.append((offset, end, 'an attachment'))
-        elif opcode in PARSED:
+        elif opcode in records.PARSED:
             try:
-                check_size(end - start, MAX_RECORD_SIZE)
-                records = parse(opcode, data[start:end])
-                block = _add(result, records, offset, end - offset)
+                records.check_size(end - start, records.MAX_RECORD_SIZE)
+                found = records.parse(opcode, data[start:end])
+                joins = opcode == Opcode.MESSAGE
+                _add(result, found, offset, end - offset, joins=joins)
             except UnsupportedCompressionError as error:
                 damage.append((offset, end, f'a chunk ({error})'))
-                continue
-            except DAMAGE:
+            except records.DAMAGE:
                 damage.append((offset, end, f'a {Opcode(opcode).name.lower()} record'))
-                continue
-            if block and is_run and opcode == Opcode.MESSAGE and _follows(result.blocks, block):
-                result.blocks[-1] = result.blocks[-1].joined(block)
-            elif block:
-                result.blocks.append(block)
-        is_run = opcode == Opcode.MESSAGE
     result.damage = [_sentence(result, *item) for item in damage]
-    is_indexed = has_end(data) and footer is not None and fits_footer(data, footer)
-    if result.finished and not is_indexed:
+    if is_finished and not records.has_index(data):
         result.damage.append(f'the index at the end of {path} is damaged; the file is read anyway')
     lost = sum(result.counts.pop(key) for key in set(result.counts) - set(result.channels))
     if lost:
@@ -400,7 +345,7 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
 
 def _sentence(contents: McapFile, start: int, end: int, what: str) -> str:
     """Say what is damaged, and which time it leaves a gap in."""
-    first = min((block.start_ns for block in contents.blocks), default=0)
+    first = contents.start_ns or 0
     before = [block.end_ns for block in contents.blocks if block.offset < start]
     after = [block.start_ns for block in contents.blocks if block.offset >= end]
     times = [
@@ -411,11 +356,17 @@ def _sentence(contents: McapFile, start: int, end: int, what: str) -> str:
     return f'{what} is damaged: bytes {start} to {end} of {contents.path}{where}'
 
 
-def _add(contents: McapFile, records: list[McapRecord], offset: int, length: int) -> Block | None:
-    """Note what the records hold; returns the block they make when messages are among them."""
+def _add(
+    contents: McapFile, found: list[McapRecord], offset: int, length: int, *, joins: bool = False
+) -> None:
+    """Note what records hold, and the block they make when messages are among them.
+
+    One that ``joins`` goes on with the block that ends where it begins; chunks are to be read one
+    at a time.
+    """
     times: list[int] = []
     channel_ids: set[int] = set()
-    for record in records:
+    for record in found:
         if isinstance(record, Schema):
             contents.schemas[record.id] = record
         elif isinstance(record, Channel):
@@ -429,10 +380,11 @@ def _add(contents: McapFile, records: list[McapRecord], offset: int, length: int
             channel_ids.add(record.channel_id)
             contents.counts[record.channel_id] = contents.counts.get(record.channel_id, 0) + 1
     if not times:
-        return None
-    return Block(min(times), max(times), offset, length, frozenset(channel_ids))
-
-
-def _follows(blocks: list[Block], block: Block) -> bool:
-    last = blocks[-1] if blocks else block
-    return last.offset + last.length == block.offset and last.length < _RUN_SIZE
+        return
+    last = contents.blocks[-1] if contents.blocks else None
+    if joins and last and last.offset + last.length == offset and last.length < _RUN_SIZE:
+        contents.blocks.pop()
+        times += [last.start_ns, last.end_ns]
+        channel_ids |= last.channels or set()
+        offset, length = last.offset, last.length + length
+    contents.blocks.append(Block(min(times), max(times), offset, length, frozenset(channel_ids)))

@@ -14,8 +14,8 @@
 
 """The metadata.yaml of a bag, as rosbag2 of Jazzy writes it."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 import zlib
@@ -55,20 +55,7 @@ class TopicRecord:
     message_type: str
     qos: QosProfile
     type_hash: str
-    message_count: int
-
-    def to_dict(self) -> dict[str, Any]:
-        """As metadata.yaml has it."""
-        return {
-            'topic_metadata': {
-                'name': self.name,
-                'type': self.message_type,
-                'serialization_format': 'cdr',
-                'offered_qos_profiles': [self.qos.to_dict()],
-                'type_description_hash': self.type_hash,
-            },
-            'message_count': self.message_count,
-        }
+    message_count: int = 0
 
 
 @dataclass
@@ -80,48 +67,58 @@ class FileRecord:
     end_ns: int | None = None
     message_count: int = 0
 
-    def to_dict(self) -> dict[str, Any]:
-        """As metadata.yaml has it."""
-        return {
-            'path': self.path,
-            **_time_span(self.start_ns, self.end_ns),
-            'message_count': self.message_count,
-        }
+
+def describe(
+    files: Sequence[FileRecord], topics: Iterable[TopicRecord], custom_data: Mapping[str, str]
+) -> dict[str, Any]:
+    """Metadata without the root key, keys in rosbag2's order; files are oldest first."""
+    starts = [item.start_ns for item in files if item.start_ns is not None]
+    ends = [item.end_ns for item in files if item.end_ns is not None]
+    span = _time_span(min(starts, default=None), max(ends, default=None))
+    return {
+        'version': VERSION,
+        'storage_identifier': 'mcap',
+        'duration': span['duration'],
+        'starting_time': span['starting_time'],
+        'message_count': sum(item.message_count for item in files),
+        'topics_with_message_count': [
+            {
+                'topic_metadata': {
+                    'name': item.name,
+                    'type': item.message_type,
+                    'serialization_format': 'cdr',
+                    'offered_qos_profiles': [item.qos.to_dict()],
+                    'type_description_hash': item.type_hash,
+                },
+                'message_count': item.message_count,
+            }
+            for item in topics
+        ],
+        'compression_format': '',
+        'compression_mode': '',
+        'relative_file_paths': [item.path for item in files],
+        'files': [
+            {
+                'path': item.path,
+                **_time_span(item.start_ns, item.end_ns),
+                'message_count': item.message_count,
+            }
+            for item in files
+        ],
+        'custom_data': dict(custom_data),
+        'ros_distro': ROS_DISTRO,
+    }
 
 
-@dataclass(frozen=True)
-class BagMetadata:
-    """What metadata.yaml and the ``rosbag2`` record of each file say; files are oldest first."""
-
-    files: tuple[FileRecord, ...]
-    topics: tuple[TopicRecord, ...] = ()
-    custom_data: Mapping[str, str] = field(default_factory=dict)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The metadata without its root key, keys in rosbag2's order."""
-        starts = [item.start_ns for item in self.files if item.start_ns is not None]
-        ends = [item.end_ns for item in self.files if item.end_ns is not None]
-        span = _time_span(min(starts, default=None), max(ends, default=None))
-        return {
-            'version': VERSION,
-            'storage_identifier': 'mcap',
-            'duration': span['duration'],
-            'starting_time': span['starting_time'],
-            'message_count': sum(item.message_count for item in self.files),
-            'topics_with_message_count': [item.to_dict() for item in self.topics],
-            'compression_format': '',
-            'compression_mode': '',
-            'relative_file_paths': [item.path for item in self.files],
-            'files': [item.to_dict() for item in self.files],
-            'custom_data': dict(self.custom_data),
-            'ros_distro': ROS_DISTRO,
-        }
-
-
-def to_record(metadata: BagMetadata) -> dict[str, str]:
-    """The content of a file's ``rosbag2`` record: YAML without its root key, and a checksum."""
-    text = _dump(metadata.to_dict())
+def to_record(data: Mapping[str, Any]) -> dict[str, str]:
+    """Metadata as the content of a file's ``rosbag2`` record, with a checksum."""
+    text = _dump(data)
     return {_TEXT: text, CHECKSUM: _checksum(RECORD, text)}
+
+
+def to_text(data: Mapping[str, Any]) -> str:
+    """Metadata as the content of metadata.yaml."""
+    return _dump({_ROOT: data})
 
 
 def is_whole(name: str, record: Mapping[str, str]) -> bool:
@@ -131,17 +128,8 @@ def is_whole(name: str, record: Mapping[str, str]) -> bool:
     return name != RECORD or _TEXT in record
 
 
-def to_text(metadata: BagMetadata) -> str:
-    """The content of metadata.yaml."""
-    return _dump({_ROOT: metadata.to_dict()})
-
-
-@dataclass(frozen=True)
-class StoredMetadata:
-    """What a reader needs of a bag's metadata, of any version; files are oldest first."""
-
-    file_names: tuple[str, ...]
-    custom_data: dict[str, str]
+#: What a reader needs of metadata of any version: names of files, oldest first, and custom data.
+StoredMetadata = tuple[tuple[str, ...], dict[str, str]]
 
 
 def read_metadata(path: Path) -> StoredMetadata:
@@ -173,10 +161,8 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
     if not isinstance(names, list) or not isinstance(custom_data, Mapping):
         right = 'metadata with a list relative_file_paths and a mapping custom_data'
         raise LavaError('bag', str(path), right)
-    return StoredMetadata(
-        tuple(Path(str(item)).name for item in names),
-        {str(key): str(value) for key, value in custom_data.items()},
-    )
+    texts = {str(key): str(value) for key, value in custom_data.items()}
+    return tuple(Path(str(item)).name for item in names), texts
 
 
 def _checksum(name: str, text: str) -> str:

@@ -93,10 +93,7 @@ def profiles_to_yaml(profiles: Iterable[QosProfile]) -> str:
 def profiles_from_yaml(text: str) -> tuple[QosProfile, ...]:
     """Read the ``offered_qos_profiles`` of a channel, from bag metadata of any version.
 
-    An empty text gives no profiles.
-
-    Raises:
-        LavaError: The text is not a YAML list of QoS profiles.
+    An empty text gives no profiles; LavaError where it is not a YAML list of QoS profiles.
     """
     expected = 'a YAML list of QoS profiles as rosbag2 writes it'
     items = parse_yaml('offered_qos_profiles', text, expected) or []

@@ -15,14 +15,12 @@
 """Reads rosbag2 MCAP bags, also those whose recording was cut off."""
 
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 import logging
 from pathlib import Path
 import re
 from typing import NamedTuple
-
-from mcap.records import Message
 
 from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag import qos as bag_qos
@@ -45,14 +43,9 @@ class BagMessage(NamedTuple):
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag.
+    """A topic of a bag, with its number of messages and the definition that the bag holds.
 
-    Attributes:
-        name: Absolute topic name.
-        message_type: Type such as ``nav_msgs/msg/OccupancyGrid``.
-        qos: One offer that stands for those of all publishers that were recorded.
-        count: Messages in the bag.
-        schema: Definition of the type as the bag holds it.
+    ``qos`` is one offer that stands for those of all publishers that were recorded.
     """
 
     name: str
@@ -77,26 +70,21 @@ class BagReader:
         recovered: Whether a file was not finished; then everything before the place where it
             breaks off is there.
         damage: What is damaged, and left out for it, each a sentence; it is logged, too.
-        start_ns: Log time of the first message [ns], None without messages.
-        end_ns: Log time of the last message [ns], None without messages.
+        start_ns, end_ns: Log time of the first and last message [ns], None without messages.
         size: Size of the files together [bytes].
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Find out what the bag holds; an unfinished file is read once from start to end.
+        """Find out what a directory or an .mcap file holds; LavaError if it is no readable bag.
 
-        Args:
-            path: The bag's directory, or an .mcap file.
-
-        Raises:
-            LavaError: There is no bag, or it is not one that can be read.
+        An unfinished file is read once from start to end.
         """
         self.path = Path(path)
         if not self.path.exists():
             raise LavaError('bag', str(path), 'a bag directory or an .mcap file that exists')
         yaml_path = self.path / bag_metadata.FILE_NAME
         stored = bag_metadata.read_metadata(yaml_path) if yaml_path.exists() else None
-        self.files = mcap_files(self.path, None if stored is None else stored.file_names)
+        self.files = mcap_files(self.path, None if stored is None else stored[0])
         was_begun = stored is not None or len(self.files) == 1 or has_begun(self.files[-1])
         if not was_begun:
             self.files = self.files[:-1]
@@ -104,10 +92,13 @@ class BagReader:
         self.damage = tuple(text for item in self.contents for text in item.damage)
         self.topics = _topics(self.contents)
         described, unreadable = _described(self.contents)
-        self.custom_data = described if stored is None else stored.custom_data
+        last = self.contents[-1]
+        record = last.metadata.get(bag_metadata.RECORD, {})
+        is_checked = not last.damage and bag_metadata.CHECKSUM in record
+        self.custom_data = described if stored is None else stored[1]
         if stored is None:
             self.damage += unreadable
-        elif _is_checked(self.contents) and described != stored.custom_data:
+        elif is_checked and described != self.custom_data:
             self.damage += (
                 f'custom_data of {yaml_path} is damaged or changed: the last file says otherwise',
             )
@@ -126,9 +117,7 @@ class BagReader:
     @property
     def duration_ns(self) -> int:
         """Time from the first message to the last [ns]."""
-        if self.start_ns is None or self.end_ns is None:
-            return 0
-        return self.end_ns - self.start_ns
+        return (self.end_ns or 0) - (self.start_ns or 0)
 
     @property
     def message_count(self) -> int:
@@ -142,47 +131,41 @@ class BagReader:
         *,
         file: Path | None = None,
     ) -> Iterator[BagMessage]:
-        """Yield messages in the order of log time, file by file.
+        """Yield messages of some topics, None for all, in the order of log time, file by file.
 
-        Args:
-            topics: Names of the topics to read, None for all; names the bag lacks give nothing.
-            start_ns: Earliest log time [ns].
-            file: The one of ``files`` to read, None for all.
-
-        Raises:
-            LavaError: A file is damaged or cannot be read.
+        Names the bag lacks give nothing. ``start_ns`` is the earliest log time [ns]; ``file`` the
+        one of ``files`` to read, None for all. LavaError where one is damaged or cannot be read.
         """
         for contents in self.contents:
             if file is None or contents.path == file:
                 names = _channel_topics(contents, topics)
-                for message in contents.messages(names, start_ns or 0):
-                    yield _bag_message(names, message)
+                for item in contents.messages(names, start_ns or 0):
+                    yield BagMessage(
+                        names[item.channel_id], item.log_time, item.publish_time, item.data
+                    )
 
     def newest(self, topics: Collection[str], before_ns: int) -> list[BagMessage]:
         """The newest message of each topic before a log time [ns], oldest first.
 
-        Raises:
-            LavaError: A file is damaged or cannot be read.
+        LavaError where a file is damaged or cannot be read.
         """
         found: dict[str, BagMessage] = {}
         for contents in reversed(self.contents):
             names = _channel_topics(contents, [item for item in topics if item not in found])
-            here: dict[str, BagMessage] = {}
-            for message in contents.newest(names, before_ns).values():
-                item = _bag_message(names, message)
-                if item.topic not in here or item.stamp_ns > here[item.topic].stamp_ns:
-                    here[item.topic] = item
-            found.update(here)
+            here = contents.newest(names, before_ns).values()
+            # a topic may have several channels
+            for item in sorted(here, key=lambda message: message.log_time, reverse=True):
+                name = names[item.channel_id]
+                message = BagMessage(name, item.log_time, item.publish_time, item.data)
+                found.setdefault(name, message)
         return sorted(found.values(), key=lambda item: item.stamp_ns)
 
 
 def mcap_files(bag: Path, names: Sequence[str] | None = None) -> tuple[Path, ...]:
     """The files of a bag: an .mcap file alone, or those of a directory, oldest first.
 
-    Without ``names`` it is the number in a name that counts: 2 comes before 10.
-
-    Raises:
-        LavaError: The directory has no .mcap files.
+    Without ``names`` it is the number in a name that counts: 2 comes before 10. LavaError where
+    the directory has no .mcap files.
     """
 
     def order(path: Path) -> list[tuple[int, str]]:
@@ -195,11 +178,6 @@ def mcap_files(bag: Path, names: Sequence[str] | None = None) -> tuple[Path, ...
     if not named:
         raise LavaError('bag', str(bag), 'a directory with .mcap files; this one has none')
     return tuple(named)
-
-
-def _bag_message(names: Mapping[int, str], message: Message) -> BagMessage:
-    name = names[message.channel_id]
-    return BagMessage(name, message.log_time, message.publish_time, message.data)
 
 
 def _channel_topics(contents: McapFile, topics: Collection[str] | None) -> dict[int, str]:
@@ -243,15 +221,7 @@ def _described(files: list[McapFile]) -> tuple[dict[str, str], tuple[str, ...]]:
         record = contents.metadata.get(bag_metadata.RECORD)
         if record is not None:
             try:
-                return bag_metadata.parse_record(record, contents.path).custom_data, unreadable
+                return bag_metadata.parse_record(record, contents.path)[1], unreadable
             except LavaError as error:
                 unreadable += (str(error),)
     return {}, unreadable
-
-
-def _is_checked(files: list[McapFile]) -> bool:
-    """Whether the last file is whole and its description has a checksum."""
-    last = files[-1] if files else None
-    return last is not None and not last.damage and (
-        bag_metadata.CHECKSUM in last.metadata.get(bag_metadata.RECORD, {})
-    )

@@ -179,9 +179,11 @@ def footer_of(data: mmap.mmap) -> Footer | None:
     return Footer(*_FOOTER.unpack_from(data, start))
 
 
-def fits_footer(data: mmap.mmap, footer: Footer) -> bool:
-    """Whether summary and footer, but for the checksum in it, fit that checksum."""
-    end = len(data) - len(MAGIC) - 4
+def has_index(data: mmap.mmap) -> bool:
+    """Whether a file ends as a finished one does, with an index that its checksum fits."""
+    footer, end = footer_of(data), len(data) - len(MAGIC) - 4
+    if footer is None or not has_end(data):
+        return False
     return footer.summary_crc in (0, checksum(data, footer.summary_start, end))
 
 
@@ -211,13 +213,9 @@ def frames(data: bytes | memoryview) -> Iterator[tuple[int, memoryview]]:
 
 
 def parse(opcode: int, content: bytes | memoryview) -> list[McapRecord]:
-    """Parse a record; a chunk gives the records inside it.
+    """Parse a record; a chunk gives the records inside it. Raises what ``unpacked`` does.
 
     The data of a message are a view of the content, or of the chunk.
-
-    Raises:
-        UnsupportedCompressionError: The chunk has another compression than lz4 and zstd.
-        DAMAGE: The record is damaged, or too large.
     """
     if opcode == Opcode.CHUNK:
         return [

@@ -34,15 +34,10 @@ def recover(
 
     The new bag is split into files where the old one is, and keeps the readable attachments.
     Damaged parts are left out; ``source.damage`` lists them. ``on_progress`` is called with the
-    name of the activity and the share of the recorded time that has been copied.
-
-    Returns:
-        The number of messages copied.
-
-    Raises:
-        LavaError: The directory exists, or a file of the source can no longer be read; messages
-            before that point have been copied.
-        OSError: The new bag cannot be written.
+    name of the activity and the share of the recorded time that has been copied. Returns the
+    number of messages copied. LavaError where the directory exists, or a file of the source can no
+    longer be read, messages before that point having been copied; OSError where the new bag cannot
+    be written.
     """
     with BagWriter(directory, custom_data=source.custom_data) as writer:
         for index, file in enumerate(source.files):

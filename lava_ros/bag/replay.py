@@ -63,20 +63,12 @@ def schedule(
     start_offset: float = 0.0,
     first_ns: int | None = None,
 ) -> Iterator[Step]:
-    """Say when each message of a bag is to be published.
+    """Say when each message of a bag is to be published, at a rate [s of bag time / s].
 
-    A start offset skips what lies before it, save that the newest message of every latched
-    (transient_local) topic is due at once: a map that was published early still holds.
-
-    Args:
-        bag: The bag.
-        rate: Bag time that passes in a second of wall time [s/s].
-        loop: Whether to start over at the end, for ever.
-        start_offset: Where to start, from the bag's first message [s of bag time].
-        first_ns: Where the first round starts when it starts elsewhere [ns of bag time].
-
-    Raises:
-        LavaError: An argument is out of range, or the bag has no messages.
+    A start offset [s of bag time] skips what lies before it, save that the newest message of every
+    latched (transient_local) topic is due at once: a map that was published early still holds. A
+    ``loop`` starts over there at the end, for ever; ``first_ns`` is where the first round starts
+    when it starts elsewhere [ns]. LavaError where an argument is wrong, or the bag is empty.
     """
     rate = validation.number('rate', rate, above=0.0)
     start_offset = validation.number('start_offset', start_offset, at_least=0.0, unit='s')
@@ -84,8 +76,8 @@ def schedule(
         raise LavaError('bag', 'without messages', 'at least one message to replay')
     begin = bag.start_ns + round(start_offset * 1e9)
     if begin > bag.end_ns:
-        length = (bag.end_ns - bag.start_ns) / 1e9
-        raise LavaError('start_offset', start_offset, f'at most the {length:g} s the bag lasts')
+        right = f'at most the {bag.duration_ns / 1e9:g} s the bag lasts'
+        raise LavaError('start_offset', start_offset, right)
     return _schedule(bag, rate, loop, begin, begin if first_ns is None else first_ns)
 
 
@@ -114,17 +106,11 @@ def pace(
     wait: Callable[[float], bool],
     tick: float | None = TICK,
 ) -> Iterator[Step]:
-    """Yield each message when it is due, and clock ticks while waiting for it.
+    """Yield each message of a schedule when it is due, and clock ticks [s] while waiting for it.
 
     The clock follows wall time times the rate and never passes the next message, so that a late
-    message does not turn it back.
-
-    Args:
-        dues: The schedule.
-        rate: The rate it was made for [s/s].
-        now: Clock that only goes forward [s].
-        wait: Sleeps for a time [s] or less; True means stop.
-        tick: Time between clock ticks [s], None for none.
+    message does not turn it back. ``now`` is a clock that only goes forward [s]; ``wait`` sleeps
+    for a time [s] or less, and true means stop.
     """
     start = now()
     next_tick = math.inf if tick is None else start + tick
@@ -186,9 +172,8 @@ class Transport:
     def wait(self, seconds: float, stop: threading.Event) -> bool:
         """Wait for ``seconds`` of replay time [s] at most, and obey keys meanwhile.
 
-        Returns:
-            Whether the replay is to stop or to continue elsewhere (``take_jump``). False also when
-            a pause ends before the time is up.
+        True: the replay is to stop or to continue elsewhere (``take_jump``). False also when a
+        pause ends before the time is up.
         """
         self._obey(self._read_key(0.0 if self.is_paused else min(seconds / self.speed, POLL)))
         # What is due right where a jump leads to is shown, also while time stands still.

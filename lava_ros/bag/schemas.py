@@ -52,10 +52,8 @@ def message_schema(message_type: str) -> MessageSchema:
     """Look up a message type such as ``nav_msgs/msg/OccupancyGrid`` among installed packages.
 
     Packages are found under ``share`` of every prefix in AMENT_PREFIX_PATH, of the interpreter
-    and of every site-packages directory on the import path.
-
-    Raises:
-        LavaError: The name is not a message type's, or it or a dependency is not installed.
+    and of every site-packages directory on the import path. LavaError where the name is no message
+    type's, or it or a dependency is not installed.
     """
     return _message_schema(message_type, _prefixes())
 

@@ -15,27 +15,176 @@
 """Writes rosbag2 bags: a directory with one MCAP file or several, and metadata.yaml."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+import os
 from pathlib import Path
+import secrets
+from typing import BinaryIO
+
+from mcap.writer import CompressionType, LIBRARY_IDENTIFIER, Writer
 
 from lava_ros import validation
 from lava_ros.bag import metadata as bag_metadata
-from lava_ros.bag.mcap_output import Directory, McapOutput
-from lava_ros.bag.metadata import BagMetadata, FileRecord, TopicRecord
-from lava_ros.bag.qos import QosProfile
+from lava_ros.bag.metadata import FileRecord, TopicRecord
+from lava_ros.bag.qos import profiles_to_yaml, QosProfile
 from lava_ros.bag.schemas import message_schema, MessageSchema
 from lava_ros.errors import LavaError
+
+#: Uncompressed size at which a chunk is closed [bytes]; ``flush`` closes it earlier.
+CHUNK_SIZE = 4 * 1024 * 1024
 
 #: Bytes of CDR's encapsulation header, which every serialised message starts with.
 _CDR_HEADER_SIZE = 4
 
 
+class _Directory:
+    """A new directory that is kept open: files go into it and not where a link leads.
+
+    All methods raise OSError where the system refuses.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Make it, and its parents where they are missing."""
+        self._path = path
+        path.mkdir(parents=True)
+        self._number = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+
+    def create(self, name: str) -> BinaryIO:
+        """Open a new file in it for writing."""
+        return open(name, 'xb', opener=self._open)
+
+    def put(self, name: str, text: str) -> None:
+        """Write a file: either the whole of it is there afterwards or none."""
+        # nothing that somebody has put there is written to
+        partial = f'.{name}.{secrets.token_hex(4)}.partial'
+        try:
+            with open(partial, 'x', encoding='utf-8', opener=self._open) as stream:
+                stream.write(text)
+            os.replace(partial, name, src_dir_fd=self._number, dst_dir_fd=self._number)
+        except OSError:
+            with suppress(FileNotFoundError):
+                os.unlink(partial, dir_fd=self._number)
+            raise
+
+    def check(self, file: BinaryIO) -> None:
+        """Check that the directory and a file of it are still found by their names.
+
+        If one was removed, moved or replaced, what is written next is lost to readers.
+        """
+        for path, opened in ((self._path, self._number), (self._path / file.name, file.fileno())):
+            is_same = False
+            with suppress(OSError):
+                there = os.stat(path, follow_symlinks=False)
+                is_same = os.path.samestat(there, os.fstat(opened))
+            if not is_same:
+                raise OSError(f'{path} was removed, moved or replaced')
+
+    def close(self) -> None:
+        os.close(self._number)
+
+    def _open(self, name: str, flags: int) -> int:
+        return os.open(name, flags | os.O_NOFOLLOW, 0o666, dir_fd=self._number)
+
+
 @dataclass
 class _Topic:
+    """A topic, whose record counts the messages in all files."""
+
     record: TopicRecord
     schema: MessageSchema
     # its newest message and that one's stamp, where the next file repeats it
     latest: tuple[bytes, int] | None = None
+
+
+class _File:
+    """A file that can be read by itself: definitions, QoS, description, index and counts.
+
+    Whatever writes raises OSError where the file cannot be written.
+
+    Attributes:
+        record: What metadata.yaml says of the file.
+    """
+
+    def __init__(self, directory: _Directory, name: str, custom_data: Mapping[str, str]) -> None:
+        """Create the file and write its header and metadata."""
+        self.record = FileRecord(name)
+        # the channel id of each topic, and its messages in this file
+        self._channels: dict[str, tuple[int, TopicRecord]] = {}
+        self._schema_ids: dict[str, int] = {}
+        self._directory = directory
+        self._stream = directory.create(name)
+        try:
+            self._mcap = Writer(
+                self._stream,
+                chunk_size=CHUNK_SIZE,
+                compression=CompressionType.ZSTD,
+                enable_data_crcs=True,
+            )
+            self._mcap.start(profile='ros2', library=f'lava_ros {LIBRARY_IDENTIFIER}')
+            self._describe(custom_data)
+            self._mcap.flush()
+        except OSError:
+            self._stream.close()
+            raise
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far, those of the chunk at hand left out."""
+        return self._stream.tell()
+
+    def write(self, topic: _Topic, data: bytes, log_time: int, publish_time: int) -> None:
+        """Append a message, to be played back at the log time [ns]."""
+        name = topic.record.name
+        channel_id, counted = self._channels.get(name) or self._register(topic)
+        sequence = topic.record.message_count
+        self._mcap.add_message(channel_id, log_time, data, publish_time, sequence)
+        for item in (counted, topic.record, self.record):
+            item.message_count += 1
+        if self.record.start_ns is None:
+            self.record.start_ns = log_time
+        self.record.end_ns = log_time
+
+    def attach(self, name: str, media_type: str, data: bytes, log_time: int) -> None:
+        """Put data beside the messages, after those so far."""
+        self._mcap.flush()
+        self._mcap.add_attachment(log_time, log_time, name, media_type, data)
+
+    def flush(self, custom_data: Mapping[str, str]) -> None:
+        """Hand everything to the operating system; OSError also for a file that was removed."""
+        self._mcap.flush()
+        if custom_data is not self._described:
+            self._describe(custom_data)
+            self._mcap.flush()
+        self._directory.check(self._stream)
+
+    def finish(self, custom_data: Mapping[str, str]) -> None:
+        """Write the index and close the file, as it is after an error; OSError as in ``flush``."""
+        with self._stream:
+            self._mcap.flush()
+            self._describe(custom_data)
+            self._mcap.finish()
+            self._directory.check(self._stream)
+
+    def _register(self, topic: _Topic) -> tuple[int, TopicRecord]:
+        record, schema = topic.record, topic.schema
+        kind = record.message_type
+        if kind not in self._schema_ids:
+            text = schema.text.encode()
+            self._schema_ids[kind] = self._mcap.register_schema(kind, schema.encoding, text)
+        known = {
+            'offered_qos_profiles': profiles_to_yaml([record.qos]),
+            'topic_type_hash': schema.type_hash,
+        }
+        number = self._mcap.register_channel(record.name, 'cdr', self._schema_ids[kind], known)
+        self._channels[record.name] = number, replace(record, message_count=0)
+        return self._channels[record.name]
+
+    def _describe(self, custom_data: Mapping[str, str]) -> None:
+        topics = (topic for _, topic in self._channels.values())
+        data = bag_metadata.describe([self.record], topics, custom_data)
+        self._mcap.add_metadata(bag_metadata.RECORD, bag_metadata.to_record(data))
+        self._described = custom_data
 
 
 class BagWriter:
@@ -79,7 +228,7 @@ class BagWriter:
         self._max_duration_ns = round(duration * 1e9)
         self.directory = Path(directory).absolute()
         try:
-            self._directory = Directory(self.directory)
+            self._directory = _Directory(self.directory)
         except FileExistsError:
             right = 'a directory that does not exist yet; choose another name or remove it first'
             raise LavaError('bag', str(directory), right) from None
@@ -87,13 +236,13 @@ class BagWriter:
             right = f'a directory that can be created ({error})'
             raise LavaError('bag', str(directory), right) from error
         self._topics: dict[str, _Topic] = {}
-        self._finished: list[FileRecord] = []
+        self._records: list[FileRecord] = []
         self._last_stamp_ns: int | None = None
         self._end_ns = self._repeated_size = self._finished_size = 0
         self._closed = False
-        self._file: McapOutput | None = None
+        self._file: _File | None = None
         try:
-            self._file = self._open_file()
+            self._open_file()
         except OSError:
             self._directory.close()
             raise
@@ -101,7 +250,7 @@ class BagWriter:
     @property
     def message_count(self) -> int:
         """Messages written so far, repeated ones included."""
-        return sum(item.message_count for item in self._records())
+        return sum(item.message_count for item in self._records)
 
     @property
     def size(self) -> int:
@@ -111,17 +260,15 @@ class BagWriter:
     @property
     def file_count(self) -> int:
         """Files there are."""
-        return len(self._records())
+        return len(self._records)
 
     def set_custom_data(self, custom_data: Mapping[str, str]) -> None:
         """Replace the description of the recording; the next ``flush`` writes it to the file.
 
-        Raises:
-            LavaError: A key or a value is not text, or the bag is closed.
+        LavaError where a key or a value is not text, or the bag is closed.
         """
-        file = self._open()
+        self._open()
         self._custom_data = _texts(custom_data)
-        file.describe(self._custom_data)
 
     def write(
         self,
@@ -166,10 +313,15 @@ class BagWriter:
         log_time = max(stamp_ns if log_time_ns is None else log_time_ns, self._end_ns)
         if stamp_ns != self._last_stamp_ns and self._is_full(file, log_time):
             self.begin_file()
-            self._repeat_latched(log_time, but=item)
+            file = self._open()
+            for other in self._topics.values():
+                if other.latest is not None and other is not item:
+                    file.write(other, other.latest[0], log_time, other.latest[1])
+            file.flush(self._custom_data)
+            self._repeated_size = file.size
         self._last_stamp_ns, self._end_ns = stamp_ns, log_time
         self._topics[topic] = item
-        self._add(item, data, log_time, stamp_ns)
+        file.write(item, data, log_time, stamp_ns)
         if qos.is_latched and (self._max_size or self._max_duration_ns):
             item.latest = (data, stamp_ns)
 
@@ -177,54 +329,45 @@ class BagWriter:
         """Put data beside the messages; players pass over it, ``bag.checkpoints`` finds it.
 
         Names need not differ. The data are logged at ``stamp_ns`` [ns], or at the latest log time
-        where that is later.
-
-        Raises:
-            LavaError: The bag is closed.
-            OSError: The file cannot be written.
+        where that is later. LavaError where the bag is closed; OSError where the file cannot be
+        written.
         """
-        self._open().attach(name, media_type, data, log_time=max(stamp_ns, self._end_ns))
+        self._open().attach(name, media_type, data, max(stamp_ns, self._end_ns))
 
     def begin_file(self) -> None:
         """Finish the file at hand and go on in a new one; nothing is repeated in it.
 
-        Raises:
-            LavaError: The bag is closed.
-            OSError: One of them cannot be written.
+        LavaError where the bag is closed; OSError where one of them cannot be written.
         """
         file, self._file = self._open(), None
-        self._finished.append(file.record)
         self._finished_size += file.size
-        file.finish()
-        self._file = self._open_file()
+        file.finish(self._custom_data)
         self._repeated_size = 0
+        self._open_file()
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system, as a complete chunk.
 
-        It survives the end of this process from here on, though not a loss of power.
-
-        Raises:
-            LavaError: The bag is closed.
-            OSError: The file cannot be written, or is not in the bag any more.
+        It survives the end of this process from here on, though not a loss of power. LavaError
+        where the bag is closed; OSError where the file cannot be written, or is not in the bag any
+        more.
         """
-        self._open().flush()
+        self._open().flush(self._custom_data)
 
     def close(self) -> None:
         """Finish the file and write metadata.yaml; does nothing the second time.
 
-        Raises:
-            OSError: The file cannot be written; it is closed as it is.
+        OSError where the file cannot be written; it is closed as it is.
         """
         if self._closed:
             return
         self._closed = True
         try:
             if self._file is not None:
-                self._file.finish()
-            topics = tuple(item.record for item in self._topics.values())
-            metadata = BagMetadata(tuple(self._records()), topics, self._custom_data)
-            self._directory.put(bag_metadata.FILE_NAME, bag_metadata.to_text(metadata))
+                self._file.finish(self._custom_data)
+            topics = (item.record for item in self._topics.values())
+            data = bag_metadata.describe(self._records, topics, self._custom_data)
+            self._directory.put(bag_metadata.FILE_NAME, bag_metadata.to_text(data))
         finally:
             self._directory.close()
 
@@ -236,19 +379,17 @@ class BagWriter:
         """Close the bag, also after an error: what was written is worth keeping."""
         self.close()
 
-    def _open(self) -> McapOutput:
+    def _open(self) -> _File:
         if self._closed or self._file is None:
             raise LavaError('bag', str(self.directory), 'an open bag; this one is closed')
         return self._file
 
-    def _open_file(self) -> McapOutput:
-        name = f'{self.directory.name}_{len(self._finished)}.mcap'
-        return McapOutput(self._directory, name, self._custom_data)
+    def _open_file(self) -> None:
+        name = f'{self.directory.name}_{len(self._records)}.mcap'
+        self._file = _File(self._directory, name, self._custom_data)
+        self._records.append(self._file.record)
 
-    def _records(self) -> list[FileRecord]:
-        return [*self._finished, *([self._file.record] if self._file is not None else [])]
-
-    def _is_full(self, file: McapOutput, log_time: int) -> bool:
+    def _is_full(self, file: _File, log_time: int) -> bool:
         start_ns = file.record.start_ns
         if start_ns is None:
             return False
@@ -257,20 +398,6 @@ class BagWriter:
         least = max(self._max_size, 2 * self._repeated_size)
         return bool(self._max_size) and file.size >= least
 
-    def _repeat_latched(self, log_time: int, *, but: _Topic) -> None:
-        for item in self._topics.values():
-            if item.latest is not None and item is not but:
-                self._add(item, item.latest[0], log_time, item.latest[1])
-        file = self._open()
-        file.flush()
-        self._repeated_size = file.size
-
-    def _add(self, item: _Topic, data: bytes, log_time: int, publish_time: int) -> None:
-        self._open().write(
-            item.record, item.schema, data, log_time=log_time, publish_time=publish_time
-        )
-        item.record.message_count += 1
-
 
 def _topic(
     name: str, message_type: str, qos: QosProfile, schema: MessageSchema | None
@@ -278,7 +405,7 @@ def _topic(
     if not name.startswith('/') or name.endswith('/'):
         raise LavaError('topic', name, 'an absolute topic name such as /lava/height')
     schema = schema or message_schema(message_type)
-    return _Topic(TopicRecord(name, message_type, qos, schema.type_hash, 0), schema)
+    return _Topic(TopicRecord(name, message_type, qos, schema.type_hash), schema)
 
 
 def _texts(custom_data: Mapping[str, str]) -> dict[str, str]:

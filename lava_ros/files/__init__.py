@@ -38,9 +38,8 @@ PICTURES = ('.png', '.pdf', '.svg')
 def open_input(path: str | Path) -> BinaryIO:
     """Open a file for reading bytes.
 
-    Raises:
-        OSError: It cannot be read, or is no regular file: who opens a pipe waits for its writer,
-            and a device may never end.
+    OSError where it cannot be read, or is no regular file: who opens a pipe waits for its writer,
+    and a device may never end.
     """
     try:
         _check_regular(os.stat(path), path)
@@ -61,10 +60,8 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
 
     The existing file stays until ``replacing`` has finished. ``endings`` are the suffixes that the
     name may have, such as ``.json``; they keep output from replacing a file of another kind.
-
-    Raises:
-        LavaError: The name has another suffix; the path is a folder, a pipe or a device; its
-            folder does not exist; or it cannot be written. The error names ``field``.
+    LavaError, which names ``field``, where the name has another suffix; the path is a folder, a
+    pipe or a device; its folder does not exist; or it cannot be written.
     """
     path = Path(value)
     if endings and path.suffix.lower() not in endings:
@@ -90,10 +87,8 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a new, empty file beside ``path``, with the same suffix, which replaces it at the end.
 
-    If an exception is raised meanwhile, the new file is removed and the old one stays.
-
-    Raises:
-        OSError: The file cannot be created, or cannot replace the old one.
+    If an exception is raised meanwhile, the new file is removed and the old one stays. OSError
+    where it cannot be created, or cannot replace the old one.
     """
     path = _target(path)
     partial = path.with_name(f'.{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}')

@@ -28,18 +28,9 @@ def read_table(
 ) -> list[tuple[str, dict[str, str]]]:
     """Read a table whose first line names its columns, separated by commas or semicolons.
 
-    Args:
-        field: What errors call it.
-        path: The file.
-        required: Columns it needs.
-        optional: Columns it may have; None: any.
-
-    Returns:
-        For each row what messages call it, and its texts by column.
-
-    Raises:
-        LavaError: It cannot be read, has no rows, other columns, a column twice, or rows of
-            another length.
+    It has the required columns, and maybe the optional ones (None: any). Returns for each row what
+    messages call it, and its texts by column. LavaError, which names ``field`` or the line, where
+    it cannot be read, has no rows, other columns, a column twice, or rows of another length.
     """
     try:
         with TextIOWrapper(open_input(path), newline='', encoding='utf-8-sig') as file:
@@ -69,8 +60,7 @@ def read_table(
     result = []
     for number, row in lines[1:]:
         if len(row) != len(header):
-            right = f'{len(header)} values'
-            raise LavaError(f'{path}, line {number}', ','.join(row), right)
+            raise LavaError(f'{path}, line {number}', ','.join(row), f'{len(header)} values')
         cells = (cell.strip() for cell in row)
         result.append((f'{path}, line {number}', dict(zip(header, cells, strict=True))))
     return result

@@ -32,9 +32,8 @@ _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0
 def read_arrays(field: str, path: str | Path) -> dict[str, np.ndarray]:
     """Read the arrays of an .npz file by name, without executing anything in it.
 
-    Raises:
-        LavaError: The file cannot be read, or its arrays are larger than allowed or than the data
-            that the file has for them. The error names ``field``.
+    LavaError, which names ``field``, where the file cannot be read, or its arrays are larger than
+    allowed or than the data that the file has for them.
     """
     try:
         with open_input(path) as file, ZipFile(file) as archive:

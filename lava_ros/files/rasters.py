@@ -47,10 +47,8 @@ def opened_raster(field: str, path: str | Path) -> Iterator[Any]:
     """Open a raster for reading, as ``rasterio.open`` does; it need not be georeferenced.
 
     GDAL's other drivers are left out: some follow what a file refers to, over a network as well.
-
-    Raises:
-        LavaError: The raster cannot be opened or read, has too many cells or text among its
-            values, or rasterio is not installed.
+    LavaError where it cannot be opened or read, has too many cells or text among its values, or
+    rasterio is not installed.
     """
     require('rasterio', field, str(path))
     import rasterio

@@ -26,14 +26,9 @@ PACKAGE = 'lava_ros'
 def share_path(relative: str) -> Path:
     """Return the path of a data file or folder of this package.
 
-    It is looked for in the checkout the package runs from, in each ament prefix
-    (``AMENT_PREFIX_PATH``), and where pip puts data files (``sys.prefix``), in this order.
-
-    Args:
-        relative: Path inside the share folder, for example ``msg_configs/default.yaml``.
-
-    Raises:
-        LavaError: It is in none of these places; the message lists them.
+    ``msg_configs/default.yaml``, for example, is looked for in the checkout the package runs from,
+    then in each ament prefix (``AMENT_PREFIX_PATH``), then where pip puts data files
+    (``sys.prefix``). A LavaError lists these places.
     """
     candidates = [root / relative for root in _roots()]
     for candidate in candidates:

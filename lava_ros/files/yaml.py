@@ -37,12 +37,9 @@ MOST_DIGITS = 100
 
 
 def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML file') -> Any:
-    """Read a YAML file as plain data.
+    """Read a YAML file as plain data; LavaError where ``parse_yaml`` refuses it or none is there.
 
     ``expected`` describes a right file in errors, followed by the reason in brackets.
-
-    Raises:
-        LavaError: The file cannot be read, or ``parse_yaml`` refuses it.
     """
     try:
         with open_input(path) as file:
@@ -55,9 +52,8 @@ def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML fil
 def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | None = None) -> Any:
     """Parse YAML into plain data; errors show ``value`` instead of the text.
 
-    Raises:
-        LavaError: The text is not YAML, or is longer, larger or deeper than allowed; or it has
-            tags of Python, a value that does not fit its tag, or a value that contains itself.
+    LavaError where the text is not YAML, or is longer, larger or deeper than allowed; or has tags
+    of Python, a value that does not fit its tag, or a value that contains itself.
     """
     value = text if value is None else value
     if len(text) > MOST_BYTES:
@@ -73,11 +69,9 @@ def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | No
 
 
 def parse_json(field: str, text: str | bytes) -> Any:
-    """Parse JSON into plain data.
+    """Parse JSON into plain data; numbers are finite and of no more than ``MOST_DIGITS`` digits.
 
-    Raises:
-        LavaError: The text is not JSON, is too deep, or has a number that is not finite or has too
-            many digits.
+    LavaError also where the text is too deep or no JSON.
     """
     try:
         # without aliases it is as large as its text

@@ -17,7 +17,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
-import math
 from pathlib import Path
 import shutil
 import subprocess
@@ -56,23 +55,12 @@ def animate_bag(
     width: int = 800,
     progress: Progress = silent,
 ) -> int:
-    """Draw the frames of a bag over shaded relief, evenly spread over its simulated time.
+    """Draw frames of a bag over shaded relief as .gif or .mp4; returns how many differ.
 
-    Args:
-        path: The bag's directory, or an .mcap file.
-        output: The animation: .gif or .mp4.
-        source: The layer: ``thickness``, ``temperature`` or ``hazard``.
-        seconds: How long the animation lasts [s]; the last picture stays for two more.
-        fps: Pictures per second.
-        width: Width of the pictures [pixels].
-        progress: Is told what is being done, and the share that is done.
-
-    Returns:
-        How many different frames it shows.
-
-    Raises:
-        LavaError: The bag cannot be read, an argument is not usable, or a program or library that
-            writes the format is missing.
+    They are evenly spread over its simulated time. The source is ``thickness``, ``temperature`` or
+    ``hazard``; ``seconds`` is how long the animation lasts [s], whose last picture stays for two
+    more; ``width`` that of the pictures [pixels]. LavaError where the bag cannot be read, an
+    argument is not usable, or a program or library that writes the format is missing.
     """
     output = file_to_write('output', output, FORMATS)
     validation.choice('layer', source, SOURCES)
@@ -177,15 +165,12 @@ def _part(
     frame: Frame, window: tuple[float, float, float, float]
 ) -> tuple[tuple[slice, slice], tuple[float, float, float, float]]:
     """The cells that are in a window, and their edges: left, right, bottom, top [m]."""
-    ends: list[float] = []
-    slices = []
-    for axis, size in enumerate(frame.elevation.shape[::-1]):
-        start, cell = frame.origin[axis], frame.resolution
-        first = max(0, math.floor((window[axis] - start) / cell))
-        last = min(size, math.ceil((window[axis + 2] - start) / cell))
-        slices.append(slice(first, last))
-        ends += [start + first * cell, start + last * cell]
-    return (slices[1], slices[0]), (ends[0], ends[1], ends[2], ends[3])
+    start, cell = np.array(frame.origin), frame.resolution
+    first = np.maximum(0, np.floor((window[:2] - start) / cell)).astype(int)
+    last = np.ceil((window[2:] - start) / cell).astype(int)
+    last = np.minimum(frame.elevation.shape[::-1], last)
+    (left, bottom), (right, top) = start + first * cell, start + last * cell
+    return np.s_[first[1] : last[1], first[0] : last[0]], (left, right, bottom, top)
 
 
 def _pictures(

@@ -61,8 +61,7 @@ class Arrival:
     def add(self, frame: Frame) -> None:
         """Add a frame, later than the one before; frames without thickness or time are ignored.
 
-        Raises:
-            LavaError: The frame's layer does not show lava as thin as the threshold.
+        LavaError where the frame's layer does not show lava as thin as the threshold.
         """
         shown = frame.layers.get(THICKNESS)
         if shown is None or frame.time is None:

@@ -17,7 +17,7 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,16 +51,14 @@ _MEANINGS = {
 }
 
 
-@dataclass(frozen=True)
-class Placement:
+class Placement(NamedTuple):
     """Where the map frame is: easting and northing [m] of its origin; EPSG code if known."""
 
     epsg: int | None
     offset: tuple[float, float]
 
 
-@dataclass(frozen=True)
-class Exported:
+class Exported(NamedTuple):
     """The files written, and where in the world their maps are."""
 
     files: tuple[Path, ...]
@@ -83,11 +81,11 @@ def export_bag(
     """Write maps of a bag as GeoTIFF files, north up, with coordinate system, units and nodata.
 
     Arrival and peak height are those of all maps up to the time. Maps the bag has no layer for
-    are left out.
+    are left out. The directory is made when it is not there, otherwise it has to be empty.
 
     Args:
-        path: The bag's directory, or an .mcap file.
-        directory: Where the files go; made when it is not there, otherwise it has to be empty.
+        path: The bag.
+        directory: Where the files go.
         maps: What to write, of ``MAPS``.
         formats: What to write it as, of ``FORMATS``; of several frames only GeoTIFF has all.
         time: Simulated time [s] to show the newest maps up to; None for the last ones.
@@ -139,9 +137,8 @@ def export_bag(
         # nobody looks for what failed in an empty folder
         target.rmdir()
         raise recording.lack(time, 'terrain and a map')
-    if not every:
-        for name in current:
-            writer.write_layer(name, last, f'{name}.tif')
+    for name in () if every else current:
+        writer.write_layer(name, last, f'{name}.tif')
     for name in ('arrival', 'peak_height'):
         if name in maps and history.frame is not None:
             writer.write_history(name, history.frame, history)
@@ -161,10 +158,7 @@ def placement_of(
     """Where the map frame of a bag is.
 
     The description of the scene in the bag decides; ``epsg`` and ``offset`` [m] fill in what it
-    lacks.
-
-    Raises:
-        LavaError: An argument contradicts the bag, or the bag's own values are not usable.
+    lacks. LavaError where they contradict it, or its own values are not usable.
     """
     terrain = scene.get('terrain')
     terrain = terrain if isinstance(terrain, Mapping) else {}

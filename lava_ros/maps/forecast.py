@@ -106,10 +106,7 @@ class EnsembleForecast:
     """An ensemble that went on from one moment, on the cells of its terrain.
 
     Attributes:
-        time: Simulated time at its start [s].
-        horizon: How far ahead it looks [s].
-        threshold: Thickness from which on lava has arrived [m].
-        terrain: The ground, which the maps belong to.
+        time, horizon, threshold, terrain: As in ``Forecast``.
         maps: Probability, arrival times and thickness.
         asked: Members that were asked for; ``maps.members`` are in it.
         is_done: Whether no more are to come.

@@ -24,14 +24,13 @@ from typing import Any
 import numpy as np
 
 from lava_ros.bag import BagReader
-from lava_ros.bag.decoding import Decoder, read_grid, Timeline
+from lava_ros.bag.decoding import cloud_columns, Decoder, image_array, read_grid, Timeline
 from lava_ros.bag.reader import BagMessage
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, IMAGE, Layer
-from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.scene import MAX_COORDINATE, Terrain
 from lava_ros.simulation.accuracy import COVERED
 
@@ -127,16 +126,19 @@ class Recording:
     """
 
     def __init__(self, path: str | Path, *, more: Sequence[Layer] = ()) -> None:
-        """Open a bag and find its layers.
+        """Open a bag and find its layers, and ``more`` in addition to those that it describes.
 
-        ``more`` are layers to look for in addition to those that the bag describes.
-
-        Raises:
-            LavaError: The bag cannot be read, or has no maps or no terrain.
+        LavaError where the bag cannot be read, or has no maps or no terrain.
         """
         self.bag = bag = BagReader(path)
         self.decoder = Decoder(bag)
-        shown = [*filter(_is_map, _layers(bag)), *more]
+        described = _yaml(bag, 'msg_config')
+        # as they were when the bag was recorded; the default ones for a foreign bag
+        if described is None:
+            layers = load_layers(share_path('msg_configs/default.yaml'))
+        else:
+            layers = layers_from_dict(described)
+        shown = [*filter(_is_map, layers), *more]
         named = {_topic(bag, item.topic, item.message): item for item in shown}
         self.layers = {name: item for name, item in named.items() if name}
         if not self.layers:
@@ -160,8 +162,7 @@ class Recording:
     def frame_at(self, time: float | None = None) -> Frame:
         """Read the newest maps up to a simulated time [s]; None for the last ones.
 
-        Raises:
-            LavaError: The bag is damaged, or has no terrain or no map at that time.
+        LavaError where the bag is damaged, or has no terrain or no map at that time.
         """
         stamp = self.timeline.stamp_at(time)
         last = max((item.time for item in self.timeline.moments), default=math.inf)
@@ -169,12 +170,9 @@ class Recording:
             raise LavaError('time', time, self.timeline.span)
         assembly = _Assembly(self)
         end = (self.bag.end_ns or 0) if stamp is None else stamp
-        for message in self.bag.newest(self.topics, end + 1):
-            assembly.take(message)
-        if not assembly.has_ground:
-            raise self.lack(time, 'terrain')
-        if not assembly.has_layers:
-            raise self.lack(time, 'map')
+        assembly.newest = {item.topic: item for item in self.bag.newest(self.topics, end + 1)}
+        if what := assembly.lacks():
+            raise self.lack(time, what)
         return assembly.frame()
 
     def frames(self) -> Iterator[Frame]:
@@ -182,10 +180,8 @@ class Recording:
 
         A run ends where the simulation was set back to an earlier time. A frame is there for each
         time a layer was published; layers that were not have their newest map before. Frames that
-        the bag knows no simulated time of are left out, unless it knows none at all.
-
-        Raises:
-            LavaError: The bag is damaged.
+        the bag knows no simulated time of are left out, unless it knows none at all. LavaError
+        where the bag is damaged.
         """
         run = self.timeline.last_run
         start = run[0].stamp_ns if run else 0
@@ -202,7 +198,7 @@ class Recording:
                 is_due = False
             is_layer = message.topic in self.layers
             if not is_layer or message.publish_ns >= start:
-                assembly.take(message)
+                assembly.newest[message.topic] = message
                 stamp, is_due = message.publish_ns, is_due or is_layer
         if is_due:
             yield from self._due(assembly)
@@ -221,7 +217,7 @@ class Recording:
         return (frame.time - run[0].time) / (run[-1].time - run[0].time)
 
     def _due(self, assembly: '_Assembly') -> Iterator[Frame]:
-        if assembly.has_ground and assembly.has_layers:
+        if not assembly.lacks():
             frame = assembly.frame()
             if frame.time is not None or not self.timeline.moments:
                 yield frame
@@ -232,22 +228,16 @@ class _Assembly:
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._newest: dict[str, BagMessage] = {}
+        self.newest: dict[str, BagMessage] = {}
         self._decoded: dict[str, tuple[BagMessage, Any]] = {}
         # the newest description and elevations, and what they make
         self._ground: tuple[_Place, np.ndarray, Terrain] | None = None
 
-    def take(self, message: BagMessage) -> None:
-        """Let a message replace the one before on its topic."""
-        self._newest[message.topic] = message
-
-    @property
-    def has_ground(self) -> bool:
-        return {self._recording.terrain, self._recording.terrain_info} <= set(self._newest)
-
-    @property
-    def has_layers(self) -> bool:
-        return bool(self._layer_names())
+    def lacks(self) -> str:
+        """What is not there for a frame, or an empty text."""
+        if not {self._recording.terrain, self._recording.terrain_info} <= set(self.newest):
+            return 'terrain'
+        return '' if self._layer_names() else 'map'
 
     def frame(self) -> Frame:
         """Make the frame; maps of another terrain than the newest are left out."""
@@ -268,8 +258,8 @@ class _Assembly:
                 if shown.values.shape == terrain.shape and where in (place, None):
                     layers[layer.source] = shown
         arrived = layers.pop(ARRIVED, None)
-        has_vents = recording.vents in self._newest
-        stamp = max(self._newest[name].publish_ns for name in self._layer_names())
+        has_vents = recording.vents in self.newest
+        stamp = max(self.newest[name].publish_ns for name in self._layer_names())
         return Frame(
             elevation=terrain.elevation,
             resolution=terrain.resolution,
@@ -282,16 +272,16 @@ class _Assembly:
         )
 
     def _layer_names(self) -> list[str]:
-        return [name for name in self._recording.layers if name in self._newest]
+        return [name for name in self._recording.layers if name in self.newest]
 
     def _rank(self, name: str) -> tuple[int, bool]:
         """Newer maps come first, and of the same time what is not rounded."""
         is_rounded = self._recording.layers[name].message != IMAGE
-        return (-self._newest[name].publish_ns, is_rounded)
+        return (-self.newest[name].publish_ns, is_rounded)
 
     def _get(self, name: Any, convert: Callable[[Decoder, BagMessage], Any]) -> Any:
         """What a topic's newest message says; each is decoded once."""
-        message = self._newest[name]
+        message = self.newest[name]
         known = self._decoded.get(name)
         if known is None or known[0] is not message:
             known = (message, convert(self._recording.decoder, message))
@@ -304,26 +294,16 @@ def _is_map(layer: Layer) -> bool:
     return layer.message == IMAGE or (layer.range is not None and layer.margin == 0.0)
 
 
-def _layers(bag: BagReader) -> tuple[Layer, ...]:
-    """The layers as they were when the bag was recorded; the default ones for a foreign bag."""
-    data = _yaml(bag, 'msg_config')
-    if data is not None:
-        return layers_from_dict(data)
-    return load_layers(share_path('msg_configs/default.yaml'))
-
-
 def _yaml(bag: BagReader, name: str) -> Any:
     return parse_yaml(f'custom_data {name} of {bag.path}', bag.custom_data.get(name, ''))
 
 
 def _topic(bag: BagReader, name: str, message_type: str) -> str | None:
     """Full name of a topic with messages by its relative name, whatever the namespace."""
-    for topic in bag.topics.values():
-        is_it = topic.name.endswith(f'/{name}') and topic.message_type == message_type
-        # rosbag2 lists what it subscribed to, also where nothing came
-        if is_it and topic.count != 0:
-            return topic.name
-    return None
+    # rosbag2 lists what it subscribed to, also where nothing came
+    shown = [item for item in bag.topics.values() if item.count != 0]
+    names = (item.name for item in shown if item.message_type == message_type)
+    return next((item for item in names if item.endswith(f'/{name}')), None)
 
 
 def _required(bag: BagReader, name: str, message_type: str) -> str:

@@ -146,11 +146,8 @@ def write_grid(
 ) -> Path:
     """Write values on the cells of a terrain as GeoTIFF, and return its path.
 
-    ``meaning`` describes the values, and ``unit`` is their unit. The band is named after the file.
-
-    Raises:
-        LavaError: rasterio is not installed, GDAL does not know the coordinate system, or the file
-            cannot be written.
+    The band is named after the file. LavaError also where rasterio is not installed, or GDAL does
+    not know the coordinate system.
     """
     require('rasterio', 'GeoTIFF', str(path))
     write_map(path, values, place_of(terrain), path.stem, unit, meaning, {})
@@ -158,7 +155,7 @@ def write_grid(
 
 
 def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, Any]]:
-    """Turn cells into a list of one GeoJSON feature in the map's coordinates; empty without cells.
+    """Cells as a list of one GeoJSON feature in the map's coordinates; empty without cells.
 
     ``cells`` is bool, shape [rows, columns], row 0 the southernmost. The feature has
     ``properties`` and its ``area_m2``.
@@ -234,10 +231,9 @@ def write_formats(
     """
     require_formats(formats, folder, place.crs)
     written = []
-    if 'geojson' in formats:
-        written = [folder / f'{name}.geojson' for name in layers]
-        for path, features in zip(written, layers.values(), strict=True):
-            write_geojson(path, features, place)
+    for name, features in layers.items() if 'geojson' in formats else ():
+        written.append(folder / f'{name}.geojson')
+        write_geojson(written[-1], features, place)
     if 'gpkg' in formats:
         written.append(folder / 'lava.gpkg')
         write_geopackage(written[-1], layers, place)

@@ -26,7 +26,6 @@ from lava_ros.files.yaml import read_yaml
 from lava_ros.maps.layers import (
     ARRIVAL,
     ARRIVED,
-    DURABILITIES,
     ENSEMBLE_SOURCES,
     FORECAST_SOURCES,
     GRID_MAP,
@@ -34,17 +33,21 @@ from lava_ros.maps.layers import (
     IMAGE,
     LAVA,
     Layer,
-    MESSAGES,
-    MOST_MARGIN,
     OCCUPANCY_GRID,
     plain_source,
     POINT_CLOUD,
     PROBABILITY,
-    RELIABILITIES,
     SOURCES,
     ZERO_CELSIUS,
 )
 from lava_ros.validation import choice, flag, keys, number, whole
+
+#: What a file may call a message type, and its full name.
+_MESSAGES = {
+    name: full
+    for full in (OCCUPANCY_GRID, IMAGE, POINT_CLOUD, GRID_MAP)
+    for name in (full.replace('/msg/', '/'), full)
+}
 
 _UNITS = {
     'thickness': 'm',
@@ -57,6 +60,9 @@ _UNITS = {
 
 #: Largest end of a range, in its unit.
 MOST = 1e12
+
+#: Widest margin around lava [m].
+MOST_MARGIN = 1000.0
 
 #: Most classes of a layer.
 MOST_CLASSES = 20
@@ -88,8 +94,7 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
 def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) -> list[Layer]:
     """Enable the layers named in ``on`` and disable those in ``off``, whatever their file says.
 
-    Raises:
-        LavaError: A name is not that of a layer, or is in both lists.
+    LavaError where a name is not that of a layer, or is in both lists.
     """
     known = [layer.name for layer in layers]
     for field_name, names in (('layers_on', on), ('layers_off', off)):
@@ -140,7 +145,7 @@ def _layer(name: str, value: object) -> Layer:
     where = f'layers.{name}'
     allowed = [item.name for item in fields(Layer) if item.name != 'name']
     entry = _Entry(where, value, allowed, required=['source', 'message'])
-    message = MESSAGES[entry.read('message', choice, allowed=MESSAGES)]
+    message = _MESSAGES[entry.read('message', choice, allowed=_MESSAGES)]
     alone = (*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES)
     alone += (ARRIVED,) if message == IMAGE else ()
     allowed = [LAVA] if message in (POINT_CLOUD, GRID_MAP) else [*alone]
@@ -221,9 +226,10 @@ def _scale(entry: _Entry, quantity: str) -> tuple[int, int]:
 
 def _qos(where: str, value: object) -> QosProfile:
     entry = _Entry(where, value, ('reliability', 'durability', 'depth'))
+    reliabilities, durabilities = ('reliable', 'best_effort'), ('transient_local', 'volatile')
     return QosProfile(
-        reliability=entry.read('reliability', choice, LATCHED.reliability, allowed=RELIABILITIES),
-        durability=entry.read('durability', choice, LATCHED.durability, allowed=DURABILITIES),
+        reliability=entry.read('reliability', choice, LATCHED.reliability, allowed=reliabilities),
+        durability=entry.read('durability', choice, LATCHED.durability, allowed=durabilities),
         depth=entry.read('depth', whole, LATCHED.depth, at_least=1, at_most=1000),
     )
 

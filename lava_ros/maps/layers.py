@@ -14,7 +14,7 @@
 
 """The layers of a simulation that are published, as a file in msg_configs/ describes them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,13 +40,6 @@ OCCUPANCY_GRID = 'nav_msgs/msg/OccupancyGrid'
 IMAGE = 'sensor_msgs/msg/Image'
 POINT_CLOUD = 'sensor_msgs/msg/PointCloud2'
 GRID_MAP = 'grid_map_msgs/msg/GridMap'
-
-#: What a file may call a message type, and its full name.
-MESSAGES = {
-    name: full
-    for full in (OCCUPANCY_GRID, IMAGE, POINT_CLOUD, GRID_MAP)
-    for name in (full.replace('/msg/', '/'), full)
-}
 
 #: Quantities that a message may show alone.
 SOURCES = ('thickness', 'temperature', 'hazard')
@@ -77,14 +70,9 @@ ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)
 
 #: The source of messages that show several quantities side by side.
 LAVA = 'lava'
-RELIABILITIES = ('reliable', 'best_effort')
-DURABILITIES = ('transient_local', 'volatile')
 
 #: Where classes of depth end that people can picture: a knee, somebody's height, a roof [m].
 DEPTHS = (0.5, 2.0, 5.0)
-
-#: Widest margin around lava [m].
-MOST_MARGIN = 1000.0
 
 
 def plain_source(source: str) -> str:
@@ -177,16 +165,12 @@ class Layer:
         return self.source in ENSEMBLE_SOURCES
 
     def raw_values(self, snapshot: 'Shown') -> np.ndarray:
-        """Return the layer's quantity on the terrain's cells.
+        """Return the layer's quantity on the terrain's cells; LavaError if it shows several.
 
-        Returns:
-            float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard or
-            probability 0..100, arrival [s], or time [s] of it. Dry cells are 0, or NaN for
-            temperature and both of these; cells of which nothing is known, as outside the
-            terrain, are NaN, and for the arrival ``UNKNOWN``.
-
-        Raises:
-            LavaError: The layer shows several quantities.
+        float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard or probability
+        0..100, arrival [s], or time [s] of it. Dry cells are 0, or NaN for temperature and both of
+        these; cells of which nothing is known, as outside the terrain, are NaN, and for the
+        arrival ``UNKNOWN``.
         """
         if self.source == ARRIVED:
             times = getattr(snapshot, 'arrived', None)
@@ -194,12 +178,9 @@ class Layer:
         if self.source == LAVA:
             right = f'one of {", ".join(SOURCES)}; maps and points have them all'
             raise LavaError(f'layers.{self.name}.source', self.source, right)
-        if isinstance(snapshot, EnsembleForecast):
-            if self.source == PROBABILITY:
-                return snapshot.maps.probability
-            layer, forecast = self._plain(snapshot)
-            return layer.raw_values(forecast)
-        return self._raw(self.source.removeprefix(PEAK), snapshot)
+        if isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY:
+            return snapshot.maps.probability
+        return self._raw(plain_source(self.source), self._flow(snapshot))
 
     def maps(self, snapshot: 'Flow') -> dict[str, np.ndarray]:
         """Return the ground's elevation [m] and each of ``SOURCES`` as ``raw_values`` does."""
@@ -209,61 +190,59 @@ class Layer:
     def points(self, snapshot: 'Flow') -> dict[str, np.ndarray]:
         """Return a point on the lava's surface for each wet cell, row by row.
 
-        Returns:
-            Columns ``x``, ``y``, ``z`` [m], ``thickness`` [m] and ``temperature`` [Celsius, NaN
-            where it is unknown], float32, one value a point.
+        Columns are ``x``, ``y``, ``z`` [m], ``thickness`` [m] and ``temperature`` [Celsius, NaN
+        where it is unknown], float32, one value a point.
         """
-        rows, columns = np.nonzero(self.wet(snapshot))
-        terrain, thickness = snapshot.terrain, snapshot.thickness[rows, columns]
-        temperature = snapshot.temperature[rows, columns]
+        wet, thickness = self._quantity('thickness', snapshot)
+        rows, columns = np.nonzero(wet)
+        terrain = snapshot.terrain
         values = {
             'x': terrain.origin[0] + (columns + 0.5) * terrain.resolution,
             'y': terrain.origin[1] + (rows + 0.5) * terrain.resolution,
-            'z': terrain.elevation[rows, columns] + thickness,
+            'z': terrain.elevation[wet] + thickness,
             'thickness': thickness,
-            'temperature': self._quantity('temperature', thickness, temperature),
+            'temperature': snapshot.temperature[wet] - np.float32(ZERO_CELSIUS),
         }
         return {name: np.asarray(column, dtype=np.float32) for name, column in values.items()}
 
     def grid_values(self, snapshot: 'Shown') -> np.ndarray:
         """Return the layer's quantity on the scale of an occupancy grid.
 
-        Returns:
-            int8, shape [rows, columns]: 0 without lava, 1 to 100 with lava, ``outside`` outside
-            the terrain. With a step 100 from it on and 0 below, with classes theirs. A wet cell
-            whose quantity is unknown is as one at the range's high end, or beyond the step. A
-            probability is 0 only where no member has lava, and 100 only where all have.
-
-        Raises:
-            LavaError: The layer has neither a range, a step nor classes.
+        int8, shape [rows, columns]: 0 without lava, 1 to 100 with lava, ``outside`` outside the
+        terrain. With a step 100 from it on and 0 below, with classes theirs. A wet cell whose
+        quantity is unknown is as one at the range's high end, or beyond the step. A probability is
+        0 only where no member has lava, and 100 only where all have. LavaError where the layer has
+        neither a range, a step nor classes.
         """
-        if isinstance(snapshot, EnsembleForecast):
-            if self.source == PROBABILITY:
-                return self._probabilities(snapshot)
-            layer, forecast = self._plain(snapshot)
-            return layer.grid_values(forecast)
-        wet = self.wet(snapshot)
-        if isinstance(snapshot, Forecast) and self.source == ARRIVAL:
-            quantity, default = snapshot.arrival[wet], (0.0, snapshot.horizon)
-        else:
-            source, default = self.source.removeprefix(PEAK), None
-            quantity = self._quantity(
-                source, snapshot.thickness[wet], snapshot.temperature[wet]
-            )
-        distance = self.margin / snapshot.terrain.resolution
-        values = np.zeros(snapshot.thickness.shape, dtype=np.int8)
+        if isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY:
+            return self._probabilities(snapshot)
+        flow, source = self._flow(snapshot), plain_source(self.source)
+        wet, quantity = self._quantity(source, flow)
+        is_time = isinstance(flow, Forecast) and source == ARRIVAL
+        distance = self.margin / flow.terrain.resolution
+        values = np.zeros(flow.thickness.shape, dtype=np.int8)
         if self.step is not None:
             reached = wet.copy()
             # The comparison is false for what is unknown.
             is_below = quantity < np.float32(self.step)
-            reached[wet] = quantity <= np.float32(self.step) if default else ~is_below
+            reached[wet] = quantity <= np.float32(self.step) if is_time else ~is_below
             values[within(reached, distance)] = 100
         elif self.classes is not None:
-            values[wet] = self._classed(quantity, is_time=default is not None)
+            values[wet] = self._classed(quantity, is_time=is_time)
         else:
-            values[within(wet, distance)] = max(1, self.scale[0])
-            values[wet] = self._scaled(quantity, self.range or default)
-        values[np.isnan(snapshot.thickness)] = self.outside
+            ends = self.range
+            if ends is None and isinstance(flow, Forecast) and is_time:
+                ends = (0.0, flow.horizon)
+            if ends is None:
+                raise LavaError(f'layers.{self.name}.range', None, 'two numbers [low, high]')
+            first, last = self.scale
+            gain = np.float32((last - first) / (ends[1] - ends[0]))
+            scaled = np.rint(np.float32(first) + (quantity - np.float32(ends[0])) * gain)
+            scaled = np.where(np.isnan(scaled), last, scaled)
+            values[within(wet, distance)] = max(1, first)
+            # never 0
+            values[wet] = np.clip(scaled, max(1, min(self.scale)), max(self.scale))
+        values[np.isnan(flow.thickness)] = self.outside
         return values
 
     def values(self, snapshot: 'Shown') -> np.ndarray:
@@ -272,16 +251,11 @@ class Layer:
             return self.grid_values(snapshot)
         return self.raw_values(snapshot)
 
-    def wet(self, snapshot: 'Flow') -> np.ndarray:
-        """Where this layer sees lava, bool, shape [rows, columns]."""
-        if isinstance(snapshot, Forecast) and self.source == ARRIVAL:
-            return np.isfinite(snapshot.arrival)
-        return (snapshot.thickness > 0.0) & (snapshot.thickness >= self.threshold)
-
-    def _plain(self, ensemble: EnsembleForecast) -> 'tuple[Layer, Forecast]':
-        """The layer of a forecast that shows what this one does of an ensemble, and that."""
-        share = QUANTILE_SOURCES.get(self.source, 0.5)
-        return replace(self, source=plain_source(self.source)), ensemble.forecast(share)
+    def _flow(self, shown: 'Shown') -> 'Flow':
+        """What is shown, of an ensemble the forecast by this layer's share of the members."""
+        if isinstance(shown, EnsembleForecast):
+            return shown.forecast(QUANTILE_SOURCES.get(self.source, 0.5))
+        return shown
 
     def _probabilities(self, ensemble: EnsembleForecast) -> np.ndarray:
         values = occupancy(ensemble.maps.probability)
@@ -306,37 +280,26 @@ class Layer:
             place = np.searchsorted(bounds, quantity, side='right')
         return np.rint(100.0 * (place + 1) / (len(bounds) + 1)).astype(np.int8)
 
-    def _scaled(self, quantity: np.ndarray, ends: tuple[float, float] | None) -> np.ndarray:
-        """Grid values of the quantity in wet cells, never 0."""
-        if ends is None:
-            raise LavaError(f'layers.{self.name}.range', None, 'two numbers [low, high]')
-        low, high = ends
-        first, last = self.scale
-        gain = np.float32((last - first) / (high - low))
-        scaled = np.rint(np.float32(first) + (quantity - np.float32(low)) * gain)
-        least, most = sorted(self.scale)
-        return np.clip(np.where(np.isnan(scaled), last, scaled), max(1, least), most)
-
     def _raw(self, source: str, snapshot: 'Flow') -> np.ndarray:
-        if isinstance(snapshot, Forecast) and source == ARRIVAL:
-            unknown = np.isnan(snapshot.thickness)
-            return np.where(unknown, np.float32(UNKNOWN), snapshot.arrival)
-        wet = self.wet(snapshot)
-        dry_value = np.nan if source == 'temperature' else 0.0
+        wet, quantity = self._quantity(source, snapshot)
+        dry_value = np.nan if source in ('temperature', ARRIVAL) else 0.0
         values = np.full(snapshot.thickness.shape, dry_value, dtype=np.float32)
-        values[wet] = self._quantity(source, snapshot.thickness[wet], snapshot.temperature[wet])
-        values[np.isnan(snapshot.thickness)] = np.nan
+        values[wet] = quantity
+        values[np.isnan(snapshot.thickness)] = UNKNOWN if source == ARRIVAL else np.nan
         return values
 
-    def _quantity(
-        self, source: str, thickness: np.ndarray, temperature: np.ndarray
-    ) -> np.ndarray:
-        """A quantity in wet cells alone: they are few."""
+    def _quantity(self, source: str, snapshot: 'Flow') -> tuple[np.ndarray, np.ndarray]:
+        """Where this layer sees lava, bool, shape [rows, columns], and a quantity there."""
+        if isinstance(snapshot, Forecast) and source == ARRIVAL:
+            wet = np.isfinite(snapshot.arrival)
+            return wet, snapshot.arrival[wet]
+        wet = (snapshot.thickness > 0.0) & (snapshot.thickness >= self.threshold)
+        thickness, temperature = snapshot.thickness[wet], snapshot.temperature[wet]
         if source == 'thickness':
-            return thickness
+            return wet, thickness
         if source == 'temperature':
-            return temperature - np.float32(ZERO_CELSIUS)
-        return hazard(thickness, temperature, self.hazard)
+            return wet, temperature - np.float32(ZERO_CELSIUS)
+        return wet, hazard(thickness, temperature, self.hazard)
 
 
 def within(marked: np.ndarray, distance: float) -> np.ndarray:

@@ -67,33 +67,27 @@ class Style:
 #: red from green too.
 STYLES = {
     'thickness': Style(
-        'Lava thickness',
-        'm',
+        'Lava thickness', 'm',
         ('#2a0a3d', '#6a176e', '#a92e5e', '#e2583b', '#fb9a06', '#fbe66a'),
     ),
     'temperature': Style(
-        'Temperature',
-        '°C',
+        'Temperature', '°C',
         ('#1c1014', '#5b0f14', '#a11d12', '#dc4a10', '#f79420', '#fee08a', '#fffbe6'),
     ),
     'hazard': Style(
-        'Hazard',
-        '0 no lava, 100 lethal',
+        'Hazard', '0 no lava, 100 lethal',
         ('#ffffb2', '#fed976', '#feb24c', '#fd8d3c', '#f03b20', '#a50026'),
     ),
     'arrival': Style(
-        'Arrival of the lava',
-        's',
+        'Arrival of the lava', 's',
         ('#67001f', '#b2182b', '#d6604d', '#f4a582', '#fddbc7', '#d1e5f0', '#92c5de'),
     ),
     'probability': Style(
-        'Probability that lava comes',
-        '%',
+        'Probability that lava comes', '%',
         ('#fff3c4', '#fdd17a', '#f99a3b', '#e2571e', '#a81d1d', '#5a0a2a'),
     ),
     'comparison': Style(
-        'Simulated and mapped',
-        '',
+        'Simulated and mapped', '',
         ('#f2b134', '#2166ac', '#b2182b'),
         ('hit', 'miss', 'false alarm'),
     ),
@@ -269,13 +263,10 @@ def draw_map(
 ) -> tuple[Any, Any]:
     """Draw the terrain's cells and the vents, and return the artists of both.
 
-    Args:
-        axes: Axes to draw into.
-        frame: The terrain and the vents.
-        picture: RGBA of the cells, 0 to 1, shape [rows, columns, 4].
-        window: The part of the map that the axes show: left, bottom, right, top [m].
-        fissures: Ends of the vents that are lines [m], shape [count, 2, 2].
-        extent: Edges of a picture of only some cells: left, right, bottom, top [m]; None for all.
+    The picture is RGBA of the cells, 0 to 1, shape [rows, columns, 4]; the window the part of the
+    map that the axes show: left, bottom, right, top [m]. Fissures are ends of vents [m], shape
+    [count, 2, 2]. ``extent`` has the edges of a picture of only some cells: left, right, bottom,
+    top [m]; None for all.
     """
     x0, y0, x1, y1 = extent_of(frame)
     image = axes.imshow(
@@ -315,8 +306,6 @@ def draw_contours(axes: Any, frame: Frame, window: Window) -> None:
         return
     step = _round_up((high - low) / 16.0)
     levels = np.arange(math.ceil(low / step) * step, high, step)
-    if len(levels) == 0:
-        return
     lines = axes.contour(
         x[columns], y[rows], shown, levels=levels, colors='#3b352a', linewidths=0.45, alpha=0.45
     )

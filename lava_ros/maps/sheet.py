@@ -100,24 +100,27 @@ def draw_sheet(
 
     All maps show the same area, and maps of the same kind share a colour scale. Panels and
     overlays must be in the same coordinate system. The suffix of the file chooses the format.
-
-    Raises:
-        LavaError: matplotlib is not installed, or the picture cannot be written.
+    LavaError where matplotlib is not installed, or the picture cannot be written.
     """
     require('matplotlib.figure', 'plot', str(output))
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    place = _Place(panels)
     notes, overlays = notes or {}, overlays or {}
-    page = _page(len(panels) + len(charts), place.bounds, notes)
+    # what all maps show, in projected coordinates
+    bounds = _union(_moved(plot.bounds_of(item.frame, item.shown), item) for item in panels)
+    limits = _union(_moved(plot.extent_of(item.frame), item) for item in panels)
+    page = _page(len(panels) + len(charts), bounds, notes)
+    least = plot.LEAST_CELLS * min(item.frame.resolution for item in panels)
+    width, height = page.map_size
+    seen = plot.window_of(bounds, limits, width / height, least)
     figure = Figure(figsize=(page.width, page.height), dpi=_DPI, facecolor='white')
     FigureCanvasAgg(figure)
     scales = _scales(panels)
     handles: dict[str, Any] = {}
     for index, panel in enumerate(panels):
         axes, bar = page.axes(figure, index)
-        ground, window = plot.shaded_ground(panel.frame), place.window(panel, page.aspect)
+        ground, window = plot.shaded_ground(panel.frame), _moved(seen, panel, -1.0)
         scale = scales[panel.source]
         picture = plot.picture_of(panel.values, ground, scale)
         plot.draw_map(axes, panel.frame, picture, window, panel.fissures)
@@ -138,28 +141,13 @@ def draw_sheet(
         plot.draw_colour_bar(figure, figure.add_axes(bar), scale)
         heading = panel.title or plot.STYLES[panel.source].title
         axes.set_title(heading, loc='left', fontsize=10, color=INK, pad=5)
-    _warn_of_hidden(overlays, place.window(panels[0], page.aspect), panels[0].offset)
+    _warn_of_hidden(overlays, seen)
     for index, draw in enumerate(charts, len(panels)):
         draw(page.axes(figure, index)[0])
     if any(len(panel.frame.vents) for panel in panels):
         handles = {'vent': _line(**plot.VENT)} | handles
     page.write(figure, title, subtitle, notes, handles)
     save_picture(figure, output)
-
-
-class _Place:
-    """What all maps show, in projected coordinates."""
-
-    def __init__(self, panels: Sequence[Panel]) -> None:
-        seen = (_moved(plot.bounds_of(item.frame, item.shown), item) for item in panels)
-        self.bounds = _union(seen)
-        self._limits = _union(_moved(plot.extent_of(item.frame), item) for item in panels)
-        self._least = plot.LEAST_CELLS * min(item.frame.resolution for item in panels)
-
-    def window(self, panel: Panel, aspect: float) -> Window:
-        """The same in the map frame of a panel."""
-        seen = plot.window_of(self.bounds, self._limits, aspect, self._least)
-        return _moved(seen, panel, -1.0)
 
 
 def _moved(window: Window, panel: Panel, sign: float = 1.0) -> Window:
@@ -197,10 +185,6 @@ class _Page:
         width = (self.width - 2.0 * _MARGIN) / self.columns - _AROUND[0] - _AROUND[1]
         room = self.height - _HEADER - self.footer
         return width, room / self.rows - _AROUND[2] - _AROUND[3]
-
-    @property
-    def aspect(self) -> float:
-        return self.map_size[0] / self.map_size[1]
 
     def axes(self, figure: Any, index: int) -> tuple[Any, tuple[float, float, float, float]]:
         """Axes for a map, and where its colours go."""
@@ -335,11 +319,9 @@ def _overlay(
     return _line(**(point if all(item.kind == 'Point' for item in features) else line))
 
 
-def _warn_of_hidden(
-    overlays: Mapping[str, Sequence[Feature]], window: Window, offset: tuple[float, float]
-) -> None:
+def _warn_of_hidden(overlays: Mapping[str, Sequence[Feature]], seen: Window) -> None:
     """Log which overlays have features that are not on the map."""
-    low, high = np.add(window[:2], offset), np.add(window[2:], offset)
+    low, high = seen[:2], seen[2:]
     for name, features in overlays.items():
         count = sum(
             not any(((ring >= low) & (ring <= high)).all(axis=1).any() for ring in item.rings)

@@ -14,7 +14,7 @@
 
 """Arrays to message fields, fast, and messages to bytes; grid maps back to arrays.
 
-Images and clouds become arrays in lava_ros/maps/message_arrays.py.
+Images and clouds become arrays in lava_ros/bag/decoding.py.
 """
 
 import array

@@ -28,11 +28,10 @@ from rclpy.validate_namespace import validate_namespace
 from sensor_msgs.msg import Image
 from visualization_msgs.msg import Marker, MarkerArray
 
-from lava_ros.bag.decoding import Moment, moment_of
+from lava_ros.bag.decoding import image_array, Moment, moment_of
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame
 from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
-from lava_ros.maps.message_arrays import image_array
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
 from lava_ros.ros.outputs import PLACES

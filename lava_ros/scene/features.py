@@ -44,14 +44,10 @@ _Found = tuple[str, Mapping[str, Any], str | None, Mapping[str, Any]]
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """A point, a line or an area.
+    """A point, a line or an area: a ``Point``, ``LineString`` or ``Polygon``.
 
-    Attributes:
-        where: What errors call it.
-        kind: ``Point``, ``LineString`` or ``Polygon``.
-        rings: Eastings and northings [m], shape [places, 2]: one array, but for an area its outer
-            ring and its holes.
-        properties: What the file says about it, by name.
+    ``rings`` are eastings and northings [m], shape [places, 2]: one array, but for an area its
+    outer ring and its holes. Errors call it by ``where``.
     """
 
     where: str
@@ -71,10 +67,8 @@ def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Featur
     GeoJSON is in longitude and latitude unless it names another system, a GeoPackage in the system
     of its layers. A table (.csv) has columns ``x,y`` or ``easting,northing`` in the terrain's
     system, or ``lon,lat`` in degrees; with ``x_end,y_end`` or ``lon_end,lat_end`` a row is a line.
-    Coordinates of the result are in the terrain's system.
-
-    Raises:
-        LavaError: The file cannot be read, has no features, or has no known coordinate system.
+    Coordinates of the result are in the terrain's system. LavaError where the file cannot be read,
+    has no features, or has no known coordinate system.
     """
     path = Path(path)
     readers = {'.csv': _from_table, '.gpkg': _from_geopackage}

@@ -103,10 +103,7 @@ def lava_from_dict(label: str, data: object) -> tuple[Lava, Material]:
     """Build a lava from the plain data of a YAML file, and return it with its material.
 
     The data are a mapping with the fields of ``Lava``; ``material`` names the lava whose constants
-    they replace, ``DEFAULT`` where it is absent. Errors call the data ``label``.
-
-    Raises:
-        LavaError: A key or a value is not usable.
+    they replace, ``DEFAULT`` where it is absent. A LavaError calls the data ``label``.
     """
     names = [item.name for item in fields(Lava)]
     given = validation.keys(label, data, allowed=['material', *names])

@@ -36,13 +36,10 @@ APART = 1e-3
 
 @dataclass(frozen=True)
 class Barrier:
-    """A dam of earth.
+    """A dam of earth: its height above the ground and the width of its crest [m].
 
-    Attributes:
-        line: Its crest, two or more places (x, y) [m] in projected coordinates.
-        height: Its height above the ground along the crest [m].
-        width: Width of its crest [m].
-        slope: Fall of its sides, rise over run.
+    The line of the crest is two or more places (x, y) [m] in projected coordinates; ``slope`` is
+    the fall of its sides, rise over run.
     """
 
     line: tuple[tuple[float, float], ...]
@@ -76,15 +73,12 @@ class Barrier:
 
 
 def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
-    """Raise a terrain by a barrier.
+    """Raise a terrain by a barrier; LavaError where its line touches no cell with data.
 
     The ground is raised by the full height within half the width of the line. Beyond that it is
     raised less and less, to nothing where the barrier's sides reach the ground. If the barrier is
     narrower than a cell, the cells that the line crosses are raised to the full height, so that
     lava finds no gap.
-
-    Raises:
-        LavaError: The line does not touch the terrain, or touches only cells without data.
     """
     rows, columns = terrain.shape
     cell = terrain.resolution
@@ -125,17 +119,11 @@ _LEAST = 0.1
 
 
 def low_pass(terrain: Terrain, width: float) -> Terrain:
-    """Filter a terrain with a Gaussian.
+    """Filter a terrain with a Gaussian of a standard deviation ``width`` [m]; 0 changes nothing.
 
-    Cells without data stay without, and do not count in the means of their neighbours.
-
-    Args:
-        terrain: The terrain.
-        width: Standard deviation of the filter [m]; 0 changes nothing. Waves of length L keep
-            exp(-2 (pi width / L)^2) of their height: 0.7 % at L = 2 widths, 73 % at 8.
-
-    Raises:
-        LavaError: The width is not usable, or scipy is not installed.
+    Cells without data stay without, and do not count in the means of their neighbours. Waves of
+    length L keep exp(-2 (pi width / L)^2) of their height: 0.7 % at L = 2 widths, 73 % at 8.
+    LavaError where the width is not usable, or scipy is not installed.
     """
     rows, columns = terrain.shape
     most = 0.25 * min(rows, columns) * terrain.resolution

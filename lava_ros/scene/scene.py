@@ -70,9 +70,8 @@ class Scene:
     def __post_init__(self) -> None:
         """Validate the parts together.
 
-        Raises:
-            LavaError: A part is of the wrong kind, a vent is not on the terrain, or its lava is
-                solid.
+        LavaError where a part is of the wrong kind, a vent is not on the terrain, or its lava is
+        solid.
         """
         kinds = (('terrain', Terrain), ('lava', Lava), ('uncertainty', Uncertainty))
         for name, kind in kinds:
@@ -164,22 +163,13 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
 def read_scene(
     path: str | Path, *, terrain: Terrain | None = None, fill_holes: bool = False
 ) -> tuple[dict[str, Any], Terrain]:
-    """Read a scene file without making a scene of it.
+    """Read a scene file without making a scene of it: what ``scene_from_dict`` takes.
 
     The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
     the scene file or ``st_helens.npz`` of the package, and the options of
-    ``terrain_files.load_terrain``.
-
-    Args:
-        path: The YAML file.
-        terrain: Ground to use in place of the file's own.
-        fill_holes: Fill the holes of the file's own ground, whatever the file says.
-
-    Returns:
-        What ``scene_from_dict`` takes.
-
-    Raises:
-        LavaError: The file cannot be read, or has other keys, or its ground is not usable.
+    ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``fill_holes``
+    fills the holes of the file's own, whatever the file says. LavaError where the file cannot be
+    read, or has other keys, or its ground is not usable.
     """
     path = Path(path)
     data = validation.keys('scene', read_yaml('scene', path), allowed=SCENE_KEYS)
@@ -202,16 +192,11 @@ def read_scene(
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
-    """Build a scene from the plain data of a YAML file.
+    """Build a scene from the plain data of a YAML file; LavaError names a field that is wrong.
 
-    Args:
-        data: ``vents``, ``lava`` (fields of ``Lava``, and maybe ``material``, a name of ``lava
-            materials`` whose constants they replace; ``materials.DEFAULT`` where it is absent),
-            ``ambient_temperature``, ``gravity`` and ``uncertainty``; all may be left out.
-        terrain: The ground.
-
-    Raises:
-        LavaError: A field is not usable.
+    They are ``vents``, ``lava`` (fields of ``Lava``, and maybe ``material``, a name of ``lava
+    materials`` whose constants they replace; ``materials.DEFAULT`` where it is absent),
+    ``ambient_temperature``, ``gravity`` and ``uncertainty``; all may be left out.
     """
     lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
     scene = Scene(

@@ -12,9 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Elevation files -> Terrain: GeoTIFF and ESRI ASCII grids through rasterio, and npz."""
+"""Elevation files -> Terrain: GeoTIFF, ESRI ASCII grids and npz; what looks wrong in them."""
 
 from dataclasses import replace
+from functools import reduce
+from itertools import product
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +26,19 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.npz import read_arrays
-from lava_ros.files.optional import require
+from lava_ros.files.optional import is_installed, require
 from lava_ros.files.rasters import opened_raster
-from lava_ros.scene.projection import cropped, in_square_metres, Raster, WGS84, with_epsg
+from lava_ros.scene.projection import (
+    cropped,
+    in_square_metres,
+    Raster,
+    rasterio_for,
+    WGS84,
+    with_epsg,
+)
 from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
-from lava_ros.scene.terrain_checks import check_heights, filled, holes_and_pits, tell
+
+_LOG = logging.getLogger(__name__)
 
 #: Names that say metres in a raster's band or coordinate system.
 METRES = ('', 'm', 'metre', 'metres', 'meter', 'meters')
@@ -41,6 +52,18 @@ MOST_EPSG = 999_999
 NPZ_KEYS = (
     'elevation', 'resolution', 'dx', 'dy', 'origin', 'epsg', 'offset', 'row_order', 'source',
 )
+
+#: Heights of ground [m]: below the first nothing is, above the second nothing on Earth.
+LOWEST, HIGHEST = -12_000.0, 9_000.0
+
+#: A height that is a trench of the ocean, or no data: then no ground is so little above it [m].
+MARK, LEAST_GAP = -9999.0, 1000.0
+
+#: Depth of a cell below all its neighbours, in cells, from which on it is an error of the file.
+PIT_DEPTH = 2.0
+
+#: How far holes are filled from [cells].
+FILL_DISTANCE = 1000.0
 
 #: Smallest easting and northing, largest easting and northing of the ridge, UTM zone 16 north [m].
 RIDGE_WINDOW = (744440.0, 4038400.0, 753440.0, 4046400.0)
@@ -97,7 +120,7 @@ def load_terrain(
         require('scipy', 'terrain.fill_holes', True)
     raster = _read_npz(path) if path.suffix.lower() == '.npz' else _read_gdal(path)
     source = with_epsg(raster, epsg)
-    check_heights(source, path)
+    _check_heights(source, path)
     raster = in_square_metres(source, resolution)
     if window is not None:
         raster = cropped(raster, window)
@@ -111,10 +134,10 @@ def load_terrain(
         offset=offset,
         source=raster.source or path.name,
     )
-    wrong = holes_and_pits(terrain)
+    wrong = _holes_and_pits(terrain)
     if fill_holes and wrong.any():
-        terrain = replace(terrain, elevation=filled(terrain, wrong))
-    tell(path, terrain, source.system, wrong, is_filled=fill_holes)
+        terrain = replace(terrain, elevation=_filled(terrain, wrong))
+    _tell(path, terrain, source.system, wrong, fill_holes)
     return terrain
 
 
@@ -190,6 +213,91 @@ def _check_band(source: Any, path: Path) -> None:
         raise LavaError('terrain file', str(path), right)
 
 
+def _check_heights(raster: Raster, path: Path) -> None:
+    """Raise LavaError for heights that no ground has: marks of missing data, and feet."""
+    known = raster.elevation[np.isfinite(raster.elevation)]
+    if not known.size:
+        return
+    low, high = float(known.min()), float(known.max())
+    above = known[known > low]
+    stands_apart = low == MARK and bool(above.size) and float(above.min()) > low + LEAST_GAP
+    if low < LOWEST or stands_apart:
+        right = f'at least {LOWEST:g} m; a cell without data has the value that the header calls '
+        right += f'NODATA_value (gdal_edit.py -a_nodata {low:g} says it in a GeoTIFF)'
+        raise LavaError(f'a height of {path.name}', low, right)
+    # what does not say where it is may be another planet
+    if high > HIGHEST and raster.is_placed:
+        right = f'metres, on Earth at most {HIGHEST:g}: feet times 0.3048'
+        raise LavaError(f'a height of {path.name}', high, right)
+
+
+def _tell(path: Path, terrain: Terrain, system: str, wrong: np.ndarray, is_filled: bool) -> None:
+    """Log how a file was read, and warn of what looks wrong in it.
+
+    ``system`` is the coordinate system that the file states. ``wrong`` marks its holes and pits,
+    bool, shape [rows, columns]; ``is_filled`` says that they have been filled.
+    """
+    if terrain.epsg and system != f'EPSG:{terrain.epsg}':
+        system = f'{system} taken to EPSG:{terrain.epsg}'
+    low, high = float(np.nanmin(terrain.elevation)), float(np.nanmax(terrain.elevation))
+    rows, columns = terrain.shape
+    holes = int((~terrain.has_data).sum())
+    _LOG.info(
+        f'{path.name}: {system}, {columns} x {rows} cells of {terrain.resolution:g} m, '
+        f'{holes or "none"} without data, elevations {low:.6g} to {high:.6g} m'
+    )
+    if wrong.any():
+        count = int(wrong.sum())
+        row, column = np.argwhere(wrong)[0]
+        east, north = (
+            terrain.offset[axis] + terrain.origin[axis] + (cell + 0.5) * terrain.resolution
+            for axis, cell in enumerate((column, row))
+        )
+        done = 'the simulation would lose or trap lava there '
+        done += '(--fill-holes, or fill_holes: true, fills them)'
+        if is_filled:
+            done = 'they were filled from the cells around them'
+        _LOG.warning(
+            f'{path.name}: {count} cells inside have no data or lie deep below all their '
+            f'neighbours, the first at {east:.10g}, {north:.10g}: {done}'
+        )
+    if low >= 0.0 and 1.0 < high <= 90.0 and terrain.epsg is not None:
+        _LOG.warning(
+            f'{path.name}: elevations {low:.6g} to {high:.6g} m: '
+            'they may be slopes in degrees instead of heights'
+        )
+
+
+def _holes_and_pits(terrain: Terrain) -> np.ndarray:
+    """Cells without data that data surround, where scipy is installed, and deep pits, bool."""
+    holes = np.zeros(terrain.shape, dtype=bool)
+    if not terrain.has_data.all() and is_installed('scipy'):
+        from scipy.ndimage import binary_fill_holes
+
+        holes = binary_fill_holes(terrain.has_data) & ~terrain.has_data
+    padded = np.pad(terrain.elevation, 1, constant_values=np.nan)
+    rows, columns = terrain.shape
+    neighbours = (
+        padded[row : row + rows, column : column + columns]
+        for row, column in product(range(3), range(3))
+        if (row, column) != (1, 1)
+    )
+    # NaN stays NaN: what is beside a hole or the border is no pit
+    lowest = reduce(np.minimum, neighbours)
+    return holes | (terrain.elevation < lowest - PIT_DEPTH * terrain.resolution)
+
+
+def _filled(terrain: Terrain, wrong: np.ndarray) -> np.ndarray:
+    """The elevation with some cells interpolated from what is around them."""
+    rasterio_for('fill_holes')
+    from rasterio.fill import fillnodata
+
+    known = terrain.has_data & ~wrong
+    around = np.where(known, terrain.elevation, np.float32(0.0))
+    filled = fillnodata(around, mask=known, max_search_distance=FILL_DISTANCE)
+    return np.where(wrong, filled, terrain.elevation)
+
+
 def demo_terrain() -> Terrain:
     """Return Mount St. Helens as it has been since 1980, 7.8 km wide and high, in cells of 30 m.
 
@@ -204,9 +312,7 @@ def ridge_terrain() -> Terrain:
 
     The sample is NASA's SRTM elevation of the Jacksboro fault, Tennessee, in cells of 3 seconds of
     arc; the part is 9 km wide and 8 km high, falls from 1070 to 250 m and has cells of 30 m.
-
-    Raises:
-        LavaError: matplotlib or rasterio is not installed.
+    LavaError where matplotlib or rasterio is not installed.
     """
     try:
         from matplotlib import cbook

@@ -96,9 +96,9 @@ class Distribution:
             raise LavaError('distribution.mode', clean[1], right)
         object.__setattr__(self, 'numbers', tuple(clean))
         if self.limits is not None:
-            object.__setattr__(self, 'limits', self._checked_limits())
+            self._check_limits()
 
-    def _checked_limits(self) -> tuple[float, float]:
+    def _check_limits(self) -> None:
         where = 'distribution.limits'
         if self.kind not in _WITH_LIMITS:
             raise LavaError(where, self.limits, f'absent: a {self.kind} one has its own')
@@ -107,13 +107,16 @@ class Distribution:
             raise LavaError(f'{where}[0]', low, 'above 0')
         if not low < high:
             raise LavaError(f'{where}[1]', high, f'above the lower limit, {low:g}')
-        centre, width = self.numbers
-        if self.kind == 'lognormal':
-            low, high, centre, width = (math.log(item) for item in (low, high, centre, width))
+        object.__setattr__(self, 'limits', bounds)
+        centre, width, low, high = self._as_normal()
         inside = _STANDARD.cdf((high - centre) / width) - _STANDARD.cdf((low - centre) / width)
         if inside < LEAST_INSIDE:
             raise LavaError(where, bounds, 'limits with 0.1 % of the distribution between them')
-        return bounds
+
+    def _as_normal(self) -> tuple[float, ...]:
+        """Mean, deviation and limits, of a lognormal one those of the logarithm."""
+        values = (*self.numbers, *(self.limits or ()))
+        return tuple(map(math.log, values)) if self.kind == 'lognormal' else values
 
     @property
     def support(self) -> tuple[float, float]:
@@ -129,33 +132,26 @@ class Distribution:
         if self.kind in _WITH_LIMITS:
             return self._normal_quantile(share)
         if self.kind == 'triangular':
-            return _triangular_quantile(share, *self.numbers)
+            low, mode, high = self.numbers
+            if share < (mode - low) / (high - low):
+                return low + math.sqrt(share * (high - low) * (mode - low))
+            return high - math.sqrt((1.0 - share) * (high - low) * (high - mode))
         low, high = self.numbers
         if self.kind == 'loguniform':
             return low * math.exp(share * math.log(high / low))
         return low + (high - low) * share
 
     def _normal_quantile(self, share: float) -> float:
-        centre, width = self.numbers
-        is_log = self.kind == 'lognormal'
-        if is_log:
-            centre, width = math.log(centre), math.log(width)
-        if self.limits is not None:
-            low, high = (math.log(limit) if is_log else limit for limit in self.limits)
+        centre, width, *limits = self._as_normal()
+        if limits:
+            low, high = limits
             first = _STANDARD.cdf((low - centre) / width)
             share = first + share * (_STANDARD.cdf((high - centre) / width) - first)
             value = centre + width * _STANDARD.inv_cdf(min(max(share, 1e-16), 1.0 - 1e-16))
             value = min(max(value, low), high)
         else:
             value = centre + width * _STANDARD.inv_cdf(share)
-        return math.exp(value) if is_log else value
-
-
-def _triangular_quantile(share: float, low: float, mode: float, high: float) -> float:
-    rising = (mode - low) / (high - low)
-    if share < rising:
-        return low + math.sqrt(share * (high - low) * (mode - low))
-    return high - math.sqrt((1.0 - share) * (high - low) * (high - mode))
+        return math.exp(value) if self.kind == 'lognormal' else value
 
 
 @dataclass(frozen=True)
@@ -172,8 +168,7 @@ class Displacement:
     def __post_init__(self) -> None:
         """Validate every field.
 
-        Raises:
-            LavaError: A field is not usable, or not exactly one of them is above 0.
+        LavaError where a field is not usable, or not exactly one of them is above 0.
         """
         check_fields('displacement', self)
         if bool(self.deviation) == bool(self.radius):
@@ -263,8 +258,7 @@ class Uncertainty:
     def __post_init__(self) -> None:
         """Validate every field.
 
-        Raises:
-            LavaError: A field is of the wrong kind, or a factor may be negative.
+        LavaError where a field is of the wrong kind, or a factor may be negative.
         """
         kinds: dict[str, type] = {
             'position': Displacement, 'terrain': Roughness, 'constants': Mapping,

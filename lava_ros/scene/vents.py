@@ -154,10 +154,8 @@ def check_vents(
 ) -> tuple[Vent, ...]:
     """Return the vents as a tuple when each lies on the terrain.
 
-    Those without a temperature get that of the lava, where there is one.
-
-    Raises:
-        LavaError: A vent's position or end is outside the terrain or on a cell without data.
+    Those without a temperature get that of the lava, where there is one. LavaError where a vent's
+    position or end is outside the terrain or on a cell without data.
     """
     if not isinstance(vents, Iterable):
         raise LavaError('vents', vents, 'vents, or an empty list')
@@ -181,10 +179,8 @@ def erupting(vents: Sequence[Vent], *, duration: float, volume: float) -> tuple[
     """The vents with their discharges stretched to ``duration`` [s] and scaled to ``volume`` [m3].
 
     The volume is what all vents emit from time 0 on. The longest series and all constant
-    discharges end after ``duration``.
-
-    Raises:
-        LavaError: A series does not end with 0 after time 0, or the vents emit nothing.
+    discharges end after ``duration``. LavaError where a series does not end with 0 after time 0,
+    or the vents emit nothing.
     """
     ends = []
     for index, vent in enumerate(vents):
@@ -219,10 +215,8 @@ def vents_from_list(
 
     Each item is a mapping with the fields of ``Vent``; ``projected: [easting, northing]`` may
     stand in place of ``position`` (and ``projected_end`` of ``end``). ``temperature`` [K] is that
-    of vents that have none of their own; None: the usual one.
-
-    Raises:
-        LavaError: The data is not such a list.
+    of vents that have none of their own; None: the usual one. LavaError where the data is not such
+    a list.
     """
     if not isinstance(items, list):
         raise LavaError('vents', items, 'a list of vents')

@@ -20,6 +20,7 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,6 +54,14 @@ for stamp in range(10**9):
     writer.flush()
     print(stamp, flush=True)
 """
+
+
+def small_bag(directory: Path, *messages: tuple[int, bytes], **options: Any) -> BagReader:
+    """A finished bag with messages, stamp and data, on the latched topic /a."""
+    with BagWriter(directory, custom_data={}, **options) as writer:
+        for stamp, data in messages:
+            writer.write('/a', 'std_msgs/msg/Empty', data, stamp, qos=LATCHED)
+    return BagReader(directory)
 
 
 @pytest.fixture(scope='session')

@@ -14,7 +14,6 @@
 
 """Reading bags: whole, cut off, damaged, foreign."""
 
-from collections.abc import Callable
 from pathlib import Path
 import struct
 import tracemalloc
@@ -27,22 +26,23 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import get_typestore, Stores
 
-from bag.conftest import Bag, GRID, messages_of, SECOND
+from bag.conftest import Bag, GRID, messages_of, SECOND, small_bag
 from fuzz.files import chunk, data_section, joined
-from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
+from lava_ros.bag import BagReader, LATCHED, QosProfile
 from lava_ros.bag.records import FRAME
 from lava_ros.errors import LavaError
 
 
 def write_foreign(path: Path, stamps: list[int], **options: object) -> None:
-    """Write an MCAP file with one message per stamp, with the plain MCAP library."""
+    """Write an MCAP file with one message per stamp, on two channels of a topic by turns."""
     with path.open('wb') as stream:
         writer = Writer(stream, **options)
         writer.start('ros2')
         schema = writer.register_schema('std_msgs/msg/Empty', 'ros2msg', b'')
-        channel = writer.register_channel('/foreign', 'cdr', schema)
-        for stamp in stamps:
-            writer.add_message(channel, stamp, b'\x00\x01\x00\x00' + bytes([stamp]), stamp)
+        channels = [writer.register_channel('/foreign', 'cdr', schema) for _ in range(2)]
+        for index, stamp in enumerate(stamps):
+            data = b'\x00\x01\x00\x00' + bytes([stamp])
+            writer.add_message(channels[index % 2], stamp, data, stamp)
         writer.finish()
 
 
@@ -67,8 +67,8 @@ def test_a_bag_is_read_back(bag: Bag) -> None:
     assert alone.custom_data == reader.custom_data
 
 
-def test_topics_and_start_select(bag: Bag) -> None:
-    """Only what is asked for is read; a start is inclusive."""
+def test_what_is_asked_for_is_found(bag: Bag) -> None:
+    """Topics from a start on, inclusive; the newest of each strictly before a time, in order."""
     directory, written = bag
     reader = BagReader(directory)
     start = 104 * SECOND
@@ -76,17 +76,8 @@ def test_topics_and_start_select(bag: Bag) -> None:
     assert some == [(t, s) for t, s, _ in written if t == '/hazard' and s >= start]
     assert list(reader.messages(['/nothing'])) == []
     assert list(reader.messages(start_ns=10**12)) == []
-
-
-def test_the_newest_of_each_topic_is_found(bag: Bag) -> None:
-    """The newest message strictly before a time, oldest first; none before the first."""
-    directory, written = bag
-    reader = BagReader(directory)
     for before in (100 * SECOND + 1, 103 * SECOND, 104 * SECOND + 1, 10**12):
-        expected = {}
-        for topic, stamp, data in written:
-            if stamp < before:
-                expected[topic] = (topic, stamp, data)
+        expected = {item[0]: item for item in written if item[1] < before}
         found = reader.newest(['/hazard', '/points', '/nothing'], before)
         assert {item.topic: (item.topic, item.stamp_ns, item.data) for item in found} == expected
         assert [item.stamp_ns for item in found] == sorted(item.stamp_ns for item in found)
@@ -136,8 +127,9 @@ def test_messages_come_in_the_order_of_log_time(
     assert reader.message_count == len(stamps)
     assert (reader.start_ns, reader.end_ns) == (1, 9)
     assert reader.topics['/foreign'].qos == QosProfile()
-    (newest,) = reader.newest(['/foreign'], 9)
-    assert newest.stamp_ns == 7
+    for before, stamp in ((9, 7), (6, 5)):
+        (newest,) = reader.newest(['/foreign'], before)
+        assert newest.stamp_ns == stamp
 
 
 def test_split_bags_are_read_file_by_file(tmp_path: Path) -> None:
@@ -168,10 +160,7 @@ def test_bags_of_other_writers_are_read(tmp_path: Path) -> None:
 def test_memory_is_bounded_by_chunks(tmp_path: Path) -> None:
     """Reading 200 MB of messages, finished or cut, takes a few chunks of memory."""
     block = bytes([0, 1, 0, 0]) + bytes(1_000_000)
-    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
-        for stamp in range(200):
-            writer.write('/hazard', 'std_msgs/msg/Empty', block, stamp, qos=LATCHED)
-    path = tmp_path / 'bag' / 'bag_0.mcap'
+    (path,) = small_bag(tmp_path / 'bag', *((stamp, block) for stamp in range(200))).files
     cut = tmp_path / 'cut.mcap'
     cut.write_bytes(path.read_bytes()[:-100])
     for item in (path, cut):
@@ -187,10 +176,8 @@ def test_a_chunk_beyond_the_limit_is_refused(
 ) -> None:
     """A chunk larger than the limit is not decompressed."""
     monkeypatch.setattr('lava_ros.bag.records.MAX_CHUNK_SIZE', 4000)
-    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
-        writer.write('/a', 'std_msgs/msg/Empty', bytes(5000), 0, qos=LATCHED)
     with pytest.raises(LavaError, match='bytes at once, more than 4000'):
-        list(BagReader(tmp_path / 'bag').messages())
+        list(small_bag(tmp_path / 'bag', (0, bytes(5000))).messages())
 
 
 @pytest.mark.parametrize('compression', ['lz4', 'zstd'])
@@ -202,9 +189,7 @@ def test_bombs_do_not_go_off(
     """Chunks that unpack to far more than they are take no more memory than is allowed."""
     monkeypatch.setattr('lava_ros.bag.records.MAX_CHUNK_SIZE', 2**22)
     monkeypatch.setattr('lava_ros.bag.mcap_file.MAX_HELD', 2**23)
-    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
-        writer.write('/a', 'std_msgs/msg/Empty', bytes(100), 0, qos=LATCHED)
-    path = tmp_path / 'bag/bag_0.mcap'
+    (path,) = small_bag(tmp_path / 'bag', (0, bytes(100))).files
     records = data_section(path)
     size = 2**22 - 31 if claimed == 2**22 else 2**26
     message = FRAME.pack(Opcode.MESSAGE, 22 + size) + struct.pack('<HIQQ', 1, 0, 0, 0)
@@ -228,42 +213,29 @@ def test_bombs_do_not_go_off(
 
 
 @pytest.mark.parametrize(
-    ('make', 'message'),
+    ('name', 'data', 'message'),
     [
-        (lambda path: None, 'a bag directory or an .mcap file that exists'),
-        (lambda path: path.mkdir(), 'this one has none'),
-        (lambda path: path.write_bytes(b''), 'this one is empty'),
-        (lambda path: path.write_text('SQLite format 3'), 'does not start like one'),
-    ],
-)
-def test_what_is_no_bag_is_refused(
-    tmp_path: Path, make: Callable[[Path], object], message: str
-) -> None:
-    """A missing path, an empty directory, an empty file and another format raise."""
-    make(tmp_path / 'bag')
-    with pytest.raises(LavaError, match=message):
-        BagReader(tmp_path / 'bag')
-
-
-@pytest.mark.parametrize(
-    ('text', 'message'),
-    [
-        ('{', 'metadata that rosbag2 wrote'),
-        ('a: 1', 'metadata that rosbag2 wrote'),
-        ('rosbag2_bagfile_information: {storage_identifier: sqlite3}', 'mcap; `ros2 bag convert`'),
+        ('gone', None, 'a bag directory or an .mcap file that exists'),
+        ('bag/a', b'', 'this one has none'),
+        ('bag', b'', 'this one is empty'),
+        ('bag', b'SQLite format 3', 'does not start like one'),
+        ('bag/metadata.yaml', b'{', 'metadata that rosbag2 wrote'),
+        ('bag/metadata.yaml', b'a: 1', 'metadata that rosbag2 wrote'),
+        ('bag/metadata.yaml', b'%storage_identifier: sqlite3}', 'mcap; `ros2 bag convert`'),
+        ('bag/metadata.yaml', b'%storage_identifier: mcap, compression_mode: FILE}', '^comp'),
         (
-            'rosbag2_bagfile_information: {storage_identifier: mcap, compression_mode: FILE}',
-            'compression_mode',
-        ),
-        (
-            'rosbag2_bagfile_information: '
-            '{storage_identifier: mcap, relative_file_paths: [gone_0.mcap]}',
+            'bag/metadata.yaml',
+            b'%storage_identifier: mcap, relative_file_paths: [gone_0.mcap]}',
             'an MCAP file that exists',
         ),
     ],
 )
-def test_metadata_of_other_bags_is_refused(bag: Bag, text: str, message: str) -> None:
-    """A metadata.yaml that is damaged, of another storage or names a missing file raises."""
-    (bag[0] / 'metadata.yaml').write_text(text)
+def test_what_is_no_bag_is_refused(
+    tmp_path: Path, name: str, data: bytes | None, message: str
+) -> None:
+    """What is missing or empty or of another format; metadata that are damaged or another's."""
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    if data is not None:
+        (tmp_path / name).write_bytes(data.replace(b'%', b'rosbag2_bagfile_information: {'))
     with pytest.raises(LavaError, match=message):
-        BagReader(bag[0])
+        BagReader(tmp_path / 'bag')

@@ -21,8 +21,8 @@ import threading
 
 import pytest
 
-from bag.conftest import Bag, SECOND
-from lava_ros.bag import BagReader, BagWriter, LATCHED
+from bag.conftest import Bag, SECOND, small_bag
+from lava_ros.bag import BagReader
 from lava_ros.bag.replay import JUMP, LOOP_PAUSE, pace, schedule, SPEEDS, Step, Transport
 from lava_ros.errors import LavaError
 
@@ -82,8 +82,11 @@ def test_an_offset_gives_latched_messages_first(bag: Bag) -> None:
     assert [due.message.stamp_ns for due in dues] == [102 * SECOND, 103 * SECOND, 103 * SECOND]
 
 
-def test_a_loop_starts_over_after_a_pause(bag: Bag) -> None:
-    """Each round is the same, shifted by the length of the bag and the pause."""
+def test_a_loop_starts_over_after_a_pause(bag: Bag, tmp_path: Path) -> None:
+    """Each round is the same, shifted by the length of the bag and the pause.
+
+    A bag of one message, which lasts no time, is not repeated as fast as it can be.
+    """
     dues = list(islice(schedule(BagReader(bag[0]), rate=2.0, loop=True, start_offset=9.0), 15))
     rounds = [[due for due in dues if due.round == index] for index in range(3)]
     assert [len(item) for item in rounds] == [4, 4, 4]
@@ -91,13 +94,7 @@ def test_a_loop_starts_over_after_a_pause(bag: Bag) -> None:
     for first, second in zip(rounds[0], rounds[1], strict=True):
         assert second.at == pytest.approx(first.at + period)
         assert second.message == first.message
-
-
-def test_a_bag_of_one_message_loops_without_haste(tmp_path: Path) -> None:
-    """A bag that lasts no time is repeated once a pause, not as fast as it can."""
-    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
-        writer.write('/a', 'std_msgs/msg/Empty', bytes(4), 7, qos=LATCHED)
-    dues = islice(schedule(BagReader(tmp_path / 'bag'), loop=True), 3)
+    dues = islice(schedule(small_bag(tmp_path / 'one', (7, bytes(4))), loop=True), 3)
     assert [due.at for due in dues] == [0.0, LOOP_PAUSE, 2 * LOOP_PAUSE]
 
 
@@ -112,19 +109,14 @@ def test_a_bag_of_one_message_loops_without_haste(tmp_path: Path) -> None:
     ],
 )
 def test_arguments_out_of_range_are_refused(
-    bag: Bag, options: dict[str, float], field: str
+    bag: Bag, options: dict[str, float], field: str, tmp_path: Path
 ) -> None:
-    """The error comes at the call, before anything is published."""
+    """The error comes at the call, before anything is published; so it does for an empty bag."""
     with pytest.raises(LavaError) as caught:
         schedule(BagReader(bag[0]), **options)
     assert caught.value.field == field
-
-
-def test_an_empty_bag_is_refused(tmp_path: Path) -> None:
-    """There is nothing to replay."""
-    BagWriter(tmp_path / 'bag', custom_data={}).close()
     with pytest.raises(LavaError, match='at least one message'):
-        schedule(BagReader(tmp_path / 'bag'))
+        schedule(small_bag(tmp_path / 'empty'))
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.003, 0.3])
@@ -157,12 +149,6 @@ def test_the_clock_stands_still_between_rounds(bag: Bag) -> None:
     ]
     assert back[0] == pytest.approx(1.5)
     assert back[1].round == 1
-
-
-def test_a_stop_ends_the_replay(bag: Bag) -> None:
-    """Nothing is taken after the stop, also in a loop."""
-    taken = steps(schedule(BagReader(bag[0]), loop=True), FakeClock(stop_at=30.2), tick=0.01)
-    assert taken[-1][0] == pytest.approx(30.2, abs=0.02)
 
 
 class Desk:
@@ -238,8 +224,11 @@ def test_up_and_down_change_the_speed(bag: Bag) -> None:
     assert desk.transport.speed == SPEEDS[0]
 
 
-def test_right_goes_ahead(bag: Bag) -> None:
-    """The latched map from before is shown at once, and the messages between are left out."""
+def test_right_goes_ahead_and_left_goes_back(bag: Bag) -> None:
+    """The latched map from before is shown at once, and the messages between are left out.
+
+    Back goes no further than to the start; what has been comes again.
+    """
     taken = Desk(right=1.25).play(bag[0])
     place = 1.25 + JUMP
     after = [item for item in taken if item[2] > 1.25]
@@ -248,10 +237,6 @@ def test_right_goes_ahead(bag: Bag) -> None:
     assert [item[2] for item in after[1:]] == [
         stamp / 1e9 - 100.0 for _, stamp, _ in bag[1] if stamp / 1e9 - 100.0 >= place
     ]
-
-
-def test_left_goes_back(bag: Bag) -> None:
-    """No further than to the start; what has been comes again."""
     taken = Desk(left=3.25).play(bag[0])
     assert [item[2] for item in taken if item[2] == 0.0] == [0.0] * 4
     assert taken[-1][0] == pytest.approx(9.5 + 3.25, abs=0.06)
@@ -270,8 +255,10 @@ def test_a_held_replay_shows_where_it_jumps_to(bag: Bag, rate: float) -> None:
     assert taken[-1][0] == pytest.approx(30.0 + (9.5 - place) / rate, abs=0.1)
 
 
-def test_q_ends_it_also_while_it_is_held(bag: Bag) -> None:
-    """At once; a stop from elsewhere does as well."""
+def test_q_or_a_stop_ends_it(bag: Bag) -> None:
+    """At once, in a loop and while it is held."""
+    taken = steps(schedule(BagReader(bag[0]), loop=True), FakeClock(stop_at=30.2), tick=0.01)
+    assert taken[-1][0] == pytest.approx(30.2, abs=0.02)
     assert Desk(q=2.25).play(bag[0])[-1][2] == 2.0
     assert Desk(space=2.25, q=9.0).play(bag[0])[-1][2] == 2.0
     desk = Desk(space=2.25)

@@ -74,16 +74,13 @@ def define(share: Path, package: str, name: str, text: str) -> None:
 
 @pytest.mark.parametrize('name', TYPES)
 def test_definitions_are_complete_and_hashes_right(name: str) -> None:
-    """An independent implementation parses each text alone and computes the same hash from it."""
+    """Another implementation parses each text alone and computes the same hash from it."""
     schema = message_schema(name)
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(schema.text, name))
     assert store.hash_rihs01(name) == schema.type_hash
     assert len(headings(name)) == len(set(headings(name)))
-
-
-def test_dependencies_come_once_in_rosbag2s_order() -> None:
-    """An OccupancyGrid needs six other types, each depth first."""
+    # six other types, each once and depth first, as rosbag2 has them
     assert headings('nav_msgs/msg/OccupancyGrid') == [
         'nav_msgs/MapMetaData',
         'builtin_interfaces/Time',
@@ -94,21 +91,27 @@ def test_dependencies_come_once_in_rosbag2s_order() -> None:
     ]
 
 
-def test_every_kind_of_field_is_understood(share: Path) -> None:
-    """Bounds, arrays, constants, defaults and comments do not hide a dependency or make one."""
+def test_installed_definitions_are_understood(share: Path) -> None:
+    """Bounds, arrays, constants, defaults and comments do not hide a dependency or make one.
+
+    A sourced workspace overrides what the interpreter has. What is missing is named, and so is a
+    distribution without type hashes.
+    """
     define(share, 'a_msgs', 'Leaf', 'uint8 value\n')
     define(share, 'b_msgs', 'Other', 'a_msgs/Leaf leaf\n')
     text = '# Missing type\nuint8 LIMIT=3\nstring<=5 name "x # y"\nwstring<=2[<=4] words\n'
     text += 'Leaf[<=3] leaves\n  b_msgs/msg/Other[2] others # Missing other\nfloat64[36] numbers\n'
     define(share, 'a_msgs', 'Root', text)
     assert headings('a_msgs/msg/Root') == ['a_msgs/Leaf', 'b_msgs/Other']
-
-
-def test_the_ament_prefix_comes_first(share: Path) -> None:
-    """A sourced workspace overrides what the interpreter has."""
     define(share, 'std_msgs', 'Empty', '# ours\n')
     schema = message_schema('std_msgs/msg/Empty')
     assert (schema.text, schema.type_hash) == ('# ours\n', 'RIHS01_Empty')
+    define(share, 'c_msgs', 'Root', 'gone_msgs/Leaf leaf\n')
+    with pytest.raises(LavaError, match=r'gone_msgs/msg/Leaf.*install gone_msgs'):
+        message_schema('c_msgs/msg/Root')
+    (share / 'a_msgs/msg/Leaf.json').unlink()
+    with pytest.raises(LavaError, match=r'Leaf\.json'):
+        message_schema('a_msgs/msg/Leaf')
 
 
 @pytest.mark.parametrize(
@@ -118,17 +121,6 @@ def test_names_of_other_things_are_refused(name: str) -> None:
     """Only full message type names are looked up."""
     with pytest.raises(LavaError, match='a name such as nav_msgs/msg/OccupancyGrid'):
         message_schema(name)
-
-
-def test_a_type_that_is_not_installed_says_what_to_do(share: Path) -> None:
-    """It names the missing dependency; a distribution without type hashes is refused as well."""
-    define(share, 'a_msgs', 'Root', 'gone_msgs/Leaf leaf\n')
-    with pytest.raises(LavaError, match=r'gone_msgs/msg/Leaf.*install gone_msgs'):
-        message_schema('a_msgs/msg/Root')
-    define(share, 'a_msgs', 'Other', 'uint8 x\n')
-    (share / 'a_msgs' / 'msg' / 'Other.json').unlink()
-    with pytest.raises(LavaError, match=r'Other\.json'):
-        message_schema('a_msgs/msg/Other')
 
 
 #: The keys, order, words and infinite durations that rosbag2 of Jazzy writes.
@@ -145,27 +137,29 @@ WRITTEN = """
 """
 
 
-def test_a_profile_is_a_yaml_list_of_words() -> None:
-    """As rosbag2 writes it; what is written is read back, finite durations included."""
+def test_profiles() -> None:
+    """They are YAML lists of words, as rosbag2 writes them, and are read back.
+
+    Before metadata version 9 the policies are numbers. The offer that stands for several is as
+    strong as the strongest: it matches every subscriber.
+    """
     (item,) = yaml.safe_load(profiles_to_yaml([LATCHED]))
     (expected,) = yaml.safe_load(WRITTEN)
     assert list(item.items()) == list(expected.items())
     profile = QosProfile(depth=3, reliability='best_effort', deadline=1_500_000_000)
     assert profiles_from_yaml(profiles_to_yaml([profile, LATCHED])) == (profile, LATCHED)
-
-
-def test_profiles_of_old_bags_have_numbers() -> None:
-    """Before metadata version 9 the policies are numbers."""
     time = '{sec: 0, nsec: 0}'
-    text = (
+    (profile,) = profiles_from_yaml(
         f'- {{history: 3, depth: 0, reliability: 2, durability: 1, deadline: {time}, '
         f'lifespan: {time}, liveliness: 1, liveliness_lease_duration: {time}, '
         'avoid_ros_namespace_conventions: false}'
     )
-    (profile,) = profiles_from_yaml(text)
     assert (profile.reliability, profile.durability) == ('best_effort', 'transient_local')
-    assert (profile.history, profile.depth) == ('keep_last', 10)
-    assert profile.deadline == 0
+    assert (profile.history, profile.depth, profile.deadline) == ('keep_last', 10, 0)
+    weak = QosProfile(reliability='best_effort')
+    assert merge([weak, LATCHED]) == QosProfile(durability='transient_local')
+    assert merge([weak, weak]) == weak
+    assert merge([]) == QosProfile(deadline=INFINITE_NS)
 
 
 NOT_PROFILES = ['a: 1', '- 1', '- {history: keep_last}', '[', '- {history: 9}', '- 2001-99-99']
@@ -181,14 +175,6 @@ def test_text_that_is_no_profile_list_is_refused(text: str) -> None:
         QosProfile(durability='latched')
 
 
-def test_merged_offers_match_every_subscriber() -> None:
-    """The offer that stands for several is as strong as the strongest."""
-    weak = QosProfile(reliability='best_effort')
-    assert merge([weak, LATCHED]) == QosProfile(durability='transient_local')
-    assert merge([weak, weak]) == weak
-    assert merge([]) == QosProfile(deadline=INFINITE_NS)
-
-
 def message(frame_id: str = 'map') -> BagMessage:
     """A grid of 3 rows and 5 columns as it is in a bag."""
     grid = OccupancyGrid()
@@ -199,13 +185,20 @@ def message(frame_id: str = 'map') -> BagMessage:
     return BagMessage('/height', 1, 1, codec.serialise(grid))
 
 
-@pytest.mark.parametrize('frame_id', ['', 'm', 'ma', 'map', 'odom', 'a/long/frame'])
-def test_a_grid(frame_id: str) -> None:
-    """Whatever the length of the name before them, values and place are found."""
-    grid = read_grid(message(frame_id))
-    np.testing.assert_array_equal(grid.cells, np.arange(-1, 14).reshape(3, 5))
-    assert grid.cells.dtype == np.int8
-    assert (grid.resolution, grid.origin) == (2.5, (-7.0, 1e6))
+def test_a_grid() -> None:
+    """Values and place are found whatever the length of the name before and the order of bytes."""
+    names = ('', 'm', 'ma', 'map', 'odom', 'a/long/frame')
+    found = [read_grid(message(name)) for name in names]
+    body = bytearray(message().data)
+    body[1] = 0
+    # Stamp, length of the name, load time, resolution, width, height; pose; count of cells.
+    sizes = dict.fromkeys((0, 4, 8, 16, 20, 24, 28, 32, 96), 4)
+    for start, size in {**sizes, **dict.fromkeys(range(40, 96, 8), 8)}.items():
+        body[4 + start : 4 + start + size] = body[4 + start : 4 + start + size][::-1]
+    for grid in (*found, read_grid(message()._replace(data=bytes(body)))):
+        np.testing.assert_array_equal(grid.cells, np.arange(-1, 14).reshape(3, 5))
+        assert grid.cells.dtype == np.int8
+        assert (grid.resolution, grid.origin) == (2.5, (-7.0, 1e6))
 
 
 def test_every_cut_is_refused() -> None:
@@ -219,24 +212,3 @@ def test_every_cut_is_refused() -> None:
     grid.info.width, grid.info.height, grid.data = 4, 4, [0] * 15
     with pytest.raises(LavaError, match='a grid'):
         read_grid(BagMessage('/height', 1, 1, codec.serialise(grid)))
-
-
-def test_a_big_endian_grid() -> None:
-    """The order of bytes that the message names is followed."""
-    little = message().data
-    body = bytearray(little)
-    body[1] = 0
-
-    def swap(start: int, size: int) -> None:
-        at = 4 + start
-        body[at : at + size] = body[at : at + size][::-1]
-
-    # Stamp, length of the name, load time, resolution, width, height; pose; count of cells.
-    for start in (0, 4, 8, 16, 20, 24, 28, 32):
-        swap(start, 4)
-    for start in range(40, 96, 8):
-        swap(start, 8)
-    swap(96, 4)
-    grid = read_grid(BagMessage('/height', 1, 1, bytes(body)))
-    np.testing.assert_array_equal(grid.cells, np.arange(-1, 14).reshape(3, 5))
-    assert grid.origin == (-7.0, 1e6)

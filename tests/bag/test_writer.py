@@ -12,8 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The bags we write, as readers that are not ours see them."""
+"""The bags we write, of one file or several, as readers that are not ours see them."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from mcap.reader import make_reader
@@ -26,42 +27,37 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 import yaml
 
-from bag.conftest import Bag, GRID, MakeGrid, SECOND
+from bag.conftest import Bag, GRID, MakeGrid, Messages, SECOND
 from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
+from lava_ros.bag.recovery import recover
+from lava_ros.bag.replay import schedule
 from lava_ros.bag.schemas import message_schema
 from lava_ros.errors import LavaError
 
 
-def test_rosbags_reads_the_same_bytes_and_qos(bag: Bag) -> None:
-    """The rosbags reader finds every message, its time, the QoS, the hash and the counts."""
+def test_rosbags_reads_what_was_written(bag: Bag) -> None:
+    """Every message, its time, QoS, hash and count; grids by the schema in the file alone."""
     directory, written = bag
-    with Reader(directory) as reader:
+    with AnyReader([directory]) as reader:
         read = [(conn.topic, time, bytes(data)) for conn, time, data in reader.messages()]
-        connections = {conn.topic: conn for conn in reader.connections}
+        assert read == written
+        hazard, points = sorted(reader.connections, key=lambda item: item.topic)
         assert reader.message_count == len(written)
         assert (reader.start_time, reader.duration) == (100 * SECOND, 95 * SECOND // 10 + 1)
-        assert reader.ros_distro == 'jazzy'
-    assert read == written
-    (hazard,) = connections['/hazard'].ext.offered_qos_profiles
-    assert hazard.durability == QosDurability.TRANSIENT_LOCAL
-    assert (hazard.reliability, hazard.depth) == (QosReliability.RELIABLE, 1)
-    (points,) = connections['/points'].ext.offered_qos_profiles
-    assert points.durability == QosDurability.VOLATILE
-    assert points.reliability == QosReliability.BEST_EFFORT
-    assert connections['/hazard'].digest == message_schema(GRID).type_hash
-    assert (connections['/hazard'].msgcount, connections['/points'].msgcount) == (10, 20)
-
-
-def test_rosbags_decodes_with_the_definitions_in_the_bag(bag: Bag) -> None:
-    """A reader that knows no types at all decodes the grids from the schema in the file."""
-    directory, _ = bag
-    with AnyReader([directory]) as reader:
-        for connection, time, data in reader.messages():
-            if connection.topic == '/hazard':
-                grid = reader.deserialize(data, connection.msgtype)
-                assert grid.header.stamp.sec * SECOND + grid.header.stamp.nanosec == time
-                expected = np.random.default_rng(time).integers(-1, 101, 2400)
-                np.testing.assert_array_equal(grid.data, expected)
+        assert isinstance(reader.readers[0], Reader) and reader.readers[0].ros_distro == 'jazzy'
+        for _, time, data in reader.messages([hazard]):
+            grid = reader.deserialize(data, hazard.msgtype)
+            assert grid.header.stamp.sec * SECOND + grid.header.stamp.nanosec == time
+            expected = np.random.default_rng(time).integers(-1, 101, 2400)
+            np.testing.assert_array_equal(grid.data, expected)
+    (offer,) = hazard.ext.offered_qos_profiles
+    assert offer.durability == QosDurability.TRANSIENT_LOCAL
+    assert (offer.reliability, offer.depth) == (QosReliability.RELIABLE, 1)
+    (offer,) = points.ext.offered_qos_profiles
+    assert offer.durability == QosDurability.VOLATILE
+    assert offer.reliability == QosReliability.BEST_EFFORT
+    assert hazard.digest == message_schema(GRID).type_hash
+    assert (hazard.msgcount, points.msgcount) == (10, 20)
 
 
 def test_the_file_has_summary_index_statistics_and_both_records(bag: Bag) -> None:
@@ -126,16 +122,11 @@ def test_metadata_yaml_is_as_rosbag2_writes_it(bag: Bag) -> None:
     assert topic['topic_metadata']['offered_qos_profiles'] == [LATCHED.to_dict()]
 
 
-def test_an_empty_bag_is_a_bag(tmp_path: Path) -> None:
-    """A recording without messages is read by others too."""
-    BagWriter(tmp_path / 'empty', custom_data={}).close()
-    with Reader(tmp_path / 'empty') as reader:
-        assert reader.message_count == 0
-        assert list(reader.messages()) == []
-
-
 def test_log_time_never_decreases(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """A stamp that goes back is logged at the latest time; it stays as publish time and inside."""
+    """A stamp that goes back is logged at the latest time; it stays as publish time and inside.
+
+    Files are still divided by size.
+    """
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for stamp in (5, 9, 2, 10):
             writer.write('/hazard', GRID, make_grid(stamp), stamp, qos=LATCHED)
@@ -144,20 +135,35 @@ def test_log_time_never_decreases(tmp_path: Path, make_grid: MakeGrid) -> None:
     assert [item.log_time for item in messages] == [5, 9, 9, 10]
     assert [item.publish_time for item in messages] == [5, 9, 2, 10]
     assert messages[2].data == make_grid(2)
+    stamps = [1000 * SECOND, *(second * SECOND for second in range(40))]
+    with BagWriter(tmp_path / 'split', custom_data={}, max_size=20_000) as writer:
+        for stamp in stamps:
+            writer.write('/hazard', GRID, make_grid(stamp), stamp, qos=LATCHED)
+            writer.flush()
+        assert writer.file_count > 2
+    found = list(BagReader(tmp_path / 'split').messages())
+    assert [item.publish_ns for item in found] == stamps
+    assert {item.stamp_ns for item in found} == {1000 * SECOND}
 
 
 def test_an_existing_directory_is_left_alone(tmp_path: Path) -> None:
-    """Nothing is overwritten, and the message says what to do."""
+    """Nothing is overwritten, and the message says what to do; nor is it made for a bad limit."""
     (tmp_path / 'kept').write_text('mine')
     with pytest.raises(LavaError, match='choose another name'):
         BagWriter(tmp_path, custom_data={})
     with pytest.raises(LavaError, match=r'bag is .*kept'):
         BagWriter(tmp_path / 'kept' / 'bag', custom_data={})
+    for limits in ({'max_size': -1}, {'max_duration': -1.0}, {'max_duration': float('nan')}):
+        with pytest.raises(LavaError, match=next(iter(limits))):
+            BagWriter(tmp_path / 'new', custom_data={}, **limits)
     assert [item.name for item in tmp_path.iterdir()] == ['kept']
 
 
 def test_a_bag_is_finished_once_also_after_an_error(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """What was written before an exception is kept; a second close changes nothing."""
+    """What was written before an exception is kept, be it nothing; a second close does nothing."""
+    BagWriter(tmp_path / 'empty', custom_data={}).close()
+    with Reader(tmp_path / 'empty') as reader:
+        assert (reader.message_count, list(reader.messages())) == (0, [])
     with pytest.raises(KeyError), BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         writer.write('/hazard', GRID, make_grid(0), 0, qos=LATCHED)
         raise KeyError
@@ -222,3 +228,195 @@ def test_custom_data_can_change(tmp_path: Path, make_grid: MakeGrid) -> None:
     assert BagReader(tmp_path / 'bag' / 'bag_0.mcap').custom_data == {'b': '2'}
 
 
+VOLATILE = QosProfile()
+
+
+def record(
+    directory: Path, make_grid: MakeGrid, frames: int = 25, **limits: float
+) -> Messages:
+    """Write terrain once, and each second a frame of a latched and a volatile grid."""
+    written = [('/terrain', 100 * SECOND, make_grid(1))]
+    with BagWriter(directory, custom_data={'scene': 'Etna'}, **limits) as writer:
+        writer.write('/terrain', GRID, written[0][2], 100 * SECOND, qos=LATCHED)
+        for second in range(100, 100 + frames):
+            for topic, qos in (('/hazard', LATCHED), ('/points', VOLATILE)):
+                data = make_grid(second * SECOND + len(topic))
+                written.append((topic, second * SECOND, data))
+                writer.write(topic, GRID, data, second * SECOND, qos=qos)
+            writer.flush()
+    return written
+
+
+def without_repeats(reader: BagReader) -> Messages:
+    """What was written: a repeated message was published before it is logged."""
+    return [
+        (item.topic, item.stamp_ns, item.data)
+        for item in reader.messages()
+        if item.publish_ns == item.stamp_ns
+    ]
+
+
+@pytest.fixture
+def split(tmp_path: Path, make_grid: MakeGrid) -> Bag:
+    """A bag of three files, 10 s each at most, and what was written."""
+    return tmp_path / 'bag', record(tmp_path / 'bag', make_grid, max_duration=10.0)
+
+
+def test_a_bag_is_split_by_duration(split: Bag) -> None:
+    """Each file lasts as long as it may; metadata.yaml lists every file with its own numbers.
+
+    A start offset in the second file gives terrain and hazard at once, and what follows.
+    """
+    directory, written = split
+    reader = BagReader(directory)
+    assert [item.name for item in reader.files] == ['bag_0.mcap', 'bag_1.mcap', 'bag_2.mcap']
+    assert without_repeats(reader) == written
+    document = yaml.safe_load((directory / 'metadata.yaml').read_text())
+    data = document['rosbag2_bagfile_information']
+    assert data['relative_file_paths'] == ['bag_0.mcap', 'bag_1.mcap', 'bag_2.mcap']
+    # The terrain again, and not the hazard, which the new file's first frame brings anyway.
+    for index, (start, seconds, count) in enumerate([(100, 9, 21), (110, 9, 21), (120, 4, 11)]):
+        assert data['files'][index] == {
+            'path': f'bag_{index}.mcap',
+            'starting_time': {'nanoseconds_since_epoch': start * SECOND},
+            'duration': {'nanoseconds': seconds * SECOND},
+            'message_count': count,
+        }
+    assert data['message_count'] == len(written) + 2
+    assert data['duration']['nanoseconds'] == 24 * SECOND
+    counts = {
+        item['topic_metadata']['name']: item['message_count']
+        for item in data['topics_with_message_count']
+    }
+    assert counts == {'/terrain': 3, '/hazard': 25, '/points': 25}
+    dues = list(schedule(reader, start_offset=15.5))
+    assert sorted(due.message.topic for due in dues if due.at == 0.0) == ['/hazard', '/terrain']
+    assert [due.at for due in dues] == sorted(due.at for due in dues)
+    assert len([due for due in dues if due.message.topic == '/points']) == 9
+
+
+def test_others_read_a_split_bag(split: Bag, tmp_path: Path) -> None:
+    """The rosbags readers find every message, in the whole bag and in each file by itself."""
+    directory, written = split
+    with AnyReader([directory]) as reader:
+        assert reader.message_count == len(written) + 2
+        read = [(conn.topic, time, bytes(data)) for conn, time, data in reader.messages()]
+    assert [time for _, time, _ in read] == sorted(time for _, time, _ in read)
+    assert set(written) <= set(read)
+    for path in sorted(directory.glob('*.mcap')):
+        alone = tmp_path / path.stem
+        alone.mkdir()
+        (alone / path.name).write_bytes(path.read_bytes())
+        source = BagReader(alone)
+        assert not source.recovered
+        assert set(source.topics) == {'/terrain', '/hazard', '/points'}
+        assert source.custom_data == {'scene': 'Etna'}
+        first = next(source.messages())
+        assert (first.topic, first.data) == ('/terrain', written[0][2])
+        assert first.publish_ns == 100 * SECOND
+        recover(source, tmp_path / f'{path.stem}_bag')
+        with AnyReader([tmp_path / f'{path.stem}_bag']) as reader:
+            for connection, _, data in reader.messages():
+                grid = reader.deserialize(data, connection.msgtype)
+                assert grid.info.width == 60
+
+
+def test_a_bag_is_split_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
+    """A file that has reached the size gets no further frame; no frame is divided; 0: no limit."""
+    record(tmp_path / 'one', make_grid, max_size=0, max_duration=0.0)
+    assert [item.name for item in BagReader(tmp_path / 'one').files] == ['one_0.mcap']
+    written = record(tmp_path / 'bag', make_grid, frames=40, max_size=30_000)
+    reader = BagReader(tmp_path / 'bag')
+    files = reader.contents
+    assert len(files) > 3
+    assert all(item.finished and item.message_count for item in files)
+    for item in files[:-1]:
+        assert 30_000 <= item.size < 45_000
+    assert without_repeats(reader) == written
+    for path in reader.files[1:]:
+        messages = list(reader.messages(file=path))
+        assert [item.topic for item in messages[:3]] == ['/terrain', '/hazard', '/points']
+        assert len({item.stamp_ns for item in messages[:3]}) == 1
+
+
+def test_large_latched_messages_do_not_fill_the_disk(tmp_path: Path, make_grid: MakeGrid) -> None:
+    """A terrain larger than the size is not repeated for each frame."""
+    noise = b''.join(make_grid(seed) for seed in range(40))
+    with BagWriter(tmp_path / 'bag', custom_data={}, max_size=10_000) as writer:
+        writer.write('/terrain', GRID, noise, 0, qos=LATCHED)
+        for second in range(1, 200):
+            writer.write('/points', GRID, make_grid(second), second, qos=VOLATILE)
+            writer.flush()
+        assert writer.file_count < 10
+    reader = BagReader(tmp_path / 'bag')
+    assert len(without_repeats(reader)) == 200
+    assert reader.size < 3 * (200 + 40) * 2000
+
+
+def test_a_recovered_bag_has_the_same_files(split: Bag, tmp_path: Path) -> None:
+    """Recovery keeps the files, every message in them, and both of its times.
+
+    A last file with nothing in it, as of a writer killed between two files, does not matter.
+    """
+    directory, written = split
+    (directory / 'metadata.yaml').unlink()
+    last = directory / 'bag_2.mcap'
+    last.write_bytes(last.read_bytes()[:-500])
+    source = BagReader(directory)
+    assert source.recovered
+    assert [item.finished for item in source.contents] == [True, True, False]
+    shares: list[float] = []
+    count = recover(source, tmp_path / 'new', on_progress=lambda _, share: shares.append(share))
+    assert count == len(list(source.messages()))
+    assert shares == sorted(shares) and (shares[0], shares[-1]) == (0.0, 1.0)
+    result = BagReader(tmp_path / 'new')
+    assert not result.recovered
+    assert (result.topics, result.custom_data) == (source.topics, source.custom_data)
+    for old, new in zip(source.files, result.files, strict=True):
+        assert list(source.messages(file=old)) == list(result.messages(file=new))
+    with Reader(tmp_path / 'new') as reader:
+        assert reader.message_count == result.message_count
+    for size in (5, 0):
+        last.write_bytes(last.read_bytes()[:size])
+        source = BagReader(directory)
+        assert source.recovered
+        assert without_repeats(source) == written[:41]
+
+
+@pytest.mark.parametrize(
+    ('size', 'limits', 'files'), [(500, {'max_duration': 50e-9}, 5), (2000, {}, 1)]
+)
+def test_killed_writers_leave_every_flushed_message(
+    killed_bag: Callable[..., tuple[Path, int]], size: int, limits: dict[str, float], files: int
+) -> None:
+    """After kill -9 the finished files and what was flushed of the last one are there."""
+    topics = ['/height', '/hazard']
+    directory, flushed = killed_bag(220, size=size, topics=topics, **limits)
+    assert not (directory / 'metadata.yaml').exists()
+    reader = BagReader(directory)
+    assert len(reader.files) >= files
+    assert (reader.recovered, reader.custom_data) == (True, {'scene': 'Etna'})
+    assert reader.topics['/hazard'].qos == LATCHED
+    assert len(list(reader.messages())) == reader.message_count
+    for topic in topics:
+        messages = [item for item in reader.messages([topic]) if item.publish_ns == item.stamp_ns]
+        assert [item.stamp_ns for item in messages] == list(range(len(messages)))
+        assert len(messages) >= flushed + 1
+        for item in messages:
+            assert item.data[4:] == item.stamp_ns.to_bytes(8, 'little') * size
+
+
+def test_an_error_between_two_files_leaves_the_finished_ones(
+    tmp_path: Path, make_grid: MakeGrid
+) -> None:
+    """When the next file cannot be opened the bag can still be closed, and is complete."""
+    writer = BagWriter(tmp_path / 'bag', custom_data={}, max_duration=1.0)
+    writer.write('/hazard', GRID, make_grid(0), 0, qos=LATCHED)
+    (tmp_path / 'bag' / 'bag_1.mcap').mkdir()
+    with pytest.raises(OSError):
+        writer.write('/hazard', GRID, make_grid(1), SECOND, qos=LATCHED)
+    with pytest.raises(LavaError, match='an open bag'):
+        writer.write('/hazard', GRID, make_grid(1), SECOND, qos=LATCHED)
+    writer.close()
+    with Reader(tmp_path / 'bag') as reader:
+        assert reader.message_count == 1

@@ -83,17 +83,11 @@ def test_what_may_never_end_is_refused(name, tmp_path, alarm):
         READERS[name](tmp_path / name)
 
 
-def test_a_case_with_pipes_is_refused(tmp_path, alarm):
-    """Each of its files."""
-    for name in ('elevation.asc', 'footprint.asc', 'vent.csv', 'effusion_rate.csv'):
-        (tmp_path / name).write_text('')
-    os.mkfifo(tmp_path / 'case.yaml')
-    with pytest.raises(LavaError, match='case.yaml.*no regular file'):
-        load_case(tmp_path)
-
-
 def test_only_regular_files_are_opened(tmp_path, alarm):
-    """Links to them as well; a name that is none is an error of the system like others."""
+    """Links to them as well; a name that is none is an error of the system like others.
+
+    A case with a pipe in it is refused; without a table a calibration begins.
+    """
     (tmp_path / 'file').write_text('here')
     (tmp_path / 'link').symlink_to('file')
     with open_input(tmp_path / 'link') as file:
@@ -101,15 +95,19 @@ def test_only_regular_files_are_opened(tmp_path, alarm):
     for name in ('.', 'none', 'a\0b'):
         with pytest.raises(OSError):
             open_input(tmp_path / name)
-
-
-def test_a_table_that_is_missing_is_no_table(tmp_path):
-    """A calibration begins."""
+    for name in ('elevation.asc', 'footprint.asc', 'vent.csv', 'effusion_rate.csv'):
+        (tmp_path / name).write_text('')
+    os.mkfifo(tmp_path / 'case.yaml')
+    with pytest.raises(LavaError, match='case.yaml.*no regular file'):
+        load_case(tmp_path)
     assert read_trials(tmp_path / 'none.csv', [], []) == []
 
 
-def test_a_file_to_write_is_left_as_it_is(tmp_path, caplog):
-    """What is there stays, nothing is made, and only what is there is said."""
+def test_a_file_to_write_is_left_as_it_is(tmp_path, caplog, alarm):
+    """What is there stays, nothing is made, and only what is there is said.
+
+    A folder, a file in a folder that is missing, one in a file, a pipe and a device are refused.
+    """
     caplog.set_level('INFO')
     old = tmp_path / 'old.json'
     old.write_text('precious')
@@ -118,10 +116,6 @@ def test_a_file_to_write_is_left_as_it_is(tmp_path, caplog):
     assert [path.name for path in tmp_path.iterdir()] == ['old.json']
     assert old.read_text() == 'precious'
     assert caplog.messages == [f'{old} is there and will be replaced']
-
-
-def test_a_file_that_cannot_be_written_is_refused(tmp_path, alarm):
-    """A folder, a file in a folder that is missing, one in a file, a pipe, a device."""
     (tmp_path / 'file').write_text('')
     os.mkfifo(tmp_path / 'pipe')
     names = ['none/a.json', 'file/a.json', 'pipe', 'a\0b']
@@ -268,7 +262,10 @@ def put(prefix: Path) -> Path:
 
 
 def test_ament_comes_before_pip(installed, monkeypatch):
-    """An ament prefix wins over pip's; the first prefix that has the file wins."""
+    """An ament prefix wins over pip's; the first prefix that has the file wins.
+
+    The error names the file and every place that was looked at.
+    """
     path = put(installed / 'prefix')
     assert share_path('msg_configs/default.yaml') == path
     path = put(installed / 'overlay')
@@ -276,20 +273,12 @@ def test_ament_comes_before_pip(installed, monkeypatch):
     prefixes = f'{installed / "empty"}:{installed / "overlay"}:{installed / "underlay"}'
     monkeypatch.setenv('AMENT_PREFIX_PATH', prefixes)
     assert share_path('msg_configs/default.yaml') == path
-
-
-def test_somebody_elses_checkout_is_not_ours(installed):
-    """A package.xml of another package beside lava_ros/ does not make a checkout."""
+    # another package's beside lava_ros/ does not make a checkout
     root = installed / 'lib/site-packages'
     (root / 'package.xml').write_text('<package><name>other</name></package>')
     (root / 'msg_configs').mkdir()
     (root / 'msg_configs/default.yaml').write_text('')
-    path = put(installed / 'prefix')
     assert share_path('msg_configs/default.yaml') == path
-
-
-def test_a_missing_file_lists_the_places(installed):
-    """The error names the file and every place that was looked at."""
     with pytest.raises(LavaError, match=r'msg_configs/none\.yaml') as caught:
         share_path('msg_configs/none.yaml')
     assert str(installed / 'prefix/share/lava_ros/msg_configs/none.yaml') in str(caught.value)
@@ -312,13 +301,20 @@ BOMB = 'a: &a [x, x, x, x, x, x, x, x, x]\n' + ''.join(
 )
 
 
-def test_aliases_and_merged_keys_are_values():
-    """What people write by hand is read as before."""
+def test_what_is_read(tmp_path, monkeypatch):
+    """What people write by hand, aliases and merged keys; no long text, and no long file."""
     data = parse_yaml('scene', 'a: &a {x: 1}\nb: [*a, *a]\nc: {<<: *a, y: 2}\nd: 2001-02-03\n')
     assert data['b'] == [{'x': 1}, {'x': 1}]
     assert data['c'] == {'x': 1, 'y': 2}
     assert str(data['d']) == '2001-02-03'
     assert parse_yaml('scene', '') is None
+    monkeypatch.setattr(yaml_files, 'MOST_BYTES', 100)
+    assert parse_yaml('scene', ' ' * 99 + '1') == 1
+    with pytest.raises(LavaError, match='at most 100 bytes'):
+        parse_yaml('scene', ' ' * 100 + '1')
+    (tmp_path / 'long.yaml').write_text(' ' * 100 + '1')
+    with pytest.raises(LavaError, match=r"long.yaml', expected .* \(at most 100 bytes\)"):
+        read_yaml('scene', tmp_path / 'long.yaml')
 
 
 @pytest.mark.parametrize(
@@ -356,17 +352,6 @@ def test_what_is_refused(text, reason):
     assert reason in caught.value.expected
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 3 * LONGEST_VALUE
-
-
-def test_long_texts_are_not_parsed(tmp_path, monkeypatch):
-    """Neither a text nor a file."""
-    monkeypatch.setattr(yaml_files, 'MOST_BYTES', 100)
-    assert parse_yaml('scene', ' ' * 99 + '1') == 1
-    with pytest.raises(LavaError, match='at most 100 bytes'):
-        parse_yaml('scene', ' ' * 100 + '1')
-    (tmp_path / 'long.yaml').write_text(' ' * 100 + '1')
-    with pytest.raises(LavaError, match=r"long.yaml', expected .* \(at most 100 bytes\)"):
-        read_yaml('scene', tmp_path / 'long.yaml')
 
 
 @pytest.mark.parametrize('name', ['none.yaml', '.', 'a\0b', 'x' * 5000, 'latin.yaml'])

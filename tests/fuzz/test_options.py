@@ -32,7 +32,7 @@ from eruption import write_case
 from fuzz.conftest import bounded
 from lava_ros.cli import manual, scenes
 from lava_ros.scene import scene as scene_module
-from lava_ros.scene import terrain_checks
+from lava_ros.scene import terrain_files
 
 #: What a command may take beside what this process has [bytes].
 MEMORY = 2 << 30
@@ -145,7 +145,7 @@ def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     # a process of its own makes it once too; of a line in this one it is a third of the time
     monkeypatch.setattr(manual, 'parser_of', cache(manual.parser_of))
     # what has been read is told before what is wrong
-    for module in (terrain_checks, scene_module, scenes):
+    for module in (terrain_files, scene_module, scenes):
         monkeypatch.setattr(module._LOG, 'disabled', True)
     with tempfile.TemporaryDirectory() as folder:
         monkeypatch.chdir(folder)

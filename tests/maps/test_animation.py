@@ -92,16 +92,12 @@ def test_mp4_goes_to_ffmpeg(bag, tmp_path, monkeypatch):
     assert text.endswith(f', {12 * 300 * 240 * 3}]')
 
 
-def test_what_ffmpeg_says_is_told(bag, tmp_path, monkeypatch):
-    """Its failure is an error with its words, and leaves no file."""
+def test_without_a_good_ffmpeg(bag, tmp_path, monkeypatch):
+    """Its failure is an error with its words, and leaves no file; what is missing is named."""
     stand_in(FAILING, tmp_path / 'bin', monkeypatch)
     with pytest.raises(LavaError, match='Unknown encoder libx264'):
         animate_bag(bag, tmp_path / 'flow.mp4', seconds=1.0, fps=4.0, width=300)
     assert [item.name for item in tmp_path.iterdir()] == ['bin']
-
-
-def test_without_ffmpeg(bag, tmp_path, monkeypatch):
-    """The error says what is missing and what needs none."""
     monkeypatch.setenv('PATH', str(tmp_path))
     with pytest.raises(LavaError, match='ffmpeg on the path: apt install ffmpeg; a .gif needs'):
         animate_bag(bag, tmp_path / 'flow.mp4')

@@ -40,6 +40,14 @@ def bag(tmp_path_factory):
 
 
 @pytest.fixture(scope='module')
+def out(bag):
+    """Its GeoTIFF files, by a threshold of 0.5 m."""
+    exported = export_bag(bag, bag.parent / 'out', threshold=0.5)
+    assert [item.stem for item in exported.files] == list(MAPS)
+    return bag.parent / 'out'
+
+
+@pytest.fixture(scope='module')
 def floats(tmp_path_factory):
     """The same as floats."""
     return record(tmp_path_factory.mktemp('floats') / 'bag')
@@ -51,10 +59,8 @@ def band(path):
         return file.read(1)[::-1]
 
 
-def test_values_come_back_as_the_frame_has_them(bag, tmp_path):
+def test_values_come_back_as_the_frame_has_them(bag, out):
     """Every cell of height, temperature and hazard, north up; nodata outside the terrain."""
-    exported = export_bag(bag, tmp_path / 'out')
-    assert [item.stem for item in exported.files] == list(MAPS)
     frame = Recording(bag).frame_at()
     outside = ~TERRAIN.has_data
     for name, source, dry in (
@@ -63,7 +69,7 @@ def test_values_come_back_as_the_frame_has_them(bag, tmp_path):
         ('hazard', 'hazard', 0.0),
     ):
         values = frame.layers[source].values
-        with rasterio.open(tmp_path / f'out/{name}.tif') as file:
+        with rasterio.open(out / f'{name}.tif') as file:
             cells = file.read(1)[::-1]
             nodata = NODATA_BYTE if name == 'hazard' else NODATA
             assert file.nodata == nodata
@@ -72,10 +78,9 @@ def test_values_come_back_as_the_frame_has_them(bag, tmp_path):
             np.testing.assert_array_equal(file.read_masks(1)[::-1] == 0, cells == nodata)
 
 
-def test_a_cell_is_where_it_was(bag, tmp_path):
+def test_a_cell_is_where_it_was(out):
     """GDAL finds the tip of the flow at its easting and northing, in UTM zone 33."""
-    export_bag(bag, tmp_path / 'out', maps=['height'])
-    with rasterio.open(tmp_path / 'out/height.tif') as file:
+    with rasterio.open(out / 'height.tif') as file:
         assert file.crs.to_epsg() == 32633
         assert file.bounds == (499_950.0, 4_180_020.0, 500_150.0, 4_180_170.0)
         # Row 10, column 7 of the terrain: the south-eastern corner of the flow.
@@ -92,26 +97,24 @@ def test_a_cell_is_where_it_was(bag, tmp_path):
     assert 37.0 < latitude[0] < 38.0
 
 
-def test_arrival_and_peak(bag, tmp_path):
+def test_arrival_and_peak(out):
     """Seconds of the first map with lava; the thickest there was."""
-    export_bag(bag, tmp_path / 'out', threshold=0.5)
-    times = band(tmp_path / 'out/arrival.tif')
-    with rasterio.open(tmp_path / 'out/arrival.tif') as file:
+    times = band(out / 'arrival.tif')
+    with rasterio.open(out / 'arrival.tif') as file:
         tags = file.tags()
         assert file.units == ('s',)
     expected = [200, 200, 400, 400, 600, 600, 800, 800, NODATA, NODATA]
     np.testing.assert_array_equal(times[12, :10], expected)
     assert (times[:10] == NODATA).all()
     assert (tags['threshold_m'], tags['longest_time_between_maps_s']) == ('0.5', '200.0')
-    peak = band(tmp_path / 'out/peak_height.tif')
+    peak = band(out / 'peak_height.tif')
     np.testing.assert_allclose(peak[12, [0, 7, 8]], [3.3, 2.9, NODATA], atol=1e-5)
     assert peak[0, 0] == NODATA
 
 
-def test_tags_tell_unit_time_and_rounding(bag, tmp_path):
+def test_tags_tell_unit_time_and_rounding(out):
     """A file by itself says what it holds."""
-    export_bag(bag, tmp_path / 'out', maps=['height', 'temperature'])
-    with rasterio.open(tmp_path / 'out/height.tif') as file:
+    with rasterio.open(out / 'height.tif') as file:
         tags = file.tags()
         assert (file.units, file.descriptions) == (('m',), ('height',))
     assert tags['simulated_time_s'] == '800.0'
@@ -119,7 +122,7 @@ def test_tags_tell_unit_time_and_rounding(bag, tmp_path):
     assert tags['thinnest_lava_shown_m'] == '0.1'
     assert tags['saturated'] == 'no'
     assert tags['bag'] == 'bag'
-    with rasterio.open(tmp_path / 'out/temperature.tif') as file:
+    with rasterio.open(out / 'temperature.tif') as file:
         assert file.units == ('degC',)
         assert 'steps of 12 from 0 to 1200' in file.tags()['quantisation']
 
@@ -135,18 +138,14 @@ def test_lava_is_as_thick_as_it_is(tmp_path):
         np.testing.assert_array_equal(cells, np.where(flow > 0.0, flow, np.float32(NODATA)))
 
 
-def test_at_a_time(bag, tmp_path):
-    """Maps, arrival and peak are what was known at that time."""
+def test_at_a_time_or_every_one(bag, tmp_path):
+    """What was known at that time; a numbered file for each, with its time in the name."""
     export_bag(bag, tmp_path / 'out', time=450.0)
     assert (band(tmp_path / 'out/height.tif')[12] > 0.0).sum() == 4
     with rasterio.open(tmp_path / 'out/height.tif') as file:
         assert file.tags()['simulated_time_s'] == '400.0'
     assert band(tmp_path / 'out/arrival.tif').max() == 400.0
-
-
-def test_every_frame(bag, tmp_path):
-    """A numbered file for each, with its time in the name."""
-    exported = export_bag(bag, tmp_path / 'out', every=True, maps=['height', 'arrival'])
+    exported = export_bag(bag, tmp_path / 'every', every=True, maps=['height', 'arrival'])
     *heights, arrival = exported.files
     names = [f'height_000{number}_{200 * (number + 1)}s.tif' for number in range(4)]
     assert [item.name for item in heights] == names
@@ -194,25 +193,18 @@ def test_what_cannot_be_is_refused(bag, tmp_path, options, words):
     assert not (tmp_path / 'out').exists()
 
 
-def test_a_folder_with_something_in_it(bag, tmp_path):
-    """Files of two bags are never mixed."""
+def test_folders_are_neither_mixed_nor_left_empty(bag, tmp_path):
+    """Files of two bags stay apart. A recorder that heard nothing on a topic lists it.
+
+    After a terrain that comes last is no map: the error is about the bag, not about a time.
+    """
     (tmp_path / 'height.tif').touch()
     with pytest.raises(LavaError, match='a folder that is new or empty'):
         export_bag(bag, tmp_path)
-
-
-def test_a_topic_that_is_listed_but_empty(bag, tmp_path):
-    """A recorder that heard nothing on a topic lists it; no empty folder is left for it."""
     heard = silenced(bag, tmp_path / 'heard.mcap', '/terrain')
-    with pytest.raises(LavaError, match='messages on the topic terrain'):
-        Recording(heard).frame_at()
     with pytest.raises(LavaError, match='messages on the topic terrain'):
         export_bag(heard, tmp_path / 'maps')
     assert not (tmp_path / 'maps').exists()
-
-
-def test_a_terrain_that_comes_last(bag, tmp_path):
-    """There is no map after it: the error is about the bag, nobody has asked for a time."""
     late = silenced(bag, tmp_path / 'late.mcap', '/terrain', late=True)
     with pytest.raises(LavaError, match='bag is .*late.mcap.*a terrain and a map'):
         export_bag(late, tmp_path / 'maps')
@@ -237,8 +229,11 @@ def test_outline_and_isochrones(floats, tmp_path):
     assert [item['properties']['time'] for item in isochrones] == ['5 min', '10 min', '15 min']
 
 
-def test_a_hole_stays_a_hole():
-    """Ground that lava flows around is not in its outline."""
+def test_areas():
+    """Ground that lava flows around is not in its outline.
+
+    Isochrones are few and round, however long an eruption lasts. What is unknown is not likely.
+    """
     cells = np.zeros((6, 6), dtype=bool)
     cells[1:5, 1:5] = True
     cells[2, 2] = False
@@ -247,23 +242,15 @@ def test_a_hole_stays_a_hole():
     ((outer, inner),) = feature['geometry']['coordinates']
     assert {tuple(item) for item in outer} == {(110, 210), (150, 210), (150, 250), (110, 250)}
     assert {tuple(item) for item in inner} == {(120, 220), (130, 220), (130, 230), (120, 230)}
-    assert gis.area(~cells & cells, gis.Place((0.0, 0.0), 1.0, None)) == []
-
-
-def test_isochrones_are_few_and_round():
-    """However long an eruption lasts."""
     place = gis.Place((0.0, 0.0), 1.0, None)
+    assert gis.area(~cells & cells, place) == []
     for last in (40.0, 3000.0, 86_400.0, 86_400.0 * 1000):
         times = np.linspace(0.0, last, 100).reshape(10, 10)
         ends = [item['properties']['time_s'] for item in gis.isochrones(times, place)]
         assert 1 <= len(ends) <= gis.MOST_ISOCHRONES and ends[-1] >= last
     assert gis.isochrones(np.full((3, 3), np.nan), place) == []
-
-
-def test_contours_of_probability():
-    """Where lava is at least as likely as so much; unknown is not likely."""
     percent = np.array([[np.nan, 5.0, 10.0], [49.0, 50.0, 95.0]])
-    found = [item['properties'] for item in gis.probabilities(percent, gis.Place((0, 0), 1, None))]
+    found = [item['properties'] for item in gis.probabilities(percent, place)]
     assert found == [
         {'probability_percent': least, 'area_m2': cells}
         for least, cells in ((10.0, 4.0), (50.0, 2.0), (90.0, 1.0))

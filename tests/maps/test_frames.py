@@ -33,9 +33,21 @@ from recording import GRIDS, growing, RAW_CONFIG, record, TERRAIN, VENT
 SECOND = 1_000_000_000
 
 
-def test_last_frame_in_physical_units(tmp_path):
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    """Frames at 200, 400, 600 and 800 s."""
+    return record(tmp_path_factory.mktemp('frames') / 'bag')
+
+
+@pytest.fixture(scope='module')
+def grids(tmp_path_factory):
+    """The same, rounded."""
+    return record(tmp_path_factory.mktemp('grids') / 'bag', config=GRIDS)
+
+
+def test_last_frame_in_physical_units(grids):
     """Without a time the last frame is read: metres, Celsius and 0..100, NaN where it is dry."""
-    frame = Recording(record(tmp_path / 'bag', config=GRIDS)).frame_at()
+    frame = Recording(grids).frame_at()
     assert frame.time == 800.0
     assert set(frame.layers) == {'thickness', 'temperature', 'hazard'}
     thickness = growing(800.0)
@@ -63,27 +75,22 @@ def test_ground_vents_and_scene(tmp_path):
     assert frame.scene['terrain']['epsg'] == 32633
 
 
-@pytest.mark.parametrize(('asked', 'shown'), [(200.0, 200.0), (599.0, 400.0), (800.0, 800.0)])
-def test_time(tmp_path, asked, shown):
-    """The newest frame up to the simulated time is read."""
-    frame = Recording(record(tmp_path / 'bag')).frame_at(asked)
-    assert frame.time == shown
-    assert np.isfinite(frame.layers['thickness'].values).any(axis=0).sum() == shown / 100.0
+def test_time(bag, tmp_path):
+    """The newest frame up to the simulated time is read; an error names the times there are.
 
-
-@pytest.mark.parametrize('asked', [100.0, 999999.0])
-def test_a_time_that_is_not_in_the_bag(tmp_path, asked):
-    """The error names the times there are."""
-    with pytest.raises(LavaError, match=rf'time is {asked}, expected 200 to 800 s'):
-        Recording(record(tmp_path / 'bag')).frame_at(asked)
-
-
-def test_without_diagnostics(tmp_path):
-    """The last frame has no simulated time then, and none can be asked for."""
-    bag = record(tmp_path / 'bag', clock=False)
-    assert Recording(bag).frame_at().time is None
+    Without diagnostics the last frame has no simulated time, and none can be asked for.
+    """
+    for asked, shown in ((200.0, 200.0), (599.0, 400.0), (800.0, 800.0)):
+        frame = Recording(bag).frame_at(asked)
+        assert frame.time == shown
+        assert np.isfinite(frame.layers['thickness'].values).any(axis=0).sum() == shown / 100.0
+    for asked in (100.0, 999999.0):
+        with pytest.raises(LavaError, match=rf'time is {asked}, expected 200 to 800 s'):
+            Recording(bag).frame_at(asked)
+    timeless = Recording(record(tmp_path / 'timeless', clock=False))
+    assert timeless.frame_at().time is None
     with pytest.raises(LavaError, match='does not say its simulated time'):
-        Recording(bag).frame_at(300.0)
+        timeless.frame_at(300.0)
 
 
 def test_the_bags_own_message_configuration(tmp_path):
@@ -104,17 +111,9 @@ def test_the_bags_own_message_configuration(tmp_path):
     assert 'hazard' not in frame.layers
 
 
-def test_a_bag_of_something_else(tmp_path):
-    """A bag without any layer is refused."""
-    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
-        writer.write('/chatter', 'std_msgs/msg/Empty', bytes(5), 0, qos=LATCHED)
-    with pytest.raises(LavaError, match='the layers of a simulation'):
-        Recording(tmp_path / 'bag').frame_at()
-
-
-def test_every_frame_in_order(tmp_path):
+def test_every_frame_in_order(bag):
     """Each frame has its own time and its own maps."""
-    recording = Recording(record(tmp_path / 'bag'))
+    recording = Recording(bag)
     frames = list(recording.frames())
     assert [frame.time for frame in frames] == [200.0, 400.0, 600.0, 800.0]
     for frame in frames:
@@ -125,24 +124,19 @@ def test_every_frame_in_order(tmp_path):
     assert [recording.share_at(frame) for frame in frames] == pytest.approx([0, 1 / 3, 2 / 3, 1])
 
 
-def test_what_a_new_file_repeats_is_no_frame(tmp_path):
-    """A bag of several files has the frames of one that was not split."""
+def test_frames_are_those_of_the_last_run(tmp_path):
+    """What a new file repeats is no frame; after a reset the flow begins again.
+
+    What was before is not mixed with it. Frames whose time was never said are left out.
+    """
     bag = record(tmp_path / 'bag', max_duration=2.5)
     assert len(BagReader(bag).files) > 1
     frames = list(Recording(bag).frames())
     assert [frame.time for frame in frames] == [200.0, 400.0, 600.0, 800.0]
     assert Recording(bag).frame_at(450.0).time == 400.0
-
-
-def test_only_the_last_run_has_frames(tmp_path):
-    """After a reset the flow begins again, and what was before is not mixed with it."""
-    recording = Recording(record(tmp_path / 'bag', [200.0, 400.0, 0.0, 100.0, 300.0]))
+    recording = Recording(record(tmp_path / 'reset', [200.0, 400.0, 0.0, 100.0, 300.0]))
     assert [frame.time for frame in recording.frames()] == [0.0, 100.0, 300.0]
-
-
-def test_a_recording_that_was_cut_off(tmp_path):
-    """Frames whose time was never said are left out."""
-    recording = Recording(record(tmp_path / 'bag', close=False))
+    recording = Recording(record(tmp_path / 'cut', close=False))
     assert recording.bag.recovered
     assert [frame.time for frame in recording.frames()] == [200.0, 400.0, 600.0, 800.0]
 
@@ -152,18 +146,23 @@ def test_what_is_not_rounded_is_preferred(tmp_path):
     config = RAW_CONFIG + """
   grid: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 10.0]}
 """
-    for name, text in (('after', config), ('before', _last_layer_first(config))):
+    head, *lines = config.strip().splitlines()
+    turned = '\n'.join([head, lines[-1], *lines[:-1]])
+    for name, text in (('after', config), ('before', turned)):
         frame = Recording(record(tmp_path / name, config=text)).frame_at()
         assert frame.layers['thickness'].layer.name == 'height'
         np.testing.assert_allclose(frame.layers['thickness'].values[12, 1], 3.21)
 
 
-@pytest.mark.parametrize('name', ['scene', 'msg_config'])
-def test_custom_data_that_is_no_yaml(tmp_path, name):
-    """The error names which text it is."""
-    bag = record(tmp_path / 'bag', custom_data={name: '{not: [yaml'})
-    with pytest.raises(LavaError, match=f'custom_data {name} of '):
-        Recording(bag)
+def test_bags_of_something_else(tmp_path):
+    """One without any layer is refused; the error names which text is no YAML."""
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        writer.write('/chatter', 'std_msgs/msg/Empty', bytes(5), 0, qos=LATCHED)
+    with pytest.raises(LavaError, match='the layers of a simulation'):
+        Recording(tmp_path / 'bag')
+    for name in ('scene', 'msg_config'):
+        with pytest.raises(LavaError, match=f'custom_data {name} of '):
+            Recording(record(tmp_path / name, custom_data={name: '{not: [yaml'}))
 
 
 @pytest.mark.parametrize(
@@ -184,10 +183,10 @@ def test_custom_data_that_is_no_yaml(tmp_path, name):
         ('/height', {'info': MapMetaData(height=2**31, width=2)}, 'message on /height'),
     ],
 )
-def test_messages_that_lie_are_refused(tmp_path, topic, fields, said):
+def test_messages_that_lie_are_refused(grids, tmp_path, topic, fields, said):
     """Sizes, steps and places that do not fit the data, or nothing on Earth."""
     kinds = {'terrain': Image, 'terrain_info': MapMetaData, 'vents': PointCloud2}
-    bag = BagReader(record(tmp_path / 'bag', (200.0,), config=GRIDS))
+    bag = BagReader(grids)
     with BagWriter(tmp_path / 'lies', custom_data=bag.custom_data) as writer:
         for item in bag.messages():
             data = item.data
@@ -201,11 +200,6 @@ def test_messages_that_lie_are_refused(tmp_path, topic, fields, said):
             writer.write(item.topic, kind, data, item.stamp_ns, qos=LATCHED)
     with pytest.raises(LavaError, match=said):
         Recording(tmp_path / 'lies').frame_at()
-
-
-def _last_layer_first(config: str) -> str:
-    head, *lines = config.strip().splitlines()
-    return '\n'.join([head, lines[-1], *lines[:-1]])
 
 
 def test_masks_and_margins_are_no_maps(tmp_path):
@@ -249,7 +243,7 @@ def test_first_times(tmp_path):
     assert (found.longest_gap, found.frame_count) == (200.0, 4)
 
 
-def test_the_threshold_decides(tmp_path):
+def test_the_threshold_decides(grids, tmp_path):
     """Cells whose lava stays below it are never reached."""
     bag = record(tmp_path / 'bag', config=RAW_CONFIG)
     found = arrival_of(bag, 3.05)
@@ -257,18 +251,11 @@ def test_the_threshold_decides(tmp_path):
     # 3.26 m less 5 cm a column: columns 0 to 4 are above 3.05 m.
     np.testing.assert_array_equal(np.isfinite(found.times[12]), np.arange(40) < 5)
     np.testing.assert_allclose(found.peak[12, :8], 3.26 - 0.05 * np.arange(8), rtol=1e-6)
-
-
-@pytest.mark.parametrize('threshold', [0.05, 0.0, -1.0])
-def test_a_threshold_that_the_layer_does_not_show(tmp_path, threshold):
-    """A grid without lava thinner than 0.1 m cannot say when such lava came."""
-    with pytest.raises(LavaError, match=r'threshold is .*at least 0\.1 m'):
-        arrival_of(record(tmp_path / 'bag', config=GRIDS), threshold)
-
-
-def test_a_step_of_the_grid_counts_as_what_it_stands_for(tmp_path):
-    """Lava that the grid rounds to the threshold has arrived."""
-    bag = record(tmp_path / 'bag', flow=lambda time: np.full_like(growing(time), 0.3))
+    # a grid has lava that it rounds to the threshold; when thinner came it cannot say
+    for threshold in (0.05, 0.0, -1.0):
+        with pytest.raises(LavaError, match=r'threshold is .*at least 0\.1 m'):
+            arrival_of(grids, threshold)
+    bag = record(tmp_path / 'thin', flow=lambda time: np.full_like(growing(time), 0.3))
     found = arrival_of(bag, 0.3)
     assert found.times is not None
     assert np.isfinite(found.times).sum() == 30 * 40 - 6

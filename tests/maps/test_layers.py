@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Layers: files of msg_configs/, and the values they make of a snapshot."""
+"""Layers: files of msg_configs/, the values they make of a snapshot, masks as Nav2 sees them."""
 
 import copy
 import dataclasses
@@ -24,8 +24,9 @@ import yaml
 
 from lava_ros.bag import LATCHED
 from lava_ros.errors import LavaError
+from lava_ros.maps import layers as kinds
 from lava_ros.maps.layer_files import layers_from_dict, load_layers, switched
-from lava_ros.maps.layers import GRID_MAP, hazard, HazardLimits, IMAGE, OCCUPANCY_GRID, POINT_CLOUD
+from lava_ros.maps.layers import hazard, HazardLimits, within
 from lava_ros.scene import Terrain
 from recording import snapshot_at
 
@@ -106,36 +107,32 @@ def test_default_file():
     layers = {layer.name: layer for layer in load_layers(CONFIGS / 'default.yaml')}
     enabled = [name for name, layer in layers.items() if layer.enabled]
     assert enabled == ['height', 'temperature', 'hazard', 'depth_class', 'height_raw', 'arrived']
-    assert all(layers[name].message == OCCUPANCY_GRID for name in enabled[:4])
-    assert layers['height_raw'].message == layers['temperature_raw'].message == IMAGE
-    assert layers['lava_points'].message == POINT_CLOUD
-    assert layers['lava_grid_map'].message == GRID_MAP
+    assert all(layers[name].message == kinds.OCCUPANCY_GRID for name in enabled[:4])
+    assert layers['height_raw'].message == layers['temperature_raw'].message == kinds.IMAGE
+    assert layers['lava_points'].message == kinds.POINT_CLOUD
+    assert layers['lava_grid_map'].message == kinds.GRID_MAP
     # err on the safe side, with the same limits
     assert layers['lava_grid_map'].threshold == layers['hazard'].threshold
     assert layers['lava_grid_map'].hazard == layers['hazard'].hazard
     assert {layer.qos for layer in layers.values()} == {LATCHED}
 
 
-def test_a_changed_file_changes_the_values(tmp_path):
-    """Editing the YAML changes what is published, without touching code."""
-    data = yaml.safe_load((CONFIGS / 'default.yaml').read_text())
-    data['layers']['height'].update(range=[0.0, 100.0], outside=0, topic='lava/depth', rate=5.0)
-    path = tmp_path / 'changed.yaml'
-    path.write_text(yaml.safe_dump(data, sort_keys=False))
-    before, after = load_layers(CONFIGS / 'default.yaml')[0], load_layers(path)[0]
-    assert before.values(SNAPSHOT).tolist() == [[0, 0, 1], [50, 100, -1]]
-    assert after.values(SNAPSHOT).tolist() == [[0, 0, 1], [5, 50, 0]]
-    assert (after.topic, after.rate) == ('lava/depth', 5.0)
-
-
-def test_every_example_file_loads():
-    """All files of msg_configs/ are valid, and the monitoring example differs as it says."""
+def test_files_can_differ(tmp_path):
+    """All of msg_configs/ are valid; monitoring differs as it says, and so do edited ones."""
     for path in CONFIGS.glob('*.yaml'):
         assert load_layers(path)
     monitoring = {layer.name: layer for layer in load_layers(CONFIGS / 'monitoring.yaml')}
-    assert monitoring['height_raw'].message == IMAGE
+    assert monitoring['height_raw'].message == kinds.IMAGE
     assert monitoring['hazard'].outside == 100
     assert monitoring['hazard'].hazard.lethal_temperature == pytest.approx(373.15)
+    data = yaml.safe_load((CONFIGS / 'default.yaml').read_text())
+    data['layers']['height'].update(range=[0.0, 100.0], outside=0, topic='lava/depth', rate=5.0)
+    (tmp_path / 'changed.yaml').write_text(yaml.safe_dump(data, sort_keys=False))
+    before, *_ = load_layers(CONFIGS / 'default.yaml')
+    after, *_ = load_layers(tmp_path / 'changed.yaml')
+    assert before.values(SNAPSHOT).tolist() == [[0, 0, 1], [50, 100, -1]]
+    assert after.values(SNAPSHOT).tolist() == [[0, 0, 1], [5, 50, 0]]
+    assert (after.topic, after.rate) == ('lava/depth', 5.0)
 
 
 def test_points_stand_on_the_wet_cells():
@@ -159,10 +156,7 @@ def test_points_stand_on_the_wet_cells():
     assert above['thickness'].tolist() == [5.0, 50.0]
     none = dataclasses.replace(layer, threshold=1e3).points(SNAPSHOT)
     assert {len(column) for column in none.values()} == {0}
-
-
-def test_points_are_where_the_map_is():
-    """Origin and resolution of the terrain are those of the points."""
+    # origin and resolution of the terrain are those of the points
     ground = Terrain([[3.0, 4.0], [5.0, 6.0]], 2.5, origin=(-10.0, 20.0))
     snapshot = _snapshot([[0.0, 0.0], [0.0, 1.5]], np.full((2, 2), np.nan))
     snapshot = dataclasses.replace(snapshot, terrain=ground)
@@ -284,38 +278,23 @@ def test_a_wrong_layer_is_refused(changes, field, words):
     assert words in str(caught.value)
 
 
-@pytest.mark.parametrize('data', [None, [], {'layers': {}}, {'layers': None}, {'layer': {}}, 'x'])
-def test_a_file_without_layers_is_refused(data):
-    """What is not a mapping of layers is an error."""
-    with pytest.raises(LavaError):
-        layers_from_dict(data)
-
-
-def test_two_layers_need_two_topics():
-    """One topic cannot carry two layers."""
+def test_files_of_no_layers_are_refused(tmp_path):
+    """What is not a mapping of layers, two layers of one topic, no file, no YAML."""
+    for data in (None, [], {'layers': {}}, {'layers': None}, {'layer': {}}, 'x'):
+        with pytest.raises(LavaError):
+            layers_from_dict(data)
     one = {'source': 'hazard', 'message': 'nav_msgs/OccupancyGrid', 'topic': 'same'}
     with pytest.raises(LavaError, match='layer a has this one'):
         layers_from_dict({'layers': {'a': one, 'b': copy.deepcopy(one)}})
+    (tmp_path / 'broken.yaml').write_text('layers: [')
+    for name in ('missing.yaml', 'broken.yaml'):
+        with pytest.raises(LavaError, match=name):
+            load_layers(tmp_path / name)
 
 
-def test_an_unreadable_file_is_refused(tmp_path):
-    """A missing file and broken YAML are errors that name the file."""
-    with pytest.raises(LavaError, match=r'missing\.yaml'):
-        load_layers(tmp_path / 'missing.yaml')
-    broken = tmp_path / 'broken.yaml'
-    broken.write_text('layers: [')
-    with pytest.raises(LavaError, match=r'broken\.yaml'):
-        load_layers(broken)
-
-
-def _one(thickness, temperature, **limits):
-    values = hazard(np.array([[thickness]]), np.array([[temperature]]), HazardLimits(**limits))
-    return float(values[0, 0])
-
-
-@pytest.mark.parametrize(
-    ('thickness', 'celsius', 'expected'),
-    [
+def test_combines_burial_and_heat():
+    """They strike independently; a wet cell is never below 1; each limit moves the hazard."""
+    thickness, celsius, expected = np.array([
         (0.25, 20.0, 50.0),
         (0.5, 20.0, 100.0),
         (5.0, 20.0, 100.0),
@@ -325,19 +304,17 @@ def _one(thickness, temperature, **limits):
         (1e-4, 20.0, 1.0),
         # lava of unknown temperature counts as hot
         (0.1, np.nan, 100.0),
-    ],
-)
-def test_combines_burial_and_heat(thickness, celsius, expected):
-    """Burial and heat strike independently, and a wet cell is never below 1."""
-    assert _one(thickness, celsius + 273.15) == pytest.approx(expected, abs=1e-3)
-
-
-def test_dry_and_outside():
-    """No lava is 0, outside the terrain is NaN."""
-    values = hazard(np.array([[0.0, np.nan]]), np.array([[np.nan, np.nan]]))
+        # no lava, and outside the terrain
+        (0.0, np.nan, 0.0),
+        (np.nan, np.nan, np.nan),
+    ]).T
+    values = hazard(thickness, celsius + 273.15)
     assert values.dtype == np.float32
-    assert values[0, 0] == 0.0
-    assert np.isnan(values[0, 1])
+    np.testing.assert_allclose(values, expected, atol=1e-3)
+    one = hazard(np.array([0.5]), np.array([293.15]), HazardLimits(lethal_thickness=1.0))
+    assert one == pytest.approx(50.0)
+    limits = HazardLimits(safe_temperature=400.0, lethal_temperature=500.0)
+    assert hazard(np.array([1e-3]), np.array([450.0]), limits) == pytest.approx(50.1, abs=0.01)
 
 
 def test_is_monotone():
@@ -352,9 +329,119 @@ def test_is_monotone():
     assert values.max() == 100.0
 
 
-def test_limits_are_arguments():
-    """Each limit moves the hazard."""
-    assert _one(0.5, 293.15, lethal_thickness=1.0) == pytest.approx(50.0)
-    assert _one(1e-3, 450.0, safe_temperature=400.0, lethal_temperature=500.0) == pytest.approx(
-        50.1, abs=0.01
-    )
+#: What Nav2's costmaps call a wall, and the cost that already counts as a collision.
+LETHAL, INSCRIBED = 254, 253
+
+
+def keepout_cost(value: int, cost: int) -> int:
+    """The cost of a cell after Nav2's KeepoutFilter, by its documentation."""
+    return cost if value == -1 else max(cost, round(2.54 * value))
+
+
+def speed_limit(value: int, last: float, base: float = 0.0, multiplier: float = 1.0) -> float:
+    """The limit after Nav2's SpeedFilter [percent], 0.0 for none, by its documentation."""
+    if value == -1:
+        return last
+    limit = 0.0 if value == 0 else base + multiplier * value
+    return limit if 0.0 <= limit <= 100.0 else 0.0
+
+
+def _eastward():
+    """A row of cells: lava from cell 40 on, thicker and hotter eastwards; none at the end."""
+    thickness, celsius = np.zeros((3, 60)), np.full((3, 60), np.nan)
+    thickness[1, 40:50] = [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 5.0]
+    celsius[1, 40:50] = [50.0, 60.0, 100.0, 150.0, 200.0, 300.0, 500.0, 800.0, 1000.0, np.nan]
+    thickness[:, 58:] = np.nan
+    return _snapshot(thickness, celsius)
+
+
+EASTWARD = _eastward()
+WET, OUTSIDE = EASTWARD.thickness > 0.0, np.isnan(EASTWARD.thickness)
+ROWS, COLUMNS = np.indices(WET.shape)
+DISTANCE = 10.0 * np.min(
+    [np.hypot(ROWS - row, COLUMNS - column) for row, column in np.argwhere(WET)], axis=0
+)
+
+
+def _mask(file: str, name: str) -> np.ndarray:
+    (layer,) = [layer for layer in load_layers(CONFIGS / file) if layer.name == name]
+    assert (layer.topic, layer.enabled) == (name, True)
+    assert (layer.qos.reliability, layer.qos.durability) == ('reliable', 'transient_local')
+    return layer.values(EASTWARD)
+
+
+@pytest.mark.parametrize('file', ['nav2_keepout.yaml', 'nav2_speed.yaml'])
+def test_the_keepout_mask_is_a_wall_or_nothing(file):
+    """Every lava cell, its margin and the outside are lethal to Nav2; all else is left alone."""
+    mask = _mask(file, 'keepout_mask')
+    assert set(np.unique(mask)) == {0, 100}
+    forbidden = (DISTANCE <= 20.0) | OUTSIDE
+    np.testing.assert_array_equal(mask == 100, forbidden)
+    costs = np.vectorize(keepout_cost)(mask, 7)
+    np.testing.assert_array_equal(costs == LETHAL, forbidden)
+    assert (costs[~forbidden] == 7).all()
+    # why there is a mask: hazard below 100 is a price to Nav2, and -1 is permission
+    (layer,) = [item for item in load_layers(CONFIGS / 'default.yaml') if item.name == 'hazard']
+    values = layer.values(EASTWARD)
+    costs = np.vectorize(keepout_cost)(values, 0)
+    assert (costs[WET] < INSCRIBED).any()
+    assert (costs[OUTSIDE] == 0).all()
+
+
+def test_the_speed_mask_limits_wherever_lava_is_near():
+    """Percent of full speed: 50 near lava, down to 10 in it, none far away, never an error."""
+    mask = _mask('nav2_speed.yaml', 'speed_mask')
+    assert (mask >= 0).all()
+    limits = np.vectorize(speed_limit)(mask, np.nan)
+    near = (DISTANCE <= 100.0) & ~WET & ~OUTSIDE
+    far = (DISTANCE > 100.0) & ~OUTSIDE
+    assert far.any()
+    assert (limits[near] == 50.0).all()
+    assert (limits[far] == 0.0).all()
+    assert (limits[OUTSIDE] == 10.0).all()
+    assert ((limits[WET] >= 10.0) & (limits[WET] <= 50.0)).all()
+    assert (np.diff(limits[1, 40:50]) <= 0.0).all()
+    assert limits[1, 48] == 10.0
+    # lava of unknown temperature counts as the worst
+    assert np.isnan(EASTWARD.temperature[1, 49])
+    assert mask[1, 49] == 10
+    assert _mask('nav2_keepout.yaml', 'keepout_mask')[1, 49] == 100
+
+
+def test_a_step_is_of_the_source():
+    """From the step on a cell is 100, below it 0, and a wet cell below it is no exception."""
+    values = _layer(step=0.5, range=None).values(EASTWARD)
+    assert values[1, 40:50].tolist() == [0, 0, 0, 0, 0, 100, 100, 100, 100, 100]
+    values = _layer(source='temperature', range=None, step=300.0, threshold=0.0).values(EASTWARD)
+    # The last temperature is unknown.
+    assert values[1, 40:50].tolist() == [0] * 5 + [100] * 5
+    values = _layer(step=0.5, range=None, margin=10.0).values(EASTWARD)
+    assert values[1, 40:52].tolist() == [0] * 4 + [100] * 7 + [0]
+
+
+def test_scales_run_either_way():
+    """The ends of the range are the ends of the scale; a cell with lava is never 0.
+
+    A quantity that is unknown is as at the high end.
+    """
+    up = _layer(range=[0.0, 5.0], scale=[20, 80], threshold=0.0).values(EASTWARD)
+    assert up[1, 40] == 20 and up[1, 46] == 32 and up[1, 48] == 80
+    down = _layer(range=[0.0, 5.0], scale=[100, 0], threshold=0.0).values(EASTWARD)
+    assert down[1, 40] == 100 and down[1, 46] == 80 and down[1, 48] == 1
+    assert (up[0] == down[0])[:58].all()
+    heat = _layer(source='temperature', range=[0.0, 2000.0], scale=[0, 60]).values(EASTWARD)
+    assert heat[1, 48:50].tolist() == [30, 60]
+
+
+@pytest.mark.parametrize('distance', [0.0, 0.9, 1.0, 1.5, 2.0, 3.7, 40.0])
+@pytest.mark.parametrize('share', [0.0, 0.01, 0.2, 1.0])
+def test_within_is_what_every_pair_says(distance, share):
+    """A cell is near exactly when the distance to some marked cell says so."""
+    marked = np.random.default_rng(1).random((17, 23)) < share
+    rows, columns = np.indices(marked.shape)
+    expected = marked.copy()
+    for row, column in np.argwhere(marked):
+        expected |= np.hypot(rows - row, columns - column) <= distance
+    before = marked.copy()
+    np.testing.assert_array_equal(within(marked, distance), expected)
+    np.testing.assert_array_equal(marked, before)

@@ -35,7 +35,7 @@ from lava_ros.bag.qos import QosProfile
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import diagnostics
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
-from maps.test_masks import SNAPSHOT
+from maps.test_layers import EASTWARD as SNAPSHOT
 from ros.graph_publisher import wait_until
 
 ROOT = Path(__file__).parents[2]

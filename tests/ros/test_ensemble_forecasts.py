@@ -25,11 +25,11 @@ from rclpy.serialization import deserialize_message
 
 from disc_flow import disc_fields, disc_plan
 from lava_ros.bag import BagReader
+from lava_ros.bag.decoding import image_array
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
 from lava_ros.forecast.probability import footprint_of, Tally
 from lava_ros.maps.forecast import HazardMaps, occupancy, QUANTILES
-from lava_ros.maps.message_arrays import image_array
 from lava_ros.ros import codec
 from lava_ros.ros.codec import message_class
 from lava_ros.ros.ensemble_forecasts import EnsembleForecasts, ForecastRules

@@ -37,7 +37,7 @@ from lava_ros.ros.codec import decode, MAX_GRID_LAYERS
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Terrain
-from maps.test_masks import SNAPSHOT
+from maps.test_layers import EASTWARD as SNAPSHOT
 
 #: A terrain of 3 rows and 4 columns, each cell of another height.
 TERRAIN = Terrain(np.arange(12.0).reshape(3, 4), 2.0, origin=(100.0, -50.0))

@@ -28,7 +28,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 
-from lava_ros.maps.message_arrays import cloud_columns
+from lava_ros.bag.decoding import cloud_columns
 from lava_ros.ros import inputs, qos, spinning
 from lava_ros.ros.monitor import SceneFeed
 from lava_ros.ros.parameters import Settings

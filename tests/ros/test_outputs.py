@@ -26,9 +26,9 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker
 
+from lava_ros.bag.decoding import cloud_columns, image_array
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
-from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.outputs import CLOSED, LABELS, OPEN, PLACES, vent_markers
 from lava_ros.ros.parameters import Settings

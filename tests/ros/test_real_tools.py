@@ -15,7 +15,7 @@
 """ROS's own tools and Nav2's own costmaps on a node, at the root and in a namespace.
 
 They are taken from the shell, or from the folder ROS_TOOLS whose env.sh sets it up. What the tools
-are told by is tested without them in test_contract.py, test_masks.py and launch_files/.
+are told by is tested without them in test_contract.py, test_layers.py and launch_files/.
 """
 
 import os

@@ -98,16 +98,15 @@ def test_quantiles_are_those_of_scipy(distribution: Distribution, reference: obj
         assert distribution.quantile(share) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_limits_hold() -> None:
-    """No value lies beyond them, however unlikely it is to be asked for."""
+def test_limits_and_displacements() -> None:
+    """No value lies beyond limits, however unlikely it is to be asked for.
+
+    A disc is filled evenly; a normal displacement has its deviation.
+    """
     cut = Distribution('lognormal', (1.0, 2.0), (0.5, 1.5))
     values = [cut.quantile(share) for share in (1e-300, 0.5, 1.0 - 1e-16)]
     assert 0.5 <= values[0] < values[1] < values[2] <= 1.5
     assert cut.support == (0.5, 1.5)
-
-
-def test_displacements() -> None:
-    """A disc is filled evenly; a normal one has its deviation."""
     shares = (np.arange(2000) + 0.5) / 2000
     disc = Displacement(radius=10.0)
     reaches = np.array([math.hypot(*disc.quantile(share, 0.3)) for share in shares])
@@ -119,7 +118,7 @@ def test_displacements() -> None:
 
 
 def test_a_scene_file_says_it_all(tmp_path: Path) -> None:
-    """Every quantity of the section arrives, and plain data give the same again."""
+    """Every quantity of the section arrives; plain data and a checkpoint give the same again."""
     scene = scene_from_yaml(scene_file(tmp_path, WHOLE))
     assert scene.uncertainty == uncertainty_from_dict(WHOLE)
     assert scene.uncertainty.discharge == Distribution('lognormal', (1.0, 1.5), (0.3, 3.0))
@@ -129,11 +128,6 @@ def test_a_scene_file_says_it_all(tmp_path: Path) -> None:
     assert uncertainty_from_dict(plain) == scene.uncertainty
     assert yaml.safe_load(yaml.safe_dump(plain)) == plain
     assert uncertainty_to_dict(Uncertainty()) == {}
-
-
-def test_a_checkpoint_keeps_it(tmp_path: Path) -> None:
-    """What is resumed can be forecast as before."""
-    scene = scene_from_yaml(scene_file(tmp_path, WHOLE))
     data = replace(small_checkpoint(1.0, 3), scene=scene).to_bytes()
     assert from_bytes(data).scene.uncertainty == scene.uncertainty
 

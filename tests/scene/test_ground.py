@@ -1,0 +1,272 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Points, lines and areas of others on a terrain; barriers, a low-pass filter and finer cells."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rasterio.warp import transform
+
+from lava_ros.errors import LavaError
+from lava_ros.forecast.rasters import seen_in_file
+from lava_ros.scene import Terrain
+from lava_ros.scene.features import read_features
+from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier
+from lava_ros.simulation.terrain import ringed_heights
+
+#: A square kilometre on the central meridian of UTM zone 33.
+TERRAIN = Terrain(np.zeros((50, 50)), 20.0, epsg=32633, offset=(500_000.0, 4_180_000.0))
+
+#: A place on it [degrees], and the same in metres.
+DEGREES = (15.001, 37.769)
+(_X,), (_Y,) = transform('EPSG:4326', 'EPSG:32633', [DEGREES[0]], [DEGREES[1]])
+METRES = [[_X, _Y]]
+
+
+def features(path: Path, **members: Any) -> Path:
+    """A GeoJSON file with a geometry for each name."""
+    items = [
+        {'type': 'Feature', 'properties': {'name': name}, 'geometry': geometry}
+        for name, geometry in members.pop('of').items()
+    ]
+    path.write_text(json.dumps({'type': 'FeatureCollection', 'features': items, **members}))
+    return path
+
+
+@pytest.mark.parametrize(
+    ('header', 'row'),
+    [
+        ('x,y,name', f'{_X},{_Y},gauge'),
+        ('name,easting,northing', f'gauge,{_X},{_Y}'),
+        ('lon,lat,name,kind', '15.001,37.769,gauge,seismic'),
+        ('longitude,latitude,name', '15.001,37.769,gauge'),
+    ],
+)
+def test_a_table(tmp_path: Path, header: str, row: str) -> None:
+    """Its header says what its coordinates are; other columns are kept."""
+    (tmp_path / 'a.csv').write_text(f'{header}\n{row}\n')
+    (found,) = read_features('--overlay', tmp_path / 'a.csv', TERRAIN)
+    np.testing.assert_allclose(found.rings[0], METRES, atol=1e-3)
+    assert (found.kind, found.name) == ('Point', 'gauge')
+
+
+def test_tables_of_lines_and_of_degrees(tmp_path: Path) -> None:
+    """A row with a second place is a line, one without it a point.
+
+    On a terrain that is nowhere nobody knows where degrees are.
+    """
+    (tmp_path / 'a.csv').write_text('x,y,x_end,y_end\n1,2,3,4\n5,6,,\n')
+    line, point = read_features('--vents', tmp_path / 'a.csv', TERRAIN)
+    assert line.rings[0].tolist() == [[1.0, 2.0], [3.0, 4.0]]
+    assert (line.kind, point.kind) == ('LineString', 'Point')
+    (tmp_path / 'a.csv').write_text('lon,lat\n15,37\n')
+    with pytest.raises(LavaError, match='which has no coordinate system'):
+        read_features('--vents', tmp_path / 'a.csv', Terrain(np.zeros((5, 5)), 10.0))
+
+
+def test_geojson(tmp_path: Path) -> None:
+    """Degrees become metres; an old file that names its system is believed."""
+    point = {'type': 'Point', 'coordinates': [*DEGREES, 1200.0]}
+    path = features(tmp_path / 'a.geojson', of={'a': point})
+    (found,) = read_features('--overlay', path, TERRAIN)
+    np.testing.assert_allclose(found.rings[0], METRES, atol=1e-3)
+    crs = {'type': 'name', 'properties': {'name': 'urn:ogc:def:crs:EPSG::32633'}}
+    lines = {'type': 'MultiLineString', 'coordinates': [[[1, 2], [3, 4]], [[5, 6], [7, 8]]]}
+    path = features(tmp_path / 'b.json', of={'b': lines}, crs=crs)
+    first, second = read_features('--overlay', path, TERRAIN)
+    np.testing.assert_allclose(first.rings[0], [[1, 2], [3, 4]], atol=1e-6)
+    np.testing.assert_allclose(second.rings[0], [[5, 6], [7, 8]], atol=1e-6)
+
+
+def test_a_geopackage(tmp_path: Path) -> None:
+    """Its layers are in their own systems."""
+    fiona = pytest.importorskip('fiona')
+    schema = {'geometry': 'Point', 'properties': {'name': 'str'}}
+    with fiona.open(
+        tmp_path / 'a.gpkg', 'w', driver='GPKG', schema=schema, crs='EPSG:4326', layer='stations'
+    ) as file:
+        geometry = {'type': 'Point', 'coordinates': DEGREES}
+        file.write({'geometry': geometry, 'properties': {'name': 'gauge'}})
+    (found,) = read_features('--overlay', tmp_path / 'a.gpkg', TERRAIN)
+    np.testing.assert_allclose(found.rings[0], METRES, atol=1e-3)
+    assert found.name == 'gauge'
+
+
+def test_areas_become_cells(tmp_path: Path) -> None:
+    """A cell is in an area whose middle is; a hole stays one."""
+    square = [[[x, y] for x, y in ((0, 0), (100, 0), (100, 100), (0, 100), (0, 0))]]
+    hole = [[x, y] for x, y in ((40, 40), (60, 40), (60, 60), (40, 60), (40, 40))]
+    rings = [[[500_000 + x, 4_180_000 + y] for x, y in ring] for ring in (*square, hole)]
+    crs = {'type': 'name', 'properties': {'name': 'EPSG:32633'}}
+    area = {'type': 'Polygon', 'coordinates': rings}
+    lava, known = seen_in_file(features(tmp_path / 'a.geojson', of={'a': area}, crs=crs), TERRAIN)
+    assert lava.sum() == 24 and lava[:5, :5].sum() == 24 and not lava[2, 2]
+    assert known.all()
+
+
+@pytest.mark.parametrize(
+    ('name', 'text', 'words'),
+    [
+        ('a.shp', '', 'ends with .geojson'),
+        ('a.csv', 'east,north\n1,2\n', "first line is 'east,north', expected the columns x,y"),
+        ('a.csv', 'x,y\n', '1 lines'),
+        ('a.csv', 'x,y\n1,here\n', 'line 2 is .*a geometry of numbers'),
+        ('a.csv', 'x,y\n1,nan\n', 'two coordinates'),
+        ('a.geojson', '[1]', 'a FeatureCollection'),
+        ('a.geojson', '{"features": []}', 'at least one point'),
+        ('a.geojson', '{"features": [{"geometry": {"type": "Circle"}}]}', 'feature 0 is .Circle'),
+        ('a.geojson', '{"features": [{"geometry": 5}]}', 'with a geometry'),
+        ('a.geojson', '{"type": "Point", "coordinates": [[1], 2]}', 'a geometry of numbers'),
+        ('a.geojson', '{"type": "Point", "coordinates": [500, 95]}', 'that GDAL knows'),
+        ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "crs": {"properties": '
+         '{"name": "EPSG:0"}}}', 'that GDAL knows'),
+        ('a.gpkg', 'SQLite it is not', 'GeoPackage'),
+    ],
+)
+def test_what_cannot_be_read(tmp_path: Path, name: str, text: str, words: str) -> None:
+    """The error names the file or the row, and what would be right."""
+    (tmp_path / name).write_text(text)
+    with pytest.raises(LavaError, match=words):
+        read_features('--overlay', tmp_path / name, TERRAIN)
+
+
+GROUND = Terrain(
+    np.add.outer(np.arange(40.0), np.zeros(50)), 10.0, epsg=32633, offset=(500_000.0, 4_180_000.0)
+)
+
+
+def _place(x: float, y: float) -> tuple[float, float]:
+    return (500_000.0 + x, 4_180_000.0 + y)
+
+
+def _added(terrain: Terrain) -> np.ndarray:
+    return terrain.elevation - GROUND.elevation
+
+
+def test_barrier_has_its_height_width_and_sides() -> None:
+    """Full height on the crest, a fall of one beside it, nothing further away."""
+    barrier = Barrier((_place(100, 205), _place(400, 205)), height=20.0, width=30.0)
+    added = _added(with_barrier(GROUND, barrier))
+    np.testing.assert_allclose(added[17:25, 25], [5, 15, 20, 20, 20, 15, 5, 0], atol=1e-4)
+    assert added[20, 10:40].min() == pytest.approx(20.0)
+    assert added[20, 3] == 0.0
+    assert added[20, 47] == 0.0
+    assert with_barrier(GROUND, barrier).epsg == 32633
+
+
+def test_thin_barrier_has_no_gap() -> None:
+    """A wall narrower than a cell stops what goes from cell to cell, also on its diagonal."""
+    barrier = Barrier((_place(5, 5), _place(395, 385)), height=5.0, width=0.5, slope=100.0)
+    raised = _added(with_barrier(GROUND, barrier)) > 4.0
+    for row in range(1, 37):
+        columns = np.flatnonzero(raised[row])
+        following = np.flatnonzero(raised[row + 1])
+        assert len(columns)
+        # the parts of two rows overlap: no way leads through between them
+        assert set(columns) & set(following)
+
+
+def test_corners_and_turned_barriers() -> None:
+    """Two parts of a line are not piled up; a barrier on turned ground is the turned barrier."""
+    line = (_place(100, 100), _place(300, 100), _place(300, 300))
+    added = _added(with_barrier(GROUND, Barrier(line, 8.0, 20.0)))
+    assert added.max() == pytest.approx(8.0)
+    flat = Terrain(np.zeros((40, 40)), 10.0)
+    one = with_barrier(flat, Barrier(((55.0, 105.0), (255.0, 305.0)), 8.0, 20.0))
+    other = with_barrier(flat, Barrier(((400.0 - 105.0, 55.0), (400.0 - 305.0, 255.0)), 8.0, 20.0))
+    turned = np.rot90(one.elevation[::-1], 1)[::-1]
+    np.testing.assert_allclose(other.elevation, turned, atol=1e-4)
+
+
+def test_holes_stay_holes() -> None:
+    """Cells without data get none from a barrier or a filter."""
+    elevation = np.array(GROUND.elevation)
+    elevation[20, 20:30] = np.nan
+    holed = Terrain(elevation, 10.0)
+    raised = with_barrier(holed, Barrier(((100.0, 205.0), (400.0, 205.0)), 8.0, 20.0))
+    np.testing.assert_array_equal(raised.has_data, holed.has_data)
+    smooth = low_pass(holed, 30.0)
+    np.testing.assert_array_equal(smooth.has_data, holed.has_data)
+    assert np.isfinite(smooth.elevation[19, 25])
+
+
+@pytest.mark.parametrize(
+    ('change', 'word'),
+    [
+        ({'line': ((0.0, 0.0),)}, 'two or more places'),
+        ({'line': ((0.0, 0.0), (0.0, 0.0))}, 'that differ'),
+        ({'line': '0,0 1,1'}, 'two or more places'),
+        ({'line': ((0.0, 0.0), (1.0, np.nan))}, r'barrier.line\[1\]'),
+        ({'height': -5.0}, 'barrier.height'),
+        ({'width': 0.0}, 'barrier.width'),
+        # one that does not touch the terrain is a mistake
+        ({}, 'a line on the terrain.*easting 500000 to 500500'),
+    ],
+)
+def test_wrong_barriers_are_refused(change: dict[str, Any], word: str) -> None:
+    """Each by the name of what is wrong."""
+    good: dict[str, Any] = {'line': ((0.0, 0.0), (100.0, 0.0)), 'height': 5.0, 'width': 5.0}
+    with pytest.raises(LavaError, match=word):
+        with_barrier(GROUND, Barrier(**{**good, **change}))
+
+
+def test_filter_takes_short_waves_and_leaves_planes() -> None:
+    """A wave of 8 widths keeps 73 % of its height, one of 2 widths less than 1 %."""
+    x = (np.arange(400) + 0.5) * 10.0
+    for length, share in ((800.0, 0.7346), (400.0, 0.2912), (200.0, 0.0072)):
+        waves = Terrain(1000.0 + np.tile(np.sin(2.0 * np.pi * x / length), (200, 1)), 10.0)
+        left = low_pass(waves, 100.0).elevation[100, 60:340] - 1000.0
+        assert np.abs(left).max() == pytest.approx(share, abs=2e-3)
+    smooth = low_pass(GROUND, 30.0)
+    np.testing.assert_allclose(smooth.elevation[13:27], GROUND.elevation[13:27], atol=1e-3)
+    assert low_pass(GROUND, 0.0) is GROUND
+    for width in (-1.0, np.nan, 1e4):
+        with pytest.raises(LavaError, match='low_pass'):
+            low_pass(GROUND, width)
+
+
+def test_it_is_the_surface_that_lava_flows_on() -> None:
+    """The quadratic B-spline of the heights, at the middle of the finer cells."""
+    heights = np.random.default_rng(3).uniform(0.0, 30.0, (7, 9)).astype(np.float32)
+    terrain = Terrain(heights, 30.0, origin=(5.0, -7.0))
+    fine = finer(terrain, 3)
+    assert fine.resolution == 10.0 and fine.shape == (21, 27) and fine.extent == terrain.extent
+    ring = ringed_heights(terrain) + heights.astype(np.float64).mean()
+    near, middle, far = 25 / 72, 46 / 72, 1 / 72
+    weights = {-1: (near, middle, far), 0: (1 / 8, 3 / 4, 1 / 8), 1: (far, middle, near)}
+    for row, column in ((0, 0), (3, 5), (6, 8)):
+        patch = ring[row : row + 3, column : column + 3]
+        for m, low in weights.items():
+            for n, left in weights.items():
+                expected = np.array(low) @ patch @ np.array(left)
+                found = fine.elevation[3 * row + 1 + m, 3 * column + 1 + n]
+                assert found == pytest.approx(expected, abs=1e-4)
+
+
+def test_cells_without_data_stay_without() -> None:
+    """A plane stays one beside a hole and at the border."""
+    x, y = np.meshgrid(np.arange(8.0), np.arange(6.0))
+    heights = 3.0 * x - 2.0 * y
+    heights[2:4, 3] = np.nan
+    terrain = Terrain(heights, 1.0)
+    fine = finer(terrain, 4)
+    x, y = np.meshgrid((np.arange(32) + 0.5) / 4 - 0.5, (np.arange(24) + 0.5) / 4 - 0.5)
+    known = np.kron(terrain.has_data, np.ones((4, 4), dtype=bool))
+    np.testing.assert_array_equal(fine.has_data, known)
+    np.testing.assert_allclose(fine.elevation[known], (3.0 * x - 2.0 * y)[known], atol=1e-5)
+    assert finer(terrain, 1) is terrain
