@@ -25,7 +25,7 @@ from scipy.special import erf, erfcx
 
 from lava_ros.scene import Lava
 from lava_ros.verification import exact
-from lava_ros.verification.cases import silicone
+from lava_ros.verification.cases import heat as silicone
 
 CAPACITY = 2500.0 * 1150.0
 LAVA = Lava(density=2500.0, specific_heat=1150.0)
