@@ -50,16 +50,8 @@ QUICK_RADII = ('l = 1 h', 'l = 6 h')
 
 #: Cases of even layers: the resolution hardly enters or no time passes, and only presets are run.
 EVEN_CASES = (
-    'sheet',
-    'green',
-    'channel',
-    'radiating_sheet',
-    'ground',
-    'crust',
-    'latent_heat',
-    'herschel_bulkley',
-    'critical_thickness',
-    'material_laws',
+    'sheet', 'green', 'channel', 'radiating_sheet', 'ground', 'crust', 'latent_heat',
+    'herschel_bulkley', 'critical_thickness', 'material_laws',
 )
 
 #: Refinements of the convergence study: every doubling from 2,000 particles to 128,000.
@@ -89,12 +81,11 @@ class Setting:
 
 def all_settings(*, quick: bool = False) -> list[Setting]:
     """The settings of a report, each accuracy once, from cheap to expensive."""
-    refinements: Sequence[float] = REFINEMENTS
-    ratios: Sequence[float] = RATIOS
-    names: Sequence[str] = tuple(PRESETS)
+    refinements: Sequence[float] = QUICK_REFINEMENTS if quick else REFINEMENTS
+    ratios: Sequence[float] = QUICK_RATIOS if quick else RATIOS
+    names: Sequence[str] = QUICK_PRESETS if quick else tuple(PRESETS)
     studied = [*convergence(), *stepping(), *from_paper().values()]
     if quick:
-        refinements, ratios, names = QUICK_REFINEMENTS, QUICK_RATIOS, QUICK_PRESETS
         studied = [item for item in convergence() if item.refinement <= 1.0]
     presets = {PRESETS[name].accuracy: name for name in names}
     grid = [Accuracy(refinement=size, ratio=ratio) for size in refinements for ratio in ratios]
@@ -104,15 +95,12 @@ def all_settings(*, quick: bool = False) -> list[Setting]:
         some[accuracy] = KNOB_CASES
     for accuracy in gradients().values():
         some[accuracy] = tuple(dict.fromkeys((*some.get(accuracy, ()), *GRADIENT_CASES)))
-    settings = [
-        Setting(
-            name_of(accuracy),
-            accuracy,
-            presets.get(accuracy, ''),
-            None if accuracy in everywhere else some[accuracy],
+    settings = []
+    for accuracy in dict.fromkeys((*grid, *some)):
+        cases = None if accuracy in everywhere else some[accuracy]
+        settings.append(
+            Setting(name_of(accuracy), accuracy, presets.get(accuracy, ''), cases)
         )
-        for accuracy in dict.fromkeys((*grid, *some))
-    ]
     return sorted(settings, key=lambda item: expected_cost(item.accuracy))
 
 
@@ -120,14 +108,9 @@ def knobs(*, quick: bool = False) -> list[Accuracy]:
     """The default preset with one knob turned."""
     turned: list[dict[str, Any]] = [{'integrator': 'euler'}, {'kernel': 'poly6'}]
     if not quick:
-        turned += [
-            {'kernel': 'spiky'},
-            {'precision': 'float64'},
-            {'diffusion_number': 1.0},
-            {'diffusion_number': 2.0},
-            {'courant_number': 0.25},
-            {'courant_number': 0.125},
-        ]
+        turned += [{'kernel': 'spiky'}, {'precision': 'float64'}]
+        turned += [{'diffusion_number': number} for number in (1.0, 2.0)]
+        turned += [{'courant_number': number} for number in (0.25, 0.125)]
     return [replace(STANDARD, **knob) for knob in turned]
 
 
@@ -137,21 +120,14 @@ def convergence() -> list[Accuracy]:
     Steps are half as long as the preset's: at its own length the error of the steps has the other
     sign and takes off a part of that of the particles, a different one at each refinement.
     """
-    return [
-        replace(STANDARD, refinement=refinement, courant_number=0.25)
-        for refinement in DOUBLINGS
-    ]
+    return [replace(STANDARD, refinement=size, courant_number=0.25) for size in DOUBLINGS]
 
 
 def stepping() -> list[Accuracy]:
     """Euler, then the second-order integrator at several Courant numbers, few particles first."""
     integrators: list[dict[str, Any]] = [{'integrator': 'euler'}]
     integrators += [{'courant_number': number} for number in COURANT_NUMBERS]
-    return [
-        replace(STANDARD, refinement=refinement, **integrator)
-        for refinement in STEPPED
-        for integrator in integrators
-    ]
+    return [replace(STANDARD, refinement=size, **each) for size in STEPPED for each in integrators]
 
 
 def gradients() -> dict[str, Accuracy]:
@@ -220,17 +196,14 @@ def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
     A quick report takes less than two minutes on two cores.
     """
     settings = all_settings(quick=quick)
-    pairs = [
-        (case, item) for case in CASES.values() for item in settings if _is_run(item, case.name)
-    ]
+    pairs = []
+    for case in CASES.values():
+        for item in settings:
+            usual = item.preset or case.name not in EVEN_CASES
+            if usual if item.cases is None else case.name in item.cases:
+                pairs.append((case, item))
     return pairs + [
         (case, Setting(name, STANDARD))
         for name, case in EXPERIMENTS.items()
         if not quick or name.endswith(QUICK_RADII)
     ]
-
-
-def _is_run(setting: Setting, case: str) -> bool:
-    if setting.cases is not None:
-        return case in setting.cases
-    return bool(setting.preset) or case not in EVEN_CASES

@@ -139,8 +139,7 @@ def use(monkeypatch: pytest.MonkeyPatch, *errors: float) -> None:
 
     monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
     names = [f'q{index}' for index in range(len(errors))]
-    limits = {'draft': 0.02, 'standard': 0.01}
-    monkeypatch.setattr(bounds, 'BOUNDS', {'fake': dict.fromkeys(names, limits)})
+    monkeypatch.setattr(bounds, 'BOUNDS', {'fake': dict.fromkeys(names, (0.02, 0.01))})
 
 
 def test_a_real_case(tmp_path, capsys):

@@ -37,10 +37,10 @@ import numpy as np
 
 from hard.ground import Bound, distance, Moment
 from lava_ros.simulation.accuracy import expected_thickness
-from lava_ros.verification.bounds import BOUNDS
+from lava_ros.verification.bounds import bound
 
 #: Share of its thickness to which a pond at rest is level, at any preset.
-LEVEL = max(BOUNDS['pond']['flatness at rest'].values())
+LEVEL = bound('draft', 'pond', 'flatness at rest')
 
 #: Share by which u^2 may exceed that of free fall: heights are float32.
 FALL = 1e-3

@@ -22,7 +22,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 import math
-from typing import Any
 
 import numpy as np
 
@@ -77,7 +76,7 @@ def _cooling_sheet(
     device: str,
     *,
     lava: Lava,
-    solution: Callable[..., Any],
+    solution: Callable[..., float],
     hours: Sequence[float] = HOURS,
     is_of_loss: bool = True,
     **switched: bool,
@@ -90,10 +89,9 @@ def _cooling_sheet(
         lava, replace(FLAT, **switched), replace(accuracy, longest_step=600.0), device,
         thickness=THICKNESS, spacing=4.0, side=80.0, temperature=HOT,
     )
-    temperature = solution(lava, initial=HOT, thickness=THICKNESS).temperature
     for hour in hours:
         trial.advance(3600.0 * hour)
-        right = temperature(3600.0 * hour)
+        right = solution(lava, 3600.0 * hour, initial=HOT, thickness=THICKNESS)
         found = trial.middle('temperature', 16.0).mean()
         scale = HOT - right if is_of_loss else None
         trial.compare(f'temperature after {hour:g} h', found, right, 'K', scale)
@@ -274,7 +272,7 @@ CASES = (
         'radiating_sheet', 'sheet that cools by radiation', 'Stefan-Boltzmann law',
         partial(
             _cooling_sheet, lava=replace(STILL, emissivity=0.9),
-            solution=partial(exact.RadiatingSheet, ambient=COLD), hours=(1.0, 10.0, 24.0),
+            solution=partial(exact.radiating_sheet, ambient=COLD), hours=(1.0, 10.0, 24.0),
             is_of_loss=False, cooling=True,
         ),
     ),
@@ -282,14 +280,14 @@ CASES = (
         'ground', 'sheet that warms the ground', 'Carslaw & Jaeger 1959',
         partial(
             _cooling_sheet, lava=replace(STILL, ground_conductivity=2.0),
-            solution=partial(exact.ColumnOnGround, ground=COLD), ground=True,
+            solution=partial(exact.column_on_ground, ground=COLD), ground=True,
         ),
     ),
     case.Case(
         'crust', 'sheet that cools under a crust', 'Carslaw & Jaeger 1959',
         partial(
             _cooling_sheet, lava=replace(STILL, convection=50.0, conductivity=2.0, crust=True),
-            solution=partial(exact.ConvectingSlab, ambient=COLD), crust=True,
+            solution=partial(exact.convecting_slab, ambient=COLD), crust=True,
         ),
     ),
     case.Case(
@@ -300,7 +298,7 @@ CASES = (
             lava=replace(
                 STILL, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0
             ),
-            solution=partial(exact.CrystallisingSheet, ambient=COLD),
+            solution=partial(exact.crystallising_sheet, ambient=COLD),
             cooling=True, latent_heat=True,
         ),
     ),

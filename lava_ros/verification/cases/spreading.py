@@ -23,7 +23,7 @@ from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases import case
-from lava_ros.verification.cases.case import FRONT, GRAVITY, ISOTHERMAL, NU
+from lava_ros.verification.cases.case import FLAT, FRONT, GRAVITY, ISOTHERMAL, NU
 
 
 def spread_of_fixed_volume(
@@ -76,7 +76,7 @@ def _run_constant_flux(accuracy: Accuracy, device: str) -> case.Run:
     window = case.square(half)
     trial = case.Trial(
         Scene(case.plane(window, 8.0), (Vent((0.0, 0.0), discharge, radius=10.0),), ISOTHERMAL),
-        accuracy, device, spacing=2.8 / accuracy.refinement, thickness=1.15,
+        accuracy, device, effects=FLAT, spacing=2.8 / accuracy.refinement, thickness=1.15,
     )
     times = np.geomspace(0.25 * end, end, 7)
     radii = []
