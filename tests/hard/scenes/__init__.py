@@ -15,15 +15,15 @@
 """The hard scenes by family."""
 
 from hard.case import HardScene
-from hard.scenes import heat, layers, long, particles, terrain, vents
+from hard.scenes import lava, long, sources, terrain
 
 FAMILIES: dict[str, tuple[HardScene, ...]] = {
-    'viscosity': layers.VISCOSITY,
-    'thickness': layers.THICKNESS,
+    'viscosity': lava.VISCOSITY,
+    'thickness': lava.THICKNESS,
     'terrain': terrain.SCENES,
-    'vents': vents.SCENES,
-    'particles': particles.SCENES,
-    'heat': heat.SCENES,
+    'vents': sources.VENTS,
+    'particles': sources.PARTICLES,
+    'heat': lava.HEAT,
     'long': long.SCENES,
 }
 
