@@ -39,10 +39,8 @@ PHYSICS: dict[str, Effects] = {
     ),
     'lateral': Effects(helmholtz=True),
     'heating': Effects(arrhenius=False, cooling=False, viscous_heating=True),
-    'heating_inertia': Effects(
-        arrhenius=False, cooling=False, viscous_heating=True, inertia=True
-    ),
 }
+PHYSICS['heating_inertia'] = replace(PHYSICS['heating'], inertia=True)
 
 #: Cell of most scenes [m], and cells of a side.
 CELL, SIDE = 5.0, 32
@@ -143,12 +141,8 @@ def block(
 ) -> Lot:
     """Lava of an even thickness on a rectangle, on a lattice that is symmetric left to right.
 
-    Args:
-        width: Along x [m].
-        depth: Along y [m].
-        thickness: Thickness [m].
-        centre: Middle of the rectangle [m].
-        temperature: One [K], or a function of the positions [m], shape [count, 2].
+    Lengths are in metres, ``width`` along x. The temperature is one [K], or a function of the
+    positions [m], shape [count, 2].
     """
 
     def lava(spacing: float) -> Particles:

@@ -86,34 +86,25 @@ class Ground:
         bend = 0.5 * (along + across) + np.hypot(half, mixed)
         return np.maximum(bend, 0.0) / step**2
 
-    def _around(self, position: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
-        """First and last row and column of the cells within a reach of positions."""
-        terrain = self._terrain
-        rows, columns = self._heights.shape
-        place = (position - np.asarray(terrain.origin)) / terrain.resolution + 1.0
-        span = reach / terrain.resolution
-        low = np.floor(place - span).astype(int)
-        high = np.floor(place + span).astype(int)
-        return (
-            np.clip(low[:, 1], 0, rows - 1),
-            np.clip(high[:, 1], 0, rows - 1),
-            np.clip(low[:, 0], 0, columns - 1),
-            np.clip(high[:, 0], 0, columns - 1),
-        )
+    def _around(self, position: np.ndarray, reach: float) -> np.ndarray:
+        """Bounds of the rows and columns within a reach of positions, shape [count, 4]."""
+        place = (position - np.asarray(self._terrain.origin)) / self._terrain.resolution + 1.0
+        span = reach / self._terrain.resolution
+        low, high = (np.floor(place + way).astype(int) for way in (-span, span))
+        last = np.array(self._heights.shape) - 1
+        first, end = (np.clip(ends[:, ::-1], 0, last) for ends in (low, high))
+        return np.stack([first[:, 0], end[:, 0] + 1, first[:, 1], end[:, 1] + 1], axis=1)
 
     def rise(self, position: np.ndarray, reach: float) -> np.ndarray:
         """What the ground rises or falls by within a reach of positions [m], shape [count]."""
-        blocks = np.stack(self._around(position, reach), axis=1)
-        kinds, which = np.unique(blocks, axis=0, return_inverse=True)
-        rises = [np.ptp(self._heights[a : b + 1, c : d + 1]) for a, b, c, d in kinds]
+        kinds, which = np.unique(self._around(position, reach), axis=0, return_inverse=True)
+        rises = [np.ptp(self._heights[a:b, c:d]) for a, b, c, d in kinds]
         return np.array(rises)[which.ravel()]
 
     def highest(self, vent: Vent, least: float) -> float:
-        """Highest ground under a vent, from the lowest of all [m].
+        """Highest ground under a vent of a least radius [m], from the lowest of all [m].
 
-        Args:
-            vent: The vent; a fissure is looked at in as many places as cells.
-            least: Radius that it has at least [m].
+        A fissure is looked at in as many places as cells.
         """
         start = np.asarray(vent.position)
         end = start if vent.end is None else np.asarray(vent.end)
@@ -121,8 +112,7 @@ class Ground:
         places = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
         # the spline at a place is a mean of its cell and of those beside it
         reach = max(vent.radius, least) + self._terrain.resolution
-        blocks = np.stack(self._around(places, reach), axis=1)
-        tops = [self._heights[a : b + 1, c : d + 1].max() for a, b, c, d in blocks]
+        tops = [self._heights[a:b, c:d].max() for a, b, c, d in self._around(places, reach)]
         return float(max(tops)) - self.lowest
 
 
@@ -156,14 +146,10 @@ def along(
 ) -> Iterator[tuple[float, float, float]]:
     """A rate at the start and at the end of each step, and the step's length [s].
 
-    The frame is played again from its start, step by step: lava that comes out and runs off,
-    breaks loose for a moment, or falls and climbs, shows that at neither end of a frame.
-
-    Args:
-        start: The frame's start.
-        simulation: The simulation at the frame's end.
-        steps: How many there were; of many only one in so many is taken, as long as all of them.
-        rate: What is asked of a moment.
+    The frame that began at ``start`` and whose end the simulation is at is played again, step by
+    step: lava that comes out and runs off, breaks loose for a moment, or falls and climbs, shows
+    that at neither end of a frame. Of many ``steps`` only one in so many is taken, as long as all
+    of them.
     """
     again = Simulation.resume(start, device=simulation.device)
     if start.scene.vents != simulation.scene.vents:

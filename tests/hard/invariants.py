@@ -30,6 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 import math
 
 import numpy as np
@@ -80,12 +81,9 @@ class Watch:
     def __init__(
         self, simulation: Simulation, *, dry: Dry | None = None, raises: bool = True
     ) -> None:
-        """Take the simulation as it is now.
+        """Take the simulation as it is now, best before its first step.
 
-        Args:
-            simulation: A simulation, best before its first step.
-            dry: Where lava may not be.
-            raises: Whether ``check`` raises what it finds, or only keeps it.
+        ``dry`` is where lava may not be; ``raises``, whether ``check`` raises what it finds.
         """
         self._simulation, self._raises = simulation, raises
         self.violations: list[Violation] = []
@@ -112,31 +110,22 @@ class Watch:
             self._temperature.look(moment)
 
     def check(self, snapshot: Snapshot | None = None) -> list[Violation]:
-        """Check every invariant at this moment.
-
-        Args:
-            snapshot: The simulation's snapshot of this moment; taken when left out.
-
-        Returns:
-            What does not hold.
+        """Check every invariant at this moment, of which this is the snapshot.
 
         Raises:
             InvariantError: Something does not hold, and the watch raises.
         """
         if self._simulation.scene.terrain is not self._terrain:
             self.renew()
-        snapshot = snapshot or self._simulation.snapshot()
         moment = Moment(self._simulation)
-        found = self._broken(moment, _whole(moment, snapshot))
+        found = self._broken(moment, _whole(moment, snapshot or self._simulation.snapshot()))
         if not found:
             # numbers that are none say nothing about the rest
-            for bounds in (
-                self._temperature.check(moment),
-                self._heights.check(moment),
-                self._energy.check(moment, self._temperature.hottest),
-                self.cost.check(moment),
-            ):
-                found += self._broken(moment, bounds)
+            hottest = self._temperature.hottest
+            found = self._broken(moment, chain(
+                self._temperature.check(moment), self._heights.check(moment),
+                self._energy.check(moment, hottest), self.cost.check(moment),
+            ))
         self.violations += found
         if found and self._raises:
             raise InvariantError(found)
@@ -156,9 +145,9 @@ class Watch:
 def _whole(moment: Moment, snapshot: Snapshot) -> Iterator[Bound]:
     """That there are numbers, and all of the volume."""
     lava, budget, known = moment.lava, snapshot.budget, snapshot.terrain.has_data
+    names = ('position', 'volume', 'temperature', 'thickness', 'velocity')
     values = {
-        **{name: getattr(lava, name) for name in
-           ('position', 'volume', 'temperature', 'thickness', 'velocity')},
+        **{name: getattr(lava, name) for name in names},
         'map thickness': snapshot.thickness[known],
         'map temperature': snapshot.temperature[known & (snapshot.thickness > 0.0)],
         'budget': np.array([budget.emitted, budget.held, budget.left, budget.frozen]),

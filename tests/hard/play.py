@@ -34,6 +34,7 @@ left, rest, distinct, spread, cost
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 import math
 import time as wall_clock
@@ -141,25 +142,37 @@ def play(
     outcome.time, outcome.particles = simulation.time, simulation.particle_count
     outcome.steps, outcome.evaluations = snapshot.steps.count, snapshot.steps.evaluations
     outcome.smallest_step, outcome.cost = watch.cost.smallest_step, watch.cost.highest
-    whole = not outcome.violations and not outcome.is_cut
-    if whole and item.still:
-        _check_still(outcome, before, simulation)
-    if whole and item.distinct:
-        places = simulation.sample().position
-        _hold(outcome, 'distinct', len(places) - len(np.unique(places, axis=0)), 0)
-    if whole and preset in item.most_steps:
-        _hold(outcome, 'cost', outcome.steps, item.most_steps[preset])
-    if whole and item.reaches:
-        reached = float(np.hypot(*simulation.sample().position.T).max(initial=0.0))
-        _hold(outcome, 'spread', -reached, -item.reaches)
-    if whole and item.closed:
-        _hold(outcome, 'left', snapshot.budget.left, 0.0)
-    if whole and preset == 'reference' and item.mirrored:
-        _hold(outcome, 'symmetry', outcome.asymmetry, MIRRORED)
-    if whole and compare and item.halved:
-        _compare(item, outcome, accuracy, footprint(snapshot), device)
+    if not outcome.violations and not outcome.is_cut:
+        for asked in _asked(item, outcome, before, simulation):
+            _hold(outcome, *asked)
+        if compare and item.halved:
+            _compare(item, outcome, accuracy, footprint(snapshot), device)
     outcome.wall_time = wall_clock.monotonic() - start
     return outcome
+
+
+def _asked(
+    item: HardScene, outcome: Outcome, before: np.ndarray, simulation: Simulation
+) -> Iterator[tuple[str, float, float]]:
+    """What a scene asks for itself: the invariant, what was found, what it may be at most."""
+    places = simulation.sample().position
+    if item.still:
+        moved = math.inf
+        if len(places) == len(before):
+            one, other = (array[np.lexsort(array.T)] for array in (before, places))
+            moved = float(np.abs(one - other).max())
+        # a float32 has 2^-24 of half the map
+        yield 'rest', moved, 2.0**-22 * max(simulation.scene.terrain.extent)
+    if item.distinct:
+        yield 'distinct', len(places) - len(np.unique(places, axis=0)), 0
+    if outcome.preset in item.most_steps:
+        yield 'cost', outcome.steps, item.most_steps[outcome.preset]
+    if item.reaches:
+        yield 'spread', -float(np.hypot(*places.T).max(initial=0.0)), -item.reaches
+    if item.closed:
+        yield 'left', simulation.budget().left, 0.0
+    if outcome.preset == 'reference' and item.mirrored:
+        yield 'symmetry', outcome.asymmetry, MIRRORED
 
 
 def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Simulation:
@@ -198,11 +211,7 @@ def _moments(item: HardScene, step: float | None = None) -> list[float]:
 
 
 def _advance(
-    simulation: Simulation,
-    item: HardScene,
-    moment: float,
-    start: float,
-    wall_limit: float | None,
+    simulation: Simulation, item: HardScene, moment: float, start: float, limit: float | None
 ) -> bool:
     """Go on to a moment; False when the time was up before.
 
@@ -211,7 +220,7 @@ def _advance(
     for event in item.events:
         if event.time == simulation.time:
             event.act(simulation)
-    left = None if wall_limit is None else wall_limit - (wall_clock.monotonic() - start)
+    left = None if limit is None else limit - (wall_clock.monotonic() - start)
     return simulation.advance(moment, wall_limit=left) >= moment
 
 
@@ -220,32 +229,25 @@ def _hold(outcome: Outcome, name: str, value: float, most: float) -> None:
         outcome.violations.append(Violation(name, value, most, outcome.time))
 
 
-def _check_still(outcome: Outcome, before: np.ndarray, simulation: Simulation) -> None:
-    after = simulation.sample().position
-    moved = math.inf
-    if len(after) == len(before):
-        order = (np.lexsort(places.T) for places in (before, after))
-        moved = float(np.abs(before[next(order)] - after[next(order)]).max())
-    # a float32 has 2^-24 of half the map
-    _hold(outcome, 'rest', moved, 2.0**-22 * max(simulation.scene.terrain.extent))
-
-
 def _compare(
     item: HardScene, outcome: Outcome, accuracy: Accuracy, whole: np.ndarray, device: str | None
 ) -> None:
     """Hold the footprint with steps half as long against this one: the module says how."""
-    half = _with_steps(accuracy, 0.5)
-    change = footprint_change(whole, _final(item, simulation_of(item, half, device)))
+
+    def change(share: float) -> float:
+        return footprint_change(
+            whole, _final(item, simulation_of(item, _with_steps(accuracy, share), device))
+        )
+
+    found = change(0.5)
     bound = PRESETS[outcome.preset].errors['edge'] + _cell_share(whole)
-    if change > bound:
+    if found > bound:
         # scatter only adds to the bound: without it the verdict is the same
         bound += _scatter(item, accuracy, whole, device)
-    if change > bound:
-        quarter = _with_steps(accuracy, 0.25)
-        change = footprint_change(whole, _final(item, simulation_of(item, quarter, device)))
-    outcome.footprint_change = change
-    outcome.footprint_bound = bound
-    _hold(outcome, 'halving', change, bound)
+    if found > bound:
+        found = change(0.25)
+    outcome.footprint_change, outcome.footprint_bound = found, bound
+    _hold(outcome, 'halving', found, bound)
 
 
 def _scatter(
@@ -262,11 +264,8 @@ def _scatter(
 
 def _with_steps(accuracy: Accuracy, share: float) -> Accuracy:
     """The accuracy with steps of a share of their length, whatever limits them."""
-    return replace(
-        accuracy,
-        courant_number=share * accuracy.courant_number,
-        longest_step=share * accuracy.longest_step,
-    )
+    limits = ('courant_number', 'longest_step')
+    return replace(accuracy, **{name: share * getattr(accuracy, name) for name in limits})
 
 
 def _cell_share(whole: np.ndarray) -> float:
@@ -302,11 +301,8 @@ def _shaken(item: HardScene, share: float, *, seed: int = 0) -> HardScene:
         places[~inside] = particles.position[~inside]
         return replace(particles, position=places)
 
-    return replace(
-        item,
-        scene=replace(scene, vents=tuple(vents)),
-        lava=None if lava is None else shaken_lava,
-    )
+    shaken = replace(scene, vents=tuple(vents))
+    return replace(item, scene=shaken, lava=None if lava is None else shaken_lava)
 
 
 def footprint(snapshot: Snapshot) -> np.ndarray:
@@ -315,10 +311,9 @@ def footprint(snapshot: Snapshot) -> np.ndarray:
 
 
 def footprint_change(one: np.ndarray, other: np.ndarray) -> float:
-    """Distance between two footprints' borders over their radius.
+    """Distance between two footprints' borders over their radius, 0 where both are empty.
 
-    The area that only one of them covers over twice the mean area: dR / R for discs. 0 where both
-    are empty.
+    It is the area that only one of them covers over twice the mean area: dR / R for discs.
     """
     area = one.sum() + other.sum()
     return float((one ^ other).sum() / area) if area else 0.0
