@@ -43,21 +43,16 @@ from lava_ros.verification.settings import all_pairs, all_settings, expected_cos
 
 
 def test_rows_hold_the_median_and_the_range(fake_case, measured):
-    """A short run is timed as often as asked."""
+    """A short run is timed as often as asked, one longer than the limit once."""
     case = fake_case()
     rows = measured([case], [Setting('a', Accuracy(refinement=2.0))], repetitions=3)
     assert [item.refinement for item in case.accuracies] == [2.0, 2.0, 2.0]
     assert [row.quantity for row in rows] == ['radius', 'profile']
     for row in rows:
         assert row.repetitions == 3
-        assert row.wall_s == pytest.approx(0.0602)
-        assert (row.low, row.high) == (pytest.approx(0.0601), pytest.approx(0.0603))
+        assert (row.wall_s, row.low, row.high) == pytest.approx((0.0602, 0.0601, 0.0603))
         assert row.wall_s_per_simulated_hour == pytest.approx(2.0 * row.wall_s)
     assert rows[1].error == pytest.approx(10.0 * rows[0].error)
-
-
-def test_long_runs_are_not_repeated(fake_case, measured):
-    """A run longer than the limit is timed once."""
     case = fake_case(time=REPEATED_BELOW)
     rows = measured([case], [Setting('a', Accuracy())], repetitions=3)
     assert len(case.accuracies) == 1
@@ -87,32 +82,24 @@ def test_a_case_without_time_has_no_cost(fake_case, measured):
     assert pareto_front(points(rows)) == []
 
 
-def test_progress_goes_from_nothing_to_all(fake_case, measured):
-    """The share of the work that is done grows from 0 to 1."""
-    shares = []
-    cases = [fake_case('a'), fake_case('b')]
-    measured(cases, on_progress=lambda _, share: shares.append(share))
-    assert shares[0] == 0.0
-    assert shares[-1] == 1.0
-    assert sorted(shares) == shares
-
-
 def test_a_case_is_handed_out_before_the_next_begins(fake_case):
-    """Who is interrupted in the second case has the rows of the first."""
+    """Who is interrupted in the second case has the rows of the first; progress goes to all.
+
+    Cases that share a name are measured together, each at its own setting.
+    """
+    shares = []
     one, two = fake_case('one'), fake_case('two')
-    pairs = [(case, Setting('a', Accuracy())) for case in (one, two)]
-    found = measure(pairs, device='cpu', command='lava accuracy', repetitions=1)
+    cases = [(one, 'a'), (two, 'a'), (fake_case('two'), 'b')]
+    pairs = [(case, Setting(name, Accuracy())) for case, name in cases]
+    found = measure(
+        pairs, device='cpu', command='lava accuracy', repetitions=1,
+        on_progress=lambda _, share: shares.append(share),
+    )
     assert {row.case for row in next(found)} == {'one'}
     assert two.accuracies == []
-    assert {row.case for row in next(found)} == {'two'}
+    assert [(row.case, row.setting) for row in next(found)] == [('two', name) for name in 'aabb']
     assert next(found, None) is None
-
-
-def test_experiments_of_one_name_are_one_case(fake_case):
-    """Cases that share a name are measured together, each at its own setting."""
-    pairs = [(fake_case('same'), Setting(name, Accuracy())) for name in ('a', 'b')]
-    groups = list(measure(pairs, device='cpu', command='lava accuracy', repetitions=1))
-    assert [[row.setting for row in rows] for rows in groups] == [['a', 'a', 'b', 'b']]
+    assert shares[0] == 0.0 and shares[-1] == 1.0 and sorted(shares) == shares
 
 
 def test_machine_names_no_host():
@@ -136,13 +123,6 @@ def test_settings_are_distinct(quick):
     assert costs == sorted(costs)
 
 
-def test_settings_of_some_cases_name_cases_there_are():
-    """A misspelt case would silently never run, or always."""
-    assert set(settings.EVEN_CASES) <= set(CASES)
-    for item in all_settings():
-        assert set(item.cases or ()) <= set(CASES)
-
-
 @pytest.mark.parametrize(
     ('study', 'cases'),
     [
@@ -155,21 +135,18 @@ def test_settings_of_some_cases_name_cases_there_are():
 def test_what_is_studied_is_run(study, cases):
     """Every setting of a study is measured in its cases, once."""
     pairs = [(case.name, item.accuracy) for case, item in all_pairs()]
-    for accuracy in study():
-        for case in cases:
-            assert pairs.count((case, accuracy)) == 1
-
-
-def test_even_layers_are_run_at_presets_only():
-    """Where the resolution hardly enters there is no front to look for."""
-    pairs = all_pairs()
-    for name in settings.EVEN_CASES:
-        assert all(item.preset for case, item in pairs if case.name == name)
-    assert any(not item.preset for case, item in pairs if case.name == 'dam_break')
+    assert all(pairs.count((case, accuracy)) == 1 for accuracy in study() for case in cases)
 
 
 def test_a_setting_may_be_for_some_cases_only():
-    """The paper's 20,000 steps are taken in one case."""
+    """Even layers are run at presets alone; the paper's 20,000 steps are taken in one case.
+
+    A misspelt case would silently never run, or always.
+    """
+    assert set(settings.EVEN_CASES) <= set(CASES)
+    assert all(set(item.cases or ()) <= set(CASES) for item in all_settings())
+    swept = {case.name for case, item in all_pairs() if not item.preset}
+    assert not swept & set(settings.EVEN_CASES) and 'dam_break' in swept
     paper = {case.name for case, item in all_pairs() if item.preset == 'as-published'}
     assert paper == set(settings.KNOB_CASES)
 
@@ -211,14 +188,12 @@ def test_csv_round_trip(tmp_path, fake_case, measured):
     path = tmp_path / 'a.csv'
     write_csv(rows, path)
     again = read_csv(path)
-    assert len(again) == len(rows)
+    rounded = ('error', 'measured', 'wall_s', 'low', 'high', 'wall_s_per_simulated_hour')
     for old, new in zip(rows, again, strict=True):
-        assert new.error == pytest.approx(old.error, rel=1e-5)
-        assert new.wall_s == pytest.approx(old.wall_s, rel=1e-5)
-        rounded = dict.fromkeys(
-            ('error', 'measured', 'wall_s', 'low', 'high', 'wall_s_per_simulated_hour'), 0
-        )
-        assert replace(new, **rounded) == replace(old, **rounded)
+        for name in rounded:
+            assert getattr(new, name) == pytest.approx(getattr(old, name), rel=1e-5)
+        same = {name: getattr(old, name) for name in rounded}
+        assert replace(new, **same) == old
     header = path.read_text().splitlines()[0]
     assert header == (
         'case,setting,preset,quantity,error,measured,exact,unit,particles,steps,evaluations,'
@@ -259,15 +234,14 @@ def test_front_is_what_nothing_beats():
     assert [item.cost for item in front] == sorted(item.cost for item in front)
 
 
-def test_a_point_has_the_worst_error_of_its_quantities(fake_case, measured):
-    """What is good in one quantity only is not good."""
+def test_a_point_has_the_worst_error_of_its_quantities(fake_case, measured, row):
+    """What is good in one quantity only is not good.
+
+    NaN is on no front, whatever it costs; what is known of the error is kept.
+    """
     found = points(measured([fake_case()]))
     assert [item.error for item in found] == pytest.approx([1e-2 / 1.5, 1e-2 / 3.0, 1e-2 / 6.0])
     assert [item.least for item in found] == [item.error for item in found]
-
-
-def test_no_result_is_the_worst(row):
-    """NaN is on no front, whatever it costs; what is known of the error is kept."""
     rows = [row(), row(quantity='edge', error=math.nan), row(setting='b', wall_s=9.0, error=0.5)]
     broken, whole = points(rows)
     assert (broken.error, broken.least) == (math.inf, 0.01)
