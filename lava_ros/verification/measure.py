@@ -45,13 +45,8 @@ PRESET_PATIENCE = 4.0
 
 
 def measure(
-    pairs: Sequence[tuple[Case, Setting]],
-    *,
-    device: str,
-    command: str,
-    repetitions: int = 3,
-    longest: float = LONGEST,
-    on_progress: Callable[[str, float], None] = lambda what, share: None,
+    pairs: Sequence[tuple[Case, Setting]], *, device: str, command: str, repetitions: int = 3,
+    longest: float = LONGEST, on_progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Iterator[list[Row]]:
     """Run every pair that does not take too long, case by case and each from cheap to dear.
 

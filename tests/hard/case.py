@@ -112,10 +112,7 @@ class HardScene:
 
 
 def terrain(
-    surface: Surface | None = None,
-    *,
-    cell: float = CELL,
-    side: int = SIDE,
+    surface: Surface | None = None, *, cell: float = CELL, side: int = SIDE,
     origin: tuple[float, float] | None = None,
 ) -> Terrain:
     """A square terrain of a surface z(x, y), its centre at (0, 0) unless an origin is given."""
@@ -132,11 +129,7 @@ def plane(slope: float, *, towards: tuple[float, float] = (0.0, -1.0)) -> Surfac
 
 
 def block(
-    width: float,
-    depth: float,
-    thickness: float,
-    *,
-    centre: tuple[float, float] = (0.0, 0.0),
+    width: float, depth: float, thickness: float, *, centre: tuple[float, float] = (0.0, 0.0),
     temperature: float | Callable[[np.ndarray], np.ndarray] = 1423.0,
 ) -> Lot:
     """Lava of an even thickness on a rectangle, on a lattice that is symmetric left to right.
@@ -174,9 +167,7 @@ def vent(x: float = 0.0, y: float = 0.0, discharge: Any = 5.0, **more: Any) -> V
 
 
 def scene(
-    ground: Terrain | Surface | None = None,
-    vents: tuple[Vent, ...] = (),
-    lava: Lava = STEADY,
+    ground: Terrain | Surface | None = None, vents: tuple[Vent, ...] = (), lava: Lava = STEADY,
     **more: Any,
 ) -> Scene:
     """A scene on a terrain, or on the usual one of a surface."""

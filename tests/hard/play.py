@@ -109,11 +109,7 @@ class Outcome:
 
 
 def play(
-    item: HardScene,
-    preset: str,
-    *,
-    device: str | None = 'cpu',
-    compare: bool = True,
+    item: HardScene, preset: str, *, device: str | None = 'cpu', compare: bool = True,
     wall_limit: float | None = None,
 ) -> Outcome:
     """Run a scene at a preset under watch, and cut it off after a wall time [s].
@@ -185,10 +181,7 @@ def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Si
         without = dict.fromkeys(('inertia', 'helmholtz'), False)
         effects = replace(effects, **without) if isinstance(effects, Effects) else without
     simulation = Simulation(
-        item.scene,
-        effects=effects,
-        accuracy=accuracy,
-        device=device,
+        item.scene, effects=effects, accuracy=accuracy, device=device,
         particles=item.lava(spacing) if item.lava else None,
     )
     clock = simulation._state.clock.numpy()

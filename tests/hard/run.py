@@ -186,23 +186,13 @@ def _row(item: Outcome, device: str) -> dict[str, object]:
     family = next(name for name, scenes in FAMILIES.items() if SCENES[item.scene] in scenes)
     command = 'make hard-published' if item.preset == PUBLISHED else 'make hard'
     row = {
-        'case': item.scene,
-        'family': family,
-        'preset': item.preset,
-        'verdict': item.verdict,
-        'simulated_s': item.time,
-        'until_s': item.until,
-        'particles': item.particles,
-        'steps': item.steps,
-        'smallest_step_s': item.smallest_step,
-        'stages_per_simulated_s': item.cost,
-        'volume_error': item.volume_error,
-        'footprint_change': item.footprint_change,
-        'footprint_bound': item.footprint_bound,
-        'asymmetry': item.asymmetry,
-        'wall_s': round(item.wall_time, 2),
-        'what': '; '.join(map(str, item.violations)),
-        'machine': machine_name(device),
+        'case': item.scene, 'family': family, 'preset': item.preset, 'verdict': item.verdict,
+        'simulated_s': item.time, 'until_s': item.until, 'particles': item.particles,
+        'steps': item.steps, 'smallest_step_s': item.smallest_step,
+        'stages_per_simulated_s': item.cost, 'volume_error': item.volume_error,
+        'footprint_change': item.footprint_change, 'footprint_bound': item.footprint_bound,
+        'asymmetry': item.asymmetry, 'wall_s': round(item.wall_time, 2),
+        'what': '; '.join(map(str, item.violations)), 'machine': machine_name(device),
         'command': command + ('' if device == 'cpu' else f" ARGS='--device {device}'"),
     }
     return {

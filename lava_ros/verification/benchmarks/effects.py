@@ -73,11 +73,7 @@ def effect_sets() -> dict[str, Effects]:
 
 
 def lava_field(
-    particles: int,
-    effects: Effects,
-    device: str,
-    *,
-    cells: int | None = None,
+    particles: int, effects: Effects, device: str, *, cells: int | None = None,
     ratio: float = RATIO,
 ) -> Simulation:
     """A field of about ``particles`` particles of lava on rough ground, with a vent in its middle.

@@ -45,27 +45,14 @@ FLUID = Lava(conductivity=1.5, ground_conductivity=2.0)
 
 #: A basalt of the field: stiffens tenfold in 58 K, has hardly any strength, freezes.
 BASALT = Lava(
-    density=2600.0,
-    viscosity=1000.0,
-    arrhenius=0.04,
-    yield_strength=5.0,
-    solidus=1223.0,
-    latent_heat=3.5e5,
-    conductivity=1.5,
-    ground_conductivity=2.0,
+    density=2600.0, viscosity=1000.0, arrhenius=0.04, yield_strength=5.0, solidus=1223.0,
+    latent_heat=3.5e5, conductivity=1.5, ground_conductivity=2.0,
 )
 
 #: The viscosity of the melt by temperature (2300 Pa s at 1423 K), that of its crystals on top.
 MELT = Lava(
-    density=2600.0,
-    vft_a=-4.55,
-    vft_b=6500.0,
-    vft_c=600.0,
-    solidus=1223.0,
-    crystal_law='einstein-roscoe',
-    crystals=0.5,
-    latent_heat=3.5e5,
-    conductivity=1.5,
+    density=2600.0, vft_a=-4.55, vft_b=6500.0, vft_c=600.0, solidus=1223.0,
+    crystal_law='einstein-roscoe', crystals=0.5, latent_heat=3.5e5, conductivity=1.5,
     ground_conductivity=2.0,
 )
 

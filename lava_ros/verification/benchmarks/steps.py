@@ -45,10 +45,7 @@ from lava_ros.verification.benchmarks.reference import Reference
 from lava_ros.verification.rows import OnProgress, row_of
 
 #: Particles by default: on a GPU, and on a CPU.
-PARTICLES = {
-    'cuda': (10_000, 100_000, 1_000_000, 10_000_000),
-    'cpu': (10_000, 100_000),
-}
+PARTICLES = {'cuda': (10_000, 100_000, 1_000_000, 10_000_000), 'cpu': (10_000, 100_000)}
 
 #: Sets of effects, by their names in ``effect_sets``, each adding to those before it.
 SETS = ('bare', 'green', 'everything with green')
@@ -74,11 +71,7 @@ _PATIENCE = 300.0
 
 
 def measure(
-    device: str,
-    *,
-    particles: Sequence[int] | None,
-    repetitions: int,
-    on_progress: OnProgress,
+    device: str, *, particles: Sequence[int] | None, repetitions: int, on_progress: OnProgress,
 ) -> Iterator[dict[str, Any]]:
     """Time steps, snapshots, and the start of a process to its first snapshot.
 

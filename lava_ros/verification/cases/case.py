@@ -188,14 +188,8 @@ class Trial:
     """A simulation whose progress is timed, its kernels compiled beforehand."""
 
     def __init__(
-        self,
-        scene: Scene,
-        accuracy: Accuracy,
-        device: str,
-        *,
-        effects: Effects = FLAT,
-        particles: Particles | None = None,
-        **knobs: Any,
+        self, scene: Scene, accuracy: Accuracy, device: str, *, effects: Effects = FLAT,
+        particles: Particles | None = None, **knobs: Any,
     ) -> None:
         """Compile the kernels, create the simulation; ``knobs`` replace those of ``accuracy``."""
         simulation = partial(
@@ -228,17 +222,14 @@ class Trial:
         # what lies beyond the window has its part in the thickness of what lies in it
         beyond = int(np.ceil(2.0 * simulation.radius / cell))
         fine = Terrain(
-            np.zeros((rows + 2 * beyond, columns + 2 * beyond)),
-            cell,
+            np.zeros((rows + 2 * beyond, columns + 2 * beyond)), cell,
             origin=(x0 - beyond * cell, y0 - beyond * cell),
         )
         sample = self.sample()
         inside = np.array([fine.covers(*place) for place in sample.position], dtype=bool)
         copy = Simulation(
-            replace(simulation.scene, terrain=fine, vents=()),
-            effects=simulation.effects,
-            accuracy=simulation.accuracy,
-            device=simulation.device,
+            replace(simulation.scene, terrain=fine, vents=()), effects=simulation.effects,
+            accuracy=simulation.accuracy, device=simulation.device,
             particles=_chosen(sample, inside),
         )
         thickness = copy.snapshot().thickness
@@ -251,11 +242,7 @@ class Trial:
         return values[np.abs(sample.position).max(axis=1) < half]
 
     def compare(
-        self,
-        quantity: str,
-        measured: SupportsFloat,
-        exact: SupportsFloat,
-        unit: str,
+        self, quantity: str, measured: SupportsFloat, exact: SupportsFloat, unit: str,
         scale: float | None = None,
     ) -> None:
         """Keep a measurement for the result."""
@@ -273,12 +260,9 @@ class Trial:
         """End the trial; the result has what was compared, but no name of a case yet."""
         snapshot = self.simulation.snapshot()
         return Run(
-            case='',
-            measurements=(*self._measurements, *measurements),
-            particles=snapshot.particle_count,
-            steps=snapshot.steps.count,
-            evaluations=snapshot.steps.evaluations,
-            simulated_time=snapshot.time,
+            case='', measurements=(*self._measurements, *measurements),
+            particles=snapshot.particle_count, steps=snapshot.steps.count,
+            evaluations=snapshot.steps.evaluations, simulated_time=snapshot.time,
             wall_time=self._wall_time,
         )
 
@@ -293,8 +277,7 @@ def joined(runs: Iterable[Run]) -> Run:
     runs = tuple(runs)
     sums = ('steps', 'evaluations', 'simulated_time', 'wall_time')
     return Run(
-        case='',
-        measurements=tuple(item for run in runs for item in run.measurements),
+        case='', measurements=tuple(item for run in runs for item in run.measurements),
         particles=max(run.particles for run in runs),
         **{name: sum(getattr(run, name) for run in runs) for name in sums},
     )
@@ -317,16 +300,8 @@ def lattice(columns: int, rows: int, spacing: float) -> np.ndarray:
 
 
 def layer(
-    lava: Lava,
-    effects: Effects,
-    accuracy: Accuracy,
-    device: str,
-    *,
-    thickness: float,
-    spacing: float = 2.0,
-    side: float = 120.0,
-    slope: float = 0.0,
-    temperature: float = 1400.0,
+    lava: Lava, effects: Effects, accuracy: Accuracy, device: str, *, thickness: float,
+    spacing: float = 2.0, side: float = 120.0, slope: float = 0.0, temperature: float = 1400.0,
 ) -> Trial:
     """A square layer of uniform vertical thickness [m] around (0, 0) on an even slope [rad].
 

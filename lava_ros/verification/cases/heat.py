@@ -72,14 +72,8 @@ STAND_INS = (700.0, 600.0)
 
 
 def _cooling_sheet(
-    accuracy: Accuracy,
-    device: str,
-    *,
-    lava: Lava,
-    solution: Callable[..., float],
-    hours: Sequence[float] = HOURS,
-    is_of_loss: bool = True,
-    **switched: bool,
+    accuracy: Accuracy, device: str, *, lava: Lava, solution: Callable[..., float],
+    hours: Sequence[float] = HOURS, is_of_loss: bool = True, **switched: bool,
 ) -> case.Run:
     """Compare temperatures in the middle of a sheet at rest with the solution.
 

@@ -64,8 +64,7 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
         Scene(case.plane(window, 0.05 * half, slope), lava=lava), accuracy, device,
         effects=replace(INERTIAL, steep=True),
         particles=Particles(case.places(ticks, ticks), thickness * spacing**2, 1400.0),
-        spacing=spacing, thickness=thickness,
-        longest_step=0.02 / sheet.rate / accuracy.refinement,
+        spacing=spacing, thickness=thickness, longest_step=0.02 / sheet.rate / accuracy.refinement,
     )
     for time, name in zip(times, ('half', 'one', 'three'), strict=True):
         trial.advance(time)
@@ -78,11 +77,8 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _broken_dams(
-    solution: exact.RitterDamBreak | exact.StokerDamBreak,
-    bed: float,
-    ahead: float,
-    accuracy: Accuracy,
-    device: str,
+    solution: exact.RitterDamBreak | exact.StokerDamBreak, bed: float, ahead: float,
+    accuracy: Accuracy, device: str,
 ) -> tuple[case.Trial, np.ndarray, np.ndarray]:
     """Let a block of lava collapse on both sides, onto a dry bed or a layer of lava.
 

@@ -80,17 +80,9 @@ AMPLITUDE = 0.01
 
 
 def sheet_speed(
-    quantity: str,
-    lava: Lava,
-    accuracy: Accuracy,
-    device: str,
-    *,
-    slope: float,
-    viscosity: float | None = None,
-    strength: float = 0.0,
-    duration: float | None = 4.0,
-    temperature: float = ISOTHERMAL.reference_temperature,
-    effects: Effects = SLOPING,
+    quantity: str, lava: Lava, accuracy: Accuracy, device: str, *, slope: float,
+    viscosity: float | None = None, strength: float = 0.0, duration: float | None = 4.0,
+    temperature: float = ISOTHERMAL.reference_temperature, effects: Effects = SLOPING,
 ) -> case.Run:
     """Measure the speed of a sheet 1 m thick along a slope [rad], and call it ``quantity``.
 
@@ -165,10 +157,7 @@ def response(
     return case.Run(
         case='',
         measurements=(case.Measurement(f'response at {wavelength:g} h', share, right, '1'),),
-        particles=simulation.particle_count,
-        steps=0,
-        evaluations=EVALUATIONS,
-        simulated_time=0.0,
+        particles=simulation.particle_count, steps=0, evaluations=EVALUATIONS, simulated_time=0.0,
         wall_time=EVALUATIONS * _evaluation_time(simulation),
     )
 

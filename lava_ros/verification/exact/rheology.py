@@ -24,14 +24,8 @@ import numpy as np
 
 
 def herschel_bulkley_velocity(
-    thickness: float,
-    slope: float,
-    *,
-    density: float,
-    consistency: float,
-    strength: float,
-    index: float,
-    gravity: float,
+    thickness: float, slope: float, *, density: float, consistency: float, strength: float,
+    index: float, gravity: float,
 ) -> float:
     """Depth-averaged speed along the slope of a uniform sheet [m/s].
 

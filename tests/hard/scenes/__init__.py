@@ -18,13 +18,8 @@ from hard.case import HardScene
 from hard.scenes import lava, long, sources, terrain
 
 FAMILIES: dict[str, tuple[HardScene, ...]] = {
-    'viscosity': lava.VISCOSITY,
-    'thickness': lava.THICKNESS,
-    'terrain': terrain.SCENES,
-    'vents': sources.VENTS,
-    'particles': sources.PARTICLES,
-    'heat': lava.HEAT,
-    'long': long.SCENES,
+    'viscosity': lava.VISCOSITY, 'thickness': lava.THICKNESS, 'terrain': terrain.SCENES,
+    'vents': sources.VENTS, 'particles': sources.PARTICLES, 'heat': lava.HEAT, 'long': long.SCENES,
 }
 
 SCENES: dict[str, HardScene] = {

@@ -65,10 +65,7 @@ def _around_the_hole(spacing: float) -> Particles:
 
 
 BORDERS = {
-    'west': (-1.0, 0.0),
-    'east': (1.0, 0.0),
-    'south': (0.0, -1.0),
-    'north': (0.0, 1.0),
+    'west': (-1.0, 0.0), 'east': (1.0, 0.0), 'south': (0.0, -1.0), 'north': (0.0, 1.0),
     'corner': (0.7071, 0.7071),
 }
 
