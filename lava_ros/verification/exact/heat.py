@@ -127,43 +127,36 @@ class CoolingCurrent:
     is the point source's at its edge up to half of the square of a^2 / rT^2.
 
     The surface loses rho c Q (T0 - Ta) in all: the heat that the source supplies.
+
+    Attributes:
+        power: That heat [W].
+        thermal_radius: Distance at which T - Ta has fallen to 1 / e [m].
     """
 
     def __init__(self, lava: Lava, *, initial: float, ambient: float, discharge: float) -> None:
         """Set T0 [K], Ta [K] and Q [m3/s]; ``lava`` has eps, lambda, rho and c."""
-        self.initial = initial
-        self.ambient = ambient
-        self._lava = lava
-        self._supply = lava.density * lava.specific_heat * discharge
+        self._initial, self._ambient, self._lava = initial, ambient, lava
+        supply = lava.density * lava.specific_heat * discharge
+        self.power = supply * (initial - ambient)
         # T falls by e each time the integral of dT / F does: even in the logarithm of T - Ta
-        logs = np.linspace(0.0, -12.0, 24001)
+        self._logs = logs = np.linspace(0.0, -12.0, 24001)
         differences = (initial - ambient) * np.exp(logs)
         slopes = differences / self.flux(ambient + differences)
         steps = 0.5 * (slopes[1:] + slopes[:-1]) * (logs[:-1] - logs[1:])
-        self._squares = np.concatenate([[0.0], np.cumsum(steps)]) * self._supply / math.pi
-        self._logs = logs
+        self._squares = np.concatenate([[0.0], np.cumsum(steps)]) * supply / math.pi
+        self.thermal_radius = math.sqrt(float(np.interp(1.0, -logs, self._squares)))
 
     def flux(self, temperature: np.ndarray) -> np.ndarray:
         """Loss of the surface [W/m2] at temperatures [K]."""
-        fourth = np.asarray(temperature) ** 4 - self.ambient**4
-        excess = np.asarray(temperature) - self.ambient
+        fourth = np.asarray(temperature) ** 4 - self._ambient**4
+        excess = np.asarray(temperature) - self._ambient
         radiated = self._lava.emissivity * STEFAN_BOLTZMANN * fourth
         return radiated + self._lava.convection * excess
-
-    @property
-    def power(self) -> float:
-        """Heat that the source supplies and the surface loses [W]."""
-        return self._supply * (self.initial - self.ambient)
-
-    @property
-    def thermal_radius(self) -> float:
-        """Distance at which T - Ta has fallen to 1 / e [m]."""
-        return math.sqrt(float(np.interp(1.0, -self._logs, self._squares)))
 
     def temperature(self, distance: np.ndarray) -> np.ndarray:
         """T [K] at distances from the source [m]."""
         logs = np.interp(np.asarray(distance) ** 2, self._squares, self._logs)
-        return self.ambient + (self.initial - self.ambient) * np.exp(logs)
+        return self._ambient + (self._initial - self._ambient) * np.exp(logs)
 
 
 class CoolingSpread:
@@ -183,8 +176,7 @@ class CoolingSpread:
 
     def __init__(self, spread: ConstantFluxSpread, *, loss: float, capacity: float) -> None:
         """Set the flow, lambda [W/(m2 K)] and rho c [J/(m3 K)]."""
-        self._spread = spread
-        self._rate = loss / capacity
+        self._spread, self._rate = spread, loss / capacity
         # even in the logarithms of s - 1 and, further on, of s
         self._ages = 1.0 + np.concatenate(
             [np.geomspace(1e-9, 1.0, 1500), np.geomspace(1.0, self.OLDEST, 1500)[1:]]
@@ -204,9 +196,8 @@ class CoolingSpread:
 
     def difference(self, distance: np.ndarray, time: float) -> np.ndarray:
         """T - Ta over that of the source, at distances [m] and a time [s]."""
-        ages = np.interp(
-            np.asarray(distance) / self._spread.radius(time), self._shares, self._ages
-        )
+        share = np.asarray(distance) / self._spread.radius(time)
+        ages = np.interp(share, self._shares, self._ages)
         falls = np.interp(ages, self._ages, self._falls)
         return np.exp(-self._rate * time / ages * falls)
 
