@@ -65,7 +65,7 @@ def measure(
         rows: list[Row] = []
         # seconds per unit of cost, from the dearest run so far: short ones say little, and fixed
         # steps nothing
-        pace, known = 0.0, 0.0
+        pace = known = 0.0
         for number, (case, item) in enumerate(group):
             share = (index + number / len(group)) / len(groups)
             on_progress(f'{case.name}: {item.preset or item.name}', share)
@@ -82,35 +82,19 @@ def measure(
     on_progress('done', 1.0)
 
 
-def _rows(
-    runs: Sequence[Run], setting: Setting, *, device: str, machine: str, command: str
-) -> list[Row]:
-    run = runs[0]
-    times = [item.wall_time for item in runs]
+def _rows(runs: Sequence[Run], setting: Setting, **origin: str) -> list[Row]:
+    """Rows of the quantities, with the times of all runs; ``origin`` has device and so on."""
+    run, times = runs[0], [item.wall_time for item in runs]
     wall, hours = median(times), run.simulated_time / 3600.0
+    # a case that takes a look without letting time pass has none
+    cost = wall / hours if hours else math.nan
     return [
         Row(
-            case=run.case,
-            setting=setting.name,
-            preset=setting.preset,
-            quantity=item.quantity,
-            error=float(item.error),
-            measured=float(item.measured),
-            exact=float(item.exact),
-            unit=item.unit,
-            particles=run.particles,
-            steps=run.steps,
-            evaluations=run.evaluations,
-            simulated_s=float(run.simulated_time),
-            wall_s=wall,
-            # a case that takes a look without letting time pass has none
-            wall_s_per_simulated_hour=wall / hours if hours else math.nan,
-            device=device,
-            machine=machine,
-            command=command,
-            repetitions=len(times),
-            low=min(times),
-            high=max(times),
+            case=run.case, setting=setting.name, preset=setting.preset, quantity=item.quantity,
+            error=float(item.error), measured=float(item.measured), exact=float(item.exact),
+            unit=item.unit, particles=run.particles, steps=run.steps, evaluations=run.evaluations,
+            simulated_s=float(run.simulated_time), wall_s=wall, wall_s_per_simulated_hour=cost,
+            repetitions=len(times), low=min(times), high=max(times), **origin,
         )
         for item in run.measurements
     ]

@@ -32,9 +32,6 @@ from lava_ros.verification.rows import pareto_front, Point, points, presets_of, 
 #: The rows of a case at a setting, by quantity.
 Result = dict[str, Row]
 
-#: Name of what a velocity evaluation costs.
-TIME = 'time per particle and evaluation'
-
 #: Errors are no larger when they are within this share.
 ALIKE = 0.01
 
@@ -78,19 +75,16 @@ def _charts(rows: Sequence[Row], stem: str) -> list[str]:
 
 def _preset_table(found: Sequence[Point], titles: dict[str, str]) -> list[str]:
     presets = presets_of(found)
-    if not presets:
-        return []
     texts = {
         (point.case, point.preset): f'{percent(point.error)} in {seconds(point.cost)}'
         for point in found
         if point.preset
     }
-    names = list(dict.fromkeys(case for case, _ in texts))
     body = [
         [titles.get(name, name), *(texts.get((name, preset), '') for preset in presets)]
-        for name in names
+        for name in dict.fromkeys(case for case, _ in texts)
     ]
-    return ['## Presets', '', *table(['case', *presets], body), '']
+    return ['## Presets', '', *table(['case', *presets], body), ''] if body else []
 
 
 def _case_table(rows: Sequence[Row]) -> list[str]:
@@ -290,15 +284,19 @@ def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
 def _lateral(rows: Sequence[Row]) -> list[str]:
     """Errors and time of each kind of lateral stress, by the particles' radius over the depth."""
     cells: dict[tuple[str, float], dict[str, str]] = {}
+    time = 'time per particle and evaluation'
     for name, result in _results(rows).items():
         kind, radius = name.removesuffix(' h').split(', l = ')
-        errors = {name: percent(row.error) for name, row in result.items()}
-        cells[kind, float(radius)] = {**errors, TIME: _pace(result)}
+        texts = {quantity: percent(row.error) for quantity, row in result.items()}
+        one = _any(result)
+        work = one.evaluations * one.particles
+        texts[time] = f'{float(f"{1e9 * one.wall_s / work:.2g}"):,g} ns' if work else '-'
+        cells[kind, float(radius)] = texts
     kinds = list(dict.fromkeys(kind for kind, _ in cells))
     quantities = list(dict.fromkeys(row.quantity for row in rows))
     body = [
         [name, f'{radius:g}', *(cells.get((kind, radius), {}).get(name, '') for kind in kinds)]
-        for name in (*quantities, TIME)
+        for name in (*quantities, time)
         for radius in sorted({radius for _, radius in cells})
         if any(name in cells.get((kind, radius), {}) for kind in kinds)
     ]
@@ -308,10 +306,3 @@ def _lateral(rows: Sequence[Row]) -> list[str]:
         'velocity evaluation over the particles. `local` has no lateral stress.'
     )
     return _section('Lateral stress', text, ['quantity', 'l/h', *kinds], body)
-
-
-def _pace(result: Result) -> str:
-    """Wall time over evaluations and particles [ns]."""
-    row = _any(result)
-    work = row.evaluations * row.particles
-    return f'{float(f"{1e9 * row.wall_s / work:.2g}"):,g} ns' if work else '-'

@@ -104,11 +104,11 @@ def read_csv(path: Path) -> list[Row]:
         LavaError: The file cannot be read, or is no such file.
     """
     types: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': int}
-    columns = fields(Row)
+    columns = {item.name: types[str(item.type)] for item in fields(Row)}
     try:
         return [
-            Row(*(types[str(item.type)](line[item.name]) for item in columns))
-            for _, line in read_table('report', path, [item.name for item in columns], ())
+            Row(*(kind(line[name]) for name, kind in columns.items()))
+            for _, line in read_table('report', path, list(columns), ())
         ]
     except ValueError as error:
         raise LavaError('report', str(path), f'a CSV of measurements ({error})') from error

@@ -199,8 +199,10 @@ def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
     pairs = []
     for case in CASES.values():
         for item in settings:
-            usual = item.preset or case.name not in EVEN_CASES
-            if usual if item.cases is None else case.name in item.cases:
+            is_run = bool(item.preset) or case.name not in EVEN_CASES
+            if item.cases is not None:
+                is_run = case.name in item.cases
+            if is_run:
                 pairs.append((case, item))
     return pairs + [
         (case, Setting(name, STANDARD))
