@@ -46,17 +46,15 @@ class Ground:
 
     def height(self, position: np.ndarray) -> np.ndarray:
         """Height of the quadratic B-spline at map positions [m], shape [count]."""
-        terrain = self._terrain
-        rows, columns = terrain.shape
-        place = (position - np.asarray(terrain.origin)) / terrain.resolution
-        j = np.clip(np.floor(place[:, 0]).astype(int), 0, columns - 1)
-        i = np.clip(np.floor(place[:, 1]).astype(int), 0, rows - 1)
-        across = _spline(np.clip(place[:, 0] - j - 0.5, -0.5, 0.5))
-        along = _spline(np.clip(place[:, 1] - i - 0.5, -0.5, 0.5))
+        place = (position - np.asarray(self._terrain.origin)) / self._terrain.resolution
+        last = np.array(self._terrain.shape[::-1]) - 1
+        cell = np.clip(np.floor(place).astype(int), 0, last)
+        t = np.clip(place - cell - 0.5, -0.5, 0.5)
+        weights = np.stack([0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2])
         total = np.zeros(len(position))
-        for m in range(3):
-            for n in range(3):
-                total += along[m] * across[n] * self._heights[i + m, j + n]
+        for m, n in np.ndindex(3, 3):
+            heights = self._heights[cell[:, 1] + m, cell[:, 0] + n]
+            total += weights[m, :, 1] * weights[n, :, 0] * heights
         return total
 
     def slope(self, position: np.ndarray) -> np.ndarray:
@@ -165,10 +163,6 @@ def along(
             if was_taken:
                 yield former, now, every * (again.time - begun)
             begun, step, former = again.time, reached, now
-
-
-def _spline(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
 
 
 def lift(former: Terrain, terrain: Terrain) -> float:

@@ -142,10 +142,9 @@ def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
     t = place - cell - 0.5
     weights = np.stack([0.5 * (0.5 - t) ** 2, 0.75 - t**2, 0.5 * (0.5 + t) ** 2])
     total = np.zeros(len(position))
-    for i in range(3):
-        for j in range(3):
-            values = terrain.elevation[cell[:, 1] + i - 1, cell[:, 0] + j - 1]
-            total += weights[i, :, 1] * weights[j, :, 0] * values
+    for i, j in np.ndindex(3, 3):
+        values = terrain.elevation[cell[:, 1] + i - 1, cell[:, 0] + j - 1]
+        total += weights[i, :, 1] * weights[j, :, 0] * values
     return total
 
 

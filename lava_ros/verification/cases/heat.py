@@ -71,25 +71,29 @@ LOSS = 5.8 + CONVECTION[1]
 STAND_INS = (700.0, 600.0)
 
 
-def _cooling_sheet(
-    accuracy: Accuracy, device: str, *, lava: Lava, solution: Callable[..., float],
+def _sheet(
+    name: str, title: str, source: str, solution: Callable[..., float], lava: Lava,
     hours: Sequence[float] = HOURS, is_of_loss: bool = True, **switched: bool,
-) -> case.Run:
-    """Compare temperatures in the middle of a sheet at rest with the solution.
+) -> case.Case:
+    """The case of temperatures in the middle of a sheet at rest, beside the solution.
 
     Errors are relative to the loss of temperature if ``is_of_loss``, else to the temperature.
     """
-    trial = case.layer(
-        lava, replace(FLAT, **switched), replace(accuracy, longest_step=600.0), device,
-        thickness=THICKNESS, spacing=4.0, side=80.0, temperature=HOT,
-    )
-    for hour in hours:
-        trial.advance(3600.0 * hour)
-        right = solution(lava, 3600.0 * hour, initial=HOT, thickness=THICKNESS)
-        found = trial.middle('temperature', 16.0).mean()
-        scale = HOT - right if is_of_loss else None
-        trial.compare(f'temperature after {hour:g} h', found, right, 'K', scale)
-    return trial.run()
+
+    def measure(accuracy: Accuracy, device: str) -> case.Run:
+        trial = case.layer(
+            lava, replace(FLAT, **switched), replace(accuracy, longest_step=600.0), device,
+            thickness=THICKNESS, spacing=4.0, side=80.0, temperature=HOT,
+        )
+        for hour in hours:
+            trial.advance(3600.0 * hour)
+            right = solution(lava, 3600.0 * hour, initial=HOT, thickness=THICKNESS)
+            found = trial.middle('temperature', 16.0).mean()
+            scale = HOT - right if is_of_loss else None
+            trial.compare(f'temperature after {hour:g} h', found, right, 'K', scale)
+        return trial.run()
+
+    return case.Case(name, title, source, measure)
 
 
 def _run_viscous(accuracy: Accuracy, device: str) -> case.Run:
@@ -262,51 +266,27 @@ def _run_oil(accuracy: Accuracy, device: str) -> case.Run:
 
 
 CASES = (
-    case.Case(
-        'radiating_sheet', 'sheet that cools by radiation', 'Stefan-Boltzmann law',
-        partial(
-            _cooling_sheet, lava=replace(STILL, emissivity=0.9),
-            solution=partial(exact.radiating_sheet, ambient=COLD), hours=(1.0, 10.0, 24.0),
-            is_of_loss=False, cooling=True,
-        ),
-    ),
-    case.Case(
-        'ground', 'sheet that warms the ground', 'Carslaw & Jaeger 1959',
-        partial(
-            _cooling_sheet, lava=replace(STILL, ground_conductivity=2.0),
-            solution=partial(exact.column_on_ground, ground=COLD), ground=True,
-        ),
-    ),
-    case.Case(
-        'crust', 'sheet that cools under a crust', 'Carslaw & Jaeger 1959',
-        partial(
-            _cooling_sheet, lava=replace(STILL, convection=50.0, conductivity=2.0, crust=True),
-            solution=partial(exact.convecting_slab, ambient=COLD), crust=True,
-        ),
-    ),
-    case.Case(
-        'latent_heat', 'sheet that crystallises', 'enthalpy balance',
-        partial(
-            _cooling_sheet,
-            # 16 kW/m2 at first: solid after two days
-            lava=replace(
-                STILL, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0
-            ),
-            solution=partial(exact.crystallising_sheet, ambient=COLD),
-            cooling=True, latent_heat=True,
-        ),
-    ),
+    _sheet('radiating_sheet', 'sheet that cools by radiation', 'Stefan-Boltzmann law',
+           partial(exact.radiating_sheet, ambient=COLD), replace(STILL, emissivity=0.9),
+           (1.0, 10.0, 24.0), False, cooling=True),
+    _sheet('ground', 'sheet that warms the ground', 'Carslaw & Jaeger 1959',
+           partial(exact.column_on_ground, ground=COLD), replace(STILL, ground_conductivity=2.0),
+           ground=True),
+    _sheet('crust', 'sheet that cools under a crust', 'Carslaw & Jaeger 1959',
+           partial(exact.convecting_slab, ambient=COLD),
+           replace(STILL, convection=50.0, conductivity=2.0, crust=True), crust=True),
+    # 16 kW/m2 at first: solid after two days
+    _sheet('latent_heat', 'sheet that crystallises', 'enthalpy balance',
+           partial(exact.crystallising_sheet, ambient=COLD),
+           replace(STILL, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0),
+           cooling=True, latent_heat=True),
     case.Case('viscous_heating', 'lava that warms as it descends', 'energy balance', _run_viscous),
     case.Case('conduction', 'step of temperature', 'error function', _run_conduction),
-    case.Case(
-        'cooling_current', 'steady current that cools as it spreads',
-        'heat balance; Garel et al. 2012', _run_current,
-    ),
+    case.Case('cooling_current', 'steady current that cools as it spreads',
+              'heat balance; Garel et al. 2012', _run_current),
     case.Case(
         'freezing_lens', 'lava at rest that freezes from its rim', 'Newton cooling', _run_freezing
     ),
-    case.Case(
-        'silicone_oil', 'hot silicone oil that spreads and cools on a plate',
-        'heat balance, constants of Garel et al. 2012', _run_oil,
-    ),
+    case.Case('silicone_oil', 'hot silicone oil that spreads and cools on a plate',
+              'heat balance, constants of Garel et al. 2012', _run_oil),
 )
