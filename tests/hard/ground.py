@@ -172,6 +172,11 @@ def lift(former: Terrain, terrain: Terrain) -> float:
     return float(np.nanmax(terrain.elevation - former.elevation))
 
 
+def head(vent: Vent, gravity: float) -> float:
+    """How high lava rises that a vent throws [m]."""
+    return float(np.hypot(*vent.velocity)) ** 2 / (2.0 * gravity)
+
+
 def distance(
     position: np.ndarray, start: tuple[float, float], end: tuple[float, float] | None
 ) -> np.ndarray:

@@ -56,7 +56,7 @@ import math
 import numpy as np
 
 from hard.energy import Energy, Temperature
-from hard.ground import along, Bound, distance, Moment
+from hard.ground import along, Bound, distance, head, Moment
 from lava_ros.simulation import Simulation, Snapshot
 from lava_ros.simulation.accuracy import expected_thickness
 from lava_ros.simulation.kernels import smoothing_kernel
@@ -105,8 +105,7 @@ class Heights:
                 above = ground.lowest + expected_thickness(scene)
                 self._top = max(self._top, ground.highest(vent, 0.0) + above)
                 if moment.simulation.effects.inertia:
-                    head = float(np.hypot(*vent.velocity)) ** 2 / (2.0 * scene.gravity)
-                    self._head = max(self._head, head)
+                    self._head = max(self._head, head(vent, scene.gravity))
             reach = vent.radius + moment.simulation.radius
             near = distance(places, vent.position, vent.end) < reach
             if near.any():

@@ -175,13 +175,12 @@ def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Si
     """The scene's simulation at its start."""
     # of the cells, not of the flow: what a scene tries lies in its ground
     spacing = accuracy.spacing or item.scene.terrain.resolution / accuracy.refinement
-    accuracy = replace(accuracy, spacing=spacing)
     effects: Effects | dict[str, bool] = PHYSICS[item.physics] if item.physics else {}
     if accuracy.formulation == 'as-published':
         without = dict.fromkeys(('inertia', 'helmholtz'), False)
         effects = replace(effects, **without) if isinstance(effects, Effects) else without
     simulation = Simulation(
-        item.scene, effects=effects, accuracy=accuracy, device=device,
+        item.scene, effects=effects, accuracy=replace(accuracy, spacing=spacing), device=device,
         particles=item.lava(spacing) if item.lava else None,
     )
     clock = simulation._state.clock.numpy()
@@ -227,38 +226,29 @@ def _compare(
 ) -> None:
     """Hold the footprint with steps half as long against this one: the module says how."""
 
-    def change(share: float) -> float:
-        return footprint_change(
-            whole, _final(item, simulation_of(item, _with_steps(accuracy, share), device))
-        )
+    def change(share: float, played: HardScene = item) -> float:
+        """Of steps of a share of their length, whatever limits them."""
+        shorter = {name: share * getattr(accuracy, name)
+                   for name in ('courant_number', 'longest_step')}
+        simulation = simulation_of(played, replace(accuracy, **shorter), device)
+        for moment in _moments(item):
+            _advance(simulation, item, moment, 0.0, None)
+        return footprint_change(whole, footprint(simulation.snapshot()))
 
     found = change(0.5)
     bound = PRESETS[outcome.preset].errors['edge'] + _cell_share(whole)
     if found > bound:
-        # scatter only adds to the bound: without it the verdict is the same
-        bound += _scatter(item, accuracy, whole, device)
+        # scatter only adds to the bound: without it the verdict is the same. How far one more run
+        # may be from this one, of runs that ought to be the same
+        draws = [
+            change(1.0 - SHORTER * index / DRAWS, _shaken(item, index))
+            for index in range(1, DRAWS + 1)
+        ]
+        bound += float(np.mean(draws) + STUDENT * np.std(draws, ddof=1))
     if found > bound:
         found = change(0.25)
     outcome.footprint_change, outcome.footprint_bound = found, bound
     _hold(outcome, 'halving', found, bound)
-
-
-def _scatter(
-    item: HardScene, accuracy: Accuracy, whole: np.ndarray, device: str | None
-) -> float:
-    """How far one more run may be from this one, of runs that ought to be the same."""
-    draws = []
-    for index in range(1, DRAWS + 1):
-        nearly = _with_steps(accuracy, 1.0 - SHORTER * index / DRAWS)
-        shaken = simulation_of(_shaken(item, SHAKEN, seed=index), nearly, device)
-        draws.append(footprint_change(whole, _final(item, shaken)))
-    return float(np.mean(draws) + STUDENT * np.std(draws, ddof=1))
-
-
-def _with_steps(accuracy: Accuracy, share: float) -> Accuracy:
-    """The accuracy with steps of a share of their length, whatever limits them."""
-    limits = ('courant_number', 'longest_step')
-    return replace(accuracy, **{name: share * getattr(accuracy, name) for name in limits})
 
 
 def _cell_share(whole: np.ndarray) -> float:
@@ -269,22 +259,15 @@ def _cell_share(whole: np.ndarray) -> float:
     return max(alike, 2) / (2.0 * max(float(whole.sum()), 1.0))
 
 
-def _final(item: HardScene, simulation: Simulation) -> np.ndarray:
-    for moment in _moments(item):
-        _advance(simulation, item, moment, 0.0, None)
-    return footprint(simulation.snapshot())
-
-
-def _shaken(item: HardScene, share: float, *, seed: int = 0) -> HardScene:
-    """The scene with its particles and vents shaken by a share of a cell."""
-    random = np.random.default_rng(seed)
-    size = share * item.scene.terrain.resolution
+def _shaken(item: HardScene, seed: int) -> HardScene:
+    """The scene with its particles and vents shaken by ``SHAKEN`` of a cell."""
+    random, lava = np.random.default_rng(seed), item.lava
     scene, terrain = item.scene, item.scene.terrain
+    size = SHAKEN * terrain.resolution
     vents = []
     for vent in scene.vents:
         place = tuple(np.asarray(vent.position) + random.uniform(-size, size, 2))
         vents.append(replace(vent, position=place) if terrain.covers(*place) else vent)
-    lava = item.lava
 
     def shaken_lava(spacing: float) -> Particles:
         assert lava is not None
