@@ -23,7 +23,7 @@ import numpy as np
 
 from lava_ros.maps.numbers import percent, seconds, table
 from lava_ros.simulation.presets import DEFAULT
-from lava_ros.verification import settings
+from lava_ros.verification import measure
 from lava_ros.verification.cases import EFFECT_CASES
 from lava_ros.verification.cases.case import slope_of
 from lava_ros.verification.cases.sheets import LATERAL
@@ -114,7 +114,7 @@ def _work(row: Row) -> list[str]:
 
 def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
     """The sections of all studies whose settings were measured, as lines of Markdown."""
-    knob = [row for row in rows if row.case in settings.KNOB_CASES]
+    knob = [row for row in rows if row.case in measure.KNOB_CASES]
     return [
         *_convergence(knob),
         *_stepping(knob),
@@ -150,7 +150,7 @@ def _errors(result: Result, quantities: Iterable[str]) -> list[str]:
 def _convergence(rows: Sequence[Row]) -> list[str]:
     """The errors at every doubling, and how fast they fall with the distance of particles."""
     found = _results(rows)
-    names = map(settings.name_of, settings.convergence())
+    names = map(measure.name_of, measure.convergence())
     results = [found[name] for name in names if name in found]
     if len(results) < 2:
         return []
@@ -189,8 +189,8 @@ def _stepping(rows: Sequence[Row]) -> list[str]:
     body: list[list[str]] = []
     quantities: list[str] = []
     euler: Result | None = None
-    for accuracy in settings.stepping():
-        result = found.get(settings.name_of(accuracy))
+    for accuracy in measure.stepping():
+        result = found.get(measure.name_of(accuracy))
         is_euler = accuracy.integrator == 'euler'
         euler = result if is_euler else euler
         if result is None:
@@ -226,8 +226,8 @@ def _from_paper(rows: Sequence[Row]) -> list[str]:
     """The way from the paper's settings to the default, one correction after another."""
     found = _results(rows)
     ways = {
-        label: found.get(settings.name_of(accuracy))
-        for label, accuracy in settings.from_paper().items()
+        label: found.get(measure.name_of(accuracy))
+        for label, accuracy in measure.from_paper().items()
     }
     paper = next(iter(ways.values()))
     if paper is None:
@@ -263,9 +263,9 @@ def _dominated(rows: Sequence[Row], paper: Result) -> str:
 
 def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
     """The forms of the surface's gradient, quantity by quantity."""
-    names = [*map(settings.name_of, settings.gradients().values())]
+    names = [*map(measure.name_of, measure.gradients().values())]
     body = []
-    for case in settings.GRADIENT_CASES:
+    for case in measure.GRADIENT_CASES:
         found = _results(row for row in rows if row.case == case)
         if not all(name in found for name in names):
             continue
@@ -277,7 +277,7 @@ def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
         ]
         body.append([title, 'a run took', *(seconds(_any(item).wall_s) for item in results)])
     text = f'`Accuracy.gradient` with all else as in `{DEFAULT}`.'
-    head = ['case', 'quantity', *settings.gradients()]
+    head = ['case', 'quantity', *measure.gradients()]
     return _section('Gradient forms', text, head, body)
 
 

@@ -18,9 +18,8 @@ import pytest
 
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.cases import Measurement, Run
-from lava_ros.verification.measure import measure
+from lava_ros.verification.measure import measure, Setting
 from lava_ros.verification.rows import Row
-from lava_ros.verification.settings import Setting
 
 
 class FakeCase:

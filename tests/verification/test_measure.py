@@ -26,10 +26,20 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import DEFAULT, PRESETS
-from lava_ros.verification import settings
+from lava_ros.verification import measure as measuring
 from lava_ros.verification.cases import CASES
 from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, LATERAL
-from lava_ros.verification.measure import file_stem, machine_name, measure, REPEATED_BELOW
+from lava_ros.verification.measure import (
+    all_pairs,
+    all_settings,
+    expected_cost,
+    file_stem,
+    machine_name,
+    measure,
+    name_of,
+    REPEATED_BELOW,
+    Setting,
+)
 from lava_ros.verification.rows import (
     as_plain,
     pareto_front,
@@ -39,7 +49,6 @@ from lava_ros.verification.rows import (
     read_csv,
     write_csv,
 )
-from lava_ros.verification.settings import all_pairs, all_settings, expected_cost, name_of, Setting
 
 
 def test_rows_hold_the_median_and_the_range(fake_case, measured):
@@ -126,10 +135,10 @@ def test_settings_are_distinct(quick):
 @pytest.mark.parametrize(
     ('study', 'cases'),
     [
-        (settings.convergence, settings.KNOB_CASES),
-        (settings.stepping, settings.KNOB_CASES),
-        (lambda: settings.from_paper().values(), settings.KNOB_CASES),
-        (lambda: settings.gradients().values(), settings.GRADIENT_CASES),
+        (measuring.convergence, measuring.KNOB_CASES),
+        (measuring.stepping, measuring.KNOB_CASES),
+        (lambda: measuring.from_paper().values(), measuring.KNOB_CASES),
+        (lambda: measuring.gradients().values(), measuring.GRADIENT_CASES),
     ],
 )
 def test_what_is_studied_is_run(study, cases):
@@ -143,17 +152,17 @@ def test_a_setting_may_be_for_some_cases_only():
 
     A misspelt case would silently never run, or always.
     """
-    assert set(settings.EVEN_CASES) <= set(CASES)
+    assert set(measuring.EVEN_CASES) <= set(CASES)
     assert all(set(item.cases or ()) <= set(CASES) for item in all_settings())
     swept = {case.name for case, item in all_pairs() if not item.preset}
-    assert not swept & set(settings.EVEN_CASES) and 'dam_break' in swept
+    assert not swept & set(measuring.EVEN_CASES) and 'dam_break' in swept
     paper = {case.name for case, item in all_pairs() if item.preset == 'as-published'}
-    assert paper == set(settings.KNOB_CASES)
+    assert paper == set(measuring.KNOB_CASES)
 
 
 def test_the_papers_radius_is_a_metre():
     """The fixed volume ends as a disc of 130 m; the particles' distance times 1.84 is 1 m."""
-    literal = settings.from_paper()['l = 1 m, as in table 3.1']
+    literal = measuring.from_paper()['l = 1 m, as in table 3.1']
     count = 8000.0 * literal.refinement**2
     spacing = math.sqrt(math.pi * 130.0**2 / count)
     assert literal.ratio * spacing == pytest.approx(1.0, rel=1e-3)

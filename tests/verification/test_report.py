@@ -22,11 +22,11 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.verification import settings
+from lava_ros.verification import measure
 from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, RADII
 from lava_ros.verification.chart import draw
+from lava_ros.verification.measure import all_settings, name_of, Setting, STEPPED
 from lava_ros.verification.report import markdown, studies
-from lava_ros.verification.settings import all_settings, name_of, Setting, STEPPED
 
 
 def test_presets_and_front_are_named(fake_case, measured):
@@ -79,7 +79,7 @@ def converging(row):
             particles=round(8000 * accuracy.refinement**2),
             error=0.01 / accuracy.refinement**order,
         )
-        for accuracy in settings.convergence()
+        for accuracy in measure.convergence()
         for quantity, order in (('radius', 1), ('profile', 2))
     ]
 
@@ -105,7 +105,7 @@ def stepped(row):
             evaluations=400 if accuracy.integrator == 'euler' else 100,
             error=0.02 if accuracy.integrator == 'euler' else error,
         )
-        for accuracy in settings.stepping()
+        for accuracy in measure.stepping()
         if accuracy.refinement == STEPPED[0]
         for quantity, error in (('radius', 0.01), ('profile', 0.0201))
     ]
@@ -137,7 +137,7 @@ def corrected(row):
             setting=name_of(accuracy), preset={0: 'as-published', 7: 'standard'}.get(index, ''),
             quantity=quantity, error=scale * 0.5**index, wall_s_per_simulated_hour=100.0 - index,
         )
-        for index, accuracy in enumerate(settings.from_paper().values())
+        for index, accuracy in enumerate(measure.from_paper().values())
         for quantity, scale in (('radius', 0.1), ('scatter', 1.28))
     ]
 
@@ -150,7 +150,7 @@ def test_the_way_from_the_paper(corrected, row):
     title = "From the paper's settings to ours"
     head, *lines = table(corrected, title)
     assert head[:3] == ['setting', 'radius', 'scatter']
-    assert [line[0] for line in lines] == list(settings.from_paper())
+    assert [line[0] for line in lines] == list(measure.from_paper())
     assert (lines[0][2], lines[-1][2]) == ('128 %', '1 %')
     text = '\n'.join(section(corrected, title))
     assert 'is standard: its largest error is 1 %, in 93 s instead of 100 s' in text
@@ -163,7 +163,7 @@ def test_the_way_from_the_paper(corrected, row):
 
 def test_gradients_are_compared_by_case(row):
     """A column for each form, a line for each quantity, where both were run."""
-    forms = settings.gradients()
+    forms = measure.gradients()
     rows = [
         row(case=case, setting=name_of(accuracy), quantity=quantity, error=error)
         for case in ('fixed_volume', 'pond')
