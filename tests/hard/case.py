@@ -54,14 +54,6 @@ Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Lot = Callable[[float], Particles]
 
 
-@dataclass(frozen=True)
-class Event:
-    """Something done to a running simulation at a time [s]."""
-
-    time: float
-    act: Callable[[Simulation], Any]
-
-
 @dataclass(frozen=True, eq=False)
 class HardScene:
     """A scene that tries the solver, with its title in a few words.
@@ -72,7 +64,7 @@ class HardScene:
         frames: Moments at which the invariants are checked, evenly spaced.
         lava: Lava at the start.
         thickness: Expected thickness, from which a particle's volume follows [m]; None: automatic.
-        events: What happens to it, in the order of time.
+        events: What is done to the running simulation, by the time [s].
         mirrored: Whether scene and events are the same seen from left to right.
         mirrored_until: Time until which the flow has to be its own mirror image [s]. Lava that
             is pressed together, or runs over an edge, doubles a difference again and again until
@@ -97,7 +89,7 @@ class HardScene:
     frames: int = 10
     lava: Lot | None = None
     thickness: float | None = None
-    events: tuple[Event, ...] = field(default=())
+    events: Mapping[float, Callable[[Simulation], Any]] = field(default_factory=dict)
     mirrored: bool = False
     mirrored_until: float = math.inf
     dry: Callable[[np.ndarray], np.ndarray] | None = None

@@ -48,7 +48,7 @@ With ``Watch.renew`` a change from outside (a new terrain) is taken as it is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 import math
@@ -261,10 +261,6 @@ class Violation:
 class InvariantError(AssertionError):
     """A simulation broke an invariant."""
 
-    def __init__(self, violations: Iterable[Violation]) -> None:
-        self.violations = tuple(violations)
-        super().__init__('; '.join(map(str, self.violations)))
-
 
 class Watch:
     """Checks a simulation frame by frame.
@@ -306,7 +302,7 @@ class Watch:
             self._heights.look(moment)
             self._temperature.look(moment)
 
-    def check(self, snapshot: Snapshot | None = None) -> list[Violation]:
+    def check(self, snapshot: Snapshot | None = None) -> None:
         """Check every invariant at this moment, of which this is the snapshot.
 
         Raises:
@@ -325,8 +321,7 @@ class Watch:
             ))
         self.violations += found
         if found and self._raises:
-            raise InvariantError(found)
-        return found
+            raise InvariantError('; '.join(map(str, found)))
 
     def _broken(self, moment: Moment, bounds: Iterator[Bound]) -> list[Violation]:
         found = []

@@ -199,7 +199,7 @@ def _moments(item: HardScene, step: float | None = None) -> list[float]:
     if math.isfinite(item.mirrored_until):
         moments.append(item.mirrored_until)
     moments = [item.since + moment for moment in moments if moment <= span]
-    return sorted({*moments, *(event.time for event in item.events)})
+    return sorted({*moments, *item.events})
 
 
 def _advance(
@@ -209,9 +209,8 @@ def _advance(
 
     What happens to the scene happens right after the check of its moment.
     """
-    for event in item.events:
-        if event.time == simulation.time:
-            event.act(simulation)
+    if simulation.time in item.events:
+        item.events[simulation.time](simulation)
     left = None if limit is None else limit - (wall_clock.monotonic() - start)
     return simulation.advance(moment, wall_limit=left) >= moment
 

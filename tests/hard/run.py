@@ -29,6 +29,7 @@ import math
 import multiprocessing
 from pathlib import Path
 import sys
+from typing import Any
 
 import warp as wp
 
@@ -63,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description='Run the hard scenes.')
     parser.add_argument('--preset', action='append', choices=KEPT)
     parser.add_argument(
-        '--published', action='store_true', help='the paper\'s settings instead of the presets'
+        '--published', action='store_true', help="the paper's settings instead of the presets"
     )
     parser.add_argument('--scene', action='append', choices=[*SCENES, *FAMILIES], metavar='NAME')
     parser.add_argument('--device', action='append', help='cpu or cuda:0 (default: all there are)')
@@ -92,12 +93,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.published:
         presets = [PUBLISHED]
     devices = options.device or [str(device) for device in wp.get_devices()]
-    found = {device: _run_on(device, options, names, presets) for device in devices}
+    rows = [row for device in devices for row in _run_on(device, options, names, presets)]
     if options.json:
-        rows = [_row(item, device) for device in devices for item in found[device]]
         options.json.write_text(json.dumps(rows, indent=1), encoding='utf-8')
-    outcomes = [item for items in found.values() for item in items]
-    return int(not options.published and any(item.verdict != 'holds' for item in outcomes))
+    return int(not options.published and any(row['verdict'] != 'holds' for row in rows))
 
 
 def _check_folder(folder: Path) -> None:
@@ -111,8 +110,8 @@ def _check_folder(folder: Path) -> None:
 
 def _run_on(
     device: str, options: argparse.Namespace, names: Sequence[str], presets: Sequence[str]
-) -> list[Outcome]:
-    """Run what is asked for on a device."""
+) -> list[dict[str, Any]]:
+    """Run what is asked for on a device, and return the rows."""
     # the dearest first, lest one of them is left for the end
     limit = options.limit if options.published else None
     tasks = [(name, preset, device, limit) for preset in reversed(presets) for name in names]
@@ -124,10 +123,10 @@ def _run_on(
         title, name = f'At the paper\'s settings, {options.limit:g} s each', 'hard_as_published'
     print(table(f'{title}, {device}', outcomes))
     print(summary(outcomes))
+    rows = [_row(item, device) for item in outcomes]
     if options.csv:
-        rows = [_row(item, device) for item in outcomes]
         write_csv(rows, options.csv / f'{name}_{file_stem(device)}.csv')
-    return outcomes
+    return rows
 
 
 def run(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
@@ -181,7 +180,7 @@ def summary(outcomes: Sequence[Outcome]) -> str:
     return '\n'.join(lines)
 
 
-def _row(item: Outcome, device: str) -> dict[str, object]:
+def _row(item: Outcome, device: str) -> dict[str, Any]:
     """An outcome by the columns of a file, in seconds and shares; None: it was not measured."""
     family = next(name for name, scenes in FAMILIES.items() if SCENES[item.scene] in scenes)
     command = 'make hard-published' if item.preset == PUBLISHED else 'make hard'

@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hard.case import Event, HardScene, material, plane, scene, terrain, vent
+from hard.case import HardScene, material, plane, scene, terrain, vent
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation import Simulation
 
@@ -34,9 +34,7 @@ def _far_map() -> Terrain:
 
 def _raise_a_dam(simulation: Simulation) -> None:
     """A dam of 50 m rises in the middle of the flow."""
-    simulation.set_terrain(
-        terrain(lambda x, y: 0.1 * y + np.where(np.abs(y) < 5.0, 50.0, 0.0))
-    )
+    simulation.set_terrain(terrain(lambda x, y: 0.1 * y + np.where(np.abs(y) < 5.0, 50.0, 0.0)))
 
 
 def _drop_the_ground(simulation: Simulation) -> None:
@@ -50,6 +48,10 @@ def _tilt(simulation: Simulation) -> None:
     simulation.set_terrain(terrain(plane(0.1, towards=(0.0, 1.0))))
 
 
+def _tilt_back(simulation: Simulation) -> None:
+    simulation.set_terrain(terrain(plane(0.1)))
+
+
 def _coarser_and_shifted(simulation: Simulation) -> None:
     """Cells twice as large, half of the flow off the new map."""
     simulation.set_terrain(
@@ -61,10 +63,10 @@ def _vents(*places: tuple[float, float, float]):
     return lambda simulation: simulation.set_vents([vent(*place) for place in places])
 
 
-CHANGES = tuple(
-    Event(10.0 * (index + 1), _vents((0.0, 40.0 - 8.0 * index, 2.0 + 3.0 * (index % 3))))
+CHANGES = {
+    10.0 * (index + 1): _vents((0.0, 40.0 - 8.0 * index, 2.0 + 3.0 * (index % 3)))
     for index in range(9)
-)
+}
 
 SCENES = (
     HardScene('month', 'a dome for 30 days',
@@ -92,27 +94,23 @@ SCENES = (
               scene(plane(0.2), (vent(0.0, 60.0, 20.0),), material(viscosity=50.0)), 30.0, '',
               mirrored=True),
     HardScene('dam_rises', 'a dam of 50 m rises under the flow',
-              scene(plane(0.1), (vent(0.0, 50.0),)), 200.0, events=(Event(100.0, _raise_a_dam),),
+              scene(plane(0.1), (vent(0.0, 50.0),)), 200.0, events={100.0: _raise_a_dam},
               mirrored=True),
     HardScene('ground_drops', 'the ground becomes a field of pits of 100 m under the flow',
-              scene(plane(0.1), (vent(0.0, 50.0),)), 150.0,
-              events=(Event(100.0, _drop_the_ground),)),
+              scene(plane(0.1), (vent(0.0, 50.0),)), 150.0, events={100.0: _drop_the_ground}),
     HardScene('ground_drops_inertia', 'the same with inertia',
               scene(plane(0.1), (vent(0.0, 50.0),)), 80.0, 'inertia',
-              events=(Event(40.0, _drop_the_ground),)),
+              events={40.0: _drop_the_ground}),
     HardScene('slope_turns', 'the slope turns around every 40 s', scene(plane(0.1), (vent(),)),
-              200.0,
-              events=(Event(40.0, _tilt),
-                      Event(80.0, lambda simulation: simulation.set_terrain(terrain(plane(0.1)))),
-                      Event(120.0, _tilt)), mirrored=True),
+              200.0, events={40.0: _tilt, 80.0: _tilt_back, 120.0: _tilt}, mirrored=True),
     HardScene('other_map', 'a coarser terrain that covers half of the flow',
               scene(plane(0.1), (vent(0.0, 50.0),)), 200.0,
-              events=(Event(100.0, _coarser_and_shifted),), mirrored=True),
+              events={100.0: _coarser_and_shifted}, mirrored=True),
     HardScene('vents_replaced', 'another vent every ten seconds',
               scene(plane(0.1), (vent(0.0, 50.0),)), 100.0, events=CHANGES, mirrored=True),
     HardScene('terrain_while_freezing', 'the terrain is replaced under lava that freezes',
               scene(plane(0.1), (vent(0.0, 40.0, 0.5, temperature=1240.0),),
                     replace(material(), solidus=1223.0, emissivity=0.9, convection=50.0,
                             conductivity=1.5, ground_conductivity=2.0, crust=True)), 4000.0,
-              'freezing', events=(Event(2000.0, _tilt),), mirrored=True),
+              'freezing', events={2000.0: _tilt}, mirrored=True),
 )
