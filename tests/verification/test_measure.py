@@ -29,26 +29,8 @@ from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification import measure as measuring
 from lava_ros.verification.cases import CASES
 from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, LATERAL
-from lava_ros.verification.measure import (
-    all_pairs,
-    all_settings,
-    expected_cost,
-    file_stem,
-    machine_name,
-    measure,
-    name_of,
-    REPEATED_BELOW,
-    Setting,
-)
-from lava_ros.verification.rows import (
-    as_plain,
-    pareto_front,
-    Point,
-    points,
-    presets_of,
-    read_csv,
-    write_csv,
-)
+from lava_ros.verification.measure import all_pairs, all_settings, measure, name_of, Setting
+from lava_ros.verification.rows import as_plain, pareto_front, Point, points, read_csv, write_csv
 
 
 def test_rows_hold_the_median_and_the_range(fake_case, measured):
@@ -62,7 +44,7 @@ def test_rows_hold_the_median_and_the_range(fake_case, measured):
         assert (row.wall_s, row.low, row.high) == pytest.approx((0.0602, 0.0601, 0.0603))
         assert row.wall_s_per_simulated_hour == pytest.approx(2.0 * row.wall_s)
     assert rows[1].error == pytest.approx(10.0 * rows[0].error)
-    case = fake_case(time=REPEATED_BELOW)
+    case = fake_case(time=measuring.REPEATED_BELOW)
     rows = measured([case], [Setting('a', Accuracy())], repetitions=3)
     assert len(case.accuracies) == 1
     assert {row.repetitions for row in rows} == {1}
@@ -113,10 +95,10 @@ def test_a_case_is_handed_out_before_the_next_begins(fake_case):
 
 def test_machine_names_no_host():
     """The CPU is named by its model and the cores that are used."""
-    name = machine_name('cpu')
+    name = measuring.machine_name('cpu')
     assert re.search(r'\d+ cores? used of \d+$', name)
     assert platform.node() not in name
-    assert file_stem('cpu') == 'cpu'
+    assert measuring.file_stem('cpu') == 'cpu'
 
 
 @pytest.mark.parametrize('quick', [False, True])
@@ -128,7 +110,7 @@ def test_settings_are_distinct(quick):
     presets = {item.preset: item.accuracy for item in found if item.preset}
     assert set(presets) == ({'draft', 'standard'} if quick else set(PRESETS))
     assert all(accuracy == PRESETS[name].accuracy for name, accuracy in presets.items())
-    costs = [expected_cost(item.accuracy) for item in found]
+    costs = [measuring.expected_cost(item.accuracy) for item in found]
     assert costs == sorted(costs)
 
 
@@ -166,8 +148,7 @@ def test_the_papers_radius_is_a_metre():
     count = 8000.0 * literal.refinement**2
     spacing = math.sqrt(math.pi * 130.0**2 / count)
     assert literal.ratio * spacing == pytest.approx(1.0, rel=1e-3)
-    paper = PRESETS['as-published'].accuracy
-    assert literal.fixed_step == paper.fixed_step
+    assert literal.fixed_step == PRESETS['as-published'].accuracy.fixed_step
 
 
 def test_names_say_what_is_not_usual():
@@ -255,9 +236,3 @@ def test_a_point_has_the_worst_error_of_its_quantities(fake_case, measured, row)
     broken, whole = points(rows)
     assert (broken.error, broken.least) == (math.inf, 0.01)
     assert pareto_front([broken, whole]) == [whole]
-
-
-def test_presets_come_from_cheap_to_dear(row):
-    """Their order is that of the ladder, whatever the rows' is."""
-    rows = [row(setting=name, preset=name) for name in ('fine', '', 'draft')]
-    assert presets_of(points(rows)) == ['draft', 'fine']

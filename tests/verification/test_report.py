@@ -27,6 +27,7 @@ from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, RADII
 from lava_ros.verification.chart import draw
 from lava_ros.verification.measure import all_settings, name_of, Setting, STEPPED
 from lava_ros.verification.report import markdown, studies
+from lava_ros.verification.rows import points, presets_of
 
 
 def test_presets_and_front_are_named(fake_case, measured):
@@ -54,6 +55,12 @@ def test_cases_without_presets_are_not_among_them(row):
     text = markdown([row(preset='draft'), row(case='other')], {}, stem='cpu')
     assert text.split('## fixed_volume')[0].count('other') == 0
     assert '## Presets' not in markdown([row(case='other')], {}, stem='cpu')
+
+
+def test_presets_come_from_cheap_to_dear(row):
+    """Their order is that of the ladder, whatever the rows' is."""
+    rows = [row(setting=name, preset=name) for name in ('fine', '', 'draft')]
+    assert presets_of(points(rows)) == ['draft', 'fine']
 
 
 def section(rows, title):
