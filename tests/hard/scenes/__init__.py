@@ -15,11 +15,11 @@
 """The hard scenes by family."""
 
 from hard.case import HardScene
-from hard.scenes import lava, long, sources, terrain
+from hard.scenes import lava, terrain
 
 FAMILIES: dict[str, tuple[HardScene, ...]] = {
     'viscosity': lava.VISCOSITY, 'thickness': lava.THICKNESS, 'terrain': terrain.SCENES,
-    'vents': sources.VENTS, 'particles': sources.PARTICLES, 'heat': lava.HEAT, 'long': long.SCENES,
+    'vents': lava.VENTS, 'particles': lava.PARTICLES, 'heat': lava.HEAT, 'long': terrain.LONG,
 }
 
 SCENES: dict[str, HardScene] = {
