@@ -43,6 +43,7 @@ SETS = ('bare', 'green')
 MOST_STEPS = 1e10
 STEPS = {'cuda': 16_384, 'cpu': 64}
 
+
 def measure(
     device: str, *, particles: Sequence[int] | None, repetitions: int, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:

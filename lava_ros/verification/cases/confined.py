@@ -96,6 +96,7 @@ def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
     0.515, 0.748 and 0.937 at W/h 1, 2.5, 5 and 20 where this equation has 0.192, 0.550, 0.769 and
     0.942.
     """
+
     def run(width: float, effect: str, across_half: float, **knobs: Any) -> case.Run:
         spacing = 0.5 * width / max(2, round(across_half))
         if effect == 'green':
