@@ -26,7 +26,7 @@ from lava_ros.cli.options import add_options, device_named, seconds_of
 from lava_ros.cli.output import made_folder, Progress, table_lines, write_json
 from lava_ros.files import write_output
 from lava_ros.maps.numbers import percent, seconds
-from lava_ros.verification import measure, settings
+from lava_ros.verification import measure
 from lava_ros.verification.cases import CASES, EFFECT_CASES
 from lava_ros.verification.cases.sheets import LATERAL
 from lava_ros.verification.chart import draw
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
         validation.choice('--case', name, order)
     pairs = [
         (case, item)
-        for case, item in settings.all_pairs(quick=args.quick)
+        for case, item in measure.all_pairs(quick=args.quick)
         if not args.case or case.name in args.case
     ]
     titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case in CASES.values()}

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 import math
 from pathlib import Path
 from typing import Any
@@ -68,10 +69,10 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
             axes.set_ylabel('largest relative error', fontsize=9, color=_INK)
         if index + columns >= len(cases):
             axes.set_xlabel('wall time for an hour of the flow', fontsize=9, color=_INK)
-    figure.text(0.012, 1.0 - 0.2 / height, 'What accuracy costs', fontsize=14, weight='bold',
-                color=_INK, va='center')
-    figure.text(0.988, 1.0 - 0.2 / height, rows[0].machine, fontsize=9, color='#555555',
-                va='center', ha='right')
+    top = 1.0 - 0.2 / height
+    figure.text(0.012, top, 'What accuracy costs', fontsize=14, weight='bold', color=_INK,
+                va='center')
+    figure.text(0.988, top, rows[0].machine, fontsize=9, color='#555555', va='center', ha='right')
     _draw_legend(figure, colours, height)
     if not cases:
         figure.text(0.5, 0.45, 'No time was simulated: there is no cost to show', ha='center',
@@ -90,21 +91,14 @@ def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> No
     for point in found:
         if point.preset:
             axes.scatter(
-                *_places([point]),
-                s=58,
-                marker='o' if math.isfinite(point.error) else '^',
-                color=colours[point.preset],
-                edgecolors='white',
-                linewidths=1.2,
-                zorder=4,
+                *_places([point]), s=58, marker='o' if math.isfinite(point.error) else '^',
+                color=colours[point.preset], edgecolors='white', linewidths=1.2, zorder=4,
             )
     _set_limits(axes, found)
     axes.grid(which='major', color='#e6e6e6', linewidth=0.7, zorder=0)
     axes.set_axisbelow(True)
-    for side in ('top', 'right'):
-        axes.spines[side].set_visible(False)
-    for side in ('left', 'bottom'):
-        axes.spines[side].set_color('#888888')
+    axes.spines[['top', 'right']].set_visible(False)
+    axes.spines[['left', 'bottom']].set_color('#888888')
     axes.tick_params(which='both', labelsize=8, color='#888888', labelcolor=_INK)
 
 
@@ -117,10 +111,7 @@ def _set_limits(axes: Any, found: Sequence[Point]) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     costs, errors = _places(found)
-    for axis, values, text in (
-        (axes.xaxis, costs, seconds),
-        (axes.yaxis, errors, percent),
-    ):
+    for axis, values, text in ((axes.xaxis, costs, seconds), (axes.yaxis, errors, percent)):
         low, high = min(values) / 1.6, max(values) * 1.6
         axis.set_view_interval(low, high, ignore=True)
         decades = math.log10(high / low)
@@ -133,24 +124,17 @@ def _set_limits(axes: Any, found: Sequence[Point]) -> None:
 def _draw_legend(figure: Any, colours: dict[str, str], height: float) -> None:
     from matplotlib.lines import Line2D
 
+    dot = partial(Line2D, [], [], marker='o', linestyle='')
     handles = [
-        Line2D([], [], marker='o', linestyle='', markersize=7.5, color=colour,
-               markeredgecolor='white', label=name)
+        dot(markersize=7.5, color=colour, markeredgecolor='white', label=name)
         for name, colour in colours.items()
     ]
-    handles.append(Line2D([], [], color=_FRONT, linewidth=1.3, label='front'))
-    handles.append(
-        Line2D([], [], marker='o', linestyle='', markersize=4, color=_GREY,
-               markeredgecolor='none', label='other settings')
-    )
+    handles += [
+        Line2D([], [], color=_FRONT, linewidth=1.3, label='front'),
+        dot(markersize=4, color=_GREY, markeredgecolor='none', label='other settings'),
+    ]
     figure.legend(
-        handles=handles,
-        loc='center left',
-        bbox_to_anchor=(0.006, 1.0 - 0.47 / height),
-        ncols=len(handles),
-        frameon=False,
-        fontsize=9,
-        handletextpad=0.3,
-        columnspacing=1.3,
+        handles=handles, loc='center left', bbox_to_anchor=(0.006, 1.0 - 0.47 / height),
+        ncols=len(handles), frameon=False, fontsize=9, handletextpad=0.3, columnspacing=1.3,
         borderpad=0.0,
     )

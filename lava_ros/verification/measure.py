@@ -12,27 +12,71 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How settings are measured: a run or several of each pair of a case and a setting, as rows."""
+"""Which settings are tried, and how they are measured.
+
+Settings are a grid, the presets, one knob at a time, and what studies compare; a run or several of
+each pair of a case and a setting become rows.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 import math
 import os
 from pathlib import Path
 import platform
 import re
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.accuracy import Accuracy, GRADIENTS
 from lava_ros.simulation.backend.threads import threads
+from lava_ros.simulation.presets import DEFAULT, PRESETS
+from lava_ros.verification.cases import Case, CASES, Run
+from lava_ros.verification.cases.sheets import EXPERIMENTS
 from lava_ros.verification.rows import Row
-from lava_ros.verification.settings import expected_cost, Setting
 
-if TYPE_CHECKING:
-    from lava_ros.verification.cases import Case, Run
+#: What a study changes single settings of.
+STANDARD = PRESETS[DEFAULT].accuracy
+
+#: Refinements of the grid: 500, 2,000, 8,000 and 32,000 particles in the fixed volume's case.
+REFINEMENTS = (0.25, 0.5, 1.0, 2.0)
+
+#: Ratios of the grid: 20, 28, 38 and 64 neighbours.
+RATIOS = (2.5, 3.0, 3.5, 4.5)
+
+#: The same for a quick report, and its presets.
+QUICK_REFINEMENTS, QUICK_RATIOS, QUICK_PRESETS = (0.25, 0.5), (2.5, 3.5), ('draft', 'standard')
+
+#: Cases in which single knobs are turned, and the paper's step of 0.01 s is taken: its 200 s are
+#: 20,000 of them.
+KNOB_CASES = ('fixed_volume',)
+
+#: Cases in which the forms of the gradient are compared.
+GRADIENT_CASES = ('fixed_volume', 'pond')
+
+#: Kernel radii over the thickness at which a quick report studies the lateral stress.
+QUICK_RADII = ('l = 1 h', 'l = 6 h')
+
+#: Cases of even layers: the resolution hardly enters or no time passes, and only presets are run.
+EVEN_CASES = (
+    'sheet', 'green', 'channel', 'radiating_sheet', 'ground', 'crust', 'latent_heat',
+    'herschel_bulkley', 'critical_thickness', 'material_laws',
+)
+
+#: Refinements of the convergence study: every doubling from 2,000 particles to 128,000.
+DOUBLINGS = (0.5, 0.707, 1.0, 1.414, 2.0, 2.828, 4.0)
+
+#: Refinements at which the integrators are compared, and the Courant numbers of the second-order
+#: one; Euler's steps are shorter than any of them asks for.
+STEPPED, COURANT_NUMBERS = (1.0, 4.0), (0.5, 0.75, 1.0)
+
+#: The refinement at which the paper's kernel radius is 1 m in the case of the fixed volume, as in
+#: its table 3.1: 180,000 particles on a disc of 130 m are 1 m / 1.84 apart.
+LITERAL = 4.74
 
 #: Runs shorter than this altogether are repeated [s].
 REPEATED_BELOW = 3.0
@@ -44,14 +88,154 @@ LONGEST, QUICK_LONGEST = 30.0, 2.0
 PRESET_PATIENCE = 4.0
 
 
+@dataclass(frozen=True)
+class Setting:
+    """An accuracy to measure, and the names of the cases it is run on, None for all.
+
+    ``preset`` is the name of the preset with this accuracy, empty if there is none.
+    """
+
+    name: str
+    accuracy: Accuracy
+    preset: str = ''
+    cases: tuple[str, ...] | None = None
+
+
+def all_settings(*, quick: bool = False) -> list[Setting]:
+    """The settings of a report, each accuracy once, from cheap to expensive."""
+    refinements: Sequence[float] = QUICK_REFINEMENTS if quick else REFINEMENTS
+    ratios: Sequence[float] = QUICK_RATIOS if quick else RATIOS
+    names: Sequence[str] = QUICK_PRESETS if quick else tuple(PRESETS)
+    studied = [*convergence(), *stepping(), *from_paper().values()]
+    if quick:
+        studied = [item for item in convergence() if item.refinement <= 1.0]
+    presets = {PRESETS[name].accuracy: name for name in names}
+    grid = [Accuracy(refinement=size, ratio=ratio) for size in refinements for ratio in ratios]
+    everywhere = {*grid, *(item for item in presets if item.formulation == 'corrected')}
+    some: dict[Accuracy, tuple[str, ...]] = {}
+    for accuracy in (*presets, *knobs(quick=quick), *studied):
+        some[accuracy] = KNOB_CASES
+    for accuracy in gradients().values():
+        some[accuracy] = tuple(dict.fromkeys((*some.get(accuracy, ()), *GRADIENT_CASES)))
+    settings = []
+    for accuracy in dict.fromkeys((*grid, *some)):
+        cases = None if accuracy in everywhere else some[accuracy]
+        settings.append(
+            Setting(name_of(accuracy), accuracy, presets.get(accuracy, ''), cases)
+        )
+    return sorted(settings, key=lambda item: expected_cost(item.accuracy))
+
+
+def knobs(*, quick: bool = False) -> list[Accuracy]:
+    """The default preset with one knob turned."""
+    turned: list[dict[str, Any]] = [{'integrator': 'euler'}, {'kernel': 'poly6'}]
+    if not quick:
+        turned += [{'kernel': 'spiky'}, {'precision': 'float64'}]
+        turned += [{'diffusion_number': number} for number in (1.0, 2.0)]
+        turned += [{'courant_number': number} for number in (0.25, 0.125)]
+    return [replace(STANDARD, **knob) for knob in turned]
+
+
+def convergence() -> list[Accuracy]:
+    """The default preset at every doubling of the particles, from few to many.
+
+    Steps are half as long as the preset's: at its own length the error of the steps has the other
+    sign and takes off a part of that of the particles, a different one at each refinement.
+    """
+    return [replace(STANDARD, refinement=size, courant_number=0.25) for size in DOUBLINGS]
+
+
+def stepping() -> list[Accuracy]:
+    """Euler, then the second-order integrator at several Courant numbers, few particles first."""
+    integrators: list[dict[str, Any]] = [{'integrator': 'euler'}]
+    integrators += [{'courant_number': number} for number in COURANT_NUMBERS]
+    return [replace(STANDARD, refinement=size, **each) for size in STEPPED for each in integrators]
+
+
+def gradients() -> dict[str, Accuracy]:
+    """The default preset by the form of its gradient."""
+    return {form: replace(STANDARD, gradient=form) for form in GRADIENTS}
+
+
+def from_paper() -> dict[str, Accuracy]:
+    """The paper's settings, then one correction after another, by what each changes."""
+    paper = PRESETS['as-published'].accuracy
+    corrected = replace(paper, formulation='corrected')
+    wendland = replace(corrected, kernel='wendland', ratio=2.5)
+    free = replace(wendland, fixed_step=None)
+    wide = replace(STANDARD, refinement=paper.refinement)
+    stepped = replace(wide, ratio=wendland.ratio)
+    more = (STANDARD.refinement / paper.refinement) ** 2
+    return {
+        '`as-published`': paper,
+        'l = 1 m, as in table 3.1': replace(paper, refinement=LITERAL),
+        '`as-published`, formulas corrected': corrected,
+        f'and Wendland C2 over {_neighbours(wendland)} neighbours': wendland,
+        'and steps that follow the limits': free,
+        'and super-time-stepping': stepped,
+        f'and {_neighbours(wide)} neighbours': wide,
+        f'and {more:.0f} times the particles: `{DEFAULT}`': STANDARD,
+    }
+
+
+def _neighbours(accuracy: Accuracy) -> str:
+    return f'{math.pi * accuracy.ratio**2:.0f}'
+
+
+def name_of(accuracy: Accuracy) -> str:
+    """Say the resolution, and every other knob that is not at its default."""
+    usual = Accuracy()
+    words = [f'refinement {accuracy.refinement:g}', f'ratio {accuracy.ratio:g}']
+    for item in fields(Accuracy):
+        value = getattr(accuracy, item.name)
+        if item.name in ('refinement', 'ratio') or value == getattr(usual, item.name):
+            continue
+        label = item.name.replace('_', ' ')
+        if isinstance(value, bool):
+            words.append(label if value else f'not {label}')
+        elif isinstance(value, str) and item.name != 'gradient':
+            words.append(value)
+        else:
+            words.append(f'{label} {value:g}' if isinstance(value, float) else f'{label} {value}')
+    return ', '.join(words)
+
+
+def expected_cost(accuracy: Accuracy) -> float:
+    """How long a run takes over one at the default accuracy, roughly.
+
+    Particles, times the stages of a step, which grow with the refinement for RKL2 and with its
+    square for Euler.
+    """
+    if accuracy.fixed_step is not None:
+        return 0.2 / accuracy.fixed_step * accuracy.refinement**2 * 8.0
+    stages = accuracy.refinement if accuracy.integrator == 'rkl2' else 4.0 * accuracy.refinement**2
+    return stages * accuracy.refinement**2 * (0.5 / accuracy.courant_number) ** 0.5
+
+
+def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
+    """Every case with its settings, from cheap to expensive, then the lateral experiments.
+
+    A quick report takes less than two minutes on two cores.
+    """
+    settings = all_settings(quick=quick)
+    pairs = []
+    for case in CASES.values():
+        for item in settings:
+            is_run = bool(item.preset) or case.name not in EVEN_CASES
+            if item.cases is not None:
+                is_run = case.name in item.cases
+            if is_run:
+                pairs.append((case, item))
+    return pairs + [
+        (case, Setting(name, STANDARD))
+        for name, case in EXPERIMENTS.items()
+        if not quick or name.endswith(QUICK_RADII)
+    ]
+
+
 def measure(
-    pairs: Sequence[tuple[Case, Setting]],
-    *,
-    device: str,
-    command: str,
-    repetitions: int = 3,
-    longest: float = LONGEST,
-    on_progress: Callable[[str, float], None] = lambda what, share: None,
+    pairs: Sequence[tuple[Case, Setting]], *, device: str, command: str, repetitions: int = 3,
+    longest: float = LONGEST, on_progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Iterator[list[Row]]:
     """Run every pair that does not take too long, case by case and each from cheap to dear.
 
@@ -70,7 +254,7 @@ def measure(
         rows: list[Row] = []
         # seconds per unit of cost, from the dearest run so far: short ones say little, and fixed
         # steps nothing
-        pace, known = 0.0, 0.0
+        pace = known = 0.0
         for number, (case, item) in enumerate(group):
             share = (index + number / len(group)) / len(groups)
             on_progress(f'{case.name}: {item.preset or item.name}', share)
@@ -87,35 +271,19 @@ def measure(
     on_progress('done', 1.0)
 
 
-def _rows(
-    runs: Sequence[Run], setting: Setting, *, device: str, machine: str, command: str
-) -> list[Row]:
-    run = runs[0]
-    times = [item.wall_time for item in runs]
+def _rows(runs: Sequence[Run], setting: Setting, **origin: str) -> list[Row]:
+    """Rows of the quantities, with the times of all runs; ``origin`` has device and so on."""
+    run, times = runs[0], [item.wall_time for item in runs]
     wall, hours = median(times), run.simulated_time / 3600.0
+    # a case that takes a look without letting time pass has none
+    cost = wall / hours if hours else math.nan
     return [
         Row(
-            case=run.case,
-            setting=setting.name,
-            preset=setting.preset,
-            quantity=item.quantity,
-            error=float(item.error),
-            measured=float(item.measured),
-            exact=float(item.exact),
-            unit=item.unit,
-            particles=run.particles,
-            steps=run.steps,
-            evaluations=run.evaluations,
-            simulated_s=float(run.simulated_time),
-            wall_s=wall,
-            # a case that takes a look without letting time pass has none
-            wall_s_per_simulated_hour=wall / hours if hours else math.nan,
-            device=device,
-            machine=machine,
-            command=command,
-            repetitions=len(times),
-            low=min(times),
-            high=max(times),
+            case=run.case, setting=setting.name, preset=setting.preset, quantity=item.quantity,
+            error=float(item.error), measured=float(item.measured), exact=float(item.exact),
+            unit=item.unit, particles=run.particles, steps=run.steps, evaluations=run.evaluations,
+            simulated_s=float(run.simulated_time), wall_s=wall, wall_s_per_simulated_hour=cost,
+            repetitions=len(times), low=min(times), high=max(times), **origin,
         )
         for item in run.measurements
     ]

@@ -23,25 +23,14 @@ import numpy as np
 
 from lava_ros.maps.numbers import percent, seconds, table
 from lava_ros.simulation.presets import DEFAULT
+from lava_ros.verification import measure
 from lava_ros.verification.cases import EFFECT_CASES
 from lava_ros.verification.cases.case import slope_of
 from lava_ros.verification.cases.sheets import LATERAL
 from lava_ros.verification.rows import pareto_front, Point, points, presets_of, Row
-from lava_ros.verification.settings import (
-    convergence,
-    from_paper,
-    GRADIENT_CASES,
-    gradients,
-    KNOB_CASES,
-    name_of,
-    stepping,
-)
 
 #: The rows of a case at a setting, by quantity.
 Result = dict[str, Row]
-
-#: Name of what a velocity evaluation costs.
-TIME = 'time per particle and evaluation'
 
 #: Errors are no larger when they are within this share.
 ALIKE = 0.01
@@ -86,53 +75,46 @@ def _charts(rows: Sequence[Row], stem: str) -> list[str]:
 
 def _preset_table(found: Sequence[Point], titles: dict[str, str]) -> list[str]:
     presets = presets_of(found)
-    if not presets:
-        return []
     texts = {
         (point.case, point.preset): f'{percent(point.error)} in {seconds(point.cost)}'
         for point in found
         if point.preset
     }
-    names = list(dict.fromkeys(case for case, _ in texts))
     body = [
         [titles.get(name, name), *(texts.get((name, preset), '') for preset in presets)]
-        for name in names
+        for name in dict.fromkeys(case for case, _ in texts)
     ]
-    return ['## Presets', '', *table(['case', *presets], body), '']
+    return ['## Presets', '', *table(['case', *presets], body), ''] if body else []
 
 
 def _case_table(rows: Sequence[Row]) -> list[str]:
     """Every setting of a case, from cheap to dear; those on the front are bold."""
     quantities = list(dict.fromkeys(row.quantity for row in rows))
     front = {point.setting for point in pareto_front(points(rows))}
-    groups: dict[str, list[Row]] = {}
-    for row in rows:
-        groups.setdefault(row.setting, []).append(row)
     body = []
-    for setting, group in sorted(groups.items(), key=lambda item: item[1][0].wall_s):
-        one = group[0]
+    for setting, result in sorted(_results(rows).items(), key=lambda item: _any(item[1]).wall_s):
+        one = _any(result)
         label = f'{one.preset}: {setting}' if one.preset else setting
-        errors = {row.quantity: percent(row.error) for row in group}
-        body.append(
-            [
-                f'**{label}**' if setting in front else label,
-                *(errors.get(quantity, '') for quantity in quantities),
-                f'{one.particles:,}',
-                f'{one.steps:,}',
-                f'{one.evaluations:,}',
-                seconds(one.wall_s_per_simulated_hour),
-                f'{seconds(one.low)} to {seconds(one.high)}'
-                if one.repetitions > 1
-                else seconds(one.wall_s),
-            ]
-        )
+        took = f'{seconds(one.low)} to {seconds(one.high)}'
+        body.append([
+            f'**{label}**' if setting in front else label,
+            *_errors(result, quantities),
+            *_work(one),
+            seconds(one.wall_s_per_simulated_hour),
+            took if one.repetitions > 1 else seconds(one.wall_s),
+        ])
     head = ['setting', *quantities, 'particles', 'steps', 'evaluations', 'cost', 'a run took']
     return table(head, body)
 
 
+def _work(row: Row) -> list[str]:
+    """Particles, steps and evaluations."""
+    return [f'{count:,}' for count in (row.particles, row.steps, row.evaluations)]
+
+
 def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
     """The sections of all studies whose settings were measured, as lines of Markdown."""
-    knob = [row for row in rows if row.case in KNOB_CASES]
+    knob = [row for row in rows if row.case in measure.KNOB_CASES]
     return [
         *_convergence(knob),
         *_stepping(knob),
@@ -161,19 +143,15 @@ def _any(result: Result) -> Row:
     return next(iter(result.values()))
 
 
-def _percents(result: Result) -> dict[str, str]:
-    return {name: percent(row.error) for name, row in result.items()}
-
-
 def _errors(result: Result, quantities: Iterable[str]) -> list[str]:
-    errors = _percents(result)
-    return [errors.get(name, '') for name in quantities]
+    return [percent(result[name].error) if name in result else '' for name in quantities]
 
 
 def _convergence(rows: Sequence[Row]) -> list[str]:
     """The errors at every doubling, and how fast they fall with the distance of particles."""
     found = _results(rows)
-    results = [found[name] for name in map(name_of, convergence()) if name in found]
+    names = map(measure.name_of, measure.convergence())
+    results = [found[name] for name in names if name in found]
     if len(results) < 2:
         return []
     quantities = list(results[0])
@@ -187,9 +165,8 @@ def _convergence(rows: Sequence[Row]) -> list[str]:
             order = _order(spacing[pair], errors[name][pair]) if index else ''
             cells += [percent(errors[name][index]), order]
         body.append([*cells, seconds(_any(result).wall_s)])
-    last = ['least squares']
-    for name in quantities:
-        last += ['', _order(spacing, errors[name])]
+    orders = (word for name in quantities for word in ('', _order(spacing, errors[name])))
+    body.append(['least squares', *orders, ''])
     head = ['particles', *(word for name in quantities for word in (name, 'order')), 'a run took']
     text = (
         f'The fixed volume at `{DEFAULT}` with steps half as long, whose error then says little, '
@@ -197,7 +174,7 @@ def _convergence(rows: Sequence[Row]) -> list[str]:
         'the slope of log error against log distance between particles, from one line to the next '
         'and through all of them.'
     )
-    return _section('Convergence', text, head, [*body, [*last, '']])
+    return _section('Convergence', text, head, body)
 
 
 def _order(spacing: Sequence[float], errors: Sequence[float]) -> str:
@@ -210,35 +187,26 @@ def _stepping(rows: Sequence[Row]) -> list[str]:
     """What the second-order integrator saves over Euler's, and which errors are larger."""
     found = _results(rows)
     body: list[list[str]] = []
-    head: list[str] = []
+    quantities: list[str] = []
     euler: Result | None = None
-    for accuracy in stepping():
-        result = found.get(name_of(accuracy))
+    for accuracy in measure.stepping():
+        result = found.get(measure.name_of(accuracy))
         is_euler = accuracy.integrator == 'euler'
         euler = result if is_euler else euler
         if result is None:
             continue
         quantities = list(result)
-        head = ['particles', 'integrator', 'Courant number', 'steps', 'evaluations']
-        head += ["Euler's over these", *quantities, "larger than Euler's", 'a run took']
         one = _any(result)
+        particles, *work = _work(one)
         saved = larger = '' if is_euler else '-'
         if euler and not is_euler:
             saved = f'{_any(euler).evaluations / one.evaluations:.1f}'
             larger = _larger(result, euler)
-        body.append(
-            [
-                f'{one.particles:,}',
-                'Euler' if is_euler else 'RKL2',
-                f'{accuracy.courant_number:g}',
-                f'{one.steps:,}',
-                f'{one.evaluations:,}',
-                saved,
-                *_errors(result, quantities),
-                larger,
-                seconds(one.wall_s),
-            ]
-        )
+        integrator = ['Euler' if is_euler else 'RKL2', f'{accuracy.courant_number:g}']
+        errors = _errors(result, quantities)
+        body.append([particles, *integrator, *work, saved, *errors, larger, seconds(one.wall_s)])
+    head = ['particles', 'integrator', 'Courant number', 'steps', 'evaluations']
+    head += ["Euler's over these", *quantities, "larger than Euler's", 'a run took']
     text = (
         'The fixed volume with second-order super-time-stepping (RKL2) and with Euler steps, all '
         f'else as in `{DEFAULT}`: velocity evaluations, and the quantities whose error is larger '
@@ -249,33 +217,28 @@ def _stepping(rows: Sequence[Row]) -> list[str]:
 
 def _larger(result: Result, reference: Result) -> str:
     """The quantities whose errors are larger than a reference's, or not a number."""
-    larger = [
-        name
-        for name, row in result.items()
-        if not row.error <= (1.0 + ALIKE) * reference[name].error
-    ]
+    most = {name: (1.0 + ALIKE) * row.error for name, row in reference.items()}
+    larger = (name for name, row in result.items() if not row.error <= most[name])
     return ', '.join(larger) or 'none'
 
 
 def _from_paper(rows: Sequence[Row]) -> list[str]:
     """The way from the paper's settings to the default, one correction after another."""
     found = _results(rows)
-    ways = {label: found.get(name_of(accuracy)) for label, accuracy in from_paper().items()}
+    ways = {
+        label: found.get(measure.name_of(accuracy))
+        for label, accuracy in measure.from_paper().items()
+    }
     paper = next(iter(ways.values()))
     if paper is None:
         return []
     quantities = list(paper)
-    body = [
-        [
-            label,
-            *_errors(result, quantities),
-            f'{_any(result).particles:,}',
-            f'{_any(result).evaluations:,}',
-            seconds(_any(result).wall_s),
-        ]
-        for label, result in ways.items()
-        if result is not None
-    ]
+    body = []
+    for label, result in ways.items():
+        if result is not None:
+            particles, _, evaluations = _work(_any(result))
+            errors, took = _errors(result, quantities), seconds(_any(result).wall_s)
+            body.append([label, *errors, particles, evaluations, took])
     head = ['setting', *quantities, 'particles', 'evaluations', 'a run took']
     text = f'The fixed volume. {_dominated(rows, paper)}'
     return _section("From the paper's settings to ours", text, head, body)
@@ -283,16 +246,12 @@ def _from_paper(rows: Sequence[Row]) -> list[str]:
 
 def _dominated(rows: Sequence[Row], paper: Result) -> str:
     """The errors of the paper's settings and of the best that takes no longer."""
-    worst = max(
-        (row for row in paper.values() if math.isfinite(row.error)),
-        key=lambda row: row.error,
-        default=None,
-    )
+    known = [row for row in paper.values() if math.isfinite(row.error)]
     limit = _any(paper).wall_s_per_simulated_hour
     front = [item for item in pareto_front(points(rows)) if item.cost <= limit]
-    if worst is None or not front:
+    if not known or not front:
         return ''
-    best = front[-1]
+    worst, best = max(known, key=lambda row: row.error), front[-1]
     return (
         f'The best setting that takes no longer than `as-published` is '
         f'{best.preset or best.setting}: its largest error is {percent(best.error)}, in '
@@ -304,13 +263,13 @@ def _dominated(rows: Sequence[Row], paper: Result) -> str:
 
 def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
     """The forms of the surface's gradient, quantity by quantity."""
-    forms = {form: name_of(accuracy) for form, accuracy in gradients().items()}
+    names = [*map(measure.name_of, measure.gradients().values())]
     body = []
-    for case in GRADIENT_CASES:
+    for case in measure.GRADIENT_CASES:
         found = _results(row for row in rows if row.case == case)
-        if not all(name in found for name in forms.values()):
+        if not all(name in found for name in names):
             continue
-        results = [found[name] for name in forms.values()]
+        results = [found[name] for name in names]
         title = titles.get(case, case)
         body += [
             [title, quantity, *(percent(result[quantity].error) for result in results)]
@@ -318,20 +277,26 @@ def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
         ]
         body.append([title, 'a run took', *(seconds(_any(item).wall_s) for item in results)])
     text = f'`Accuracy.gradient` with all else as in `{DEFAULT}`.'
-    return _section('Gradient forms', text, ['case', 'quantity', *forms], body)
+    head = ['case', 'quantity', *measure.gradients()]
+    return _section('Gradient forms', text, head, body)
 
 
 def _lateral(rows: Sequence[Row]) -> list[str]:
     """Errors and time of each kind of lateral stress, by the particles' radius over the depth."""
     cells: dict[tuple[str, float], dict[str, str]] = {}
+    time = 'time per particle and evaluation'
     for name, result in _results(rows).items():
         kind, radius = name.removesuffix(' h').split(', l = ')
-        cells[kind, float(radius)] = {**_percents(result), TIME: _pace(result)}
+        texts = {quantity: percent(row.error) for quantity, row in result.items()}
+        one = _any(result)
+        work = one.evaluations * one.particles
+        texts[time] = f'{float(f"{1e9 * one.wall_s / work:.2g}"):,g} ns' if work else '-'
+        cells[kind, float(radius)] = texts
     kinds = list(dict.fromkeys(kind for kind, _ in cells))
     quantities = list(dict.fromkeys(row.quantity for row in rows))
     body = [
         [name, f'{radius:g}', *(cells.get((kind, radius), {}).get(name, '') for kind in kinds)]
-        for name in (*quantities, TIME)
+        for name in (*quantities, time)
         for radius in sorted({radius for _, radius in cells})
         if any(name in cells.get((kind, radius), {}) for kind in kinds)
     ]
@@ -341,10 +306,3 @@ def _lateral(rows: Sequence[Row]) -> list[str]:
         'velocity evaluation over the particles. `local` has no lateral stress.'
     )
     return _section('Lateral stress', text, ['quantity', 'l/h', *kinds], body)
-
-
-def _pace(result: Result) -> str:
-    """Wall time over evaluations and particles [ns]."""
-    row = _any(result)
-    work = row.evaluations * row.particles
-    return f'{float(f"{1e9 * row.wall_s / work:.2g}"):,g} ns' if work else '-'

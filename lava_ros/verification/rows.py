@@ -70,15 +70,9 @@ def row_of(
     benchmark: str, particles: int, values: Sequence[float], unit: str
 ) -> dict[str, Any]:
     """The row of a benchmark: median, smallest and largest of its repeated ``values``."""
-    return {
-        'benchmark': benchmark,
-        'particles': particles,
-        'value': median(values),
-        'unit': unit,
-        'low': min(values),
-        'high': max(values),
-        'repetitions': len(values),
-    }
+    low, middle, high = min(values), median(values), max(values)
+    row = {'benchmark': benchmark, 'particles': particles, 'value': middle, 'unit': unit}
+    return {**row, 'low': low, 'high': high, 'repetitions': len(values)}
 
 
 def write_csv(rows: Sequence[Any], path: Path) -> None:
@@ -91,10 +85,10 @@ def write_csv(rows: Sequence[Any], path: Path) -> None:
     writer = csv.DictWriter(text, list(_columns(rows[0])), lineterminator='\n')
     writer.writeheader()
     for row in rows:
-        values = _columns(row).items()
-        writer.writerow(
-            {name: f'{value:.6g}' if isinstance(value, float) else value for name, value in values}
-        )
+        writer.writerow({
+            name: f'{value:.6g}' if isinstance(value, float) else value
+            for name, value in _columns(row).items()
+        })
     write_output('output', path, text.getvalue())
 
 
@@ -110,11 +104,11 @@ def read_csv(path: Path) -> list[Row]:
         LavaError: The file cannot be read, or is no such file.
     """
     types: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': int}
-    columns = fields(Row)
+    columns = {item.name: types[str(item.type)] for item in fields(Row)}
     try:
         return [
-            Row(*(types[str(item.type)](line[item.name]) for item in columns))
-            for _, line in read_table('report', path, [item.name for item in columns], ())
+            Row(*(kind(line[name]) for name, kind in columns.items()))
+            for _, line in read_table('report', path, list(columns), ())
         ]
     except ValueError as error:
         raise LavaError('report', str(path), f'a CSV of measurements ({error})') from error
@@ -153,19 +147,15 @@ def points(rows: Iterable[Row]) -> list[Point]:
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row.case, row.setting), []).append(row)
-    return [
-        Point(
-            case=case,
-            setting=setting,
-            preset=group[0].preset,
-            # NaN, no result at all, is the worst
-            error=max(math.inf if math.isnan(row.error) else row.error for row in group),
-            cost=group[0].wall_s_per_simulated_hour,
-            particles=group[0].particles,
-            least=max((row.error for row in group if math.isfinite(row.error)), default=1.0),
-        )
-        for (case, setting), group in groups.items()
-    ]
+    found = []
+    for (case, setting), group in groups.items():
+        one, errors = group[0], [row.error for row in group]
+        # NaN, no result at all, is the worst
+        worst = max(math.inf if math.isnan(error) else error for error in errors)
+        least = max(filter(math.isfinite, errors), default=1.0)
+        cost = one.wall_s_per_simulated_hour
+        found.append(Point(case, setting, one.preset, worst, cost, one.particles, least))
+    return found
 
 
 def presets_of(found: Iterable[Point]) -> list[str]:

@@ -28,7 +28,7 @@ from lava_ros.cli import main as cli
 from lava_ros.cli.effects import step_costs
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.verification import bounds, cases, settings
+from lava_ros.verification import bounds, cases, measure
 from lava_ros.verification.cases import Case, Measurement, Run
 from lava_ros.verification.rows import read_csv
 
@@ -50,10 +50,10 @@ class Absent:
 sys.meta_path.insert(0, Absent())
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.cli.main import main
-from lava_ros.verification import settings
+from lava_ros.verification import measure
 
-few = [settings.Setting('a', Accuracy(refinement=0.25), 'draft')]
-settings.all_settings = lambda quick: few
+few = [measure.Setting('a', Accuracy(refinement=0.25), 'draft')]
+measure.all_settings = lambda quick: few
 sys.exit(main(sys.argv[1:]))
 """
 
@@ -61,8 +61,8 @@ sys.exit(main(sys.argv[1:]))
 @pytest.fixture
 def one_setting(monkeypatch):
     """Let the report have one coarse setting."""
-    coarse = [settings.Setting('coarse', Accuracy(refinement=0.25), 'draft')]
-    monkeypatch.setattr(settings, 'all_settings', lambda quick: coarse)
+    coarse = [measure.Setting('coarse', Accuracy(refinement=0.25), 'draft')]
+    monkeypatch.setattr(measure, 'all_settings', lambda quick: coarse)
 
 
 def test_report_is_written(tmp_path, one_setting, capsys):
@@ -106,7 +106,7 @@ def test_what_is_interrupted_keeps_what_it_has(tmp_path, one_setting, monkeypatc
     def stop(accuracy, device):
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(settings.CASES, 'dam_break', replace(second, measure=stop))
+    monkeypatch.setitem(measure.CASES, 'dam_break', replace(second, measure=stop))
     words = ['--quick', '--device', 'cpu', '--output', str(tmp_path)]
     words += ['--case', 'fixed_volume', '--case', 'dam_break']
     assert cli.main(['accuracy', *words]) == 130
@@ -139,8 +139,7 @@ def use(monkeypatch: pytest.MonkeyPatch, *errors: float) -> None:
 
     monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
     names = [f'q{index}' for index in range(len(errors))]
-    limits = {'draft': 0.02, 'standard': 0.01}
-    monkeypatch.setattr(bounds, 'BOUNDS', {'fake': dict.fromkeys(names, limits)})
+    monkeypatch.setattr(bounds, 'BOUNDS', {'fake': dict.fromkeys(names, (0.02, 0.01))})
 
 
 def test_a_real_case(tmp_path, capsys):

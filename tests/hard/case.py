@@ -39,10 +39,8 @@ PHYSICS: dict[str, Effects] = {
     ),
     'lateral': Effects(helmholtz=True),
     'heating': Effects(arrhenius=False, cooling=False, viscous_heating=True),
-    'heating_inertia': Effects(
-        arrhenius=False, cooling=False, viscous_heating=True, inertia=True
-    ),
 }
+PHYSICS['heating_inertia'] = replace(PHYSICS['heating'], inertia=True)
 
 #: Cell of most scenes [m], and cells of a side.
 CELL, SIDE = 5.0, 32
@@ -56,14 +54,6 @@ Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Lot = Callable[[float], Particles]
 
 
-@dataclass(frozen=True)
-class Event:
-    """Something done to a running simulation at a time [s]."""
-
-    time: float
-    act: Callable[[Simulation], Any]
-
-
 @dataclass(frozen=True, eq=False)
 class HardScene:
     """A scene that tries the solver, with its title in a few words.
@@ -74,7 +64,7 @@ class HardScene:
         frames: Moments at which the invariants are checked, evenly spaced.
         lava: Lava at the start.
         thickness: Expected thickness, from which a particle's volume follows [m]; None: automatic.
-        events: What happens to it, in the order of time.
+        events: What is done to the running simulation, by the time [s].
         mirrored: Whether scene and events are the same seen from left to right.
         mirrored_until: Time until which the flow has to be its own mirror image [s]. Lava that
             is pressed together, or runs over an edge, doubles a difference again and again until
@@ -99,7 +89,7 @@ class HardScene:
     frames: int = 10
     lava: Lot | None = None
     thickness: float | None = None
-    events: tuple[Event, ...] = field(default=())
+    events: Mapping[float, Callable[[Simulation], Any]] = field(default_factory=dict)
     mirrored: bool = False
     mirrored_until: float = math.inf
     dry: Callable[[np.ndarray], np.ndarray] | None = None
@@ -114,10 +104,7 @@ class HardScene:
 
 
 def terrain(
-    surface: Surface | None = None,
-    *,
-    cell: float = CELL,
-    side: int = SIDE,
+    surface: Surface | None = None, *, cell: float = CELL, side: int = SIDE,
     origin: tuple[float, float] | None = None,
 ) -> Terrain:
     """A square terrain of a surface z(x, y), its centre at (0, 0) unless an origin is given."""
@@ -134,21 +121,13 @@ def plane(slope: float, *, towards: tuple[float, float] = (0.0, -1.0)) -> Surfac
 
 
 def block(
-    width: float,
-    depth: float,
-    thickness: float,
-    *,
-    centre: tuple[float, float] = (0.0, 0.0),
+    width: float, depth: float, thickness: float, *, centre: tuple[float, float] = (0.0, 0.0),
     temperature: float | Callable[[np.ndarray], np.ndarray] = 1423.0,
 ) -> Lot:
     """Lava of an even thickness on a rectangle, on a lattice that is symmetric left to right.
 
-    Args:
-        width: Along x [m].
-        depth: Along y [m].
-        thickness: Thickness [m].
-        centre: Middle of the rectangle [m].
-        temperature: One [K], or a function of the positions [m], shape [count, 2].
+    Lengths are in metres, ``width`` along x. The temperature is one [K], or a function of the
+    positions [m], shape [count, 2].
     """
 
     def lava(spacing: float) -> Particles:
@@ -180,9 +159,7 @@ def vent(x: float = 0.0, y: float = 0.0, discharge: Any = 5.0, **more: Any) -> V
 
 
 def scene(
-    ground: Terrain | Surface | None = None,
-    vents: tuple[Vent, ...] = (),
-    lava: Lava = STEADY,
+    ground: Terrain | Surface | None = None, vents: tuple[Vent, ...] = (), lava: Lava = STEADY,
     **more: Any,
 ) -> Scene:
     """A scene on a terrain, or on the usual one of a surface."""

@@ -51,7 +51,7 @@ import math
 import numpy as np
 from scipy.special import k0, k1
 
-from hard.ground import along, Bound, lift, Moment
+from hard.ground import along, Bound, head, lift, Moment
 from lava_ros.simulation.kernels import SQUARED_SUPPORT
 from lava_ros.simulation.state import STEPS
 
@@ -83,8 +83,7 @@ class Temperature:
         bounds = [scene.ambient_temperature, *(vent.temperature for vent in scene.vents)]
         self._coldest, self.hottest = min(self._coldest, *bounds), max(self.hottest, *bounds)
         if moment.simulation.effects.inertia:
-            speeds = [float(np.hypot(*vent.velocity)) for vent in scene.vents]
-            heads = [speed**2 / (2.0 * scene.gravity) for speed in speeds]
+            heads = [head(vent, scene.gravity) for vent in scene.vents]
             self._thrown = max([self._thrown, *heads])
         if scene.terrain is not self._terrain:
             top = float(np.nanmax(scene.terrain.elevation))
@@ -205,8 +204,7 @@ def _account(moment: Moment) -> _Account:
     # highest energy of what vents emit, over its weight and from the lowest ground
     source, least = 0.0, simulation.accuracy.spacing or 0.0
     for vent in simulation.scene.vents:
-        head = float(np.hypot(*vent.velocity)) ** 2 / (2.0 * gravity)
-        source = max(source, ground.highest(vent, least) + head)
+        source = max(source, ground.highest(vent, least) + head(vent, gravity))
     return _Account(energy, source, half_kick)
 
 

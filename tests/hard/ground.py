@@ -46,17 +46,15 @@ class Ground:
 
     def height(self, position: np.ndarray) -> np.ndarray:
         """Height of the quadratic B-spline at map positions [m], shape [count]."""
-        terrain = self._terrain
-        rows, columns = terrain.shape
-        place = (position - np.asarray(terrain.origin)) / terrain.resolution
-        j = np.clip(np.floor(place[:, 0]).astype(int), 0, columns - 1)
-        i = np.clip(np.floor(place[:, 1]).astype(int), 0, rows - 1)
-        across = _spline(np.clip(place[:, 0] - j - 0.5, -0.5, 0.5))
-        along = _spline(np.clip(place[:, 1] - i - 0.5, -0.5, 0.5))
+        place = (position - np.asarray(self._terrain.origin)) / self._terrain.resolution
+        last = np.array(self._terrain.shape[::-1]) - 1
+        cell = np.clip(np.floor(place).astype(int), 0, last)
+        t = np.clip(place - cell - 0.5, -0.5, 0.5)
+        weights = np.stack([0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2])
         total = np.zeros(len(position))
-        for m in range(3):
-            for n in range(3):
-                total += along[m] * across[n] * self._heights[i + m, j + n]
+        for m, n in np.ndindex(3, 3):
+            heights = self._heights[cell[:, 1] + m, cell[:, 0] + n]
+            total += weights[m, :, 1] * weights[n, :, 0] * heights
         return total
 
     def slope(self, position: np.ndarray) -> np.ndarray:
@@ -86,34 +84,25 @@ class Ground:
         bend = 0.5 * (along + across) + np.hypot(half, mixed)
         return np.maximum(bend, 0.0) / step**2
 
-    def _around(self, position: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
-        """First and last row and column of the cells within a reach of positions."""
-        terrain = self._terrain
-        rows, columns = self._heights.shape
-        place = (position - np.asarray(terrain.origin)) / terrain.resolution + 1.0
-        span = reach / terrain.resolution
-        low = np.floor(place - span).astype(int)
-        high = np.floor(place + span).astype(int)
-        return (
-            np.clip(low[:, 1], 0, rows - 1),
-            np.clip(high[:, 1], 0, rows - 1),
-            np.clip(low[:, 0], 0, columns - 1),
-            np.clip(high[:, 0], 0, columns - 1),
-        )
+    def _around(self, position: np.ndarray, reach: float) -> np.ndarray:
+        """Bounds of the rows and columns within a reach of positions, shape [count, 4]."""
+        place = (position - np.asarray(self._terrain.origin)) / self._terrain.resolution + 1.0
+        span = reach / self._terrain.resolution
+        low, high = (np.floor(place + way).astype(int) for way in (-span, span))
+        last = np.array(self._heights.shape) - 1
+        first, end = (np.clip(ends[:, ::-1], 0, last) for ends in (low, high))
+        return np.stack([first[:, 0], end[:, 0] + 1, first[:, 1], end[:, 1] + 1], axis=1)
 
     def rise(self, position: np.ndarray, reach: float) -> np.ndarray:
         """What the ground rises or falls by within a reach of positions [m], shape [count]."""
-        blocks = np.stack(self._around(position, reach), axis=1)
-        kinds, which = np.unique(blocks, axis=0, return_inverse=True)
-        rises = [np.ptp(self._heights[a : b + 1, c : d + 1]) for a, b, c, d in kinds]
+        kinds, which = np.unique(self._around(position, reach), axis=0, return_inverse=True)
+        rises = [np.ptp(self._heights[a:b, c:d]) for a, b, c, d in kinds]
         return np.array(rises)[which.ravel()]
 
     def highest(self, vent: Vent, least: float) -> float:
-        """Highest ground under a vent, from the lowest of all [m].
+        """Highest ground under a vent of a least radius [m], from the lowest of all [m].
 
-        Args:
-            vent: The vent; a fissure is looked at in as many places as cells.
-            least: Radius that it has at least [m].
+        A fissure is looked at in as many places as cells.
         """
         start = np.asarray(vent.position)
         end = start if vent.end is None else np.asarray(vent.end)
@@ -121,8 +110,7 @@ class Ground:
         places = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
         # the spline at a place is a mean of its cell and of those beside it
         reach = max(vent.radius, least) + self._terrain.resolution
-        blocks = np.stack(self._around(places, reach), axis=1)
-        tops = [self._heights[a : b + 1, c : d + 1].max() for a, b, c, d in blocks]
+        tops = [self._heights[a:b, c:d].max() for a, b, c, d in self._around(places, reach)]
         return float(max(tops)) - self.lowest
 
 
@@ -156,14 +144,10 @@ def along(
 ) -> Iterator[tuple[float, float, float]]:
     """A rate at the start and at the end of each step, and the step's length [s].
 
-    The frame is played again from its start, step by step: lava that comes out and runs off,
-    breaks loose for a moment, or falls and climbs, shows that at neither end of a frame.
-
-    Args:
-        start: The frame's start.
-        simulation: The simulation at the frame's end.
-        steps: How many there were; of many only one in so many is taken, as long as all of them.
-        rate: What is asked of a moment.
+    The frame that began at ``start`` and whose end the simulation is at is played again, step by
+    step: lava that comes out and runs off, breaks loose for a moment, or falls and climbs, shows
+    that at neither end of a frame. Of many ``steps`` only one in so many is taken, as long as all
+    of them.
     """
     again = Simulation.resume(start, device=simulation.device)
     if start.scene.vents != simulation.scene.vents:
@@ -181,15 +165,16 @@ def along(
             begun, step, former = again.time, reached, now
 
 
-def _spline(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
-
-
 def lift(former: Terrain, terrain: Terrain) -> float:
     """How much higher lava may be on a new terrain than it was on the one before [m]."""
     if (former.extent, former.shape) != (terrain.extent, terrain.shape):
         return float(np.nanmax(terrain.elevation) - np.nanmin(former.elevation))
     return float(np.nanmax(terrain.elevation - former.elevation))
+
+
+def head(vent: Vent, gravity: float) -> float:
+    """How high lava rises that a vent throws [m]."""
+    return float(np.hypot(*vent.velocity)) ** 2 / (2.0 * gravity)
 
 
 def distance(

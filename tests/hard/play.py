@@ -34,6 +34,7 @@ left, rest, distinct, spread, cost
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 import math
 import time as wall_clock
@@ -108,11 +109,7 @@ class Outcome:
 
 
 def play(
-    item: HardScene,
-    preset: str,
-    *,
-    device: str | None = 'cpu',
-    compare: bool = True,
+    item: HardScene, preset: str, *, device: str | None = 'cpu', compare: bool = True,
     wall_limit: float | None = None,
 ) -> Outcome:
     """Run a scene at a preset under watch, and cut it off after a wall time [s].
@@ -141,41 +138,49 @@ def play(
     outcome.time, outcome.particles = simulation.time, simulation.particle_count
     outcome.steps, outcome.evaluations = snapshot.steps.count, snapshot.steps.evaluations
     outcome.smallest_step, outcome.cost = watch.cost.smallest_step, watch.cost.highest
-    whole = not outcome.violations and not outcome.is_cut
-    if whole and item.still:
-        _check_still(outcome, before, simulation)
-    if whole and item.distinct:
-        places = simulation.sample().position
-        _hold(outcome, 'distinct', len(places) - len(np.unique(places, axis=0)), 0)
-    if whole and preset in item.most_steps:
-        _hold(outcome, 'cost', outcome.steps, item.most_steps[preset])
-    if whole and item.reaches:
-        reached = float(np.hypot(*simulation.sample().position.T).max(initial=0.0))
-        _hold(outcome, 'spread', -reached, -item.reaches)
-    if whole and item.closed:
-        _hold(outcome, 'left', snapshot.budget.left, 0.0)
-    if whole and preset == 'reference' and item.mirrored:
-        _hold(outcome, 'symmetry', outcome.asymmetry, MIRRORED)
-    if whole and compare and item.halved:
-        _compare(item, outcome, accuracy, footprint(snapshot), device)
+    if not outcome.violations and not outcome.is_cut:
+        for asked in _asked(item, outcome, before, simulation):
+            _hold(outcome, *asked)
+        if compare and item.halved:
+            _compare(item, outcome, accuracy, footprint(snapshot), device)
     outcome.wall_time = wall_clock.monotonic() - start
     return outcome
+
+
+def _asked(
+    item: HardScene, outcome: Outcome, before: np.ndarray, simulation: Simulation
+) -> Iterator[tuple[str, float, float]]:
+    """What a scene asks for itself: the invariant, what was found, what it may be at most."""
+    places = simulation.sample().position
+    if item.still:
+        moved = math.inf
+        if len(places) == len(before):
+            one, other = (array[np.lexsort(array.T)] for array in (before, places))
+            moved = float(np.abs(one - other).max())
+        # a float32 has 2^-24 of half the map
+        yield 'rest', moved, 2.0**-22 * max(simulation.scene.terrain.extent)
+    if item.distinct:
+        yield 'distinct', len(places) - len(np.unique(places, axis=0)), 0
+    if outcome.preset in item.most_steps:
+        yield 'cost', outcome.steps, item.most_steps[outcome.preset]
+    if item.reaches:
+        yield 'spread', -float(np.hypot(*places.T).max(initial=0.0)), -item.reaches
+    if item.closed:
+        yield 'left', simulation.budget().left, 0.0
+    if outcome.preset == 'reference' and item.mirrored:
+        yield 'symmetry', outcome.asymmetry, MIRRORED
 
 
 def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Simulation:
     """The scene's simulation at its start."""
     # of the cells, not of the flow: what a scene tries lies in its ground
     spacing = accuracy.spacing or item.scene.terrain.resolution / accuracy.refinement
-    accuracy = replace(accuracy, spacing=spacing)
     effects: Effects | dict[str, bool] = PHYSICS[item.physics] if item.physics else {}
     if accuracy.formulation == 'as-published':
         without = dict.fromkeys(('inertia', 'helmholtz'), False)
         effects = replace(effects, **without) if isinstance(effects, Effects) else without
     simulation = Simulation(
-        item.scene,
-        effects=effects,
-        accuracy=accuracy,
-        device=device,
+        item.scene, effects=effects, accuracy=replace(accuracy, spacing=spacing), device=device,
         particles=item.lava(spacing) if item.lava else None,
     )
     clock = simulation._state.clock.numpy()
@@ -194,24 +199,19 @@ def _moments(item: HardScene, step: float | None = None) -> list[float]:
     if math.isfinite(item.mirrored_until):
         moments.append(item.mirrored_until)
     moments = [item.since + moment for moment in moments if moment <= span]
-    return sorted({*moments, *(event.time for event in item.events)})
+    return sorted({*moments, *item.events})
 
 
 def _advance(
-    simulation: Simulation,
-    item: HardScene,
-    moment: float,
-    start: float,
-    wall_limit: float | None,
+    simulation: Simulation, item: HardScene, moment: float, start: float, limit: float | None
 ) -> bool:
     """Go on to a moment; False when the time was up before.
 
     What happens to the scene happens right after the check of its moment.
     """
-    for event in item.events:
-        if event.time == simulation.time:
-            event.act(simulation)
-    left = None if wall_limit is None else wall_limit - (wall_clock.monotonic() - start)
+    if simulation.time in item.events:
+        item.events[simulation.time](simulation)
+    left = None if limit is None else limit - (wall_clock.monotonic() - start)
     return simulation.advance(moment, wall_limit=left) >= moment
 
 
@@ -220,53 +220,34 @@ def _hold(outcome: Outcome, name: str, value: float, most: float) -> None:
         outcome.violations.append(Violation(name, value, most, outcome.time))
 
 
-def _check_still(outcome: Outcome, before: np.ndarray, simulation: Simulation) -> None:
-    after = simulation.sample().position
-    moved = math.inf
-    if len(after) == len(before):
-        order = (np.lexsort(places.T) for places in (before, after))
-        moved = float(np.abs(before[next(order)] - after[next(order)]).max())
-    # a float32 has 2^-24 of half the map
-    _hold(outcome, 'rest', moved, 2.0**-22 * max(simulation.scene.terrain.extent))
-
-
 def _compare(
     item: HardScene, outcome: Outcome, accuracy: Accuracy, whole: np.ndarray, device: str | None
 ) -> None:
     """Hold the footprint with steps half as long against this one: the module says how."""
-    half = _with_steps(accuracy, 0.5)
-    change = footprint_change(whole, _final(item, simulation_of(item, half, device)))
+
+    def change(share: float, played: HardScene = item) -> float:
+        """Of steps of a share of their length, whatever limits them."""
+        shorter = {name: share * getattr(accuracy, name)
+                   for name in ('courant_number', 'longest_step')}
+        simulation = simulation_of(played, replace(accuracy, **shorter), device)
+        for moment in _moments(item):
+            _advance(simulation, item, moment, 0.0, None)
+        return footprint_change(whole, footprint(simulation.snapshot()))
+
+    found = change(0.5)
     bound = PRESETS[outcome.preset].errors['edge'] + _cell_share(whole)
-    if change > bound:
-        # scatter only adds to the bound: without it the verdict is the same
-        bound += _scatter(item, accuracy, whole, device)
-    if change > bound:
-        quarter = _with_steps(accuracy, 0.25)
-        change = footprint_change(whole, _final(item, simulation_of(item, quarter, device)))
-    outcome.footprint_change = change
-    outcome.footprint_bound = bound
-    _hold(outcome, 'halving', change, bound)
-
-
-def _scatter(
-    item: HardScene, accuracy: Accuracy, whole: np.ndarray, device: str | None
-) -> float:
-    """How far one more run may be from this one, of runs that ought to be the same."""
-    draws = []
-    for index in range(1, DRAWS + 1):
-        nearly = _with_steps(accuracy, 1.0 - SHORTER * index / DRAWS)
-        shaken = simulation_of(_shaken(item, SHAKEN, seed=index), nearly, device)
-        draws.append(footprint_change(whole, _final(item, shaken)))
-    return float(np.mean(draws) + STUDENT * np.std(draws, ddof=1))
-
-
-def _with_steps(accuracy: Accuracy, share: float) -> Accuracy:
-    """The accuracy with steps of a share of their length, whatever limits them."""
-    return replace(
-        accuracy,
-        courant_number=share * accuracy.courant_number,
-        longest_step=share * accuracy.longest_step,
-    )
+    if found > bound:
+        # scatter only adds to the bound: without it the verdict is the same. How far one more run
+        # may be from this one, of runs that ought to be the same
+        draws = [
+            change(1.0 - SHORTER * index / DRAWS, _shaken(item, index))
+            for index in range(1, DRAWS + 1)
+        ]
+        bound += float(np.mean(draws) + STUDENT * np.std(draws, ddof=1))
+    if found > bound:
+        found = change(0.25)
+    outcome.footprint_change, outcome.footprint_bound = found, bound
+    _hold(outcome, 'halving', found, bound)
 
 
 def _cell_share(whole: np.ndarray) -> float:
@@ -277,22 +258,15 @@ def _cell_share(whole: np.ndarray) -> float:
     return max(alike, 2) / (2.0 * max(float(whole.sum()), 1.0))
 
 
-def _final(item: HardScene, simulation: Simulation) -> np.ndarray:
-    for moment in _moments(item):
-        _advance(simulation, item, moment, 0.0, None)
-    return footprint(simulation.snapshot())
-
-
-def _shaken(item: HardScene, share: float, *, seed: int = 0) -> HardScene:
-    """The scene with its particles and vents shaken by a share of a cell."""
-    random = np.random.default_rng(seed)
-    size = share * item.scene.terrain.resolution
+def _shaken(item: HardScene, seed: int) -> HardScene:
+    """The scene with its particles and vents shaken by ``SHAKEN`` of a cell."""
+    random, lava = np.random.default_rng(seed), item.lava
     scene, terrain = item.scene, item.scene.terrain
+    size = SHAKEN * terrain.resolution
     vents = []
     for vent in scene.vents:
         place = tuple(np.asarray(vent.position) + random.uniform(-size, size, 2))
         vents.append(replace(vent, position=place) if terrain.covers(*place) else vent)
-    lava = item.lava
 
     def shaken_lava(spacing: float) -> Particles:
         assert lava is not None
@@ -302,11 +276,8 @@ def _shaken(item: HardScene, share: float, *, seed: int = 0) -> HardScene:
         places[~inside] = particles.position[~inside]
         return replace(particles, position=places)
 
-    return replace(
-        item,
-        scene=replace(scene, vents=tuple(vents)),
-        lava=None if lava is None else shaken_lava,
-    )
+    shaken = replace(scene, vents=tuple(vents))
+    return replace(item, scene=shaken, lava=None if lava is None else shaken_lava)
 
 
 def footprint(snapshot: Snapshot) -> np.ndarray:
@@ -315,10 +286,9 @@ def footprint(snapshot: Snapshot) -> np.ndarray:
 
 
 def footprint_change(one: np.ndarray, other: np.ndarray) -> float:
-    """Distance between two footprints' borders over their radius.
+    """Distance between two footprints' borders over their radius, 0 where both are empty.
 
-    The area that only one of them covers over twice the mean area: dR / R for discs. 0 where both
-    are empty.
+    It is the area that only one of them covers over twice the mean area: dR / R for discs.
     """
     area = one.sum() + other.sum()
     return float((one ^ other).sum() / area) if area else 0.0

@@ -29,6 +29,7 @@ import math
 import multiprocessing
 from pathlib import Path
 import sys
+from typing import Any
 
 import warp as wp
 
@@ -63,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description='Run the hard scenes.')
     parser.add_argument('--preset', action='append', choices=KEPT)
     parser.add_argument(
-        '--published', action='store_true', help='the paper\'s settings instead of the presets'
+        '--published', action='store_true', help="the paper's settings instead of the presets"
     )
     parser.add_argument('--scene', action='append', choices=[*SCENES, *FAMILIES], metavar='NAME')
     parser.add_argument('--device', action='append', help='cpu or cuda:0 (default: all there are)')
@@ -85,17 +86,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(str(error))
     # a process is as much as a core does
     use_threads(1)
-    names = [name for name in SCENES if _is_asked(name, options.scene)]
+    asked = options.scene or [*SCENES]
+    names = [name for name, item in SCENES.items()
+             if name in asked or any(item in FAMILIES.get(family, ()) for family in asked)]
     presets = [name for name in KEPT if name in (options.preset or (name,))]
     if options.published:
         presets = [PUBLISHED]
     devices = options.device or [str(device) for device in wp.get_devices()]
-    found = {device: _run_on(device, options, names, presets) for device in devices}
+    rows = [row for device in devices for row in _run_on(device, options, names, presets)]
     if options.json:
-        rows = [_row(item, device) for device in devices for item in found[device]]
         options.json.write_text(json.dumps(rows, indent=1), encoding='utf-8')
-    outcomes = [item for items in found.values() for item in items]
-    return int(not options.published and any(item.verdict != 'holds' for item in outcomes))
+    return int(not options.published and any(row['verdict'] != 'holds' for row in rows))
 
 
 def _check_folder(folder: Path) -> None:
@@ -109,14 +110,11 @@ def _check_folder(folder: Path) -> None:
 
 def _run_on(
     device: str, options: argparse.Namespace, names: Sequence[str], presets: Sequence[str]
-) -> list[Outcome]:
-    """Run what is asked for on a device."""
+) -> list[dict[str, Any]]:
+    """Run what is asked for on a device, and return the rows."""
     # the dearest first, lest one of them is left for the end
-    tasks = [
-        (name, preset, device, options.limit if preset == PUBLISHED else None)
-        for preset in reversed(presets)
-        for name in names
-    ]
+    limit = options.limit if options.published else None
+    tasks = [(name, preset, device, limit) for preset in reversed(presets) for name in names]
     outcomes = run(tasks, options.jobs)
     order = {name: index for index, name in enumerate(names)}
     outcomes.sort(key=lambda item: (order[item.scene], presets.index(item.preset)))
@@ -125,16 +123,10 @@ def _run_on(
         title, name = f'At the paper\'s settings, {options.limit:g} s each', 'hard_as_published'
     print(table(f'{title}, {device}', outcomes))
     print(summary(outcomes))
+    rows = [_row(item, device) for item in outcomes]
     if options.csv:
-        rows = [_row(item, device) for item in outcomes]
         write_csv(rows, options.csv / f'{name}_{file_stem(device)}.csv')
-    return outcomes
-
-
-def _is_asked(name: str, asked: Iterable[str] | None) -> bool:
-    if asked is None:
-        return True
-    return any(name == item or SCENES[name] in FAMILIES.get(item, ()) for item in asked)
+    return rows
 
 
 def run(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
@@ -154,24 +146,17 @@ def run(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
 def table(title: str, outcomes: Iterable[Outcome]) -> str:
     """The outcomes as text."""
     head = ('case', 'preset', 'steps', 'smallest step', 'stages/s', 'volume error', 'verdict')
-    rows = [
-        (
-            item.scene,
-            item.preset,
-            f'{item.steps}',
-            f'{item.smallest_step:.2g} s' if math.isfinite(item.smallest_step) else '-',
-            f'{item.cost:.3g}',
+    rows = []
+    for item in outcomes:
+        smallest = f'{item.smallest_step:.2g} s' if math.isfinite(item.smallest_step) else '-'
+        reached = f' at {item.time:.3g} s of {item.until:.3g} s'
+        rows.append((
+            item.scene, item.preset, f'{item.steps}', smallest, f'{item.cost:.3g}',
             f'{item.volume_error:.1e}',
-            item.verdict + ('' if item.verdict == 'holds' else _reached(item)),
-        )
-        for item in outcomes
-    ]
+            item.verdict + (reached if item.verdict != 'holds' else ''),
+        ))
     lines = table_lines([head, *rows], '<<>>>><')
     return '\n'.join([f'\n{title}', '', lines[0], '-' * len(lines[0]), *lines[1:]])
-
-
-def _reached(item: Outcome) -> str:
-    return f' at {item.time:.3g} s of {item.until:.3g} s'
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:
@@ -181,13 +166,10 @@ def summary(outcomes: Sequence[Outcome]) -> str:
         name for item in outcomes for name in {found.invariant for found in item.violations}
     )
     lines = [f'\n{verdicts["holds"]} of {len(outcomes)} hold to the end.']
-    if verdicts['cut off']:
-        half = sum(
-            item.time >= 0.5 * item.until for item in outcomes if item.verdict == 'cut off'
-        )
-        lines.append(
-            f'{verdicts["cut off"]} were cut off and held until then, {half} of them past half.'
-        )
+    cut = [item for item in outcomes if item.verdict == 'cut off']
+    if cut:
+        half = sum(item.time >= 0.5 * item.until for item in cut)
+        lines.append(f'{len(cut)} were cut off and held until then, {half} of them past half.')
     lines += [f'{count} break: {name}' for name, count in broken.most_common()]
     lines += [
         f'  {item.scene} {item.preset}: {found}'
@@ -198,28 +180,18 @@ def summary(outcomes: Sequence[Outcome]) -> str:
     return '\n'.join(lines)
 
 
-def _row(item: Outcome, device: str) -> dict[str, object]:
+def _row(item: Outcome, device: str) -> dict[str, Any]:
     """An outcome by the columns of a file, in seconds and shares; None: it was not measured."""
-    family = next(name for name in FAMILIES if SCENES[item.scene] in FAMILIES[name])
+    family = next(name for name, scenes in FAMILIES.items() if SCENES[item.scene] in scenes)
     command = 'make hard-published' if item.preset == PUBLISHED else 'make hard'
     row = {
-        'case': item.scene,
-        'family': family,
-        'preset': item.preset,
-        'verdict': item.verdict,
-        'simulated_s': item.time,
-        'until_s': item.until,
-        'particles': item.particles,
-        'steps': item.steps,
-        'smallest_step_s': item.smallest_step,
-        'stages_per_simulated_s': item.cost,
-        'volume_error': item.volume_error,
-        'footprint_change': item.footprint_change,
-        'footprint_bound': item.footprint_bound,
-        'asymmetry': item.asymmetry,
-        'wall_s': round(item.wall_time, 2),
-        'what': '; '.join(map(str, item.violations)),
-        'machine': machine_name(device),
+        'case': item.scene, 'family': family, 'preset': item.preset, 'verdict': item.verdict,
+        'simulated_s': item.time, 'until_s': item.until, 'particles': item.particles,
+        'steps': item.steps, 'smallest_step_s': item.smallest_step,
+        'stages_per_simulated_s': item.cost, 'volume_error': item.volume_error,
+        'footprint_change': item.footprint_change, 'footprint_bound': item.footprint_bound,
+        'asymmetry': item.asymmetry, 'wall_s': round(item.wall_time, 2),
+        'what': '; '.join(map(str, item.violations)), 'machine': machine_name(device),
         'command': command + ('' if device == 'cpu' else f" ARGS='--device {device}'"),
     }
     return {

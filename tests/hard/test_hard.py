@@ -26,7 +26,7 @@ import numpy as np
 import pytest
 
 from hard import run
-from hard.case import HardScene, PHYSICS
+from hard.case import PHYSICS
 from hard.invariants import InvariantError, Watch
 from hard.play import play
 from hard.safeguards import ROOT, SAFEGUARDS
@@ -38,31 +38,11 @@ from lava_ros.simulation.accuracy import Accuracy
 
 #: Of each family those that broke an invariant, or cost most, before the solver was made for them.
 HARDEST = (
-    'viscosity_mixed',
-    'viscosity_1_inertia',
-    'viscosity_two_vents',
-    'column_200_m',
-    'dam_onto_film',
-    'thick_200_m',
-    'spike',
-    'canyon',
-    'canyon_film',
-    'wall_89_degrees',
-    'noise_level',
-    'holes',
-    'vents_over_each_other',
-    'vent_flickers',
-    'coincident',
-    'piled_up_lateral',
-    'leaving_corner',
-    'freezes_in_noise',
-    'heated_by_fall_inertia',
-    'held_by_strength',
-    'chilled_at_once',
-    'late',
-    'far_out',
-    'ground_drops',
-    'vents_replaced',
+    'viscosity_mixed', 'viscosity_1_inertia', 'viscosity_two_vents', 'column_200_m',
+    'dam_onto_film', 'thick_200_m', 'spike', 'canyon', 'canyon_film', 'wall_89_degrees',
+    'noise_level', 'holes', 'vents_over_each_other', 'vent_flickers', 'coincident',
+    'piled_up_lateral', 'leaving_corner', 'freezes_in_noise', 'heated_by_fall_inertia',
+    'held_by_strength', 'chilled_at_once', 'late', 'far_out', 'ground_drops', 'vents_replaced',
 )
 
 
@@ -80,52 +60,47 @@ def test_every_family_is_there():
         assert {item.name for item in family} & set(HARDEST), name
 
 
+def _in_a_cell(count: int, device: str) -> Simulation:
+    places = np.random.default_rng(1).uniform(0.0, 4.9, (count, 2))
+    return Simulation(
+        SCENES['no_particles'].scene, effects=PHYSICS['plain'], accuracy=Accuracy(thickness=1.0),
+        device=device, particles=Particles(places, 1e-3, 1423.0),
+    )
+
+
 def test_a_million_particles_in_a_cell_are_refused(device):
     """Each would look at a million others: no step would ever end."""
-    places = np.random.default_rng(1).uniform(0.0, 4.9, (1_000_000, 2))
     with pytest.raises(LavaError, match=r'particles.*1000000 in .* at most 32768'):
-        _simulation(Particles(places, 1e-3, 1423.0), device)
+        _in_a_cell(1_000_000, device)
 
 
 def test_vents_that_pile_up_lava_without_end_are_refused(device):
     """Strength that holds everything at its vent ends in a clear error, not in endless steps."""
-    simulation = _simulation(
-        Particles(np.random.default_rng(1).uniform(0.0, 4.9, (30_000, 2)), 1e-3, 1423.0), device
-    )
+    simulation = _in_a_cell(30_000, device)
     more = np.random.default_rng(2).uniform(0.0, 4.9, (5_000, 2))
     simulation._append([(*place, 1e-3, 1423.0) for place in more])
     with pytest.raises(LavaError, match='35000 in'):
         simulation.snapshot()
 
 
-def _simulation(particles: Particles, device: str) -> Simulation:
+def _film(effects: Effects = PHYSICS['plain'], **lava: float) -> Simulation:
+    item = SCENES['film_1_mm']
     return Simulation(
-        SCENES['no_particles'].scene,
-        effects=PHYSICS['plain'],
-        accuracy=Accuracy(thickness=1.0),
-        device=device,
-        particles=particles,
+        replace(item.scene, lava=replace(item.scene.lava, **lava)), effects=effects,
+        accuracy=Accuracy(thickness=0.001), device='cpu', particles=item.lava(5.0),
     )
 
 
 @pytest.mark.parametrize(
     ('column', 'value', 'invariant'),
     [
-        (0, np.nan, 'finite'),
-        (2, 1000.0, 'volume'),
-        (3, 1500.0, 'temperature'),
-        (3, 200.0, 'temperature'),
-        (1, 75.0, 'energy'),
-        (1, 75.0, 'climb'),
+        (0, np.nan, 'finite'), (2, 1000.0, 'volume'), (3, 1500.0, 'temperature'),
+        (3, 200.0, 'temperature'), (1, 75.0, 'energy'), (1, 75.0, 'climb'),
     ],
 )
 def test_the_watch_sees_what_is_wrong(column, value, invariant):
     """A particle that is no number, too large, too hot, too cold or too high is found."""
-    item: HardScene = SCENES['film_1_mm']
-    simulation = Simulation(
-        item.scene, effects=PHYSICS['plain'], accuracy=Accuracy(thickness=0.001), device='cpu',
-        particles=item.lava(5.0),
-    )
+    simulation = _film()
     watch = Watch(simulation)
     watch.check()
     rows = simulation._state.read_particles()
@@ -152,13 +127,9 @@ def test_the_watch_sees_choked_vents(monkeypatch):
 @pytest.mark.parametrize('effects', [PHYSICS['plain'], Effects(power_law=True)])
 def test_the_watch_sees_steps_that_lava_does_not_call_for(effects, monkeypatch):
     """Steps a hundredth as long as they might be are found, also by playing the frame again."""
-    item = SCENES['film_1_mm']
     longest = timestep.longest_step
     monkeypatch.setattr(timestep, 'longest_step', lambda *of: 0.01 * longest(*of))
-    simulation = Simulation(
-        replace(item.scene, lava=replace(item.scene.lava, flow_index=0.8)), effects=effects,
-        accuracy=Accuracy(thickness=0.001), device='cpu', particles=item.lava(5.0),
-    )
+    simulation = _film(effects, flow_index=0.8)
     watch = Watch(simulation)
     simulation.advance(300.0)
     with pytest.raises(InvariantError, match=r'cost .* > .*evaluations in the frame'):

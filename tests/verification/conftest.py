@@ -18,9 +18,8 @@ import pytest
 
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.cases import Measurement, Run
-from lava_ros.verification.measure import measure
+from lava_ros.verification.measure import measure, Setting
 from lava_ros.verification.rows import Row
-from lava_ros.verification.settings import Setting
 
 
 class FakeCase:
@@ -35,18 +34,12 @@ class FakeCase:
         """Count the runs; each takes a little longer than the one before."""
         self.accuracies.append(accuracy)
         scale = accuracy.refinement * accuracy.ratio
-        return Run(
-            case=self.name,
-            measurements=(
-                Measurement('radius', 1e-3 / scale, 0.0, 'm', scale=1.0),
-                Measurement('profile', 1e-2 / scale, 0.0, 'm', scale=1.0),
-            ),
-            particles=100,
-            steps=3,
-            evaluations=9,
-            simulated_time=1800.0,
-            wall_time=self.time * scale + 1e-4 * len(self.accuracies),
+        measurements = tuple(
+            Measurement(name, error / scale, 0.0, 'm', scale=1.0)
+            for name, error in (('radius', 1e-3), ('profile', 1e-2))
         )
+        wall_time = self.time * scale + 1e-4 * len(self.accuracies)
+        return Run(self.name, measurements, 100, 3, 9, 1800.0, wall_time)
 
 
 @pytest.fixture
@@ -76,26 +69,11 @@ def row():
 
     def make(**changes):
         usual = {
-            'case': 'fixed_volume',
-            'setting': 'a',
-            'preset': '',
-            'quantity': 'radius',
-            'error': 0.01,
-            'measured': 1.0,
-            'exact': 1.0,
-            'unit': 'm',
-            'particles': 8000,
-            'steps': 10,
-            'evaluations': 100,
-            'simulated_s': 360.0,
-            'wall_s': 1.0,
-            'wall_s_per_simulated_hour': 10.0,
-            'device': 'cpu',
-            'machine': 'a machine',
-            'command': 'lava accuracy',
-            'repetitions': 1,
-            'low': 1.0,
-            'high': 1.0,
+            'case': 'fixed_volume', 'setting': 'a', 'preset': '', 'quantity': 'radius',
+            'error': 0.01, 'measured': 1.0, 'exact': 1.0, 'unit': 'm', 'particles': 8000,
+            'steps': 10, 'evaluations': 100, 'simulated_s': 360.0, 'wall_s': 1.0,
+            'wall_s_per_simulated_hour': 10.0, 'device': 'cpu', 'machine': 'a machine',
+            'command': 'lava accuracy', 'repetitions': 1, 'low': 1.0, 'high': 1.0,
         }
         return Row(**{**usual, **changes})
 

@@ -26,39 +26,25 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import DEFAULT, PRESETS
-from lava_ros.verification import settings
+from lava_ros.verification import measure as measuring
 from lava_ros.verification.cases import CASES
 from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, LATERAL
-from lava_ros.verification.measure import file_stem, machine_name, measure, REPEATED_BELOW
-from lava_ros.verification.rows import (
-    as_plain,
-    pareto_front,
-    Point,
-    points,
-    presets_of,
-    read_csv,
-    write_csv,
-)
-from lava_ros.verification.settings import all_pairs, all_settings, expected_cost, name_of, Setting
+from lava_ros.verification.measure import all_pairs, all_settings, measure, name_of, Setting
+from lava_ros.verification.rows import as_plain, pareto_front, Point, points, read_csv, write_csv
 
 
 def test_rows_hold_the_median_and_the_range(fake_case, measured):
-    """A short run is timed as often as asked."""
+    """A short run is timed as often as asked, one longer than the limit once."""
     case = fake_case()
     rows = measured([case], [Setting('a', Accuracy(refinement=2.0))], repetitions=3)
     assert [item.refinement for item in case.accuracies] == [2.0, 2.0, 2.0]
     assert [row.quantity for row in rows] == ['radius', 'profile']
     for row in rows:
         assert row.repetitions == 3
-        assert row.wall_s == pytest.approx(0.0602)
-        assert (row.low, row.high) == (pytest.approx(0.0601), pytest.approx(0.0603))
+        assert (row.wall_s, row.low, row.high) == pytest.approx((0.0602, 0.0601, 0.0603))
         assert row.wall_s_per_simulated_hour == pytest.approx(2.0 * row.wall_s)
     assert rows[1].error == pytest.approx(10.0 * rows[0].error)
-
-
-def test_long_runs_are_not_repeated(fake_case, measured):
-    """A run longer than the limit is timed once."""
-    case = fake_case(time=REPEATED_BELOW)
+    case = fake_case(time=measuring.REPEATED_BELOW)
     rows = measured([case], [Setting('a', Accuracy())], repetitions=3)
     assert len(case.accuracies) == 1
     assert {row.repetitions for row in rows} == {1}
@@ -87,40 +73,32 @@ def test_a_case_without_time_has_no_cost(fake_case, measured):
     assert pareto_front(points(rows)) == []
 
 
-def test_progress_goes_from_nothing_to_all(fake_case, measured):
-    """The share of the work that is done grows from 0 to 1."""
-    shares = []
-    cases = [fake_case('a'), fake_case('b')]
-    measured(cases, on_progress=lambda _, share: shares.append(share))
-    assert shares[0] == 0.0
-    assert shares[-1] == 1.0
-    assert sorted(shares) == shares
-
-
 def test_a_case_is_handed_out_before_the_next_begins(fake_case):
-    """Who is interrupted in the second case has the rows of the first."""
+    """Who is interrupted in the second case has the rows of the first; progress goes to all.
+
+    Cases that share a name are measured together, each at its own setting.
+    """
+    shares = []
     one, two = fake_case('one'), fake_case('two')
-    pairs = [(case, Setting('a', Accuracy())) for case in (one, two)]
-    found = measure(pairs, device='cpu', command='lava accuracy', repetitions=1)
+    cases = [(one, 'a'), (two, 'a'), (fake_case('two'), 'b')]
+    pairs = [(case, Setting(name, Accuracy())) for case, name in cases]
+    found = measure(
+        pairs, device='cpu', command='lava accuracy', repetitions=1,
+        on_progress=lambda _, share: shares.append(share),
+    )
     assert {row.case for row in next(found)} == {'one'}
     assert two.accuracies == []
-    assert {row.case for row in next(found)} == {'two'}
+    assert [(row.case, row.setting) for row in next(found)] == [('two', name) for name in 'aabb']
     assert next(found, None) is None
-
-
-def test_experiments_of_one_name_are_one_case(fake_case):
-    """Cases that share a name are measured together, each at its own setting."""
-    pairs = [(fake_case('same'), Setting(name, Accuracy())) for name in ('a', 'b')]
-    groups = list(measure(pairs, device='cpu', command='lava accuracy', repetitions=1))
-    assert [[row.setting for row in rows] for rows in groups] == [['a', 'a', 'b', 'b']]
+    assert shares[0] == 0.0 and shares[-1] == 1.0 and sorted(shares) == shares
 
 
 def test_machine_names_no_host():
     """The CPU is named by its model and the cores that are used."""
-    name = machine_name('cpu')
+    name = measuring.machine_name('cpu')
     assert re.search(r'\d+ cores? used of \d+$', name)
     assert platform.node() not in name
-    assert file_stem('cpu') == 'cpu'
+    assert measuring.file_stem('cpu') == 'cpu'
 
 
 @pytest.mark.parametrize('quick', [False, True])
@@ -132,56 +110,45 @@ def test_settings_are_distinct(quick):
     presets = {item.preset: item.accuracy for item in found if item.preset}
     assert set(presets) == ({'draft', 'standard'} if quick else set(PRESETS))
     assert all(accuracy == PRESETS[name].accuracy for name, accuracy in presets.items())
-    costs = [expected_cost(item.accuracy) for item in found]
+    costs = [measuring.expected_cost(item.accuracy) for item in found]
     assert costs == sorted(costs)
-
-
-def test_settings_of_some_cases_name_cases_there_are():
-    """A misspelt case would silently never run, or always."""
-    assert set(settings.EVEN_CASES) <= set(CASES)
-    for item in all_settings():
-        assert set(item.cases or ()) <= set(CASES)
 
 
 @pytest.mark.parametrize(
     ('study', 'cases'),
     [
-        (settings.convergence, settings.KNOB_CASES),
-        (settings.stepping, settings.KNOB_CASES),
-        (lambda: settings.from_paper().values(), settings.KNOB_CASES),
-        (lambda: settings.gradients().values(), settings.GRADIENT_CASES),
+        (measuring.convergence, measuring.KNOB_CASES),
+        (measuring.stepping, measuring.KNOB_CASES),
+        (lambda: measuring.from_paper().values(), measuring.KNOB_CASES),
+        (lambda: measuring.gradients().values(), measuring.GRADIENT_CASES),
     ],
 )
 def test_what_is_studied_is_run(study, cases):
     """Every setting of a study is measured in its cases, once."""
     pairs = [(case.name, item.accuracy) for case, item in all_pairs()]
-    for accuracy in study():
-        for case in cases:
-            assert pairs.count((case, accuracy)) == 1
-
-
-def test_even_layers_are_run_at_presets_only():
-    """Where the resolution hardly enters there is no front to look for."""
-    pairs = all_pairs()
-    for name in settings.EVEN_CASES:
-        assert all(item.preset for case, item in pairs if case.name == name)
-    assert any(not item.preset for case, item in pairs if case.name == 'dam_break')
+    assert all(pairs.count((case, accuracy)) == 1 for accuracy in study() for case in cases)
 
 
 def test_a_setting_may_be_for_some_cases_only():
-    """The paper's 20,000 steps are taken in one case."""
+    """Even layers are run at presets alone; the paper's 20,000 steps are taken in one case.
+
+    A misspelt case would silently never run, or always.
+    """
+    assert set(measuring.EVEN_CASES) <= set(CASES)
+    assert all(set(item.cases or ()) <= set(CASES) for item in all_settings())
+    swept = {case.name for case, item in all_pairs() if not item.preset}
+    assert not swept & set(measuring.EVEN_CASES) and 'dam_break' in swept
     paper = {case.name for case, item in all_pairs() if item.preset == 'as-published'}
-    assert paper == set(settings.KNOB_CASES)
+    assert paper == set(measuring.KNOB_CASES)
 
 
 def test_the_papers_radius_is_a_metre():
     """The fixed volume ends as a disc of 130 m; the particles' distance times 1.84 is 1 m."""
-    literal = settings.from_paper()['l = 1 m, as in table 3.1']
+    literal = measuring.from_paper()['l = 1 m, as in table 3.1']
     count = 8000.0 * literal.refinement**2
     spacing = math.sqrt(math.pi * 130.0**2 / count)
     assert literal.ratio * spacing == pytest.approx(1.0, rel=1e-3)
-    paper = PRESETS['as-published'].accuracy
-    assert literal.fixed_step == paper.fixed_step
+    assert literal.fixed_step == PRESETS['as-published'].accuracy.fixed_step
 
 
 def test_names_say_what_is_not_usual():
@@ -211,14 +178,12 @@ def test_csv_round_trip(tmp_path, fake_case, measured):
     path = tmp_path / 'a.csv'
     write_csv(rows, path)
     again = read_csv(path)
-    assert len(again) == len(rows)
+    rounded = ('error', 'measured', 'wall_s', 'low', 'high', 'wall_s_per_simulated_hour')
     for old, new in zip(rows, again, strict=True):
-        assert new.error == pytest.approx(old.error, rel=1e-5)
-        assert new.wall_s == pytest.approx(old.wall_s, rel=1e-5)
-        rounded = dict.fromkeys(
-            ('error', 'measured', 'wall_s', 'low', 'high', 'wall_s_per_simulated_hour'), 0
-        )
-        assert replace(new, **rounded) == replace(old, **rounded)
+        for name in rounded:
+            assert getattr(new, name) == pytest.approx(getattr(old, name), rel=1e-5)
+        same = {name: getattr(old, name) for name in rounded}
+        assert replace(new, **same) == old
     header = path.read_text().splitlines()[0]
     assert header == (
         'case,setting,preset,quantity,error,measured,exact,unit,particles,steps,evaluations,'
@@ -259,22 +224,15 @@ def test_front_is_what_nothing_beats():
     assert [item.cost for item in front] == sorted(item.cost for item in front)
 
 
-def test_a_point_has_the_worst_error_of_its_quantities(fake_case, measured):
-    """What is good in one quantity only is not good."""
+def test_a_point_has_the_worst_error_of_its_quantities(fake_case, measured, row):
+    """What is good in one quantity only is not good.
+
+    NaN is on no front, whatever it costs; what is known of the error is kept.
+    """
     found = points(measured([fake_case()]))
     assert [item.error for item in found] == pytest.approx([1e-2 / 1.5, 1e-2 / 3.0, 1e-2 / 6.0])
     assert [item.least for item in found] == [item.error for item in found]
-
-
-def test_no_result_is_the_worst(row):
-    """NaN is on no front, whatever it costs; what is known of the error is kept."""
     rows = [row(), row(quantity='edge', error=math.nan), row(setting='b', wall_s=9.0, error=0.5)]
     broken, whole = points(rows)
     assert (broken.error, broken.least) == (math.inf, 0.01)
     assert pareto_front([broken, whole]) == [whole]
-
-
-def test_presets_come_from_cheap_to_dear(row):
-    """Their order is that of the ladder, whatever the rows' is."""
-    rows = [row(setting=name, preset=name) for name in ('fine', '', 'draft')]
-    assert presets_of(points(rows)) == ['draft', 'fine']

@@ -42,7 +42,10 @@ def scripts(monkeypatch):
 
 
 def test_rows_of_other_codes_are_complete():
-    """Every line names case, code, quantity, unit and source; its numbers are numbers."""
+    """Every line names case, code, quantity, unit and source; its numbers are numbers.
+
+    A run of our own says what it ran on, a published one a DOI; a timed one how fine it was.
+    """
     rows = lines_of(ACCURACY / 'other_codes.csv')
     assert rows
     for row in rows:
@@ -52,11 +55,6 @@ def test_rows_of_other_codes_are_complete():
         assert not row['seconds'] or float(row['seconds']) > 0.0, row
         assert re.fullmatch(r'(cells of \d+ m|\d+)?', row['cells_or_particles']), row
         assert row['unit'] in ('%', '1'), row
-
-
-def test_own_runs_name_their_machine():
-    """A run of our own says what it ran on, a published one a DOI; a timed one how fine it was."""
-    for row in lines_of(ACCURACY / 'other_codes.csv'):
         assert row['source'].startswith('our own run') == (row['machine'] == '2 CPU cores'), row
         assert bool(row['machine']) != ('doi:10.' in row['source']), row
         assert not row['seconds'] or row['cells_or_particles'], row

@@ -22,34 +22,24 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.presets import PRESETS
+from lava_ros.verification import measure
 from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, RADII
 from lava_ros.verification.chart import draw
+from lava_ros.verification.measure import all_settings, name_of, Setting, STEPPED
 from lava_ros.verification.report import markdown, studies
-from lava_ros.verification.settings import (
-    all_settings,
-    convergence,
-    from_paper,
-    gradients,
-    name_of,
-    Setting,
-    STEPPED,
-    stepping,
-)
+from lava_ros.verification.rows import points, presets_of
 
 
 def test_presets_and_front_are_named(fake_case, measured):
     """The table of presets has their error and cost; settings on the front are bold."""
-    settings = [
+    tried = [
         Setting('coarse', Accuracy(refinement=0.5)),
         Setting('chosen', Accuracy(refinement=1.0), preset='standard'),
     ]
-    text = markdown(measured([fake_case()], settings), {'fake': 'A title'}, stem='cpu')
-    assert '| case | standard |' in text
-    assert '| A title | 0.33 % in 61 ms |' in text
-    assert '**standard: chosen**' in text
-    assert '![' in text
-    assert 'cpu.csv' in text
+    text = markdown(measured([fake_case()], tried), {'fake': 'A title'}, stem='cpu')
+    for part in ('| case | standard |', '| A title | 0.33 % in 61 ms |', '**standard: chosen**',
+                 '![', 'cpu.csv'):
+        assert part in text
     assert text.endswith('|\n')
 
 
@@ -67,7 +57,10 @@ def test_cases_without_presets_are_not_among_them(row):
     assert '## Presets' not in markdown([row(case='other')], {}, stem='cpu')
 
 
-STANDARD = PRESETS['standard'].accuracy
+def test_presets_come_from_cheap_to_dear(row):
+    """Their order is that of the ladder, whatever the rows' is."""
+    rows = [row(setting=name, preset=name) for name in ('fine', '', 'draft')]
+    assert presets_of(points(rows)) == ['draft', 'fine']
 
 
 def section(rows, title):
@@ -89,12 +82,11 @@ def converging(row):
     """Errors that fall as the distance, and as its square."""
     return [
         row(
-            setting=name_of(accuracy),
-            quantity=quantity,
+            setting=name_of(accuracy), quantity=quantity,
             particles=round(8000 * accuracy.refinement**2),
             error=0.01 / accuracy.refinement**order,
         )
-        for accuracy in convergence()
+        for accuracy in measure.convergence()
         for quantity, order in (('radius', 1), ('profile', 2))
     ]
 
@@ -107,8 +99,7 @@ def test_orders_of_convergence(converging):
     assert len(others) == 6
     assert others[1][:2] == ['8,000', '1 %']
     for line in others:
-        assert float(line[2]) == pytest.approx(1.0, abs=0.02)
-        assert float(line[4]) == pytest.approx(2.0, abs=0.02)
+        assert [float(line[2]), float(line[4])] == pytest.approx([1.0, 2.0], abs=0.02)
     assert last == ['least squares', '', '1.00', '', '2.00', '']
 
 
@@ -117,12 +108,11 @@ def stepped(row):
     """Euler with 400 evaluations at 8,000 particles, the others with 100 and half the error."""
     return [
         row(
-            setting=name_of(accuracy),
-            quantity=quantity,
+            setting=name_of(accuracy), quantity=quantity,
             evaluations=400 if accuracy.integrator == 'euler' else 100,
             error=0.02 if accuracy.integrator == 'euler' else error,
         )
-        for accuracy in stepping()
+        for accuracy in measure.stepping()
         if accuracy.refinement == STEPPED[0]
         for quantity, error in (('radius', 0.01), ('profile', 0.0201))
     ]
@@ -151,41 +141,36 @@ def corrected(row):
     """The way from the paper's settings, errors falling by a half at each step."""
     return [
         row(
-            setting=name_of(accuracy),
-            preset={0: 'as-published', 7: 'standard'}.get(index, ''),
-            quantity=quantity,
-            error=scale * 0.5**index,
-            wall_s_per_simulated_hour=100.0 - index,
+            setting=name_of(accuracy), preset={0: 'as-published', 7: 'standard'}.get(index, ''),
+            quantity=quantity, error=scale * 0.5**index, wall_s_per_simulated_hour=100.0 - index,
         )
-        for index, accuracy in enumerate(from_paper().values())
+        for index, accuracy in enumerate(measure.from_paper().values())
         for quantity, scale in (('radius', 0.1), ('scatter', 1.28))
     ]
 
 
-def test_the_way_from_the_paper(corrected):
-    """One correction a line, from the paper's settings to the default."""
-    head, *lines = table(corrected, "From the paper's settings to ours")
+def test_the_way_from_the_paper(corrected, row):
+    """One correction a line, from the paper's settings to the default.
+
+    What is better and dearer than the paper's settings does not count.
+    """
+    title = "From the paper's settings to ours"
+    head, *lines = table(corrected, title)
     assert head[:3] == ['setting', 'radius', 'scatter']
-    assert [line[0] for line in lines] == list(from_paper())
-    assert lines[0][2] == '128 %'
-    assert lines[-1][2] == '1 %'
-
-
-def test_domination_is_at_no_more_time(corrected, row):
-    """What is better and dearer than the paper's settings does not count."""
-    text = '\n'.join(section(corrected, "From the paper's settings to ours"))
+    assert [line[0] for line in lines] == list(measure.from_paper())
+    assert (lines[0][2], lines[-1][2]) == ('128 %', '1 %')
+    text = '\n'.join(section(corrected, title))
     assert 'is standard: its largest error is 1 %, in 93 s instead of 100 s' in text
     assert 'is 128 % (scatter), so the ratio of the errors is 0.0078.' in text
     dear = row(setting='dear', error=1e-6, wall_s_per_simulated_hour=101.0)
     cheap = row(setting='cheap', error=1e-5, wall_s_per_simulated_hour=99.0)
-    title = "From the paper's settings to ours"
     assert section([*corrected, dear], title) == section(corrected, title)
     assert 'is cheap: its' in '\n'.join(section([*corrected, dear, cheap], title))
 
 
 def test_gradients_are_compared_by_case(row):
     """A column for each form, a line for each quantity, where both were run."""
-    forms = gradients()
+    forms = measure.gradients()
     rows = [
         row(case=case, setting=name_of(accuracy), quantity=quantity, error=error)
         for case in ('fixed_volume', 'pond')
@@ -207,12 +192,9 @@ def test_kinds_of_lateral_stress_stand_side_by_side(row):
     """A line for each quantity and radius, and the time: 2 s for 100 evaluations of 8,000."""
     rows = [
         row(
-            case='lateral',
-            setting=f'{kind}, l = {radius:g} h',
-            quantity=f'response at {length} h',
-            error=0.01 * radius / length,
-            wall_s=2.0 if kind == 'green' else 4.0,
-            wall_s_per_simulated_hour=math.nan,
+            case='lateral', setting=f'{kind}, l = {radius:g} h',
+            quantity=f'response at {length} h', error=0.01 * radius / length,
+            wall_s=2.0 if kind == 'green' else 4.0, wall_s_per_simulated_hour=math.nan,
         )
         for kind in ('green', 'helmholtz')
         for radius in (2.0, 1.0, 10.0)
@@ -226,10 +208,7 @@ def test_kinds_of_lateral_stress_stand_side_by_side(row):
     assert [line[1] for line in lines] == ['1', '2', '10'] * 3
     assert lines[6] == ['time per particle and evaluation', '1', '2,500 ns', '5,000 ns']
     assert section([row()], 'Lateral stress') is None
-
-
-def test_every_lateral_experiment_has_its_place(row):
-    """The names that the experiments have are those that the section takes apart."""
+    # the names that the experiments have are those that the section takes apart
     rows = [row(case='lateral', setting=name) for name in EXPERIMENTS]
     head, *lines = table(rows, 'Lateral stress')
     assert head[2:] == list(FORMS)

@@ -55,12 +55,42 @@ _LAVA = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, conve
 #: A vent of the demo, and its lava.
 _CREST, _TONGUES = Vent((4110.0, 5580.0), 40.0, radius=20.0), Lava(viscosity=5e4)
 
-_HOUR = 3600.0
-
 
 def scenes() -> tuple[Case, ...]:
     """A ridge, the same on coarse cells, and shapes of the ground."""
-    return (_ridge(), _coarse(), _hill(), _valley(), _cliff())
+    demo, falling = ridge_terrain(), math.tan(math.radians(5.0))
+    # cells like those of SRTM, with maps on finer ones
+    size = round(COARSE / demo.resolution)
+    rows, columns = (side // size for side in demo.shape)
+    blocks = demo.elevation[: rows * size, : columns * size].reshape(rows, size, columns, size)
+    wide = replace(demo, elevation=blocks.mean(axis=(1, 3)), resolution=size * demo.resolution)
+    # a Gaussian hill 150 m high, whose vent is 60 m from its top
+    hill = ground(
+        (0.0, 2000.0), (0.0, 2000.0), 5.0,
+        lambda x, y: 150.0
+        * np.exp(-((x - 1000.0) ** 2 + (y - 1000.0) ** 2) / (2.0 * 250.0**2)),
+    )
+    # a V-shaped valley, 5 degrees steep, with walls of 1:10
+    valley = ground(
+        (0.0, 2200.0), (0.0, 300.0), 5.0,
+        lambda x, y: 500.0 - falling * x + 0.1 * np.abs(y - 150.0),
+    )
+    # a slope of 5 degrees with a drop of 200 m in one cell
+    cliff = ground(
+        (0.0, 4000.0), (0.0, 2025.0), 25.0,
+        lambda x, y: 2000.0 - falling * x - 200.0 * (x > 1000.0),
+    )
+    return tuple(
+        case_of(name, Scene(terrain, (vent,), lava), 3600.0 * hours)
+        for name, terrain, vent, lava, hours in (
+            ('ridge', finer(demo, 2), _CREST, _TONGUES, 3.0),
+            ('coarse_ridge', finer(wide, 6), _CREST, _TONGUES, 3.0),
+            ('hill', hill, Vent((1060.0, 1000.0), 10.0), _LAVA, 2.0),
+            ('valley', valley, Vent((150.0, 150.0), 10.0), _LAVA, 2.0),
+            ('cliff', finer(cliff, 2), Vent((500.0, 1012.5), 20.0, radius=30.0),
+             replace(_LAVA, viscosity=5e3), 6.0),
+        )
+    )
 
 
 def case_of(name: str, scene: Scene, horizon: float) -> Case:
@@ -68,51 +98,6 @@ def case_of(name: str, scene: Scene, horizon: float) -> Case:
     volume = horizon * sum(flux for vent in scene.vents for _, flux in vent.series)
     nothing = np.zeros(scene.terrain.shape, dtype=bool)
     return Case(name, name, '', scene, None, nothing, 0.0, horizon, volume)
-
-
-def _ridge() -> Case:
-    return case_of('ridge', Scene(finer(ridge_terrain(), 2), (_CREST,), _TONGUES), 3.0 * _HOUR)
-
-
-def _coarse() -> Case:
-    """The ground of ``ridge`` on cells like those of SRTM, with maps on finer ones."""
-    terrain = ridge_terrain()
-    size = round(COARSE / terrain.resolution)
-    rows, columns = (side // size for side in terrain.shape)
-    blocks = terrain.elevation[: rows * size, : columns * size]
-    mean = blocks.reshape(rows, size, columns, size).mean(axis=(1, 3))
-    wide = replace(terrain, elevation=mean, resolution=size * terrain.resolution)
-    return case_of('coarse_ridge', Scene(finer(wide, 6), (_CREST,), _TONGUES), 3.0 * _HOUR)
-
-
-def _hill() -> Case:
-    """A vent 60 m from the top of a Gaussian hill 150 m high."""
-    terrain = ground(
-        (0.0, 2000.0), (0.0, 2000.0), 5.0,
-        lambda x, y: 150.0
-        * np.exp(-((x - 1000.0) ** 2 + (y - 1000.0) ** 2) / (2.0 * 250.0**2)),
-    )
-    return case_of('hill', Scene(terrain, (Vent((1060.0, 1000.0), 10.0),), _LAVA), 2.0 * _HOUR)
-
-
-def _valley() -> Case:
-    """A V-shaped valley, 5 degrees steep, with walls of 1:10."""
-    terrain = ground(
-        (0.0, 2200.0), (0.0, 300.0), 5.0,
-        lambda x, y: 500.0 - math.tan(math.radians(5.0)) * x + 0.1 * np.abs(y - 150.0),
-    )
-    return case_of('valley', Scene(terrain, (Vent((150.0, 150.0), 10.0),), _LAVA), 2.0 * _HOUR)
-
-
-def _cliff() -> Case:
-    """A slope of 5 degrees with a drop of 200 m in one cell."""
-    terrain = ground(
-        (0.0, 4000.0), (0.0, 2025.0), 25.0,
-        lambda x, y: 2000.0 - math.tan(math.radians(5.0)) * x - 200.0 * (x > 1000.0),
-    )
-    vent = Vent((500.0, 1012.5), 20.0, radius=30.0)
-    lava = replace(_LAVA, viscosity=5e3)
-    return case_of('cliff', Scene(finer(terrain, 2), (vent,), lava), 6.0 * _HOUR)
 
 
 def _footprint(

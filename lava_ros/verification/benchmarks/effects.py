@@ -73,11 +73,7 @@ def effect_sets() -> dict[str, Effects]:
 
 
 def lava_field(
-    particles: int,
-    effects: Effects,
-    device: str,
-    *,
-    cells: int | None = None,
+    particles: int, effects: Effects, device: str, *, cells: int | None = None,
     ratio: float = RATIO,
 ) -> Simulation:
     """A field of about ``particles`` particles of lava on rough ground, with a vent in its middle.
@@ -91,9 +87,8 @@ def lava_field(
     cells = cells or count // 2 + 8
     resolution = extent / cells
     rough = np.random.default_rng(1).normal(scale=0.2, size=(cells, cells))
-    ground = Terrain(
-        rough - 0.1 * resolution * np.arange(cells), resolution, origin=(0.0, 0.0)
-    )
+    slope = 0.1 * resolution * np.arange(cells)
+    ground = Terrain(rough - slope, resolution, origin=(0.0, 0.0))
     middle = 0.5 * extent
     ticks = middle + (np.arange(count) + 0.5) * SPACING - 0.5 * side
     places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
@@ -126,25 +121,19 @@ def measure(
         times, count = step_times(lava_field(particles, effects, device), repetitions, LEAST)
         row = row_of(name, count, times, 'ns per particle and step')
         bare = bare or row['value']
-        last = {'repetitions': row.pop('repetitions')}
-        yield {**row, 'ratio': row['value'] / bare, **last}
+        repeated = row.pop('repetitions')
+        yield {**row, 'ratio': row['value'] / bare, 'repetitions': repeated}
 
 
-def step_times(
-    simulation: Simulation, repetitions: int, least: float
-) -> tuple[list[float], int]:
-    """Time steps over ``repetitions`` intervals of at least ``least`` [s].
+def step_times(simulation: Simulation, repetitions: int, least: float) -> tuple[list[float], int]:
+    """Wall times per step and particle [ns] of ``repetitions`` intervals, and the particles.
 
-    Returns:
-        Wall time per step and particle of each interval [ns], and the number of particles.
+    An interval is at least ``least`` [s].
     """
     # compiles, captures and settles
     _elapsed(simulation, 2 * _AT_ONCE)
     steps = _AT_ONCE
-    while True:
-        elapsed = _elapsed(simulation, steps)
-        if elapsed >= least or steps >= 1 << 20:
-            break
+    while (elapsed := _elapsed(simulation, steps)) < least and steps < 1 << 20:
         steps *= max(2, int(1.2 * least / max(elapsed, 1e-9)))
     count = simulation.particle_count
     times = [_elapsed(simulation, steps) for _ in range(repetitions)]

@@ -43,6 +43,7 @@ SETS = ('bare', 'green')
 MOST_STEPS = 1e10
 STEPS = {'cuda': 16_384, 'cpu': 64}
 
+
 def measure(
     device: str, *, particles: Sequence[int] | None, repetitions: int, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:
@@ -58,9 +59,7 @@ def measure(
     for index, (name, number, members) in enumerate(cases):
         on_progress(f'{name}: {members} members of {number} particles', index / len(cases))
         before = used_memory(device)
-        simulations = [
-            lava_field(number, effect_sets()[name], device) for _ in range(members)
-        ]
+        simulations = [lava_field(number, effect_sets()[name], device) for _ in range(members)]
         count = sum(item.particle_count for item in simulations)
         what = f'{name}: {members} members'
         steps = min(STEPS[kind], int(MOST_STEPS / count))

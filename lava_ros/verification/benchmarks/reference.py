@@ -88,11 +88,8 @@ def _kernels(name: str, ratio: float) -> tuple[Any, Any, Any]:
     gradient_at = terrain_functions(wp.float32).gradient_at
 
     def sum_thickness(
-        grid: wp.uint64,
-        position: wp.array(dtype=wp.vec3),
-        volume: wp.array(dtype=float),
-        radius: float,
-        thickness: wp.array(dtype=float),
+        grid: wp.uint64, position: wp.array(dtype=wp.vec3), volume: wp.array(dtype=float),
+        radius: float, thickness: wp.array(dtype=float),
     ):
         i = wp.tid()
         here = position[i]
@@ -105,12 +102,8 @@ def _kernels(name: str, ratio: float) -> tuple[Any, Any, Any]:
         thickness[i] = height * (1.0 - excess(volume[i] / (radius * radius * height)))
 
     def sum_slope(
-        grid: wp.uint64,
-        position: wp.array(dtype=wp.vec3),
-        volume: wp.array(dtype=float),
-        radius: float,
-        ground: ground_type(wp.float32),
-        surface: wp.array(dtype=wp.vec2),
+        grid: wp.uint64, position: wp.array(dtype=wp.vec3), volume: wp.array(dtype=float),
+        radius: float, ground: ground_type(wp.float32), surface: wp.array(dtype=wp.vec2),
     ):
         i = wp.tid()
         here = position[i]
@@ -124,11 +117,8 @@ def _kernels(name: str, ratio: float) -> tuple[Any, Any, Any]:
         surface[i] = rise + gradient_at(ground, here[0], here[1])
 
     def move(
-        thickness: wp.array(dtype=float),
-        surface: wp.array(dtype=wp.vec2),
-        mobility: float,
-        step: float,
-        position: wp.array(dtype=wp.vec3),
+        thickness: wp.array(dtype=float), surface: wp.array(dtype=wp.vec2), mobility: float,
+        step: float, position: wp.array(dtype=wp.vec3),
     ):
         i = wp.tid()
         velocity = -mobility * thickness[i] * thickness[i] * surface[i]

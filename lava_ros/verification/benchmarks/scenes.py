@@ -45,27 +45,14 @@ FLUID = Lava(conductivity=1.5, ground_conductivity=2.0)
 
 #: A basalt of the field: stiffens tenfold in 58 K, has hardly any strength, freezes.
 BASALT = Lava(
-    density=2600.0,
-    viscosity=1000.0,
-    arrhenius=0.04,
-    yield_strength=5.0,
-    solidus=1223.0,
-    latent_heat=3.5e5,
-    conductivity=1.5,
-    ground_conductivity=2.0,
+    density=2600.0, viscosity=1000.0, arrhenius=0.04, yield_strength=5.0, solidus=1223.0,
+    latent_heat=3.5e5, conductivity=1.5, ground_conductivity=2.0,
 )
 
 #: The viscosity of the melt by temperature (2300 Pa s at 1423 K), that of its crystals on top.
 MELT = Lava(
-    density=2600.0,
-    vft_a=-4.55,
-    vft_b=6500.0,
-    vft_c=600.0,
-    solidus=1223.0,
-    crystal_law='einstein-roscoe',
-    crystals=0.5,
-    latent_heat=3.5e5,
-    conductivity=1.5,
+    density=2600.0, vft_a=-4.55, vft_b=6500.0, vft_c=600.0, solidus=1223.0,
+    crystal_law='einstein-roscoe', crystals=0.5, latent_heat=3.5e5, conductivity=1.5,
     ground_conductivity=2.0,
 )
 
@@ -78,71 +65,54 @@ def scenes() -> tuple[BenchScene, ...]:
     """Build the scenes."""
     return (
         # fluid lava on a plain
-        bench_scene(
-            'plain', 1000.0, ground((-200.0, 200.0), (-200.0, 200.0), 4.0, _plane(0.0)),
-            FLUID, Vent(VENT, 20.0),
-        ),
+        bench_scene('plain', 1000.0, ground((-200.0, 200.0), (-200.0, 200.0), 4.0, _plane(0.0)),
+                    FLUID, Vent(VENT, 20.0)),
         # basalt on a slope of 3 degrees that radiates and stiffens
-        bench_scene(
-            'gentle_slope', 2400.0, ground((-300.0, 100.0), (-200.0, 200.0), 3.2, _plane(0.052)),
-            BASALT, Vent(VENT, 10.0),
-        ),
+        bench_scene('gentle_slope', 2400.0,
+                    ground((-300.0, 100.0), (-200.0, 200.0), 3.2, _plane(0.052)), BASALT,
+                    Vent(VENT, 10.0)),
         # melt with crystals down a valley with sides of 22 degrees
-        bench_scene(
-            'valley', 1200.0, ground((-1200.0, 100.0), (-100.0, 100.0), 3.0, _valley(0.14, 0.4)),
-            MELT, Vent(VENT, 20.0),
-        ),
+        bench_scene('valley', 1200.0,
+                    ground((-1200.0, 100.0), (-100.0, 100.0), 3.0, _valley(0.14, 0.4)), MELT,
+                    Vent(VENT, 20.0)),
         # basalt on the crest of a ridge with flanks of 11 degrees
-        bench_scene(
-            'ridge', 1200.0, ground((-400.0, 400.0), (-200.0, 200.0), 3.0, _ridge(0.2, 30.0)),
-            replace(BASALT, viscosity=5000.0), Vent(VENT, 20.0),
-        ),
+        bench_scene('ridge', 1200.0,
+                    ground((-400.0, 400.0), (-200.0, 200.0), 3.0, _ridge(0.2, 30.0)),
+                    replace(BASALT, viscosity=5000.0), Vent(VENT, 20.0)),
         # lava that thins under shear on rough ground
         bench_scene(
             'rough', 1800.0, ground((-350.0, 100.0), (-200.0, 200.0), 3.2, _rough(0.08, 1.5)),
             replace(BASALT, viscosity=4000.0, flow_index=0.8, arrhenius=0.02), Vent(VENT, 15.0),
         ),
         # fluid lava that fills a crater
-        bench_scene(
-            'crater', 600.0, ground((-120.0, 120.0), (-120.0, 120.0), 3.0, _crater(100.0, 15.0)),
-            FLUID, Vent((60.3, 0.2), 30.0),
-        ),
+        bench_scene('crater', 600.0,
+                    ground((-120.0, 120.0), (-120.0, 120.0), 3.0, _crater(100.0, 15.0)), FLUID,
+                    Vent((60.3, 0.2), 30.0)),
         # fluid lava down a slope of 8 degrees
-        bench_scene(
-            'fast', 400.0, ground((-900.0, 100.0), (-150.0, 150.0), 2.2, _plane(0.14)),
-            FLUID, Vent(VENT, 20.0),
-        ),
+        bench_scene('fast', 400.0, ground((-900.0, 100.0), (-150.0, 150.0), 2.2, _plane(0.14)),
+                    FLUID, Vent(VENT, 20.0)),
         # stiff, thick lava above its liquidus, finely resolved
-        bench_scene(
-            'dome', 600.0, ground((-100.0, 60.0), (-80.0, 80.0), 2.0, _plane(0.1)),
-            replace(MELT, vft_b=0.0, viscosity=1e6, liquidus=1400.0), Vent(VENT, 50.0),
-        ),
+        bench_scene('dome', 600.0, ground((-100.0, 60.0), (-80.0, 80.0), 2.0, _plane(0.1)),
+                    replace(MELT, vft_b=0.0, viscosity=1e6, liquidus=1400.0), Vent(VENT, 50.0)),
         # lava with a yield strength that grows as it cools, on a slope of 6 degrees
-        bench_scene(
-            'strong', 3600.0, ground((-400.0, 100.0), (-200.0, 200.0), 4.0, _plane(0.105)),
-            replace(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02),
-            Vent(VENT, 15.0),
-        ),
+        bench_scene('strong', 3600.0, ground((-400.0, 100.0), (-200.0, 200.0), 4.0, _plane(0.105)),
+                    replace(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02),
+                    Vent(VENT, 15.0)),
         # a toe with a crust that freezes
-        bench_scene(
-            'lobe', 16000.0, ground((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
-            replace(BASALT, viscosity=1e4, conductivity=3.0, crust=True),
-            Vent((0.03, 0.02), 0.0002, radius=0.4),
-        ),
+        bench_scene('lobe', 16000.0, ground((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
+                    replace(BASALT, viscosity=1e4, conductivity=3.0, crust=True),
+                    Vent((0.03, 0.02), 0.0002, radius=0.4)),
         # a fissure and two vents on rough ground
-        bench_scene(
-            'fissure', 1200.0, ground((-350.0, 100.0), (-250.0, 250.0), 3.0, _rough(0.06, 1.0)),
-            replace(BASALT, viscosity=3000.0),
-            Vent((0.3, -80.2), 15.0, end=(20.3, 80.2), radius=5.0),
-            Vent((40.3, 120.2), 8.0),
-            Vent((-120.3, -90.2), 5.0, temperature=1400.0),
-        ),
+        bench_scene('fissure', 1200.0,
+                    ground((-350.0, 100.0), (-250.0, 250.0), 3.0, _rough(0.06, 1.0)),
+                    replace(BASALT, viscosity=3000.0),
+                    Vent((0.3, -80.2), 15.0, end=(20.3, 80.2), radius=5.0),
+                    Vent((40.3, 120.2), 8.0), Vent((-120.3, -90.2), 5.0, temperature=1400.0)),
         # basalt down 2000 m at 27 degrees
-        bench_scene(
-            'mountain', 1500.0, ground((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
-            replace(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16),
-            Vent(VENT, 60.0),
-        ),
+        bench_scene('mountain', 1500.0,
+                    ground((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
+                    replace(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16),
+                    Vent(VENT, 60.0)),
     )
 
 

@@ -64,11 +64,9 @@ def everything(scene: Scene, *, accuracy: Accuracy, horizon: float) -> Effects:
     chosen = effects_for(scene, accuracy=accuracy, horizon=horizon)
     forced['inertia'] = chosen.inertia
     if not (chosen.inertia or chosen.green or chosen.helmholtz):
-        weight = {
-            name: decisions[name].value / decisions[name].effect.threshold
-            for name in ('inertia', 'helmholtz')
-        }
-        forced['inertia'] = weight['inertia'] > weight['helmholtz']
+        both = (decisions[name] for name in ('inertia', 'helmholtz'))
+        inertia, lateral = (item.value / item.effect.threshold for item in both)
+        forced['inertia'] = inertia > lateral
     # the solve is the better form of the two
     forced['green'], forced['helmholtz'] = False, not forced['inertia']
     return effects_for(scene, forced, accuracy=accuracy, horizon=horizon)
@@ -93,14 +91,12 @@ def copies(scene: Scene, count: int, shift: float = SHIFT) -> Scene:
         gain = 1.0 + GAIN * number
         for vent in scene.vents:
             series = tuple((time, gain * flux) for time, flux in vent.series)
-            vents.append(
-                replace(
-                    vent,
-                    position=tuple(moved + vent.position),
-                    end=vent.end and tuple(moved + vent.end),
-                    discharge=series[0][1] if isinstance(vent.discharge, float) else series,
-                )
-            )
+            vents.append(replace(
+                vent,
+                position=tuple(moved + vent.position),
+                end=vent.end and tuple(moved + vent.end),
+                discharge=series[0][1] if isinstance(vent.discharge, float) else series,
+            ))
     wide = Terrain(elevation, terrain.resolution, terrain.origin)
     return replace(scene, terrain=wide, vents=tuple(vents))
 
@@ -123,10 +119,9 @@ def covered(
 def cost(
     scene: Scene, effects: Effects, *, accuracy: Accuracy, horizon: float, device: str
 ) -> tuple[int, int, float]:
-    """Simulate a scene up to ``horizon`` [s]; kernels are compiled beforehand.
+    """Particles at the end, velocity evaluations and wall time [s] of a run up to ``horizon`` [s].
 
-    Returns:
-        Number of particles at the end, number of velocity evaluations, and wall time [s].
+    Kernels are compiled beforehand.
     """
     accuracy = resolved_accuracy(accuracy, scene, horizon=horizon)
     warm, simulation = (
@@ -169,9 +164,7 @@ def compare(item: BenchScene, *, device: str, preset: str, runs: int) -> dict[st
     auto, full = effects_for(item.scene, **common), everything(item.scene, **common)
     common['device'] = device
     cost_auto, cost_all = (cost(item.scene, effects, **common) for effects in (auto, full))
-    chosen, complete = (
-        covered(item.scene, runs, effects, **common) for effects in (auto, full)
-    )
+    chosen, complete = (covered(item.scene, runs, effects, **common) for effects in (auto, full))
     return {
         'scene': item.name,
         'effects_auto': ' '.join(auto),

@@ -45,10 +45,7 @@ from lava_ros.verification.benchmarks.reference import Reference
 from lava_ros.verification.rows import OnProgress, row_of
 
 #: Particles by default: on a GPU, and on a CPU.
-PARTICLES = {
-    'cuda': (10_000, 100_000, 1_000_000, 10_000_000),
-    'cpu': (10_000, 100_000),
-}
+PARTICLES = {'cuda': (10_000, 100_000, 1_000_000, 10_000_000), 'cpu': (10_000, 100_000)}
 
 #: Sets of effects, by their names in ``effect_sets``, each adding to those before it.
 SETS = ('bare', 'green', 'everything with green')
@@ -66,19 +63,12 @@ GRIDS, COVERED_BY = (500, 1000, 2000), 100_000
 _FIRST = f'from {__name__} import first_snapshot; first_snapshot({{device!r}})'
 _FIRST_PARTICLES = 10_000
 
-#: Name, particles, values and unit of a measurement.
-Measured = tuple[str, int, Sequence[float], str]
-
 #: Longest that a process may take to its first grid [s]: it may have to compile.
 _PATIENCE = 300.0
 
 
 def measure(
-    device: str,
-    *,
-    particles: Sequence[int] | None,
-    repetitions: int,
-    on_progress: OnProgress,
+    device: str, *, particles: Sequence[int] | None, repetitions: int, on_progress: OnProgress,
 ) -> Iterator[dict[str, Any]]:
     """Time steps, snapshots, and the start of a process to its first snapshot.
 
@@ -92,8 +82,7 @@ def measure(
         def show(name: str, share: float, index: int = index, number: int = number) -> None:
             on_progress(f'{name}: {number} particles', (index + share) / parts)
 
-        for measured in _steps(number, device, repetitions, show):
-            yield row_of(*measured)
+        yield from _steps(number, device, repetitions, show)
     for index, cells in enumerate(GRIDS):
         what = f'snapshot of {cells} x {cells} cells'
         on_progress(what, (len(particles) + index / len(GRIDS)) / parts)
@@ -106,8 +95,8 @@ def measure(
 
 def _steps(
     number: int, device: str, repetitions: int, show: OnProgress
-) -> Iterator[Measured]:
-    """Yield what is measured with a number of particles."""
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a number of particles."""
     sets = effect_sets()
     before = used_memory(device)
     show(SETS[0], 0.0)
@@ -122,13 +111,14 @@ def _steps(
         each, count = step_times(simulation, repetitions, LEAST)
         yield from _pace(name, count, each)
         memory = memory_of(simulation, device, before) / count
-        yield f'{name}: memory', count, [memory], 'B per particle'
+        yield row_of(f'{name}: memory', count, [memory], 'B per particle')
         if index == 0:
             bare = median(each)
             show('reference', 1 / (len(SETS) + 1))
             reference = _reference_times(simulation, repetitions)
-            yield 'reference: step', count, [1e-3 * count * time for time in reference], 'us'
-            yield 'bare: gain', count, [time / bare for time in reference], 'of the reference'
+            yield next(_pace('reference', count, reference))
+            gains = [time / bare for time in reference]
+            yield row_of('bare: gain', count, gains, 'of the reference')
     simulation = lava_field(number, sets[SETS[0]], device, ratio=FEWER)
     neighbours = round(math.pi * FEWER**2)
     for name in FEWER_SETS:
@@ -139,10 +129,10 @@ def _steps(
         yield from _pace(what, count, each)
 
 
-def _pace(what: str, count: int, each: Sequence[float]) -> Iterator[Measured]:
+def _pace(what: str, count: int, each: Sequence[float]) -> Iterator[dict[str, Any]]:
     """Yield the time of a step and the rate, from times over the particles [ns]."""
-    yield f'{what}: step', count, [1e-3 * count * time for time in each], 'us'
-    yield f'{what}: rate', count, [1e3 / time for time in each], 'M particle-steps/s'
+    yield row_of(f'{what}: step', count, [1e-3 * count * time for time in each], 'us')
+    yield row_of(f'{what}: rate', count, [1e3 / time for time in each], 'M particle-steps/s')
 
 
 def _reference_times(simulation: Simulation, repetitions: int) -> list[float]:

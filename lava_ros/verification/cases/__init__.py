@@ -14,31 +14,24 @@
 
 """Cases that run the solver where an exact solution is known."""
 
-from lava_ros.verification.cases import (
-    confined,
-    heat,
-    inertia,
-    rheology,
-    sheets,
-    silicone,
-    slopes,
-    spreading,
-)
-from lava_ros.verification.cases.case import Case as Case
-from lava_ros.verification.cases.case import Measurement as Measurement
-from lava_ros.verification.cases.case import Run as Run
-from lava_ros.verification.cases.spreading import (
-    spread_of_fixed_volume as spread_of_fixed_volume,
+from lava_ros.verification.cases import confined, heat, inertia, rheology, sheets, slopes
+from lava_ros.verification.cases.case import Case, Measurement, Run
+from lava_ros.verification.cases.spreading import CASES as SPREADING
+from lava_ros.verification.cases.spreading import spread_of_fixed_volume
+
+__all__ = ['CASES', 'EFFECT_CASES', 'Case', 'Measurement', 'Run', 'spread_of_fixed_volume']
+
+#: Cases of what lava does beside flowing and spreading: they have a chart of their own.
+EFFECT_CASES = frozenset(
+    case.name for case in (*heat.CASES, *rheology.CASES, *inertia.CASES)
 )
 
 #: Every case by its name, from the simplest.
 CASES: dict[str, Case] = {
     case.name: case
-    for module in (sheets, heat, silicone, rheology, confined, spreading, slopes, inertia)
-    for case in module.CASES
+    for cases in (
+        sheets.CASES, heat.CASES, rheology.CASES, confined.CASES, SPREADING, slopes.CASES,
+        inertia.CASES,
+    )
+    for case in cases
 }
-
-#: Cases of what lava does beside flowing and spreading: they have a chart of their own.
-EFFECT_CASES = frozenset(
-    case.name for module in (heat, silicone, rheology, inertia) for case in module.CASES
-)

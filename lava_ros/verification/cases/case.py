@@ -14,12 +14,12 @@
 
 """What a case is and measures, how a run is timed, and where on a grid a front is."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 import math
 import time as wall_clock
-from typing import Any
+from typing import Any, SupportsFloat
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.particles import ParticleSample
 
 #: Isothermal lava: nothing but weight and viscosity.
 ISOTHERMAL = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
@@ -41,9 +42,7 @@ GRAVITY = 9.81
 FRONT = 0.1
 
 FLAT = Effects(arrhenius=False, cooling=False, steep=False)
-
 SLOPING = Effects(arrhenius=False, cooling=False, steep=True)
-
 
 #: Smallest x, smallest y, largest x, largest y [m].
 Window = tuple[float, float, float, float]
@@ -121,12 +120,12 @@ class Field:
 
     @property
     def x(self) -> np.ndarray:
-        """Places of the columns' middles along x [m]."""
+        """Places of the columns' middles [m]."""
         return self.origin[0] + (np.arange(self.thickness.shape[1]) + 0.5) * self.cell
 
     @property
     def y(self) -> np.ndarray:
-        """Places of the rows' middles along y [m]."""
+        """Places of the rows' middles [m]."""
         return self.origin[1] + (np.arange(self.thickness.shape[0]) + 0.5) * self.cell
 
     def at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -180,7 +179,7 @@ def half_width(place: np.ndarray, thickness: np.ndarray, threshold: float) -> fl
 
 
 def slope_of(x: np.ndarray, y: np.ndarray) -> float:
-    """Slope of the straight line through places by least squares, NaN when one of them is."""
+    """Slope of a straight line by least squares, NaN when one of its places is."""
     offset = x - np.mean(x)
     return float(offset @ (y - np.mean(y)) / (offset @ offset))
 
@@ -189,101 +188,99 @@ class Trial:
     """A simulation whose progress is timed, its kernels compiled beforehand."""
 
     def __init__(
-        self,
-        scene: Scene,
-        accuracy: Accuracy,
-        device: str,
-        *,
-        effects: Effects = FLAT,
-        particles: Particles | None = None,
-        **knobs: Any,
+        self, scene: Scene, accuracy: Accuracy, device: str, *, effects: Effects = FLAT,
+        particles: Particles | None = None, **knobs: Any,
     ) -> None:
         """Compile the kernels, create the simulation; ``knobs`` replace those of ``accuracy``."""
         simulation = partial(
             Simulation, scene, effects=effects, accuracy=replace(accuracy, **knobs), device=device
         )
         # the kernels are compiled for the effects and the accuracy, whatever the scene
-        few = particles
-        if few is not None:
-            every = (few.position, few.volume, few.temperature)
-            few = Particles(*(np.asarray(values)[:2] for values in every))
+        few = particles and _chosen(particles, slice(2))
         simulation(particles=few).advance(1e-3)
         self.simulation = simulation(particles=particles)
         self._wall_time = 0.0
+        self._measurements: list[Measurement] = []
 
     def advance(self, until: float) -> None:
         """Simulate up to a time [s] and add to the wall time."""
         start = wall_clock.perf_counter()
-        self.simulation.advance(until)
+        self.simulation.advance(float(until))
         self._wall_time += wall_clock.perf_counter() - start
+
+    def sample(self) -> ParticleSample:
+        """The particles with thickness and velocity."""
+        return self.simulation.sample()
 
     def field(self, window: Window) -> Field:
         """The thickness [m] in a window, as in the output grid, on cells of half a spacing."""
-        spacing = self.simulation.accuracy.spacing
-        assert spacing is not None
-        cell = 0.5 * spacing
+        simulation = self.simulation
+        assert simulation.accuracy.spacing is not None
+        cell = 0.5 * simulation.accuracy.spacing
         x0, y0, x1, y1 = window
         rows, columns = int(np.ceil((y1 - y0) / cell)), int(np.ceil((x1 - x0) / cell))
         # what lies beyond the window has its part in the thickness of what lies in it
-        beyond = int(np.ceil(2.0 * self.simulation.radius / cell))
+        beyond = int(np.ceil(2.0 * simulation.radius / cell))
         fine = Terrain(
-            np.zeros((rows + 2 * beyond, columns + 2 * beyond)),
-            cell,
+            np.zeros((rows + 2 * beyond, columns + 2 * beyond)), cell,
             origin=(x0 - beyond * cell, y0 - beyond * cell),
         )
-        sample = self.simulation.sample()
+        sample = self.sample()
         inside = np.array([fine.covers(*place) for place in sample.position], dtype=bool)
         copy = Simulation(
-            replace(self.simulation.scene, terrain=fine, vents=()),
-            effects=self.simulation.effects,
-            accuracy=self.simulation.accuracy,
-            device=self.simulation.device,
-            particles=Particles(
-                sample.position[inside], sample.volume[inside], sample.temperature[inside]
-            ),
+            replace(simulation.scene, terrain=fine, vents=()), effects=simulation.effects,
+            accuracy=simulation.accuracy, device=simulation.device,
+            particles=_chosen(sample, inside),
         )
         thickness = copy.snapshot().thickness
         return Field(thickness[beyond:-beyond, beyond:-beyond], cell, (x0, y0))
 
     def middle(self, quantity: str, half: float) -> np.ndarray:
         """An attribute of the particles in a square of side 2 ``half`` [m] around (0, 0)."""
-        sample = self.simulation.sample()
+        sample = self.sample()
         values: np.ndarray = getattr(sample, quantity)
         return values[np.abs(sample.position).max(axis=1) < half]
 
+    def compare(
+        self, quantity: str, measured: SupportsFloat, exact: SupportsFloat, unit: str,
+        scale: float | None = None,
+    ) -> None:
+        """Keep a measurement for the result."""
+        found = Measurement(quantity, float(measured), float(exact), unit, scale)
+        self._measurements.append(found)
+
+    def compare_mean(
+        self, measured: np.ndarray, expected: np.ndarray, quantity: str = 'profile'
+    ) -> None:
+        """Keep the mean of |h - exact| over the mean of the exact thickness [m]."""
+        difference = np.abs(measured - expected).mean()
+        self.compare(quantity, difference, 0.0, 'm', scale=float(expected.mean()))
+
     def run(self, *measurements: Measurement) -> Run:
-        """End the trial; the result has the measurements, but no name of a case yet."""
+        """End the trial; the result has what was compared, but no name of a case yet."""
         snapshot = self.simulation.snapshot()
         return Run(
-            case='',
-            measurements=measurements,
-            particles=snapshot.particle_count,
-            steps=snapshot.steps.count,
-            evaluations=snapshot.steps.evaluations,
-            simulated_time=snapshot.time,
+            case='', measurements=(*self._measurements, *measurements),
+            particles=snapshot.particle_count, steps=snapshot.steps.count,
+            evaluations=snapshot.steps.evaluations, simulated_time=snapshot.time,
             wall_time=self._wall_time,
         )
 
 
-def joined(runs: Sequence[Run]) -> Run:
+def _chosen(lava: Particles | ParticleSample, which: slice | np.ndarray) -> Particles:
+    every = (lava.position, lava.volume, lava.temperature)
+    return Particles(*(np.asarray(values)[which] for values in every))
+
+
+def joined(runs: Iterable[Run]) -> Run:
     """Make one run of several simulations of a case: particles of the largest, sums else."""
+    runs = tuple(runs)
+    sums = ('steps', 'evaluations', 'simulated_time', 'wall_time')
     return Run(
-        case='',
-        measurements=tuple(item for run in runs for item in run.measurements),
+        case='', measurements=tuple(item for run in runs for item in run.measurements),
         particles=max(run.particles for run in runs),
-        steps=sum(run.steps for run in runs),
-        evaluations=sum(run.evaluations for run in runs),
-        simulated_time=sum(run.simulated_time for run in runs),
-        wall_time=sum(run.wall_time for run in runs),
+        **{name: sum(getattr(run, name) for run in runs) for name in sums},
     )
-
-
-def mean_difference(
-    measured: np.ndarray, expected: np.ndarray, quantity: str = 'profile'
-) -> Measurement:
-    """Mean of |h - exact| over the mean of the exact thickness [m]."""
-    difference = float(np.abs(measured - expected).mean())
-    return Measurement(quantity, difference, 0.0, 'm', scale=float(expected.mean()))
 
 
 def square(half: float) -> Window:
@@ -303,16 +300,8 @@ def lattice(columns: int, rows: int, spacing: float) -> np.ndarray:
 
 
 def layer(
-    lava: Lava,
-    effects: Effects,
-    accuracy: Accuracy,
-    device: str,
-    *,
-    thickness: float,
-    spacing: float = 2.0,
-    side: float = 120.0,
-    slope: float = 0.0,
-    temperature: float = 1400.0,
+    lava: Lava, effects: Effects, accuracy: Accuracy, device: str, *, thickness: float,
+    spacing: float = 2.0, side: float = 120.0, slope: float = 0.0, temperature: float = 1400.0,
 ) -> Trial:
     """A square layer of uniform vertical thickness [m] around (0, 0) on an even slope [rad].
 
@@ -323,14 +312,10 @@ def layer(
     # keeps the middle of a coarse layer away from its edge
     side = max(side, 8.0 * spacing)
     count = max(2, int(side / spacing))
+    particles = Particles(lattice(count, count, spacing), thickness * spacing**2, temperature)
     return Trial(
-        Scene(plane(square(side), 5.0, slope), lava=lava),
-        accuracy,
-        device,
-        effects=effects,
-        particles=Particles(lattice(count, count, spacing), thickness * spacing**2, temperature),
-        spacing=spacing,
-        thickness=thickness,
+        Scene(plane(square(side), 5.0, slope), lava=lava), accuracy, device, effects=effects,
+        particles=particles, spacing=spacing, thickness=thickness,
     )
 
 
@@ -346,14 +331,10 @@ def plane(window: Window, cell: float, slope: float = 0.0) -> Terrain:
 
 
 def strip(width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Distribute ``count`` points evenly over a rectangle of the given width [m].
+    """Shares along and places across [m] of points even over a rectangle of a width [m].
 
-    The points, (i + 1/2) / count along it and i times the golden ratio across, stay evenly spaced
-    however the rectangle is stretched.
-
-    Returns:
-        Positions along the rectangle as shares of its length, in (0, 1), and across it [m] from
-        its middle.
+    The points, (i + 1/2) / count along it and i times the golden ratio across from its middle,
+    stay evenly spaced however the rectangle is stretched.
     """
     index = np.arange(count)
     turn = np.modf(index * 0.5 * (np.sqrt(5.0) - 1.0))[0]

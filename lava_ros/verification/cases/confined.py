@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 import math
+from typing import Any
 
 import numpy as np
 
@@ -23,18 +24,8 @@ from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
-from lava_ros.verification.cases.case import (
-    Case,
-    FLAT,
-    GRAVITY,
-    ISOTHERMAL,
-    joined,
-    Measurement,
-    NU,
-    places,
-    Run,
-    Trial,
-)
+from lava_ros.verification.cases import case
+from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, NU
 
 #: Widths of the channel over the thickness, and particles across half of it, for the solve.
 WIDTHS = {1.0: 10, 2.5: 15, 5.0: 15}
@@ -67,7 +58,7 @@ WAVES, WAVE_HEIGHT, WAVELENGTHS = 16, 0.06, (14.0, 40.0)
 
 def channel_velocity(
     width: float, *, effect: str, accuracy: Accuracy, device: str = 'cpu'
-) -> tuple[Trial, Measurement]:
+) -> tuple[case.Trial, case.Measurement]:
     """Mean over local velocity in a channel of lava 1 m thick, with ``effect`` green or helmholtz.
 
     The channel lies between mirror images with the opposite slope. The flow is odd about the
@@ -78,8 +69,7 @@ def channel_velocity(
     assert spacing is not None
     across, cell = 4.0 * width, min(0.1, 0.5 * spacing)
     rows, columns = round(1.4 * across / cell), round(1.4 * LENGTH / cell)
-    y = (np.arange(rows) + 0.5 - 0.5 * rows) * cell
-    x = (np.arange(columns) + 0.5 - 0.5 * columns) * cell
+    y, x = ((np.arange(count) + 0.5 - 0.5 * count) * cell for count in (rows, columns))
     sign = np.where(np.floor(y / width + 0.5) % 2 == 0, 1.0, -1.0)
     terrain = Terrain(
         -SLOPE * np.outer(sign, x), cell, origin=(-0.5 * columns * cell, -0.5 * rows * cell)
@@ -88,56 +78,39 @@ def channel_velocity(
         (np.arange(round(side / spacing)) + 0.5) * spacing - 0.5 * side
         for side in (LENGTH, across)
     ]
-    trial = Trial(
-        Scene(terrain, lava=ISOTHERMAL),
-        accuracy,
-        device,
-        effects=replace(FLAT, **{effect: True}),
-        particles=Particles(places(*ticks), spacing**2, 1400.0),
-        thickness=1.0,
+    trial = case.Trial(
+        Scene(terrain, lava=ISOTHERMAL), accuracy, device, effects=replace(FLAT, **{effect: True}),
+        particles=Particles(case.places(*ticks), spacing**2, 1400.0), thickness=1.0,
     )
-    sample = trial.simulation.sample()
-    inside = np.abs(sample.position) < (0.5 * MIDDLE, 0.5 * width)
+    sample = trial.sample()
+    inside = (np.abs(sample.position) < (0.5 * MIDDLE, 0.5 * width)).all(axis=1)
     local = exact.sheet_velocity(1.0, math.asin(SLOPE), NU, GRAVITY)
-    return trial, Measurement(
-        f'{effect} W/h {width:g}',
-        float(sample.velocity[inside.all(axis=1), 0].mean()) / local,
-        exact.channel_mean_velocity(width, 1.0),
-        '1',
-    )
+    mean, right = float(sample.velocity[inside, 0].mean()), exact.channel_mean_velocity(width, 1.0)
+    return trial, case.Measurement(f'{effect} W/h {width:g}', mean / local, right, '1')
 
 
-def _run_channel(accuracy: Accuracy, device: str) -> Run:
+def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
     """The solve in three channels, and the Green's function in a wide one.
 
     The model's own limit is that it averages over the depth: full Stokes flow has means of 0.172,
     0.515, 0.748 and 0.937 at W/h 1, 2.5, 5 and 20 where this equation has 0.192, 0.550, 0.769 and
     0.942.
     """
-    runs = []
-    for width, count in WIDTHS.items():
-        trial, measurement = channel_velocity(
-            width,
-            effect='helmholtz',
-            accuracy=replace(accuracy, spacing=_spacing(width, count * accuracy.refinement)),
-            device=device,
-        )
-        runs.append(trial.run(measurement))
-    # the support is the kernel's radius: with it given, finer is more neighbours, up to a limit
-    spacing = _spacing(GREEN_WIDTH, GREEN_PARTICLES * min(1.0, accuracy.refinement))
-    ratio = GREEN_SUPPORT / math.sqrt(3.0) / spacing
-    trial, measurement = channel_velocity(
-        GREEN_WIDTH,
-        effect='green',
-        # differences would smooth the jump of the slope at a wall over the whole support
-        accuracy=replace(accuracy, spacing=spacing, ratio=ratio, gradient='energy'),
-        device=device,
-    )
-    return joined([*runs, trial.run(measurement)])
 
+    def run(width: float, effect: str, across_half: float, **knobs: Any) -> case.Run:
+        spacing = 0.5 * width / max(2, round(across_half))
+        if effect == 'green':
+            # the support is the kernel's radius: with it given, finer is more neighbours
+            knobs['ratio'] = GREEN_SUPPORT / math.sqrt(3.0) / spacing
+        finer = replace(accuracy, spacing=spacing, **knobs)
+        trial, found = channel_velocity(width, effect=effect, accuracy=finer, device=device)
+        return trial.run(found)
 
-def _spacing(width: float, across_half: float) -> float:
-    return 0.5 * width / max(2, round(across_half))
+    finer = accuracy.refinement
+    runs = [run(width, 'helmholtz', count * finer) for width, count in WIDTHS.items()]
+    # up to a limit; differences would smooth the jump of the slope at a wall over the support
+    count = GREEN_PARTICLES * min(1.0, finer)
+    return case.joined([*runs, run(GREEN_WIDTH, 'green', count, gradient='energy')])
 
 
 def rough_bowl() -> Terrain:
@@ -170,68 +143,59 @@ def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
     t = place - cell - 0.5
     weights = np.stack([0.5 * (0.5 - t) ** 2, 0.75 - t**2, 0.5 * (0.5 + t) ** 2])
     total = np.zeros(len(position))
-    for i in range(3):
-        for j in range(3):
-            values = terrain.elevation[cell[:, 1] + i - 1, cell[:, 0] + j - 1]
-            total += weights[i, :, 1] * weights[j, :, 0] * values
+    for i, j in np.ndindex(3, 3):
+        values = terrain.elevation[cell[:, 1] + i - 1, cell[:, 0] + j - 1]
+        total += weights[i, :, 1] * weights[j, :, 0] * values
     return total
 
 
-def pond(accuracy: Accuracy, device: str = 'cpu') -> Trial:
+def pond(accuracy: Accuracy, device: str = 'cpu') -> case.Trial:
     """Lava filled into the rough bowl up to a level; spacing and thickness are set here."""
     terrain = rough_bowl()
     spacing = 2.0 / accuracy.refinement
     # off the grid of the terrain's cells
     ticks = np.arange(-0.4 * SIDE, 0.4 * SIDE, spacing) + 0.15 * CELL
-    position = places(ticks, ticks)
+    position = case.places(ticks, ticks)
     depth = LEVEL - ground_at(terrain, position)
     wet = depth > 0.05
-    return Trial(
-        Scene(terrain, lava=ISOTHERMAL),
-        accuracy,
-        device,
+    return case.Trial(
+        Scene(terrain, lava=ISOTHERMAL), accuracy, device,
         particles=Particles(position[wet], depth[wet] * spacing**2, 1400.0),
-        spacing=spacing,
-        thickness=float(depth[wet].mean()),
+        spacing=spacing, thickness=float(depth[wet].mean()),
     )
 
 
-def stillness(trial: Trial, when: str = '') -> tuple[Measurement, Measurement]:
+def stillness(
+    trial: case.Trial, when: str = ''
+) -> tuple[case.Measurement, case.Measurement]:
     """How far a pond is from rest: speed of its fastest particle, and scatter of its surface.
 
     The speed is relative to that of a fall from the surface to the bottom, the scatter of the
     surface relative to the largest depth. ``when`` is appended to the names of the quantities.
     """
-    sample = trial.simulation.sample()
-    deep = sample.thickness > DEEP
-    depth = float(sample.thickness.max())
+    sample = trial.sample()
+    deep, depth = sample.thickness > DEEP, float(sample.thickness.max())
     surface = sample.thickness + ground_at(trial.simulation.scene.terrain, sample.position)
+    fastest, fall = float(np.hypot(*sample.velocity.T).max()), math.sqrt(2.0 * GRAVITY * depth)
     return (
-        Measurement(
-            f'speed{when}',
-            float(np.hypot(*sample.velocity.T).max()),
-            0.0,
-            'm/s',
-            scale=math.sqrt(2.0 * GRAVITY * depth),
-        ),
-        Measurement(f'flatness{when}', float(surface[deep].std()), 0.0, 'm', scale=depth),
+        case.Measurement(f'speed{when}', fastest, 0.0, 'm/s', scale=fall),
+        case.Measurement(f'flatness{when}', float(surface[deep].std()), 0.0, 'm', scale=depth),
     )
 
 
-def _run_pond(accuracy: Accuracy, device: str) -> Run:
+def _run_pond(accuracy: Accuracy, device: str) -> case.Run:
     # nothing but the limits of stability bounds the steps of a pond at rest
     trial = pond(replace(accuracy, longest_step=HOUR), device)
     trial.advance(HOUR)
     filled = stillness(trial, ' after an hour')
     trial.advance(REST)
-    before, _ = stillness(trial)
+    before, _ = stillness(trial, ' at rest')
     trial.advance(REST + HOUR)
     after, flatness = stillness(trial, ' at rest')
-    fastest = max(before, after, key=lambda item: item.measured)
-    return trial.run(*filled, replace(fastest, quantity=after.quantity), flatness)
+    return trial.run(*filled, max(before, after, key=lambda item: item.measured), flatness)
 
 
 CASES = (
-    Case('channel', 'lateral stress in a channel with walls', 'Kedadry 2023', _run_channel),
-    Case('pond', 'pond in a rough bowl', 'hydrostatics', _run_pond),
+    case.Case('channel', 'lateral stress in a channel with walls', 'Kedadry 2023', _run_channel),
+    case.Case('pond', 'pond in a rough bowl', 'hydrostatics', _run_pond),
 )

@@ -24,18 +24,8 @@ from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
-from lava_ros.verification.cases.case import (
-    Case,
-    front,
-    GRAVITY,
-    mean_difference,
-    Measurement,
-    places,
-    plane,
-    Run,
-    strip,
-    Trial,
-)
+from lava_ros.verification.cases import case
+from lava_ros.verification.cases.case import GRAVITY
 from lava_ros.verification.cases.confined import ground_at
 
 #: Momentum and drag alone.
@@ -57,7 +47,7 @@ STEPS = 400
 PARTICLES = 20_000
 
 
-def _run_sheet(accuracy: Accuracy, device: str) -> Run:
+def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
     """Speed of the middle of a sheet after a half, one and three relaxation times."""
     thickness, slope = 2.0, math.radians(10.0)
     lava = replace(THIN, viscosity=1e3)
@@ -70,53 +60,36 @@ def _run_sheet(accuracy: Accuracy, device: str) -> Run:
     ticks = np.arange(-half, half, spacing)
     run_out = sheet.final_speed * times[-1]
     window = (-2.0 * half, -2.0 * half, 2.0 * half + run_out, 2.0 * half)
-    trial = Trial(
-        Scene(plane(window, 0.05 * half, slope), lava=lava),
-        accuracy,
-        device,
+    trial = case.Trial(
+        Scene(case.plane(window, 0.05 * half, slope), lava=lava), accuracy, device,
         effects=replace(INERTIAL, steep=True),
-        particles=Particles(places(ticks, ticks), thickness * spacing**2, 1400.0),
-        spacing=spacing,
-        thickness=thickness,
-        longest_step=0.02 / sheet.rate / accuracy.refinement,
+        particles=Particles(case.places(ticks, ticks), thickness * spacing**2, 1400.0),
+        spacing=spacing, thickness=thickness, longest_step=0.02 / sheet.rate / accuracy.refinement,
     )
-    measured = []
     for time, name in zip(times, ('half', 'one', 'three'), strict=True):
-        trial.advance(float(time))
-        sample = trial.simulation.sample()
+        trial.advance(time)
+        sample = trial.sample()
         centre = sheet.final_speed * time - sheet.lag(time)
         middle = np.hypot(sample.position[:, 0] - centre, sample.position[:, 1]) < 0.2 * half
-        measured.append(
-            Measurement(
-                f'speed after {name}',
-                float(sample.velocity[middle, 0].mean()),
-                sheet.speed(float(time)),
-                'm/s',
-            )
-        )
-    return trial.run(*measured)
+        found = sample.velocity[middle, 0].mean()
+        trial.compare(f'speed after {name}', found, sheet.speed(float(time)), 'm/s')
+    return trial.run()
 
 
-@dataclass(frozen=True)
-class Break:
-    """Two dams at |x| = ``half`` that broke at once, sampled along the middle of a strip.
-
-    The trial ends when the fans meet. Distances [m] are measured outwards from a dam; the
-    thickness [m] is the mean of both sides.
-    """
-
-    trial: Trial
-    distance: np.ndarray
-    thickness: np.ndarray
-
-
-def broken_dams(bed: float, ahead: float, *, accuracy: Accuracy, device: str = 'cpu') -> Break:
+def _broken_dams(
+    solution: exact.RitterDamBreak | exact.StokerDamBreak, bed: float, ahead: float,
+    accuracy: Accuracy, device: str,
+) -> tuple[case.Trial, np.ndarray, np.ndarray]:
     """Let a block of lava collapse on both sides, onto a dry bed or a layer of lava.
 
     ``bed`` is the thickness of that layer [m], 0 for a dry bed. The layer extends so far that its
     outer ends disturb nothing within ``ahead`` [m] of the dams by the end; nor do the strip's long
     sides affect the sampled band. On a dry bed particles are half as far apart next to the dams,
     because the tip, which comes from there, thins out to less than a single particle.
+
+    Returns:
+        The trial, which ends when the fans meet and has been compared from where the fan begins to
+        ``ahead``; distances outwards from a dam [m]; the mean thickness of both sides there [m].
     """
     time = REACH / math.sqrt(GRAVITY * HEIGHT)
     half, side = 1.1 * REACH, 1.1 * REACH + BAND
@@ -126,60 +99,47 @@ def broken_dams(bed: float, ahead: float, *, accuracy: Accuracy, device: str = '
     else:
         outer, inner = half, half - 0.1 * REACH
         parts = [
-            (-half, -inner, HEIGHT, 2.0),
-            (-inner, inner, HEIGHT, 1.0),
-            (inner, half, HEIGHT, 2.0),
+            (-half, -inner, HEIGHT, 2.0), (-inner, inner, HEIGHT, 1.0), (inner, half, HEIGHT, 2.0)
         ]
     area = sum((end - start) * fineness**2 for start, end, _, fineness in parts) * 2.0 * side
     spacing = math.sqrt(area / PARTICLES) / accuracy.refinement
     position, volumes = [], []
     for start, end, thickness, fineness in parts:
         count = max(2, round((end - start) * 2.0 * side * (fineness / spacing) ** 2))
-        share, y = strip(2.0 * side, count)
+        share, y = case.strip(2.0 * side, count)
         position.append(np.column_stack([start + share * (end - start), y]))
         volumes.append(np.full(count, thickness * (end - start) * 2.0 * side / count))
     far = max(outer, half + 2.2 * REACH)
-    trial = Trial(
-        Scene(plane((-far, -2.0 * side, far, 2.0 * side), 1.0), lava=THIN),
-        accuracy,
-        device,
+    trial = case.Trial(
+        Scene(case.plane((-far, -2.0 * side, far, 2.0 * side), 1.0), lava=THIN), accuracy, device,
         effects=INERTIAL,
         particles=Particles(np.concatenate(position), np.concatenate(volumes), 1400.0),
-        spacing=spacing,
-        thickness=HEIGHT,
+        spacing=spacing, thickness=HEIGHT,
     )
     trial.advance(time)
     field = trial.field((-far, -2.0 * BAND, far, 2.0 * BAND))
     line = field.along_x(BAND)
     right = field.x > 0.0
-    return Break(trial, field.x[right] - half, 0.5 * (line + line[::-1])[right])
+    distance, found = field.x[right] - half, 0.5 * (line + line[::-1])[right]
+    inside = (distance > -REACH) & (distance < ahead)
+    expected = solution.thickness(distance[inside], trial.simulation.time)
+    trial.compare_mean(found[inside], expected, 'thickness')
+    return trial, distance, found
 
 
-def _difference(
-    broken: Break, solution: exact.RitterDamBreak | exact.StokerDamBreak, ahead: float
-) -> Measurement:
-    """Mean of |h - exact| from where the fan begins to ``ahead`` [m], over the mean thickness."""
-    inside = (broken.distance > -REACH) & (broken.distance < ahead)
-    expected = solution.thickness(broken.distance[inside], broken.trial.simulation.time)
-    return mean_difference(broken.thickness[inside], expected, 'thickness')
-
-
-def _run_ritter(accuracy: Accuracy, device: str) -> Run:
+def _run_ritter(accuracy: Accuracy, device: str) -> case.Run:
     solution = exact.RitterDamBreak(HEIGHT, GRAVITY)
-    broken = broken_dams(0.0, 0.0, accuracy=accuracy, device=device)
-    return broken.trial.run(_difference(broken, solution, 2.0 * REACH))
+    return _broken_dams(solution, 0.0, 2.0 * REACH, accuracy, device)[0].run()
 
 
-def _run_stoker(accuracy: Accuracy, device: str) -> Run:
+def _run_stoker(accuracy: Accuracy, device: str) -> case.Run:
     bed = 0.1 * HEIGHT
     solution = exact.StokerDamBreak(HEIGHT, bed, GRAVITY)
     bore = solution.bore * REACH / math.sqrt(GRAVITY * HEIGHT)
-    ahead = bore + 0.2 * REACH
-    broken = broken_dams(bed, ahead, accuracy=accuracy, device=device)
-    place = front(broken.distance, broken.thickness, 0.5 * (bed + solution.plateau))
-    return broken.trial.run(
-        _difference(broken, solution, ahead), Measurement('bore', place, bore, 'm')
-    )
+    trial, distance, thickness = _broken_dams(solution, bed, bore + 0.2 * REACH, accuracy, device)
+    place = case.front(distance, thickness, 0.5 * (bed + solution.plateau))
+    trial.compare('bore', place, bore, 'm')
+    return trial.run()
 
 
 @dataclass(frozen=True)
@@ -190,7 +150,7 @@ class Swing:
     density, relative to rest [m5/s2].
     """
 
-    trial: Trial
+    trial: case.Trial
     solution: exact.OscillatingBowl
     times: np.ndarray
     spread: np.ndarray
@@ -203,9 +163,8 @@ class Swing:
         def misfit(period: float) -> float:
             phase = 2.0 * math.pi * self.times / period
             wave = np.column_stack([np.cos(phase), np.sin(phase)])
-            columns = np.column_stack(
-                [np.ones_like(phase), phase, wave, wave * self.times[:, None]]
-            )
+            drift = [np.ones_like(phase), phase]
+            columns = np.column_stack([*drift, wave, wave * self.times[:, None]])
             fit = np.linalg.lstsq(columns, self.spread, rcond=None)[0]
             return float(((columns @ fit - self.spread) ** 2).sum())
 
@@ -242,18 +201,14 @@ def swing(
     index = np.arange(count) + 0.5
     distance, angle = narrow * np.sqrt(index / count), index * math.pi * (3.0 - math.sqrt(5.0))
     thickness = solution.thickness(distance, 0.0)
-    trial = Trial(
-        Scene(Terrain(bowl, cell, origin=(-half, -half)), lava=THIN),
-        accuracy,
-        device,
+    trial = case.Trial(
+        Scene(Terrain(bowl, cell, origin=(-half, -half)), lava=THIN), accuracy, device,
         effects=INERTIAL,
         particles=Particles(
             np.column_stack([distance * np.cos(angle), distance * np.sin(angle)]),
-            thickness * spacing**2,
-            1400.0,
+            thickness * spacing**2, 1400.0,
         ),
-        spacing=spacing,
-        thickness=0.5 * float(thickness.max()),
+        spacing=spacing, thickness=0.5 * float(thickness.max()),
         longest_step=solution.period / STEPS,
     )
     times = solution.period * np.arange(1 + round(periods * looks)) / looks
@@ -264,9 +219,9 @@ def swing(
     volume = 0.5 * math.pi * solution.depth * solution.radius**2
     rest = GRAVITY * volume * solution.depth * 2.0 / 3.0
     for time in times:
-        trial.advance(float(time) - instant)
-        trial.advance(float(time))
-        sample = trial.simulation.sample()
+        trial.advance(time - instant)
+        trial.advance(time)
+        sample = trial.sample()
         share = sample.volume / sample.volume.sum()
         spread.append(float(share @ (sample.position**2).sum(axis=1)))
         ground = ground_at(trial.simulation.scene.terrain, sample.position)
@@ -276,19 +231,18 @@ def swing(
     return Swing(trial, solution, times, np.array(spread), np.array(energy))
 
 
-def _run_thacker(accuracy: Accuracy, device: str) -> Run:
+def _run_thacker(accuracy: Accuracy, device: str) -> case.Run:
     count = max(200, round(PARTICLES * accuracy.refinement**2))
     seen = swing(count, accuracy=accuracy, device=device)
-    return seen.trial.run(
-        Measurement('period', seen.period, seen.solution.period, 's'),
-        Measurement('loss a period', seen.damping, 0.0, '1', scale=1.0),
-        Measurement('energy growth', seen.growth, 0.0, '1', scale=1.0),
-    )
+    seen.trial.compare('period', seen.period, seen.solution.period, 's')
+    seen.trial.compare('loss a period', seen.damping, 0.0, '1', scale=1.0)
+    seen.trial.compare('energy growth', seen.growth, 0.0, '1', scale=1.0)
+    return seen.trial.run()
 
 
 CASES = (
-    Case('inertial_sheet', 'sheet released on a slope', 'exponential', _run_sheet),
-    Case('ritter', 'dam break onto a dry bed, with inertia', 'Ritter 1892', _run_ritter),
-    Case('stoker', 'dam break onto a wet bed, with inertia', 'Stoker 1957', _run_stoker),
-    Case('thacker', 'oscillation in a paraboloid', 'Thacker 1981', _run_thacker),
+    case.Case('inertial_sheet', 'sheet released on a slope', 'exponential', _run_sheet),
+    case.Case('ritter', 'dam break onto a dry bed, with inertia', 'Ritter 1892', _run_ritter),
+    case.Case('stoker', 'dam break onto a wet bed, with inertia', 'Stoker 1957', _run_stoker),
+    case.Case('thacker', 'oscillation in a paraboloid', 'Thacker 1981', _run_thacker),
 )

@@ -23,24 +23,8 @@ from lava_ros.scene import Lava, Scene
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
-from lava_ros.verification.cases.case import (
-    Case,
-    distributed,
-    FLAT,
-    GRAVITY,
-    half_width,
-    ISOTHERMAL,
-    joined,
-    layer,
-    mean_difference,
-    Measurement,
-    plane,
-    Run,
-    SLOPING,
-    square,
-    strip,
-    Trial,
-)
+from lava_ros.verification.cases import case
+from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, SLOPING
 from lava_ros.verification.cases.sheets import MIDDLE, sheet_speed
 
 #: Weight of a volume [N/m3].
@@ -77,40 +61,32 @@ SLUMP = 1e4
 SQUEEZE = 0.7
 
 
-def _run_sheets(accuracy: Accuracy, device: str) -> Run:
+def _run_sheets(accuracy: Accuracy, device: str) -> case.Run:
     runs = []
     for quantity, switched, index in SHEETS:
         strength = STRENGTH * WEIGHT * math.sin(SLOPE) if 'yielding' in switched else 0.0
         lava = replace(ISOTHERMAL, viscosity=4e3, yield_strength=strength, flow_index=index)
         runs.append(
             sheet_speed(
-                quantity,
-                lava,
-                accuracy,
-                device,
-                slope=SLOPE,
-                strength=strength,
+                quantity, lava, accuracy, device, slope=SLOPE, strength=strength,
                 effects=replace(SLOPING, **switched),
             )
         )
-    return joined(runs)
+    return case.joined(runs)
 
 
-def _run_critical(accuracy: Accuracy, device: str) -> Run:
+def _run_critical(accuracy: Accuracy, device: str) -> case.Run:
     """The thickness at which a sheet starts to move, and how far a thinner one creeps."""
     runs = []
 
-    def sheet(thickness: float, slope: float) -> Trial:
-        return layer(
+    def sheet(thickness: float, slope: float) -> case.Trial:
+        return case.layer(
             replace(ISOTHERMAL, yield_strength=WEIGHT * math.sin(slope)),
-            replace(SLOPING, yielding=True),
-            replace(accuracy, longest_step=1e6),
-            device,
-            thickness=thickness / math.cos(slope),
-            slope=slope,
+            replace(SLOPING, yielding=True), replace(accuracy, longest_step=1e6), device,
+            thickness=thickness / math.cos(slope), slope=slope,
         )
 
-    def moves(trial: Trial) -> bool:
+    def moves(trial: case.Trial) -> bool:
         return bool(trial.middle('velocity', MIDDLE)[:, 0].any())
 
     for degrees in (3.0, 10.0, 25.0):
@@ -126,22 +102,19 @@ def _run_critical(accuracy: Accuracy, device: str) -> Run:
         while high - low > 1e-4 * right:
             thickness = 0.5 * (low + high)
             trial = sheet(thickness, slope)
-            if moves(trial):
-                high = thickness
-            else:
-                low = thickness
-        found = Measurement(f'thickness at {degrees:g} degrees', 0.5 * (low + high), right, 'm')
-        runs.append(trial.run(found))
+            low, high = (low, thickness) if moves(trial) else (thickness, high)
+        trial.compare(f'thickness at {degrees:g} degrees', 0.5 * (low + high), right, 'm')
+        runs.append(trial.run())
     trial = sheet(0.99, SLOPE)
     start = np.sort(trial.middle('position', MIDDLE)[:, 0])
     trial.advance(1e5)
     end = np.sort(trial.middle('position', MIDDLE)[:, 0])
-    way = float(np.abs(end - start).max()) if len(end) == len(start) else math.nan
-    creep = Measurement('creep of 0.99 of it', way, 0.0, 'm', scale=1.0)
-    return joined([*runs, trial.run(creep)])
+    way = np.abs(end - start).max() if len(end) == len(start) else math.nan
+    trial.compare('creep of 0.99 of it', way, 0.0, 'm', scale=1.0)
+    return case.joined([*runs, trial.run()])
 
 
-def _run_dome(accuracy: Accuracy, device: str) -> Run:
+def _run_dome(accuracy: Accuracy, device: str) -> case.Run:
     """A volume that spreads until it can no more.
 
     It starts as a dome of the same shape, so that the stress exceeds the strength everywhere by
@@ -154,37 +127,27 @@ def _run_dome(accuracy: Accuracy, device: str) -> Run:
     radius = solution.radius
     area = math.pi * radius**2
     half = 1.3 * radius
-    window = square(half)
-    trial = Trial(
-        Scene(plane(window, 0.05 * half), lava=lava),
-        accuracy,
-        device,
+    window = case.square(half)
+    places = solution.particles(count, SQUEEZE * radius)
+    trial = case.Trial(
+        Scene(case.plane(window, 0.05 * half), lava=lava), accuracy, device,
         effects=replace(FLAT, yielding=True),
-        particles=Particles(
-            solution.particles(count, SQUEEZE * radius), volume / count, REFERENCE
-        ),
-        spacing=math.sqrt(area / count),
-        thickness=volume / area,
-        longest_step=1e6,
+        particles=Particles(places, volume / count, REFERENCE),
+        spacing=math.sqrt(area / count), thickness=volume / area, longest_step=1e6,
     )
     trial.advance(SLUMP * lava.viscosity / strength)
-    sample = trial.simulation.sample()
+    sample = trial.sample()
     distance = np.hypot(*sample.position.T)
-    expected = solution.thickness(distance)
+    found = math.sqrt(float((distance**2).mean()))
+    trial.compare('radius', found, solution.rms_radius, 'm')
+    trial.compare_mean(sample.thickness, solution.thickness(distance))
     thin = 0.1 * volume / area
-    return trial.run(
-        Measurement('radius', math.sqrt(float((distance**2).mean())), solution.rms_radius, 'm'),
-        mean_difference(sample.thickness, expected),
-        Measurement(
-            'edge',
-            trial.field(window).mean_radius(thin, half),
-            solution.radius_of_thickness(thin),
-            'm',
-        ),
-    )
+    edge = trial.field(window).mean_radius(thin, half)
+    trial.compare('edge', edge, solution.radius_of_thickness(thin), 'm')
+    return trial.run()
 
 
-def _run_ridge(accuracy: Accuracy, device: str) -> Run:
+def _run_ridge(accuracy: Accuracy, device: str) -> case.Run:
     """A narrow strip down a slope that widens until it rests, twelve half-widths long."""
     slope = math.radians(15.0)
     strength = 2.0 * WEIGHT * math.sin(slope)
@@ -194,38 +157,30 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
     length = 12.0 * half
     held = solution.section / math.cos(slope)
     spacing = half / 14.0 / accuracy.refinement
-    share, x = strip(length, max(20, round(2.0 * half * length / spacing**2)))
+    share, x = case.strip(length, max(20, round(2.0 * half * length / spacing**2)))
     place = np.linspace(-half, half, 20001)
-    y = SQUEEZE * distributed(share, place, solution.thickness(np.abs(place)))
+    y = SQUEEZE * case.distributed(share, place, solution.thickness(np.abs(place)))
     window = (-0.6 * length, -2.0 * half, 0.7 * length, 2.0 * half)
-    trial = Trial(
-        Scene(plane(window, half / 8.0, slope), lava=lava),
-        accuracy,
-        device,
+    trial = case.Trial(
+        Scene(case.plane(window, half / 8.0, slope), lava=lava), accuracy, device,
         effects=replace(SLOPING, yielding=True),
         particles=Particles(np.column_stack([x, y]), held * length / len(x), REFERENCE),
-        spacing=spacing,
-        thickness=0.5 * held / half,
-        longest_step=1e6,
+        spacing=spacing, thickness=0.5 * held / half, longest_step=1e6,
     )
     trial.advance(SLUMP * lava.viscosity / strength)
-    sample = trial.simulation.sample()
+    sample = trial.sample()
     middle = np.abs(sample.position[:, 0]) < 0.15 * length
     expected = solution.thickness(np.abs(sample.position[middle, 1])) / math.cos(slope)
     grid = trial.field((-0.15 * length, -2.0 * half, 0.15 * length, 2.0 * half))
-    line, thin = grid.thickness.mean(axis=1), 0.1 * solution.critical
-    return trial.run(
-        Measurement(
-            'half-width',
-            half_width(grid.y, line, thin),
-            solution.distance_of_thickness(thin * math.cos(slope)),
-            'm',
-        ),
-        mean_difference(sample.thickness[middle], expected),
-    )
+    thin = 0.1 * solution.critical
+    width = case.half_width(grid.y, grid.thickness.mean(axis=1), thin)
+    right = solution.distance_of_thickness(thin * math.cos(slope))
+    trial.compare('half-width', width, right, 'm')
+    trial.compare_mean(sample.thickness[middle], expected)
+    return trial.run()
 
 
-def _run_laws(accuracy: Accuracy, device: str) -> Run:
+def _run_laws(accuracy: Accuracy, device: str) -> case.Run:
     """Sheets at several temperatures, whose speed says what viscosity and strength are there."""
     molten = replace(ISOTHERMAL, vft_a=VFT[0], vft_b=VFT[1], vft_c=VFT[2])
     # quantity, lava, temperature, and the viscosity and the strength that it has there
@@ -242,39 +197,25 @@ def _run_laws(accuracy: Accuracy, device: str) -> Run:
     # twice as strong, at a hundred kelvin less
     lava = replace(ISOTHERMAL, yield_strength=weak, yield_rate=math.log(2.0) / 100.0)
     sheets.append(('strength', lava, REFERENCE - 100.0, lava.viscosity, 2.0 * weak))
-    return joined([
+    return case.joined(
         sheet_speed(
-            quantity,
-            lava,
-            accuracy,
-            device,
-            slope=SLOPE,
-            viscosity=viscosity,
-            strength=strength,
-            duration=None,
-            temperature=temperature,
+            quantity, lava, accuracy, device, slope=SLOPE, viscosity=viscosity, strength=strength,
+            duration=None, temperature=temperature,
             effects=replace(
                 SLOPING, vft=lava is molten, crystals=lava.crystals > 0.0, yielding=strength > 0.0
             ),
         )
         for quantity, lava, temperature, viscosity, strength in sheets
-    ])
+    )
 
 
 CASES = (
-    Case(
-        'herschel_bulkley',
-        'sheets of Bingham, power-law and Herschel-Bulkley lava',
-        'Herschel & Bulkley 1926',
-        _run_sheets,
-    ),
-    Case('critical_thickness', 'sheets at the critical thickness', 'Hulme 1974', _run_critical),
-    Case(
-        'material_laws',
-        'viscosity and strength at several temperatures',
-        'Giordano et al. 2008; Roscoe 1952; Maron & Pierce 1956',
-        _run_laws,
-    ),
-    Case('bingham_dome', 'dome left by a fixed volume', 'Nye 1952; Blake 1990', _run_dome),
-    Case('ridge', 'ridge left by a strip on a slope', 'after Hulme 1974', _run_ridge),
+    case.Case('herschel_bulkley', 'sheets of Bingham, power-law and Herschel-Bulkley lava',
+              'Herschel & Bulkley 1926', _run_sheets),
+    case.Case('critical_thickness', 'sheets at the critical thickness', 'Hulme 1974',
+              _run_critical),
+    case.Case('material_laws', 'viscosity and strength at several temperatures',
+              'Giordano et al. 2008; Roscoe 1952; Maron & Pierce 1956', _run_laws),
+    case.Case('bingham_dome', 'dome left by a fixed volume', 'Nye 1952; Blake 1990', _run_dome),
+    case.Case('ridge', 'ridge left by a strip on a slope', 'after Hulme 1974', _run_ridge),
 )

@@ -32,7 +32,6 @@ from dataclasses import replace
 from functools import partial
 import math
 from statistics import median
-import time as wall_clock
 
 import numpy as np
 import warp as wp
@@ -42,19 +41,9 @@ from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
-from lava_ros.verification.cases.case import (
-    Case,
-    FLAT,
-    GRAVITY,
-    ISOTHERMAL,
-    joined,
-    lattice,
-    layer,
-    Measurement,
-    plane,
-    Run,
-    SLOPING,
-)
+from lava_ros.verification.benchmarks.effects import timed
+from lava_ros.verification.cases import case
+from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, SLOPING
 
 #: Angles of the slopes [degrees].
 SLOPES = (3.0, 10.0, 25.0)
@@ -91,66 +80,44 @@ AMPLITUDE = 0.01
 
 
 def sheet_speed(
-    quantity: str,
-    lava: Lava,
-    accuracy: Accuracy,
-    device: str,
-    *,
-    slope: float,
-    viscosity: float | None = None,
-    strength: float = 0.0,
-    duration: float | None = 4.0,
-    temperature: float = ISOTHERMAL.reference_temperature,
-    effects: Effects = SLOPING,
-) -> Run:
+    quantity: str, lava: Lava, accuracy: Accuracy, device: str, *, slope: float,
+    viscosity: float | None = None, strength: float = 0.0, duration: float | None = 4.0,
+    temperature: float = ISOTHERMAL.reference_temperature, effects: Effects = SLOPING,
+) -> case.Run:
     """Measure the speed of a sheet 1 m thick along a slope [rad], and call it ``quantity``.
 
     ``viscosity`` [Pa s], by default the lava's own, and ``strength`` [Pa] are those at the
     temperature [K]. A ``duration`` [s] of None is the time to move by one thickness.
     """
     right = exact.herschel_bulkley_velocity(
-        1.0,
-        slope,
-        density=lava.density,
-        consistency=viscosity or lava.viscosity,
-        strength=strength,
-        index=lava.flow_index,
-        gravity=GRAVITY,
+        1.0, slope, density=lava.density, consistency=viscosity or lava.viscosity,
+        strength=strength, index=lava.flow_index, gravity=GRAVITY,
     )
-    trial = layer(
-        lava,
-        effects,
-        replace(accuracy, longest_step=1e6),
-        device,
-        thickness=1.0 / math.cos(slope),
-        slope=slope,
-        temperature=temperature,
+    trial = case.layer(
+        lava, effects, replace(accuracy, longest_step=1e6), device,
+        thickness=1.0 / math.cos(slope), slope=slope, temperature=temperature,
     )
     speeds = []
     for time in (0.0, duration or 1.0 / right):
         trial.advance(time)
         speeds.append(trial.middle('velocity', MIDDLE)[:, 0].mean())
-    measured = float(np.mean(speeds)) / math.cos(slope)
-    return trial.run(Measurement(quantity, measured, right, 'm/s'))
+    trial.compare(quantity, float(np.mean(speeds)) / math.cos(slope), right, 'm/s')
+    return trial.run()
 
 
-def _run_sheet(accuracy: Accuracy, device: str) -> Run:
-    return joined([
+def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
+    return case.joined(
         sheet_speed(
             f'speed at {degrees:g} degrees', ISOTHERMAL, accuracy, device,
             slope=math.radians(degrees),
         )
         for degrees in SLOPES
-    ])
+    )
 
 
 def response(
-    form: str,
-    radius: float,
-    wavelength: float,
-    accuracy: Accuracy,
-    device: str = 'cpu',
-) -> Run:
+    form: str, radius: float, wavelength: float, accuracy: Accuracy, device: str = 'cpu'
+) -> case.Run:
     """Velocity amplitude relative to that of ``local``, in a layer 1 m thick on ground A sin(q x).
 
     ``form`` is one of ``FORMS``, ``radius`` that of the kernel and ``wavelength`` 2 pi / q [m].
@@ -167,38 +134,31 @@ def response(
     least = 2 * math.ceil((spacing + margin) / spacing)
     rows = max(least, round(PARTICLES * accuracy.refinement**2 / columns))
     sides = (columns * spacing, rows * spacing)
-    simulations = [
+
+    def amplitude(simulation: Simulation) -> float:
+        sample = simulation.sample()
+        x, y = np.abs(sample.position.T)
+        inside = (x <= half) & (y <= 0.5 * sides[1] - margin)
+        wave = np.cos(q * sample.position[inside, 0])
+        return float(sample.velocity[inside, 0] @ wave / (wave @ wave))
+
+    simulation, local = (
         Simulation(
             Scene(_waves(sides, q, spacing), lava=ISOTHERMAL),
             effects=replace(FLAT, **({} if name == 'local' else {name: True})),
             accuracy=replace(accuracy, spacing=spacing, thickness=1.0),
-            particles=Particles(lattice(columns, rows, spacing), spacing**2, 1400.0),
+            particles=Particles(case.lattice(columns, rows, spacing), spacing**2, 1400.0),
             device=device,
         )
         for name in (form, 'local')
-    ]
-    amplitudes = []
-    for simulation in simulations:
-        sample = simulation.sample()
-        inside = (np.abs(sample.position[:, 0]) <= half) & (
-            np.abs(sample.position[:, 1]) <= 0.5 * sides[1] - margin
-        )
-        wave = np.cos(q * sample.position[inside, 0])
-        amplitudes.append(float(sample.velocity[inside, 0] @ wave / (wave @ wave)))
-    measurement = Measurement(
-        f'response at {wavelength:g} h',
-        amplitudes[0] / amplitudes[1],
-        exact.green_response(q, 1.0),
-        '1',
     )
-    return Run(
+    share = amplitude(simulation) / amplitude(local)
+    right = exact.green_response(q, 1.0)
+    return case.Run(
         case='',
-        measurements=(measurement,),
-        particles=simulations[0].particle_count,
-        steps=0,
-        evaluations=EVALUATIONS,
-        simulated_time=0.0,
-        wall_time=EVALUATIONS * _evaluation_time(simulations[0]),
+        measurements=(case.Measurement(f'response at {wavelength:g} h', share, right, '1'),),
+        particles=simulation.particle_count, steps=0, evaluations=EVALUATIONS, simulated_time=0.0,
+        wall_time=EVALUATIONS * _evaluation_time(simulation),
     )
 
 
@@ -207,7 +167,7 @@ def _waves(sides: tuple[float, float], q: float, spacing: float) -> Terrain:
     x, y = (0.5 * side + 2.0 * spacing for side in sides)
     # a fortieth of a wave resolves its slope; cells smaller than the spacing add nothing
     cell = min(2.0 * math.pi / q / 40.0, max(spacing, 0.1))
-    terrain = plane((-x, -y, x, y), cell)
+    terrain = case.plane((-x, -y, x, y), cell)
     place = terrain.origin[0] + (np.arange(terrain.shape[1]) + 0.5) * cell
     row = AMPLITUDE * np.sin(q * place)
     return replace(terrain, elevation=np.tile(row, (terrain.shape[0], 1)))
@@ -216,46 +176,38 @@ def _waves(sides: tuple[float, float], q: float, spacing: float) -> Terrain:
 def _evaluation_time(simulation: Simulation) -> float:
     """Median time of a velocity evaluation [s], as a graph on a GPU, as in a time step."""
     device = wp.get_device(simulation.device)
-    simulation.evaluate()
     evaluate = simulation.evaluate
+    evaluate()
     if device.is_cuda:
         with wp.ScopedCapture(device=device) as capture:
             simulation.evaluate()
         evaluate = partial(wp.capture_launch, capture.graph)
-    times = []
-    for _ in range(EVALUATIONS + 1):
-        wp.synchronize_device(device)
-        start = wall_clock.perf_counter()
-        evaluate()
-        wp.synchronize_device(device)
-        times.append(wall_clock.perf_counter() - start)
     # the first launch of a graph uploads it
-    return median(times[1:])
+    return median([timed(simulation.device, evaluate) for _ in range(EVALUATIONS + 1)][1:])
 
 
-def _run_green(accuracy: Accuracy, device: str) -> Run:
+def _run_green(accuracy: Accuracy, device: str) -> case.Run:
     # the support is the kernel's radius: with it given, finer is more neighbours
     ratio = min(12.0, max(1.5, accuracy.ratio * accuracy.refinement))
     accuracy = replace(accuracy, ratio=ratio)
-    runs = [
+    return case.joined(
         response('green', GREEN_RADIUS, wavelength, accuracy, device)
         for wavelength in WAVELENGTHS
-    ]
-    return joined(runs)
+    )
 
 
-def _run_lateral(form: str, radius: float, accuracy: Accuracy, device: str) -> Run:
-    runs = [
+def _run_lateral(form: str, radius: float, accuracy: Accuracy, device: str) -> case.Run:
+    return case.joined(
         response(form, radius, wavelength, accuracy, device)
         for wavelength in WAVELENGTHS
         if wavelength >= RESOLVED * radius / accuracy.ratio
-    ]
-    return joined(runs)
+    )
 
 
 CASES = (
-    Case('sheet', 'uniform sheet on slopes', 'Nusselt 1916; Jeffreys 1925', _run_sheet),
-    Case('green', 'lateral stress under a driving term sin(q x)', 'Kedadry 2023', _run_green),
+    case.Case('sheet', 'uniform sheet on slopes', 'Nusselt 1916; Jeffreys 1925', _run_sheet),
+    case.Case('green', 'lateral stress under a driving term sin(q x)', 'Kedadry 2023',
+              _run_green),
 )
 
 #: Every form of the lateral stress at every kernel radius, from the smallest, by description.

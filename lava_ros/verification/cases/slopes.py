@@ -27,22 +27,8 @@ from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
-from lava_ros.verification.cases.case import (
-    Case,
-    front,
-    GRAVITY,
-    half_width,
-    ISOTHERMAL,
-    Measurement,
-    NU,
-    plane,
-    Run,
-    slope_of,
-    SLOPING,
-    strip,
-    Trial,
-    Window,
-)
+from lava_ros.verification.cases import case
+from lava_ros.verification.cases.case import GRAVITY, ISOTHERMAL, NU, SLOPING
 
 #: Discharge of the point sources [m3/s].
 DISCHARGE = 10.0
@@ -50,122 +36,108 @@ DISCHARGE = 10.0
 #: Times of Lister's flow that are compared, over its time scale.
 LISTER_TIMES = (20.0, 50.0, 100.0)
 
+#: Slope of the strip and of the fissure [rad], and its cosine.
+SLOPE = math.radians(20.0)
+COSINE = math.cos(SLOPE)
 
-def _run_fixed_area(accuracy: Accuracy, device: str) -> Run:
+
+def _run_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
     """A strip on 20 degrees, sixty run-outs h cot b long at the end, measured along its middle."""
-    slope = math.radians(20.0)
     thickness = 1.0
-    run_out = thickness / math.tan(slope)
+    run_out = thickness / math.tan(SLOPE)
     last = 60.0 * run_out
     # a triangle-like profile holds (2/3) h_N x_N
     area = 2.0 / 3.0 * thickness * last
-    solution = exact.SlopeFixedArea(area, slope, NU, GRAVITY)
+    solution = exact.SlopeFixedArea(area, SLOPE, NU, GRAVITY)
     end = solution.time_of_length(last)
     start = solution.time_of_length(last / 1.5)
     width = 24.0 * run_out
-    cosine = math.cos(slope)
     spacing = 0.45 * run_out / accuracy.refinement
-    mean = area / last / cosine
-    share, y = strip(width, round(area * width / (mean * spacing**2)))
-    x = solution.length(start) * share ** (2.0 / 3.0) * cosine
-    window = (-8.0 * run_out, -width, (last + 8.0 * run_out) * cosine, width)
-    trial = Trial(
-        Scene(plane(window, 1.5 * run_out, slope), lava=ISOTHERMAL),
-        accuracy,
-        device,
-        effects=SLOPING,
+    mean = area / last / COSINE
+    share, y = case.strip(width, round(area * width / (mean * spacing**2)))
+    x = solution.length(start) * share ** (2.0 / 3.0) * COSINE
+    window = (-8.0 * run_out, -width, (last + 8.0 * run_out) * COSINE, width)
+    trial = case.Trial(
+        Scene(case.plane(window, 1.5 * run_out, SLOPE), lava=ISOTHERMAL), accuracy, device,
         # a plan area holds as much as the slope's: h_vertical dx_plan = h dx
         particles=Particles(np.column_stack([x, y]), area * width / len(share), 1400.0),
-        spacing=spacing,
-        thickness=mean,
+        effects=SLOPING, spacing=spacing, thickness=mean,
     )
     trial.advance(end - start)
     grid = trial.field(window)
-    line = grid.along_x(2.0 * run_out) * cosine
-    return trial.run(
-        Measurement('front', front(grid.x, line, 0.1 * thickness) / cosine, last, 'm'),
-    )
+    line = grid.along_x(2.0 * run_out) * COSINE
+    trial.compare('front', case.front(grid.x, line, 0.1 * thickness) / COSINE, last, 'm')
+    return trial.run()
 
 
-def _fissure(
-    last: float, accuracy: Accuracy, device: str
-) -> tuple[exact.SlopeFlux, Window, Trial]:
-    """A fissure across 20 degrees, on ground down to past ``last`` run-outs h cot b below it."""
-    slope, flux = math.radians(20.0), 0.5
-    solution = exact.SlopeFlux(flux, slope, NU, GRAVITY)
-    run_out, cosine = solution.run_out, math.cos(slope)
+def _fissure(accuracy: Accuracy, device: str) -> tuple[exact.SlopeFlux, case.Window, case.Trial]:
+    """A fissure across 20 degrees, on ground down to past 10 run-outs h cot b below it."""
+    flux = 0.5
+    solution = exact.SlopeFlux(flux, SLOPE, NU, GRAVITY)
+    run_out = solution.run_out
     width = 24.0 * run_out
-    window = (-6.0 * run_out, -width, (last * run_out + 8.0 * run_out) * cosine, width)
+    window = (-6.0 * run_out, -width, (10.0 * run_out + 8.0 * run_out) * COSINE, width)
     vent = Vent((0.0, -0.5 * width), flux * width, radius=0.2 * run_out, end=(0.0, 0.5 * width))
-    trial = Trial(
-        Scene(plane(window, 0.6 * run_out, slope), (vent,), ISOTHERMAL),
-        accuracy,
-        device,
-        effects=SLOPING,
-        spacing=0.2 * run_out / accuracy.refinement,
-        thickness=solution.thickness / cosine,
+    trial = case.Trial(
+        Scene(case.plane(window, 0.6 * run_out, SLOPE), (vent,), ISOTHERMAL), accuracy, device,
+        effects=SLOPING, spacing=0.2 * run_out / accuracy.refinement,
+        thickness=solution.thickness / COSINE,
     )
     return solution, window, trial
 
 
-def _run_flux(accuracy: Accuracy, device: str) -> Run:
+def _run_flux(accuracy: Accuracy, device: str) -> case.Run:
     """When the front of a fissure's flow arrives 10 run-outs h cot b below it."""
-    solution, window, trial = _fissure(10.0, accuracy, device)
-    run_out, cosine = solution.run_out, math.cos(math.radians(20.0))
-    gauge, threshold = 10.0 * run_out, 0.1 * solution.thickness
+    solution, window, trial = _fissure(accuracy, device)
+    gauge, threshold = 10.0 * solution.run_out, 0.1 * solution.thickness
     arrival = solution.arrival(gauge, threshold)
     times = arrival * np.linspace(0.5, 1.1, 7)
     fronts = []
     for time in times:
-        trial.advance(float(time))
+        trial.advance(time)
         grid = trial.field(window)
-        line = grid.along_x(4.0 * run_out) * cosine
-        fronts.append(front(grid.x, line, threshold) / cosine)
+        line = grid.along_x(4.0 * solution.run_out) * COSINE
+        fronts.append(case.front(grid.x, line, threshold) / COSINE)
     # NaN, an error, when the front is not between the first and the last
-    measured = float(np.interp(gauge, fronts, times, left=math.nan, right=math.nan))
-    return trial.run(
-        Measurement('arrival', measured, arrival, 's'),
-        Measurement('speed', slope_of(times, np.array(fronts)), solution.speed, 'm/s'),
-    )
+    measured = np.interp(gauge, fronts, times, left=math.nan, right=math.nan)
+    trial.compare('arrival', measured, arrival, 's')
+    trial.compare('speed', case.slope_of(times, np.array(fronts)), solution.speed, 'm/s')
+    return trial.run()
 
 
-def _run_ahead(accuracy: Accuracy, device: str) -> Run:
+def _run_ahead(accuracy: Accuracy, device: str) -> case.Run:
     """A fissure across 20 degrees, forked when the front is 3 of 10 run-outs h cot b below it.
 
     Compared are the cells from 5 to 10 run-outs down, in a band whose distance from the fissure's
     ends is 8: the last one measures as well the time that the map's cells and the looks take from
     what is known.
     """
-    solution, _, trial = _fissure(10.0, accuracy, device)
-    run_out, cosine = solution.run_out, math.cos(math.radians(20.0))
+    solution, _, trial = _fissure(accuracy, device)
+    run_out = solution.run_out
     last, threshold = 10.0 * run_out, 0.1 * solution.thickness
     end = solution.arrival(last, threshold)
     start = 0.3 * end
     trial.advance(start)
     ahead = LookAhead(
-        trial.simulation.checkpoint(),
-        horizon=1.1 * end - start,
-        threshold=threshold / cosine,
+        trial.simulation.checkpoint(), horizon=1.1 * end - start, threshold=threshold / COSINE,
         device=device,
     )
     forecast = ahead.run()
     terrain = forecast.terrain
     rows, columns = (np.arange(count) + 0.5 for count in terrain.elevation.shape)
-    x = (terrain.origin[0] + columns * terrain.resolution) / cosine
+    x = (terrain.origin[0] + columns * terrain.resolution) / COSINE
     y = terrain.origin[1] + rows * terrain.resolution
     here = np.ix_(np.abs(y) < 4.0 * run_out, (x > 0.5 * last) & (x < last))
-    cell = terrain.resolution / cosine
+    cell = terrain.resolution / COSINE
     measured = start + forecast.arrival[here].astype(np.float64)
     exactly = np.broadcast_to(
         [solution.mean_arrival(place, threshold, cell) for place in x[here[1][0]]], measured.shape
     )
+    trial.compare('arrival', measured.mean(), exactly.mean(), 's')
     # NaN, an error, where the front did not arrive
     worst = np.unravel_index(np.argmax(np.abs(measured / exactly - 1.0)), measured.shape)
-    run = trial.run(
-        Measurement('arrival', float(measured.mean()), float(exactly.mean()), 's'),
-        Measurement('worst cell', float(measured[worst]), float(exactly[worst]), 's'),
-    )
-    steps = ahead.simulation.snapshot().steps
+    trial.compare('worst cell', measured[worst], exactly[worst], 's')
+    run, steps = trial.run(), ahead.simulation.snapshot().steps
     return replace(
         run,
         particles=forecast.particle_count,
@@ -176,58 +148,47 @@ def _run_ahead(accuracy: Accuracy, device: str) -> Run:
     )
 
 
-def _scaled(window: Window, unit: float) -> Window:
-    x0, y0, x1, y1 = window
-    return (unit * x0, unit * y0, unit * x1, unit * y1)
+def _source(
+    slope: float, window: case.Window, accuracy: Accuracy, device: str, **sizes: float
+) -> tuple[exact.ListerScales, case.Window, case.Trial]:
+    """A small round source at (0, 0) on a slope.
 
-
-def _source_trial(
-    slope: float,
-    window: Window,
-    accuracy: Accuracy,
-    device: str,
-    *,
-    spacing: float,
-    radius: float,
-    cell: float,
-) -> Trial:
-    """A small round source at (0, 0) on a slope; lengths are over Lister's scale L."""
+    Lengths are over Lister's scale L: of the window that is returned in metres, and of ``sizes``,
+    which are ``spacing``, ``radius`` of the vent and ``cell``.
+    """
     scales = exact.ListerScales(DISCHARGE, slope, NU, GRAVITY)
-    unit = scales.length
-    vent = Vent((0.0, 0.0), DISCHARGE, radius=radius * unit)
-    return Trial(
-        Scene(plane(_scaled(window, unit), cell * unit, slope), (vent,), ISOTHERMAL),
-        accuracy,
-        device,
-        effects=SLOPING,
-        spacing=spacing * unit / accuracy.refinement,
+    x0, y0, x1, y1 = (scales.length * place for place in window)
+    spacing, radius, cell = (sizes[name] * scales.length for name in ('spacing', 'radius', 'cell'))
+    vent = Vent((0.0, 0.0), DISCHARGE, radius=radius)
+    trial = case.Trial(
+        Scene(case.plane((x0, y0, x1, y1), cell, slope), (vent,), ISOTHERMAL), accuracy, device,
+        effects=SLOPING, spacing=spacing / accuracy.refinement,
         thickness=0.5 * scales.thickness / math.cos(slope),
     )
+    return scales, (x0, y0, x1, y1), trial
 
 
-def _run_lister(accuracy: Accuracy, device: str) -> Run:
+def _run_lister(accuracy: Accuracy, device: str) -> case.Run:
     """Front and half-width on 5 degrees where the flow is thicker than 0.02 h0."""
     slope = math.radians(5.0)
-    scales = exact.ListerScales(DISCHARGE, slope, NU, GRAVITY)
-    threshold = 0.02 * scales.thickness
     cosine = math.cos(slope)
-    window = (-3.0, -7.0, 35.0, 7.0)
-    trial = _source_trial(slope, window, accuracy, device, spacing=0.18, radius=0.3, cell=0.5)
-    measurements = []
+    scales, window, trial = _source(
+        slope, (-3.0, -7.0, 35.0, 7.0), accuracy, device, spacing=0.18, radius=0.3, cell=0.5
+    )
+    threshold = 0.02 * scales.thickness
     for time in LISTER_TIMES:
         trial.advance(time * scales.time)
-        grid = trial.field(_scaled(window, scales.length))
+        grid = trial.field(window)
         thickness = grid.thickness * cosine
-        length = front(grid.x, thickness.max(axis=0), threshold) / cosine
-        widest = thickness.max(axis=1)
-        half = half_width(grid.y, widest, threshold)
+        length = case.front(grid.x, thickness.max(axis=0), threshold) / cosine
+        half = case.half_width(grid.y, thickness.max(axis=1), threshold)
         x, y = exact.LISTER_REFERENCE[time]
-        measurements.append(Measurement(f'x at {time:g} T', length / scales.length, x, 'L'))
-        measurements.append(Measurement(f'y at {time:g} T', half / scales.length, y, 'L'))
-    return trial.run(*measurements)
+        trial.compare(f'x at {time:g} T', length / scales.length, x, 'L')
+        trial.compare(f'y at {time:g} T', half / scales.length, y, 'L')
+    return trial.run()
 
 
-def _run_smith(accuracy: Accuracy, device: str) -> Run:
+def _run_smith(accuracy: Accuracy, device: str) -> case.Run:
     """The steady flow eighteen run-outs below a source; the lower border swallows it soon after.
 
     The outer tenth of the width carries 4e-4 of the flux, a particle in more than a hundred T,
@@ -241,43 +202,41 @@ def _run_smith(accuracy: Accuracy, device: str) -> Run:
     two is what is compared.
     """
     slope, station = math.radians(10.0), 18.0
-    scales = exact.ListerScales(DISCHARGE, slope, NU, GRAVITY)
+    cosine = math.cos(slope)
+    scales, window, trial = _source(
+        slope, (-3.0, -11.0, station + 3.0, 11.0), accuracy, device,
+        spacing=0.3, radius=0.5, cell=1.0,
+    )
     solution = exact.SteadySource(DISCHARGE, slope, NU, GRAVITY)
-    cosine, unit = math.cos(slope), scales.length
+    unit = scales.length
     x = station * unit
     threshold = 0.5 * solution.axis(x)
-    window = (-3.0, -11.0, station + 3.0, 11.0)
-    trial = _source_trial(slope, window, accuracy, device, spacing=0.3, radius=0.5, cell=1.0)
     halves, axes, squares = [], [], []
     for time in np.linspace(800.0, 1200.0, 9):
         trial.advance(float(time) * scales.time)
-        grid = trial.field(_scaled(window, unit))
+        grid = trial.field(window)
         band = np.abs(grid.x / cosine - x) < 2.0 * unit
         across = grid.thickness[:, band].mean(axis=1) * cosine
-        halves.append(half_width(grid.y, across, threshold))
+        halves.append(case.half_width(grid.y, across, threshold))
         axes.append(across[np.abs(grid.y) < 0.5 * unit].mean())
-        position = trial.simulation.sample().position
+        position = trial.sample().position
         here = position[np.abs(position[:, 0] / cosine - x) < 2.0 * unit]
         # over the width at their own distance: the band is wider below
         shares = [y / solution.half_width(down / cosine) for down, y in here]
         squares.append(np.mean(np.square(shares)))
-    return trial.run(
-        Measurement('half-width', float(np.mean(halves)), solution.half_width(x, threshold), 'm'),
-        # the profile 1 - s^2 has a mean square of s of 1/5
-        Measurement(
-            'spread',
-            solution.half_width(x) * math.sqrt(np.mean(squares)),
-            solution.half_width(x) / math.sqrt(5.0),
-            'm',
-        ),
-        Measurement('axis thickness', float(np.mean(axes)), solution.axis(x), 'm'),
-    )
+    trial.compare('half-width', np.mean(halves), solution.half_width(x, threshold), 'm')
+    width = solution.half_width(x)
+    # the profile 1 - s^2 has a mean square of s of 1/5
+    trial.compare('spread', width * math.sqrt(np.mean(squares)), width / math.sqrt(5.0), 'm')
+    trial.compare('axis thickness', np.mean(axes), solution.axis(x), 'm')
+    return trial.run()
 
 
 CASES = (
-    Case('slope_fixed_area', 'fixed area down a slope', 'Huppert 1982 (Nature)', _run_fixed_area),
-    Case('slope_flux', 'constant flux down a slope', 'Huppert 1982 (Nature)', _run_flux),
-    Case('lister', 'point source on a slope', 'Lister 1992', _run_lister),
-    Case('smith', 'steady point source on a slope', 'Smith 1973', _run_smith),
-    Case('look_ahead', 'forecast of arrival times', 'Huppert 1982 (Nature)', _run_ahead),
+    case.Case('slope_fixed_area', 'fixed area down a slope', 'Huppert 1982 (Nature)',
+              _run_fixed_area),
+    case.Case('slope_flux', 'constant flux down a slope', 'Huppert 1982 (Nature)', _run_flux),
+    case.Case('lister', 'point source on a slope', 'Lister 1992', _run_lister),
+    case.Case('smith', 'steady point source on a slope', 'Smith 1973', _run_smith),
+    case.Case('look_ahead', 'forecast of arrival times', 'Huppert 1982 (Nature)', _run_ahead),
 )

@@ -22,33 +22,13 @@ from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
-from lava_ros.verification.cases.case import (
-    Case,
-    distributed,
-    FLAT,
-    FRONT,
-    GRAVITY,
-    half_width,
-    ISOTHERMAL,
-    mean_difference,
-    Measurement,
-    NU,
-    plane,
-    Run,
-    slope_of,
-    square,
-    strip,
-    Trial,
-)
+from lava_ros.verification.cases import case
+from lava_ros.verification.cases.case import FLAT, FRONT, GRAVITY, ISOTHERMAL, NU
 
 
 def spread_of_fixed_volume(
-    count: int,
-    *,
-    accuracy: Accuracy,
-    growth: float = 1.3,
-    device: str = 'cpu',
-) -> Run:
+    count: int, *, accuracy: Accuracy, growth: float = 1.3, device: str = 'cpu'
+) -> case.Run:
     """Let a volume on a plane spread until its radius is ``growth`` times as large (Huppert 1982).
 
     The measurements are the root mean square radius, the profile, the radius where the output grid
@@ -62,80 +42,58 @@ def spread_of_fixed_volume(
     radius = solution.radius(end)
     area = math.pi * radius**2
     half = 1.5 * radius
-    window = square(half)
-    trial = Trial(
-        Scene(plane(window, 0.05 * half), lava=ISOTHERMAL),
-        accuracy,
-        device,
+    window = case.square(half)
+    trial = case.Trial(
+        Scene(case.plane(window, 0.05 * half), lava=ISOTHERMAL), accuracy, device,
         particles=Particles(solution.particles(count, start), volume / count, 1400.0),
-        spacing=math.sqrt(area / count),
-        thickness=volume / area,
+        spacing=math.sqrt(area / count), thickness=volume / area,
     )
     trial.advance(end - start)
-    sample = trial.simulation.sample()
+    sample = trial.sample()
     distance = np.hypot(*sample.position.T)
     expected = solution.thickness(distance, end)
+    found = math.sqrt(np.average(distance**2, weights=sample.volume))
+    trial.compare('radius', found, solution.rms_radius(end), 'm')
+    trial.compare_mean(sample.thickness, expected)
+    edge = trial.field(window).mean_radius(FRONT, half)
+    trial.compare('edge', edge, solution.radius_of_thickness(FRONT, end), 'm')
     inner = distance < 0.3 * radius
-    return trial.run(
-        Measurement(
-            'radius',
-            math.sqrt(np.average(distance**2, weights=sample.volume)),
-            solution.rms_radius(end),
-            'm',
-        ),
-        mean_difference(sample.thickness, expected),
-        Measurement(
-            'edge',
-            trial.field(window).mean_radius(FRONT, half),
-            solution.radius_of_thickness(FRONT, end),
-            'm',
-        ),
-        Measurement(
-            'scatter',
-            float((sample.thickness[inner] / expected[inner]).std()),
-            0.0,
-            '1',
-            scale=1.0,
-        ),
-    )
+    scatter = (sample.thickness[inner] / expected[inner]).std()
+    trial.compare('scatter', scatter, 0.0, '1', scale=1.0)
+    return trial.run()
 
 
-def _run_fixed_volume(accuracy: Accuracy, device: str) -> Run:
+def _run_fixed_volume(accuracy: Accuracy, device: str) -> case.Run:
     count = max(20, round(8000 * accuracy.refinement**2))
     return spread_of_fixed_volume(count, accuracy=accuracy, device=device)
 
 
-def _run_constant_flux(accuracy: Accuracy, device: str) -> Run:
+def _run_constant_flux(accuracy: Accuracy, device: str) -> case.Run:
     """The radius after an hour, and the law it follows from a quarter of an hour on."""
     discharge, end = 10.0, 3600.0
     solution = exact.ConstantFluxSpread(discharge, NU, GRAVITY)
     half = 1.3 * solution.radius(end)
-    window = square(half)
-    trial = Trial(
-        Scene(plane(window, 8.0), (Vent((0.0, 0.0), discharge, radius=10.0),), ISOTHERMAL),
-        accuracy,
-        device,
-        effects=FLAT,
-        spacing=2.8 / accuracy.refinement,
-        thickness=1.15,
+    window = case.square(half)
+    trial = case.Trial(
+        Scene(case.plane(window, 8.0), (Vent((0.0, 0.0), discharge, radius=10.0),), ISOTHERMAL),
+        accuracy, device, effects=FLAT, spacing=2.8 / accuracy.refinement, thickness=1.15,
     )
     times = np.geomspace(0.25 * end, end, 7)
     radii = []
     for time in times:
-        trial.advance(float(time))
+        trial.advance(time)
         radii.append(trial.field(window).mean_radius(FRONT, half))
-    exponent = slope_of(np.log(times), np.log(radii))
+    edge = solution.radius_of_thickness(FRONT, end)
+    trial.compare('radius', radii[-1], edge, 'm')
+    trial.compare('exponent', case.slope_of(np.log(times), np.log(radii)), 0.5, '1')
     # the threshold's own part of the radius is in neither coefficient
-    offset = solution.radius(end) / solution.radius_of_thickness(FRONT, end)
-    coefficient = math.exp(np.mean(np.log(radii) - 0.5 * np.log(times))) * offset
-    return trial.run(
-        Measurement('radius', radii[-1], solution.radius_of_thickness(FRONT, end), 'm'),
-        Measurement('exponent', exponent, 0.5, '1'),
-        Measurement('coefficient', coefficient, solution.coefficient, 'm/s^(1/2)'),
-    )
+    coefficient = math.exp(np.mean(np.log(radii) - 0.5 * np.log(times)))
+    coefficient *= solution.radius(end) / edge
+    trial.compare('coefficient', coefficient, solution.coefficient, 'm/s^(1/2)')
+    return trial.run()
 
 
-def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> Run:
+def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
     """A strip 3.5 times as wide as its end is far, measured along its middle."""
     area, first, growth = 100.0, 100.0, 1.3
     solution = exact.PlaneFixedArea(area, NU, GRAVITY)
@@ -146,32 +104,28 @@ def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> Run:
     window = (-1.3 * length, -2.6 * length, 1.3 * length, 2.6 * length)
     spacing = length / 33.0 / accuracy.refinement
     thickness = area / length
-    share, y = strip(width, round(2.0 * area * width / (thickness * spacing**2)))
+    share, y = case.strip(width, round(2.0 * area * width / (thickness * spacing**2)))
     # from one front to the other
     place = np.linspace(-1.0, 1.0, 20001)
-    x = first * distributed(share, place, np.cbrt(1.0 - place**2))
-    trial = Trial(
-        Scene(plane(window, 0.05 * length), lava=ISOTHERMAL),
-        accuracy,
-        device,
-        particles=Particles(np.column_stack([x, y]), 2.0 * area * width / len(share), 1400.0),
-        spacing=spacing,
-        thickness=thickness,
+    x = first * case.distributed(share, place, np.cbrt(1.0 - place**2))
+    volume = 2.0 * area * width / len(share)
+    trial = case.Trial(
+        Scene(case.plane(window, 0.05 * length), lava=ISOTHERMAL), accuracy, device,
+        particles=Particles(np.column_stack([x, y]), volume, 1400.0),
+        spacing=spacing, thickness=thickness,
     )
     trial.advance(end - start)
-    sample = trial.simulation.sample()
+    sample = trial.sample()
     middle = np.abs(sample.position[:, 1]) < 0.2 * length
     expected = solution.thickness(np.abs(sample.position[middle, 0]), end)
     grid = trial.field(window)
-    line = grid.along_x(0.2 * length)
-    reach = half_width(grid.x, line, FRONT)
-    return trial.run(
-        Measurement('front', reach, solution.length_of_thickness(FRONT, end), 'm'),
-        mean_difference(sample.thickness[middle], expected),
-    )
+    reach = case.half_width(grid.x, grid.along_x(0.2 * length), FRONT)
+    trial.compare('front', reach, solution.length_of_thickness(FRONT, end), 'm')
+    trial.compare_mean(sample.thickness[middle], expected)
+    return trial.run()
 
 
-def _run_dam_break(accuracy: Accuracy, device: str) -> Run:
+def _run_dam_break(accuracy: Accuracy, device: str) -> case.Run:
     """A block whose two long ends collapse, until what they feel has come half-way to the middle.
 
     Its sides are as far from the middle line as its ends are from the middle.
@@ -181,41 +135,30 @@ def _run_dam_break(accuracy: Accuracy, device: str) -> Run:
     solution = exact.DamBreak(height, NU, GRAVITY)
     end = solution.time_of_reach(reach)
     spacing = 1.0 / accuracy.refinement
-    share, y = strip(2.0 * half, round((2.0 * half / spacing) ** 2))
+    share, y = case.strip(2.0 * half, round((2.0 * half / spacing) ** 2))
     x = (2.0 * share - 1.0) * half
-    outer = half + reach
-    window = square(outer)
+    window = case.square(half + reach)
     volume = height * (2.0 * half) ** 2 / len(share)
-    trial = Trial(
-        Scene(plane(window, 3.0), lava=ISOTHERMAL),
-        accuracy,
-        device,
+    trial = case.Trial(
+        Scene(case.plane(window, 3.0), lava=ISOTHERMAL), accuracy, device,
         particles=Particles(np.column_stack([x, y]), volume, 1400.0),
-        spacing=spacing,
-        thickness=height,
+        spacing=spacing, thickness=height,
     )
     trial.advance(end)
     grid = trial.field(window)
     band = 0.5 * reach
-    line = grid.along_x(band)
-    sample = trial.simulation.sample()
+    front = case.half_width(grid.x, grid.along_x(band), FRONT) - half
+    trial.compare('front', front, solution.front_of_thickness(FRONT, end), 'm')
+    sample = trial.sample()
     past = (np.abs(sample.position[:, 1]) < band) & (np.abs(sample.position[:, 0]) > half)
-    return trial.run(
-        Measurement(
-            'front',
-            half_width(grid.x, line, FRONT) - half,
-            solution.front_of_thickness(FRONT, end),
-            'm',
-        ),
-        Measurement(
-            'passed', float(sample.volume[past].sum()) / (4.0 * band), solution.passed(end), 'm2'
-        ),
-    )
+    passed = float(sample.volume[past].sum()) / (4.0 * band)
+    trial.compare('passed', passed, solution.passed(end), 'm2')
+    return trial.run()
 
 
 CASES = (
-    Case('fixed_volume', 'fixed volume on a plane', 'Huppert 1982', _run_fixed_volume),
-    Case('constant_flux', 'constant flux onto a plane', 'Huppert 1982', _run_constant_flux),
-    Case('plane_fixed_area', 'fixed area on a plane', 'Huppert 1982', _run_plane_fixed_area),
-    Case('dam_break', 'viscous dam break', 'Cordonnier et al. 2015, BM1', _run_dam_break),
+    case.Case('fixed_volume', 'fixed volume on a plane', 'Huppert 1982', _run_fixed_volume),
+    case.Case('constant_flux', 'constant flux onto a plane', 'Huppert 1982', _run_constant_flux),
+    case.Case('plane_fixed_area', 'fixed area on a plane', 'Huppert 1982', _run_plane_fixed_area),
+    case.Case('dam_break', 'viscous dam break', 'Cordonnier et al. 2015, BM1', _run_dam_break),
 )

@@ -27,93 +27,71 @@ from lava_ros.verification.exact.spreading import ConstantFluxSpread, runge_kutt
 STEFAN_BOLTZMANN = 5.670374419e-8
 
 
-class ColumnOnGround:
-    """A mixed column that loses heat to a half-space of ground and to nothing else.
+def column_on_ground(
+    lava: Lava, time: float, *, initial: float, ground: float, thickness: float
+) -> float:
+    """T [K] of a mixed column that loses heat to a half-space of ground and to nothing else.
 
     rho c h T' = -q and the ground's surface is at T. In Laplace space (ground temperature over
     Tg: (T - Tg) exp(-z sqrt(s / a))) q = kg sqrt(s / a) (T - Tg), so
     (T - Tg) / (T0 - Tg) = 1 / (s + b sqrt(s)), b = kg / (sqrt(a) rho c h), whose original is
-    exp(b^2 t) erfc(b sqrt(t)).
+    exp(b^2 t) erfc(b sqrt(t)): up to a time of contact t [s] of 700 / b^2. T0 and Tg are in
+    kelvin, h in metres; ``lava`` has kg, a, rho and c.
     """
-
-    def __init__(self, lava: Lava, *, initial: float, ground: float, thickness: float) -> None:
-        """Set T0 [K], Tg [K] and h [m]; ``lava`` has kg, a, rho and c."""
-        self.initial = initial
-        self.ground = ground
-        taken = lava.ground_conductivity / math.sqrt(lava.ground_diffusivity)
-        self.rate = taken / (lava.density * lava.specific_heat * thickness)
-
-    def temperature(self, time: float) -> float:
-        """T [K] at a time of contact [s], up to 700 / b^2."""
-        x = self.rate * math.sqrt(time)
-        return self.ground + (self.initial - self.ground) * math.exp(x * x) * math.erfc(x)
+    taken = lava.ground_conductivity / math.sqrt(lava.ground_diffusivity)
+    rate = taken / (lava.density * lava.specific_heat * thickness)
+    x = rate * math.sqrt(time)
+    return ground + (initial - ground) * math.exp(x * x) * math.erfc(x)
 
 
-class ConvectingSlab:
-    """A slab that conducts heat to its top, which convects; its base is insulated.
+def convecting_slab(
+    lava: Lava, time: float, *, initial: float, ambient: float, thickness: float
+) -> float:
+    """Mean T [K] of a slab that conducts heat to its top, which convects; its base is insulated.
 
     T_t = kappa T_zz with k T_z = -lambda (T - Ta) on top. Its modes cos(beta z / h) have
-    beta tan(beta) = Bi = lambda h / k, and the mean over the thickness is
-    sum 2 Bi^2 / (beta^2 (beta^2 + Bi^2 + Bi)) exp(-beta^2 kappa t / h^2) of T0 - Ta
-    (Carslaw & Jaeger 1959, section 3.11).
+    beta tan(beta) = Bi = lambda h / k, and the mean over the thickness h [m] is
+    sum 2 Bi^2 / (beta^2 (beta^2 + Bi^2 + Bi)) exp(-beta^2 kappa t / h^2) of T0 - Ta [K]
+    (Carslaw & Jaeger 1959, section 3.11). ``lava`` has k, rho, c and lambda; t is in seconds.
     """
-
-    def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
-        """Set T0 [K], Ta [K] and h [m]; ``lava`` has k, rho, c and lambda."""
-        self.initial = initial
-        self.ambient = ambient
-        biot = lava.convection * thickness / lava.conductivity
-        # the first 400 modes
-        low = np.arange(400) * math.pi
-        roots = bisection(
-            lambda beta: beta * np.abs(np.sin(beta)) < biot * np.abs(np.cos(beta)),
-            low,
-            low + 0.5 * math.pi,
-        )
-        self._squares = roots**2
-        self._weights = 2.0 * biot**2 / (self._squares * (self._squares + biot**2 + biot))
-        self._rate = lava.conductivity / (lava.density * lava.specific_heat * thickness**2)
-
-    def temperature(self, time: float) -> float:
-        """Mean of the temperature over the thickness [K] at a time [s]."""
-        left = float(self._weights @ np.exp(-self._squares * self._rate * time))
-        return self.ambient + (self.initial - self.ambient) * left
+    biot = lava.convection * thickness / lava.conductivity
+    # the first 400 modes
+    low = np.arange(400) * math.pi
+    roots = bisection(
+        lambda beta: beta * np.abs(np.sin(beta)) < biot * np.abs(np.cos(beta)),
+        low, low + 0.5 * math.pi,
+    )
+    squares = roots**2
+    weights = 2.0 * biot**2 / (squares * (squares + biot**2 + biot))
+    rate = lava.conductivity / (lava.density * lava.specific_heat * thickness**2)
+    return ambient + (initial - ambient) * float(weights @ np.exp(-squares * rate * time))
 
 
-class CrystallisingSheet:
-    """A sheet that loses lambda (T - Ta) and crystallises between liquidus and solidus.
+def crystallising_sheet(
+    lava: Lava, time: float, *, initial: float, ambient: float, thickness: float
+) -> float:
+    """T [K] of a sheet that loses lambda (T - Ta) and crystallises from liquidus to solidus.
 
     rho c h m T' = -lambda (T - Ta) with m = 1 + L / (c (liquidus - solidus)) within the interval,
     1 outside. So each piece is an exponential, and the time to a temperature is
     rho c h / lambda times the sum of m ln((T1 - Ta) / (T2 - Ta)) over the pieces from T1 to T2.
+    T0 and Ta are in kelvin, h in metres, t in seconds; ``lava`` has the rest.
     """
-
-    def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
-        """Set T0 [K], Ta [K] and h [m]; ``lava`` has lambda, rho, c, L, liquidus and solidus."""
-        self.initial = initial
-        self.ambient = ambient
-        self._time = lava.density * lava.specific_heat * thickness / lava.convection
-        span = lava.liquidus - lava.solidus
-        slower = 1.0 + lava.latent_heat / (lava.specific_heat * span)
-        self._pieces = (
-            (lava.liquidus, math.inf, 1.0),
-            (lava.solidus, lava.liquidus, slower),
-            (0.0, lava.solidus, 1.0),
-        )
-
-    def temperature(self, time: float) -> float:
-        """T [K] at a time [s]."""
-        now, left = self.initial, time / self._time
-        for low, high, slower in self._pieces:
-            if low < now <= high:
-                end = max(low, self.ambient)
-                needed = math.inf
-                if low > self.ambient:
-                    needed = slower * math.log((now - self.ambient) / (low - self.ambient))
-                if left <= needed:
-                    return self.ambient + (now - self.ambient) * math.exp(-left / slower)
-                now, left = end, left - needed
-        return now
+    slower = 1.0 + lava.latent_heat / (lava.specific_heat * (lava.liquidus - lava.solidus))
+    now = initial
+    left = time / (lava.density * lava.specific_heat * thickness / lava.convection)
+    for low, high, slowness in (
+        (lava.liquidus, math.inf, 1.0), (lava.solidus, lava.liquidus, slower),
+        (0.0, lava.solidus, 1.0),
+    ):
+        if low < now <= high:
+            needed = math.inf
+            if low > ambient:
+                needed = slowness * math.log((now - ambient) / (low - ambient))
+            if left <= needed:
+                return ambient + (now - ambient) * math.exp(-left / slowness)
+            now, left = low, left - needed
+    return now
 
 
 def temperature_step(
@@ -149,43 +127,36 @@ class CoolingCurrent:
     is the point source's at its edge up to half of the square of a^2 / rT^2.
 
     The surface loses rho c Q (T0 - Ta) in all: the heat that the source supplies.
+
+    Attributes:
+        power: That heat [W].
+        thermal_radius: Distance at which T - Ta has fallen to 1 / e [m].
     """
 
     def __init__(self, lava: Lava, *, initial: float, ambient: float, discharge: float) -> None:
         """Set T0 [K], Ta [K] and Q [m3/s]; ``lava`` has eps, lambda, rho and c."""
-        self.initial = initial
-        self.ambient = ambient
-        self._lava = lava
-        self._supply = lava.density * lava.specific_heat * discharge
+        self._initial, self._ambient, self._lava = initial, ambient, lava
+        supply = lava.density * lava.specific_heat * discharge
+        self.power = supply * (initial - ambient)
         # T falls by e each time the integral of dT / F does: even in the logarithm of T - Ta
-        logs = np.linspace(0.0, -12.0, 24001)
+        self._logs = logs = np.linspace(0.0, -12.0, 24001)
         differences = (initial - ambient) * np.exp(logs)
         slopes = differences / self.flux(ambient + differences)
         steps = 0.5 * (slopes[1:] + slopes[:-1]) * (logs[:-1] - logs[1:])
-        self._squares = np.concatenate([[0.0], np.cumsum(steps)]) * self._supply / math.pi
-        self._logs = logs
+        self._squares = np.concatenate([[0.0], np.cumsum(steps)]) * supply / math.pi
+        self.thermal_radius = math.sqrt(float(np.interp(1.0, -logs, self._squares)))
 
     def flux(self, temperature: np.ndarray) -> np.ndarray:
         """Loss of the surface [W/m2] at temperatures [K]."""
-        fourth = np.asarray(temperature) ** 4 - self.ambient**4
-        excess = np.asarray(temperature) - self.ambient
+        fourth = np.asarray(temperature) ** 4 - self._ambient**4
+        excess = np.asarray(temperature) - self._ambient
         radiated = self._lava.emissivity * STEFAN_BOLTZMANN * fourth
         return radiated + self._lava.convection * excess
-
-    @property
-    def power(self) -> float:
-        """Heat that the source supplies and the surface loses [W]."""
-        return self._supply * (self.initial - self.ambient)
-
-    @property
-    def thermal_radius(self) -> float:
-        """Distance at which T - Ta has fallen to 1 / e [m]."""
-        return math.sqrt(float(np.interp(1.0, -self._logs, self._squares)))
 
     def temperature(self, distance: np.ndarray) -> np.ndarray:
         """T [K] at distances from the source [m]."""
         logs = np.interp(np.asarray(distance) ** 2, self._squares, self._logs)
-        return self.ambient + (self.initial - self.ambient) * np.exp(logs)
+        return self._ambient + (self._initial - self._ambient) * np.exp(logs)
 
 
 class CoolingSpread:
@@ -205,8 +176,7 @@ class CoolingSpread:
 
     def __init__(self, spread: ConstantFluxSpread, *, loss: float, capacity: float) -> None:
         """Set the flow, lambda [W/(m2 K)] and rho c [J/(m3 K)]."""
-        self._spread = spread
-        self._rate = loss / capacity
+        self._spread, self._rate = spread, loss / capacity
         # even in the logarithms of s - 1 and, further on, of s
         self._ages = 1.0 + np.concatenate(
             [np.geomspace(1e-9, 1.0, 1500), np.geomspace(1.0, self.OLDEST, 1500)[1:]]
@@ -226,9 +196,8 @@ class CoolingSpread:
 
     def difference(self, distance: np.ndarray, time: float) -> np.ndarray:
         """T - Ta over that of the source, at distances [m] and a time [s]."""
-        ages = np.interp(
-            np.asarray(distance) / self._spread.radius(time), self._shares, self._ages
-        )
+        share = np.asarray(distance) / self._spread.radius(time)
+        ages = np.interp(share, self._shares, self._ages)
         falls = np.interp(ages, self._ages, self._falls)
         return np.exp(-self._rate * time / ages * falls)
 
@@ -284,30 +253,22 @@ class FreezingLens:
         return min(1.0, time / self.end) ** 2
 
 
-class RadiatingSheet:
-    """A sheet at one temperature that radiates from its top.
+def radiating_sheet(
+    lava: Lava, time: float, *, initial: float, ambient: float, thickness: float
+) -> float:
+    """T [K] of a sheet at one temperature that radiates from its top.
 
     rho c h dT/dt = -eps sigma (T^4 - Ta^4). With partial fractions of 1 / (T^4 - Ta^4),
     F(T) - F(T0) = eps sigma t / (rho c h) for
-    F(T) = [ln((T + Ta) / (T - Ta)) + 2 atan(T / Ta)] / (4 Ta^3), which falls with T.
+    F(T) = [ln((T + Ta) / (T - Ta)) + 2 atan(T / Ta)] / (4 Ta^3), which falls with T. T0 and Ta are
+    in kelvin, h in metres, t in seconds; ``lava`` has eps, rho and c.
     """
 
-    def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
-        """Set T0 [K], Ta [K] and h [m]; ``lava`` has eps, rho and c."""
-        self.initial = initial
-        self.ambient = ambient
-        capacity = lava.density * lava.specific_heat * thickness
-        self.rate = lava.emissivity * STEFAN_BOLTZMANN / capacity
+    def integral(now: float) -> float:
+        logarithm = math.log((now + ambient) / (now - ambient))
+        return (logarithm + 2.0 * math.atan(now / ambient)) / (4.0 * ambient**3)
 
-    def _integral(self, temperature: float) -> float:
-        ambient = self.ambient
-        logarithm = math.log((temperature + ambient) / (temperature - ambient))
-        return (logarithm + 2.0 * math.atan(temperature / ambient)) / (4.0 * ambient**3)
-
-    def temperature(self, time: float) -> float:
-        """T [K] at a time [s]."""
-        target = self._integral(self.initial) + self.rate * time
-        coldest = math.nextafter(self.ambient, math.inf)
-        return float(
-            bisection(lambda now: self._integral(now) <= target, self.initial, coldest)
-        )
+    capacity = lava.density * lava.specific_heat * thickness
+    target = integral(initial) + lava.emissivity * STEFAN_BOLTZMANN / capacity * time
+    coldest = math.nextafter(ambient, math.inf)
+    return float(bisection(lambda now: integral(now) <= target, initial, coldest))

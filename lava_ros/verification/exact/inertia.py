@@ -47,8 +47,7 @@ class AcceleratingSheet:
     @property
     def final_speed(self) -> float:
         """u_eq [m/s]."""
-        fall = self.gravity * math.tan(self.slope) * math.cos(self.slope) ** 2
-        return fall / self.rate
+        return self.gravity * math.tan(self.slope) * math.cos(self.slope) ** 2 / self.rate
 
     def speed(self, time: float) -> float:
         """Speed u [m/s]."""
@@ -71,15 +70,10 @@ class RitterDamBreak:
     height: float
     gravity: float
 
-    @property
-    def pace(self) -> float:
-        """c0 [m/s]."""
-        return math.sqrt(self.gravity * self.height)
-
     def thickness(self, x: np.ndarray, time: float) -> np.ndarray:
         """Thickness [m] at places x [m]."""
-        c = np.clip((2.0 * self.pace - x / time) / 3.0, 0.0, self.pace)
-        return c**2 / self.gravity
+        pace = math.sqrt(self.gravity * self.height)
+        return np.clip((2.0 * pace - x / time) / 3.0, 0.0, pace) ** 2 / self.gravity
 
 
 class StokerDamBreak:
@@ -97,24 +91,22 @@ class StokerDamBreak:
 
     def __init__(self, height: float, bed: float, gravity: float) -> None:
         """Set the thickness behind the dam and that in front of it, h_1 [m], and g [m/s2]."""
-        self.height, self.bed, self.gravity = height, bed, gravity
+        self._bed, self._fan = bed, RitterDamBreak(height, gravity)
+
+        def bore(plateau: float) -> float:
+            return math.sqrt(0.5 * gravity * plateau * (plateau + bed) / bed)
 
         def is_faster(plateau: float) -> bool:
-            return self._speed(plateau) > self._bore(plateau) * (1.0 - bed / plateau)
+            speed = 2.0 * (math.sqrt(gravity * height) - math.sqrt(gravity * plateau))
+            return speed > bore(plateau) * (1.0 - bed / plateau)
 
         self.plateau = float(bisection(is_faster, bed, height))
-        self.bore = self._bore(self.plateau)
-
-    def _speed(self, plateau: float) -> float:
-        return 2.0 * (math.sqrt(self.gravity * self.height) - math.sqrt(self.gravity * plateau))
-
-    def _bore(self, plateau: float) -> float:
-        return math.sqrt(0.5 * self.gravity * plateau * (plateau + self.bed) / self.bed)
+        self.bore = bore(self.plateau)
 
     def thickness(self, x: np.ndarray, time: float) -> np.ndarray:
         """Thickness [m] at places x [m]."""
-        fan = RitterDamBreak(self.height, self.gravity).thickness(x, time)
-        return np.where(x > self.bore * time, self.bed, np.maximum(fan, self.plateau))
+        fan = self._fan.thickness(x, time)
+        return np.where(x > self.bore * time, self._bed, np.maximum(fan, self.plateau))
 
 
 @dataclass(frozen=True)

@@ -22,16 +22,12 @@ import math
 
 import numpy as np
 
+from lava_ros.verification.exact.spreading import spiral
+
 
 def herschel_bulkley_velocity(
-    thickness: float,
-    slope: float,
-    *,
-    density: float,
-    consistency: float,
-    strength: float,
-    index: float,
-    gravity: float,
+    thickness: float, slope: float, *, density: float, consistency: float, strength: float,
+    index: float, gravity: float,
 ) -> float:
     """Depth-averaged speed along the slope of a uniform sheet [m/s].
 
@@ -77,18 +73,14 @@ class BinghamDome:
 
     Attributes:
         radius: R [m].
+        rms_radius: Root mean square of r over the volume, R (8 / 21)^(1/2) by Beta functions [m].
     """
 
     def __init__(self, volume: float, strength: float, density: float, gravity: float) -> None:
         """Set volume [m3], tau_y [Pa], rho [kg/m3] and g [m/s2]."""
-        self.volume = volume
         self._k = math.sqrt(2.0 * strength / (density * gravity))
         self.radius = (15.0 * volume / (8.0 * math.pi * self._k)) ** 0.4
-
-    @property
-    def rms_radius(self) -> float:
-        """Root of the volume-weighted mean of r^2 [m], R (8 / 21)^(1/2) by Beta functions."""
-        return self.radius * math.sqrt(8.0 / 21.0)
+        self.rms_radius = self.radius * math.sqrt(8.0 / 21.0)
 
     def thickness(self, distance: np.ndarray) -> np.ndarray:
         """Thickness [m] at distances from the middle [m]."""
@@ -104,12 +96,10 @@ class BinghamDome:
         The share of the volume beyond r is u^(3/2) (5 - 3 u) / 2 with u = 1 - r / R. Azimuths
         follow the golden angle. ``radius`` is R [m], which may differ from that of this dome.
         """
-        index = np.arange(count)
         u = np.linspace(0.0, 1.0, 20001)
         beyond = 0.5 * u**1.5 * (5.0 - 3.0 * u)
-        r = radius * (1.0 - np.interp(1.0 - (index + 0.5) / count, beyond, u))
-        angle = index * math.pi * (3.0 - math.sqrt(5.0))
-        return np.column_stack([r * np.cos(angle), r * np.sin(angle)])
+        share = 1.0 - (np.arange(count) + 0.5) / count
+        return spiral(radius * (1.0 - np.interp(share, beyond, u)))
 
 
 class Ridge:
@@ -123,24 +113,20 @@ class Ridge:
 
     Hulme (1974, Geophys. J. R. Astron. Soc. 39) leaves the stress down the slope out of the edge:
     d^2 = 2 dc y tan b / cos^2 b, which takes tau_y / (2 rho g sin^2 b) to reach dc, about half.
+
+    Attributes:
+        critical: dc [m].
+        half_width: Distance of the edge from the middle [m].
+        section: Area of the cross-section normal to the slope [m2].
     """
 
     def __init__(self, fullness: float, strength: float, slope: float, weight: float) -> None:
         """Set Thickness in the middle over dc, at most 1, tau_y [Pa], b [rad] and rho g [N/m3]."""
-        self._tan = math.tan(slope)
-        self._angle = math.asin(fullness)
+        self._tan, angle = math.tan(slope), math.asin(fullness)
         self.critical = strength / (weight * math.sin(slope))
-
-    @property
-    def half_width(self) -> float:
-        """Distance of the edge from the middle [m]."""
-        return self.critical * (1.0 - math.cos(self._angle)) / self._tan
-
-    @property
-    def section(self) -> float:
-        """Area of the cross-section normal to the slope [m2]."""
-        share = self._angle - math.sin(self._angle) * math.cos(self._angle)
-        return self.critical**2 * share / self._tan
+        self.half_width = self.critical * (1.0 - math.cos(angle)) / self._tan
+        share = angle - math.sin(angle) * math.cos(angle)
+        self.section = self.critical**2 * share / self._tan
 
     def thickness(self, distance: np.ndarray) -> np.ndarray:
         """Thickness normal to the slope [m] at distances from the middle [m]."""

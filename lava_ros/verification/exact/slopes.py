@@ -151,12 +151,8 @@ class ListerScales:
 #: finite-volume solution of Lister's equation; no closed form is known. To about 1 % in y_N, of
 #: which two digits are given.
 LISTER_REFERENCE: dict[float, tuple[float, float]] = {
-    5.0: (3.00, 1.50),
-    10.0: (5.00, 2.00),
-    20.0: (8.40, 2.60),
-    50.0: (17.05, 3.60),
-    100.0: (29.20, 4.60),
-    200.0: (49.9, 5.9),
+    5.0: (3.00, 1.50), 10.0: (5.00, 2.00), 20.0: (8.40, 2.60), 50.0: (17.05, 3.60),
+    100.0: (29.20, 4.60), 200.0: (49.9, 5.9),
 }
 
 

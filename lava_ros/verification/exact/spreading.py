@@ -50,6 +50,12 @@ def runge_kutta(
     return np.array(states)
 
 
+def spiral(distance: np.ndarray) -> np.ndarray:
+    """Places [m], shape [count, 2], at distances from (0, 0) that turn by the golden angle."""
+    angle = np.arange(len(distance)) * math.pi * (3.0 - math.sqrt(5.0))
+    return np.column_stack([distance * np.cos(angle), distance * np.sin(angle)])
+
+
 class FixedVolumeSpread:
     """A fixed volume that spreads on a plane (Huppert 1982, J. Fluid Mech. 121, axisymmetric).
 
@@ -65,9 +71,7 @@ class FixedVolumeSpread:
 
     def __init__(self, volume: float, nu: float, gravity: float) -> None:
         """Set V [m3], nu [m2/s] and g [m/s2]."""
-        self.volume = volume
-        self.nu = nu
-        self.gravity = gravity
+        self.volume, self.nu, self.gravity = volume, nu, gravity
 
     def radius(self, time: float) -> float:
         """R [m] at a time [s] after the release from a point."""
@@ -103,9 +107,7 @@ class FixedVolumeSpread:
         follow the golden angle.
         """
         share = (np.arange(count) + 0.5) / count
-        distance = self.radius(time) * np.sqrt(1.0 - (1.0 - share) ** 0.75)
-        angle = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
-        return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
+        return spiral(self.radius(time) * np.sqrt(1.0 - (1.0 - share) ** 0.75))
 
 
 class ConstantFluxSpread:
@@ -124,8 +126,7 @@ class ConstantFluxSpread:
 
     def __init__(self, discharge: float, nu: float, gravity: float) -> None:
         """Set Q [m3/s], nu [m2/s] and g [m/s2]."""
-        alpha = gravity / (3.0 * nu)
-        self._discharge = discharge
+        self._discharge, alpha = discharge, gravity / (3.0 * nu)
         self._length = (alpha * discharge**3) ** 0.125
         self._height = (discharge / alpha) ** 0.25
 

@@ -15,16 +15,11 @@
 """The hard scenes by family."""
 
 from hard.case import HardScene
-from hard.scenes import heat, layers, long, particles, terrain, vents
+from hard.scenes import lava, terrain
 
 FAMILIES: dict[str, tuple[HardScene, ...]] = {
-    'viscosity': layers.VISCOSITY,
-    'thickness': layers.THICKNESS,
-    'terrain': terrain.SCENES,
-    'vents': vents.SCENES,
-    'particles': particles.SCENES,
-    'heat': heat.SCENES,
-    'long': long.SCENES,
+    'viscosity': lava.VISCOSITY, 'thickness': lava.THICKNESS, 'terrain': terrain.SCENES,
+    'vents': lava.VENTS, 'particles': lava.PARTICLES, 'heat': lava.HEAT, 'long': terrain.LONG,
 }
 
 SCENES: dict[str, HardScene] = {

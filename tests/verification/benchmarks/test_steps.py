@@ -58,21 +58,17 @@ def test_the_plain_step_is_the_same_step(device):
 @pytest.fixture
 def brief(monkeypatch):
     """Measure a little, and start no process."""
-    monkeypatch.setattr(steps, 'LEAST', 0.0)
-    monkeypatch.setattr(steps, 'SETS', ('bare', 'green'))
-    monkeypatch.setattr(steps, 'FEWER_SETS', ('bare',))
-    monkeypatch.setattr(steps, 'COVERED_BY', 400)
-    monkeypatch.setattr(steps, 'GRIDS', (20,))
-    monkeypatch.setattr(steps, '_starts', lambda device, repetitions: [2.0, 1.0])
+    little = {'LEAST': 0.0, 'SETS': ('bare', 'green'), 'FEWER_SETS': ('bare',), 'COVERED_BY': 400,
+              'GRIDS': (20,), '_starts': lambda device, repetitions: [2.0, 1.0]}
+    for name, value in little.items():
+        monkeypatch.setattr(steps, name, value)
 
 
 def test_every_measurement_is_a_row(device, brief):
     """Each set of effects has a step, a rate and its memory for each number of particles."""
     seen = []
     measured = steps.measure(
-        device,
-        particles=(100, 400),
-        repetitions=3,
+        device, particles=(100, 400), repetitions=3,
         on_progress=lambda what, share: seen.append(share),
     )
     rows = [SimpleNamespace(**row) for row in measured]
@@ -83,15 +79,12 @@ def test_every_measurement_is_a_row(device, brief):
         for particles in (100, 400):
             step, rate = table[f'{name}: step', particles], table[f'{name}: rate', particles]
             assert rate.value * step.value == pytest.approx(particles)
-            assert (rate.low, rate.high) == pytest.approx(
-                (particles / step.high, particles / step.low)
-            )
+            slow, fast = particles / step.high, particles / step.low
+            assert (rate.low, rate.high) == pytest.approx((slow, fast))
             # position, volume and temperature twice over, in float32, is the least there can be
             assert table[f'{name}: memory', particles].value > 32.0
-    gain = table['bare: gain', 400]
-    assert gain.value == pytest.approx(
-        table['reference: step', 400].value / table['bare: step', 400].value
-    )
+    gain = table['reference: step', 400].value / table['bare: step', 400].value
+    assert table['bare: gain', 400].value == pytest.approx(gain)
     assert table['snapshot of 20 x 20 cells', 400].unit == 'ms'
     assert table['start of a process to its first snapshot', 10_000].low == 1.0
 
@@ -115,16 +108,20 @@ def test_a_start_that_fails_says_why(monkeypatch):
 def test_the_command_writes_its_table(tmp_path, capsys, monkeypatch, brief):
     """Rows in the columns of every benchmark, as CSV, as JSON and on the screen."""
     output, text = tmp_path / 'steps.csv', tmp_path / 'steps.json'
-    words = ['bench', 'steps', '--device', 'cpu', '--repetitions', '2']
-    words += ['--particles', '100', '400']
-    assert cli.main([*words, '--output', str(output), '--json', str(text)]) == 0
-    with output.open(newline='') as file:
-        rows = list(csv.DictReader(file))
+    words = 'bench steps --device cpu --repetitions 2 --particles 100 400'
+    assert cli.main([*words.split(), '--output', str(output), '--json', str(text)]) == 0
+    rows = rows_of(output)
     columns = 'benchmark,particles,value,unit,low,high,repetitions,device,machine,command'
     assert list(rows[0]) == columns.split(',')
-    assert {row['command'] for row in rows} == {'lava ' + ' '.join(words)}
+    assert {row['command'] for row in rows} == {f'lava {words}'}
     assert len(json.loads(text.read_text())) == len(rows)
     assert 'green: rate' in capsys.readouterr().out
+
+
+def rows_of(path):
+    """The rows of a table."""
+    with path.open(newline='') as file:
+        return list(csv.DictReader(file))
 
 
 def test_committed_tables_say_how_they_were_made():
@@ -132,27 +129,24 @@ def test_committed_tables_say_how_they_were_made():
     paths = list((Path(__file__).parents[3] / 'docs/benchmarks').glob('steps_*.csv'))
     assert paths
     for path in paths:
-        with path.open(newline='') as file:
-            rows = list(csv.DictReader(file))
-        assert {'bare: rate', 'bare: gain', 'everything with green: memory'} <= {
-            row['benchmark'] for row in rows
-        }
+        rows = rows_of(path)
+        names = {row['benchmark'] for row in rows}
+        assert {'bare: rate', 'bare: gain', 'everything with green: memory'} <= names
         for row in rows:
             assert row['unit'] and row['machine'] and row['command'].startswith('lava bench steps')
             assert float(row['low']) <= float(row['value']) <= float(row['high'])
 
 
-def test_scenes_are_cases() -> None:
+def test_scenes_are_cases():
     """Each has a vent on its ground and a time to run."""
     found = convergence.scenes()
     assert [case.name for case in found] == ['ridge', 'coarse_ridge', 'hill', 'valley', 'cliff']
     for case in found:
-        assert case.duration > 0.0 and case.volume == case.duration * sum(
-            vent.discharge for vent in case.scene.vents
-        )
+        (vent,) = case.scene.vents
+        assert case.volume == case.duration * vent.discharge > 0.0
 
 
-def test_a_scene_at_each_preset(device: str) -> None:
+def test_a_scene_at_each_preset(device):
     """Finer presets have more particles; the finest is what it is compared with."""
     x = np.arange(40) * 5.0
     scene = Scene(
@@ -161,28 +155,31 @@ def test_a_scene_at_each_preset(device: str) -> None:
     case = convergence.case_of('incline', scene, 600.0)
     rows = [SimpleNamespace(**row) for row in convergence.compare(case, device=device, runs=2)]
     assert [row.preset for row in rows] == list(convergence.LADDER)
-    assert rows[0].particles < rows[1].particles < rows[2].particles
-    assert rows[0].spacing_m > rows[1].spacing_m > rows[2].spacing_m
-    last = rows[-1]
+    coarse, middle, last = rows
+    assert coarse.particles < middle.particles < last.particles
+    assert coarse.spacing_m > middle.spacing_m > last.spacing_m
     assert (last.jaccard, last.area_ratio, last.length_ratio) == (1.0, 1.0, 1.0)
-    assert 0.5 < rows[1].jaccard <= 1.0 and rows[1].across == pytest.approx(16.0, rel=0.01)
+    assert 0.5 < middle.jaccard <= 1.0 and middle.across == pytest.approx(16.0, rel=0.01)
 
 
 ACCURACY = preset_accuracy(DEFAULT)
+SCENES = {item.name: item for item in scenes()}
 
 
 def test_scenes_differ_in_what_they_call_for():
     """Every effect is on in a scene and off in another, but what has to be asked for, and wind."""
-    items = scenes()
-    assert len({item.name for item in items}) == len(items) == 12
-    chosen = [effects_for(item.scene, accuracy=ACCURACY, horizon=item.horizon) for item in items]
+    assert len(SCENES) == len(scenes()) == 12
+    chosen = [
+        effects_for(item.scene, accuracy=ACCURACY, horizon=item.horizon)
+        for item in SCENES.values()
+    ]
     for name in EFFECTS:
         switches = {name in effects for effects in chosen}
         expected = {False} if name in ('green', 'merging', 'wind') else {True, False}
         assert switches == expected, name
 
 
-@pytest.mark.parametrize('item', scenes(), ids=lambda item: item.name)
+@pytest.mark.parametrize('item', SCENES.values(), ids=SCENES)
 def test_everything_is_what_the_material_has(item):
     """Nothing chosen is left out of all effects, and nothing the material lacks is in them."""
     arguments = {'accuracy': ACCURACY, 'horizon': item.horizon}
@@ -190,20 +187,18 @@ def test_everything_is_what_the_material_has(item):
     full = choice.everything(item.scene, **arguments)
     for decision in decide(item.scene, **arguments):
         name = decision.name
-        if name in ('inertia', 'green', 'helmholtz'):
-            continue
-        assert getattr(full, name) >= getattr(auto, name)
-        assert getattr(full, name) == (not math.isnan(decision.value))
+        if name not in ('inertia', 'green', 'helmholtz'):
+            assert getattr(full, name) >= getattr(auto, name)
+            assert getattr(full, name) == (not math.isnan(decision.value))
     assert full.inertia != full.helmholtz
     assert full.inertia or not auto.inertia
-    assert not full.green
-    assert full != auto
+    assert not full.green and full != auto
 
 
 @pytest.mark.parametrize('name', [pytest.param('plain', marks=pytest.mark.nightly), 'fast'])
 def test_chosen_effects_cover_what_all_effects_cover(name):
     """Short runs reach the same cells with the chosen effects as with all."""
-    item = next(item for item in scenes() if item.name == name)
+    item = SCENES[name]
     item = replace(item, horizon=0.2 * item.horizon)
     row = choice.compare(item, device='cpu', preset='draft', runs=2)
     assert min(row['jaccard'], row['single']) >= 0.98
@@ -213,7 +208,7 @@ def test_chosen_effects_cover_what_all_effects_cover(name):
 
 def test_copies_are_the_scene_over_and_over():
     """Each has the terrain and its own vents; ends move with them, series keep their times."""
-    scene = next(item.scene for item in scenes() if item.name == 'fissure')
+    scene = SCENES['fissure'].scene
     scene = replace(scene, vents=(replace(scene.vents[0], discharge=((0.0, 2.0), (9.0, 0.0))),))
     wide = choice.copies(scene, 5, shift=0.1)
     rows, columns = scene.terrain.elevation.shape
@@ -236,7 +231,7 @@ def test_copies_are_the_scene_over_and_over():
 
 def test_runs_side_by_side_are_the_runs_one_by_one():
     """The copy whose vents are where they were covers what a run of its own does."""
-    item = next(item for item in scenes() if item.name == 'plain')
+    item = SCENES['plain']
     accuracy = resolved_accuracy(preset_accuracy('draft'), item.scene)
     effects = effects_for(item.scene, accuracy=accuracy, horizon=item.horizon)
     arguments = {'accuracy': accuracy, 'device': 'cpu'}
@@ -250,14 +245,13 @@ def test_runs_side_by_side_are_the_runs_one_by_one():
 
 
 def test_a_footprint_is_what_most_runs_cover():
-    """Two of three runs decide for each cell; halves take turns."""
+    """Two of three runs decide for each cell; halves take turns.
+
+    Jaccard: cells in both over cells in either; nothing compared to nothing is not a match.
+    """
     runs = np.array([[[1, 1, 0]], [[1, 0, 0]], [[1, 1, 1]]], dtype=bool)
     assert choice.footprint(runs).tolist() == [[True, True, False]]
     assert choice.noise(runs) == pytest.approx(0.5)
-
-
-def test_jaccard_of_cells():
-    """Cells in both over cells in either; nothing compared to nothing is not a match."""
     one, other = np.array([[True, True, False]]), np.array([[False, True, True]])
     assert choice.jaccard(one, other) == pytest.approx(1.0 / 3.0)
     assert math.isnan(choice.jaccard(one & ~one, one & ~one))
