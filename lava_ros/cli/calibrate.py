@@ -12,14 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Search for the constants of the lava that fit mapped eruptions.
-
-The command runs one or more cases (docs/VALIDATION.md) with many sets of values of a few constants
-inside their published ranges, the same set for all cases. The score of a set is the mean over the
-cases. The command reports the sets that score nearly as well as the best, the spread of each
-constant among them, the constants that do not affect the score, and how well constants fitted to
-the other cases score on each case. The same command continues an interrupted search.
-"""
+"""`lava calibrate`: constants of the lava from mapped eruptions."""
 
 import argparse
 from collections.abc import Sequence
@@ -28,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from lava_ros import validation
-from lava_ros.cli.options import add_options
+from lava_ros.cli.options import argument, command
 from lava_ros.cli.output import made_folder, Progress, write_json
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
@@ -56,43 +49,47 @@ from lava_ros.simulation.defaults import device_of
 TABLE, RESULT = 'runs.csv', 'calibration.json'
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command."""
-    parser.add_argument('case', metavar='CASE_DIR', nargs='+', help='folder of a case')
-    parser.add_argument(
+@command(
+    argument('case', metavar='CASE_DIR', nargs='+', help='folder of a case'),
+    argument(
         '--runs', type=int, default=48, metavar='N',
         help='number of sets of values (default: %(default)s)',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--directions', type=int, default=1, metavar='N',
         help='number of runs of each set, rotated and mirrored, up to 8; the area that half of '
         'them cover depends less on chance (default: %(default)s)',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--unknown', action='append', default=[], metavar='NAME[=LOW:HIGH]',
         help="constant to search, and its range: one of the lava ('lava materials NAME' lists "
         'them), vent_temperature [K], or discharge, a factor; may be repeated (default: those '
         'with a published range)',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--workers', type=int, default=1, metavar='N',
         help='number of simultaneous runs, which share the GPU (default: %(default)s)',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--material', metavar='NAME', help='lava by name; replaces the lava of the cases'
-    )
-    parser.add_argument(
+    ),
+    argument(
         '-o', '--output', metavar='DIR',
         help='folder for the table and the result (default: calibrations/<cases>_<preset>)',
-    )
-    add_options(
-        parser, '--preset', '--spacing', '--device', '--low-pass', '--seed', '--fresh', '--json',
-        preset='draft',
-    )
+    ),
+    '--preset', '--spacing', '--device', '--low-pass', '--seed', '--fresh', '--json',
+    preset='draft',
+)
+def calibrate(args: argparse.Namespace) -> int:
+    """Search for the constants of the lava that fit mapped eruptions.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Run the calibration."""
+    The command runs one or more cases (docs/VALIDATION.md) with many sets of values of a few
+    constants inside their published ranges, the same set for all cases. The score of a set is the
+    mean over the cases. The command reports the sets that score nearly as well as the best, the
+    spread of each constant among them, the constants that do not affect the score, and how well
+    constants fitted to the other cases score on each case. The same command continues an
+    interrupted search.
+    """
     runs = validation.whole('--runs', args.runs, at_least=4, at_most=10**6)
     workers = validation.whole('--workers', args.workers, at_least=1, at_most=64)
     directions = validation.whole('--directions', args.directions, at_least=1, at_most=MOST)

@@ -12,16 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Run a scene many times, and map the probability and the time of lava inundation.
-
-The command draws a value of each uncertain quantity of a scene (its section `uncertainty`) for
-each member and runs the members on all cores or GPUs. It writes the probability of inundation, the
-times by which lava has reached a cell in 10, 50 and 90 % of the members, and the expected
-thickness, as GeoTIFF and as a bag. The same command continues an interrupted ensemble, and adds
-members to a finished one. SCENE may also be the folder of a mapped eruption, as for lava hindcast:
-the command then draws from the published ranges of the lava, unless case.yaml has a section
-`uncertainty`, and scores the probability against the mapped flow.
-"""
+"""`lava ensemble`: a scene many times, on all cores or GPUs."""
 
 import argparse
 from functools import partial
@@ -34,11 +25,11 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.cli.export import add_formats_argument
-from lava_ros.cli.options import add_options, device_named, seconds_of
+from lava_ros.cli.options import argument, command, device_named, seconds_of
 from lava_ros.cli.output import Progress, write_json
 from lava_ros.cli.ros import missing_package
-from lava_ros.cli.scenes import add_scene_arguments, scene_as_given
+from lava_ros.cli.scenes import SCENE, scene_as_given
+from lava_ros.cli.show import formats
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
@@ -69,53 +60,58 @@ HORIZON = '6h'
 BAG = 'atlas'
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command."""
-    add_scene_arguments(parser, positional=True)
-    parser.add_argument(
+@command(
+    *SCENE,
+    argument(
         '-o', '--output', required=True, metavar='DIR',
         help='folder for members and maps: new, empty, or of the same ensemble',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--members', type=int, default=64, metavar='N',
         help='number of members (default: %(default)s)',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--horizon', metavar='TIME',
         help='simulated time of each member: 6h, 90min (default: 6h); not with a mapped '
         'eruption, which has its end',
-    )
-    add_options(
-        parser, '--preset', '--spacing', '--seed', '--threshold', '--device', '--json',
-        preset='draft',
-    )
-    parser.add_argument(
+    ),
+    '--preset', '--spacing', '--seed', '--threshold', '--device', '--json',
+    argument(
         '--susceptibility', metavar='FILE',
         help='raster of the relative likelihood that the vent opens in a cell; replaces the '
         'position of the vent',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--observed', metavar='FILE',
         help='observed lava: a raster with values above 0, or areas (.geojson, .gpkg); the better '
         'a member agrees with it, the more it counts',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--observed-at', metavar='TIME',
         help='time of the observation, counted from the start of the scene',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--workers', type=int, metavar='N',
         help='number of processes (default: one for each GPU, else one for each core)',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--scheduler', metavar='ADDRESS',
         help='address of a Dask scheduler that runs the members: tcp://host:8786',
-    )
-    add_formats_argument(parser, 'areas of 10, 50 and 90 %% probability, isochrones', None)
+    ),
+    formats('areas of 10, 50 and 90 %% probability, isochrones', None),
+    preset='draft',
+)
+def ensemble(args: argparse.Namespace) -> int:
+    """Run a scene many times, and map the probability and the time of lava inundation.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Run the ensemble."""
+    The command draws a value of each uncertain quantity of a scene (its section `uncertainty`) for
+    each member and runs the members on all cores or GPUs. It writes the probability of inundation,
+    the times by which lava has reached a cell in 10, 50 and 90 % of the members, and the expected
+    thickness, as GeoTIFF and as a bag. The same command continues an interrupted ensemble, and
+    adds members to a finished one. SCENE may also be the folder of a mapped eruption, as for lava
+    hindcast: the command then draws from the published ranges of the lava, unless case.yaml has a
+    section `uncertainty`, and scores the probability against the mapped flow.
+    """
     if (args.observed is None) != (args.observed_at is None):
         right = 'a time together with --observed, and neither without the other'
         raise LavaError('--observed-at', args.observed_at, right)

@@ -12,12 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Open a vent, live in ROS 2, and narrow the forecast with an observed outline.
-
-The command starts a node that computes forecasts and ensembles, opens a vent over DDS, and prints
-how long the first forecast takes. It then sends the node the outline of a flow whose discharge and
-viscosity the node does not know, and draws the probabilities before and after it.
-"""
+"""`lava forecast-demo`: a forecast before and after an outline is seen."""
 
 import argparse
 from collections.abc import Callable
@@ -31,7 +26,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.cli.options import add_options
+from lava_ros.cli.options import argument, command
 from lava_ros.cli.output import write_json
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
 from lava_ros.files import file_to_write, PICTURES
@@ -79,28 +74,28 @@ PATIENCE = 300.0
 UNDECIDED = (5, 95)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command."""
-    parser.add_argument(
+@command(
+    argument(
         '--members', type=int, default=16, metavar='N',
         help='number of members of an ensemble (default: %(default)s)',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--picture', default='forecast.png', metavar='FILE',
         help='picture to write of the probabilities before and after (default: %(default)s)',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--speed', type=float, default=SPEED, metavar='X',
         help='run X times as fast as real time (default: %(default)g)',
-    )
-    add_options(parser, '--device', '--domain', '--json')
+    ),
+    '--device', '--domain', '--json',
+)
+def forecast_demo(args: argparse.Namespace) -> int:
+    """Open a vent, live in ROS 2, and narrow the forecast with an observed outline.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Run the demo.
-
-    Returns:
-        0, or 1 when the node fails.
+    The command starts a node that computes forecasts and ensembles, opens a vent over DDS, and
+    prints how long the first forecast takes. It then sends the node the outline of a flow whose
+    discharge and viscosity the node does not know, and draws the probabilities before and after
+    it.
     """
     require_ros()
     members = validation.whole('--members', args.members, at_least=2, at_most=10_000)

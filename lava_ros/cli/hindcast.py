@@ -12,12 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Simulate a mapped eruption, and compare the flow with the map.
-
-The folder of the case has elevation.asc, vent.csv, effusion_rate.csv, footprint.asc and, if
-needed, case.yaml (docs/VALIDATION.md). The command compares the area that the simulated lava
-covers with the footprint. The same command continues an interrupted run.
-"""
+"""`lava hindcast`: a mapped eruption, simulated and compared."""
 
 import argparse
 from dataclasses import asdict, replace
@@ -27,9 +22,9 @@ import sys
 from typing import Any
 
 from lava_ros import validation
-from lava_ros.cli.options import add_options, forced_effects
+from lava_ros.cli.options import argument, command, forced_effects
 from lava_ros.cli.output import made_folder, Progress, write_json
-from lava_ros.cli.scenes import add_vent_arguments, vents_as_given
+from lava_ros.cli.scenes import vent_arguments, vents_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.hindcast.case import Case, load_case
@@ -45,31 +40,31 @@ from lava_ros.scene import Terrain
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command."""
-    parser.add_argument('case', metavar='CASE_DIR', help='folder of the case')
-    add_options(
-        parser, '--preset', '--spacing', '--device', '--low-pass', '--on', '--off', '--fresh',
-        '--json',
-    )
-    parser.add_argument(
+@command(
+    argument('case', metavar='CASE_DIR', help='folder of the case'),
+    '--preset', '--spacing', '--device', '--low-pass', '--on', '--off', '--fresh', '--json',
+    argument(
         '-o', '--output', metavar='DIR',
         help='folder for maps, bag and page (default: hindcasts/<case>_<preset>)',
-    )
-    add_vent_arguments(parser, of='case')
-    parser.add_argument(
+    ),
+    *vent_arguments('case'),
+    argument(
         '--runs', type=int, default=1, metavar='N',
         help='make N more runs, rotated and mirrored, and report their scatter and the area that '
         'at least half of them cover; from 2 to 8, which are all directions (default: none)',
-    )
-    parser.add_argument(
+    ),
+    argument(
         '--maps', type=int, default=24, metavar='N',
         help='number of maps of the run (default: %(default)s)',
-    )
+    ),
+)
+def hindcast(args: argparse.Namespace) -> int:
+    """Simulate a mapped eruption, and compare the flow with the map.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Run the hindcast."""
+    The folder of the case has elevation.asc, vent.csv, effusion_rate.csv, footprint.asc and, if
+    needed, case.yaml (docs/VALIDATION.md). The command compares the area that the simulated lava
+    covers with the footprint. The same command continues an interrupted run.
+    """
     # what the first run does not need had better be known before it
     runs = validation.whole('--runs', args.runs, at_least=1, at_most=MOST)
     case = load_case(

@@ -14,10 +14,7 @@
 
 """What `lava doctor` looks at: the machine and the ROS graph, each finding with its way out."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import wraps
-from typing import Any
 
 #: Nothing to do.
 OK = 'OK'
@@ -28,6 +25,9 @@ WARN = 'WARN'
 #: It does not work.
 FAIL = 'FAIL'
 
+#: What a check finds: level, text and maybe a remedy.
+Said = tuple[str, str] | tuple[str, str, str]
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -37,23 +37,3 @@ class Finding:
     level: str
     text: str
     way_out: str = ''
-
-
-#: Level, text and maybe a remedy.
-Said = tuple[str, str] | tuple[str, str, str]
-
-
-def check(
-    name: str,
-) -> Callable[[Callable[..., Iterator[Said]]], Callable[..., Iterator[Finding]]]:
-    """Turn what a function yields into findings under a common name."""
-
-    def of(function: Callable[..., Iterator[Said]]) -> Callable[..., Iterator[Finding]]:
-        @wraps(function)
-        def findings(*args: Any, **options: Any) -> Iterator[Finding]:
-            for said in function(*args, **options):
-                yield Finding(name, *said)
-
-        return findings
-
-    return of

@@ -24,7 +24,7 @@ import subprocess
 import sys
 
 from lava_ros.bag.qos import LATCHED, QosProfile
-from lava_ros.doctor import check, FAIL, OK, Said, WARN
+from lava_ros.doctor import FAIL, OK, Said, WARN
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 
 #: The ROS distribution this package is made for.
@@ -59,7 +59,6 @@ SLOW = 50.0
 _WAY_TO_ROS = "source a ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
 
 
-@check('ros')
 def check_ros(environment: Mapping[str, str] = os.environ) -> Iterator[Said]:
     """Whether ROS 2 Jazzy can be imported, and which middleware it has."""
     missing = [name for name in ('rclpy', 'nav_msgs', 'diagnostic_msgs') if not find_spec(name)]
@@ -83,7 +82,6 @@ def _version(distribution: str) -> str:
         return ''
 
 
-@check('discovery')
 def check_discovery(environment: Mapping[str, str] = os.environ) -> Iterator[Said]:
     """Which graph the node joins, and who else can."""
     domain = environment.get('ROS_DOMAIN_ID', '') or '0'
@@ -118,7 +116,6 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Iterator[Sai
         yield OK, text
 
 
-@check('sros2')
 def check_security(environment: Mapping[str, str] = os.environ) -> Iterator[Said]:
     """Whether SROS2 is on, and can be."""
     if environment.get('ROS_SECURITY_ENABLE', 'false').lower() != 'true':
@@ -146,7 +143,6 @@ def check_security(environment: Mapping[str, str] = os.environ) -> Iterator[Said
     yield OK, f'enforced with {keystore}'
 
 
-@check('qos')
 def check_qos(layers: Iterable[Layer]) -> Iterator[Said]:
     """Whether those who read the layers get what they ask for."""
     enabled = [layer for layer in layers if layer.enabled]
@@ -177,7 +173,6 @@ def _short_of(offered: QosProfile, asked: QosProfile) -> list[str]:
     return short
 
 
-@check('dds')
 def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Iterator[Said]:
     """Check whether a message returns through the middleware within ``timeout`` [s], and how fast.
 

@@ -23,7 +23,7 @@ import sys
 import tempfile
 from typing import Any
 
-from lava_ros.doctor import check, FAIL, OK, Said, WARN
+from lava_ros.doctor import FAIL, OK, Said, WARN
 from lava_ros.simulation.backend.threads import usable_cores
 
 #: Oldest Python that works, and the first that was not tried.
@@ -56,7 +56,6 @@ _TIMEX_STATUS = 40
 _UNSYNCHRONISED = 0x40
 
 
-@check('python')
 def check_python() -> Iterator[Said]:
     """Whether the package was tried with this Python."""
     oldest, untried = PYTHONS
@@ -69,7 +68,6 @@ def check_python() -> Iterator[Said]:
         yield OK, f'{version} ({sys.prefix})'
 
 
-@check('packages')
 def check_packages() -> Iterator[Said]:
     """Whether what the package needs is there, in versions that were tried."""
     found = []
@@ -111,7 +109,6 @@ def _warp() -> Any:
     return wp
 
 
-@check('gpu')
 def check_gpu() -> Iterator[Said]:
     """Which devices Warp has, and why there is no GPU among them."""
     try:
@@ -139,7 +136,6 @@ def check_gpu() -> Iterator[Said]:
     )
 
 
-@check('kernel cache')
 def check_kernel_cache() -> Iterator[Said]:
     """Whether compiled kernels can be kept, and how much there is of them."""
     try:
@@ -158,7 +154,6 @@ def check_kernel_cache() -> Iterator[Said]:
     yield OK, f'{folder}, {size / 1e6:.0f} MB'
 
 
-@check('disk')
 def check_disk(folder: str | Path) -> Iterator[Said]:
     """Check whether bags can be written to a folder, and how much space there is.
 
@@ -197,7 +192,6 @@ def _problem_of_writing(folder: Path) -> str:
     return ''
 
 
-@check('clock')
 def check_clock() -> Iterator[Said]:
     """Whether the clock is kept in step with others', as stamps of several machines need it."""
     state = ctypes.create_string_buffer(_TIMEX_SIZE)

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """What was computed and lies on disk, a bag or an ensemble -> maps and facts for people."""
 
 from collections.abc import Collection, Mapping
@@ -37,7 +36,7 @@ from lava_ros.maps.frames import Frame, Recording
 from lava_ros.maps.gis import coordinate_system
 from lava_ros.maps.plot import area_words, duration, STYLES, titles
 from lava_ros.maps.sheet import Panel
-from lava_ros.pages.report.description import describe
+from lava_ros.pages.report.description import described
 from lava_ros.scene import Scene, scene_from_dict, Terrain
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.budget import VolumeBudget
@@ -184,10 +183,11 @@ def _volume(value: float) -> str:
 
 
 def _model(recording: Recording) -> dict[str, str]:
-    told = describe(recording.bag.custom_data)
+    told = described(recording.bag.custom_data)
+    version = recording.bag.custom_data.get('version') or 'of unknown version'
     moments = recording.timeline.last_run
-    words = [f'lava_ros {told.version or "of unknown version"}, depth-averaged lava as particles']
-    preset = told.parameters.get('preset')
+    words = [f'lava_ros {version}, depth-averaged lava as particles']
+    preset = (told['parameters'] or {}).get('preset')
     if isinstance(preset, str):
         words.append(f'preset {preset}')
     if moments:
@@ -197,8 +197,10 @@ def _model(recording: Recording) -> dict[str, str]:
         error = moments[-1].number('footprint_error')
         if math.isfinite(error):
             words.append(f'expected error of the footprint {100.0 * error:.2g} %')
-    states = {key: text for change in told.effects for key, text in change.effects.items()}
-    on = [name.replace('_', ' ') for name, text in states.items() if text.startswith('on')]
+    states: dict[str, object] = {}
+    for change in told['effects'] or ():
+        states |= change['effects']
+    on = [name.replace('_', ' ') for name, text in states.items() if str(text).startswith('on')]
     facts = {'model': ', '.join(words)}
     return facts | ({'physics': ', '.join(on)} if on else {})
 

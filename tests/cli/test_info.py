@@ -169,7 +169,7 @@ def test_commands_are_described_without_ros():
     """Building the parsers does not import rclpy: help is quick and works without ROS."""
     code = (
         'import sys; sys.modules["rclpy"] = None\n'
-        'from lava_ros.cli import info, recover, replay\n'
+        'from lava_ros.cli import info, replay\n'
         'assert "rich" not in sys.modules'
     )
     subprocess.run([sys.executable, '-c', code], check=True, cwd=Path(__file__).parents[2])

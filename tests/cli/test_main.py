@@ -236,12 +236,10 @@ def test_wrong_vents_of_the_command(words, sentence, island, capsys):
 def test_a_broken_pipe_is_no_error(monkeypatch):
     """`lava info BAG | head -1` ends quietly."""
 
-    def run(args: object) -> int:
+    def run(path: str) -> None:
         raise BrokenPipeError
 
-    import lava_ros.cli.info
-
-    monkeypatch.setattr(lava_ros.cli.info, 'run', run)
+    monkeypatch.setattr('lava_ros.cli.info.BagReader', run)
     replaced: list[tuple[int, int]] = []
     monkeypatch.setattr(cli.os, 'dup2', lambda a, b: replaced.append((a, b)))
     monkeypatch.setattr(sys.stdout, 'fileno', lambda: 1, raising=False)

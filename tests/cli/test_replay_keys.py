@@ -32,7 +32,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
-from lava_ros.cli.replay import Keys, keys_of
+from lava_ros.cli.replay import keys_of
 from lava_ros.ros.spinning import Watcher
 from ros_domain import own_domain
 
@@ -78,20 +78,20 @@ def terminal():
 def test_keys_have_names(terminal, typed, names):
     """Arrows in both modes of terminals; other keys are themselves, or nothing."""
     outside, inside = terminal
-    with keys_of(inside) as keys:
+    with keys_of(inside) as read:
         os.write(outside, typed)
-        assert [keys.read(1.0) for _ in names] == names
-        assert keys.read(0.0) == ''
+        assert [read(1.0) for _ in names] == names
+        assert read(0.0) == ''
 
 
 def test_an_arrow_may_come_in_pieces(terminal):
     """A slow line does not make three keys of it."""
     outside, inside = terminal
-    with keys_of(inside) as keys:
+    with keys_of(inside) as read:
         os.write(outside, b'\x1b')
         rest = threading.Timer(0.01, os.write, (outside, b'[D'))
         rest.start()
-        assert keys.read(1.0) in ('left', '')
+        assert read(1.0) in ('left', '')
         rest.join()
 
 
@@ -100,8 +100,7 @@ def test_the_terminal_is_put_back(terminal):
     _, inside = terminal
     before = termios.tcgetattr(inside)
     assert before[3] & SHELL_FLAGS == SHELL_FLAGS
-    with suppress(RuntimeError), keys_of(inside) as keys:
-        assert isinstance(keys, Keys)
+    with suppress(RuntimeError), keys_of(inside):
         assert termios.tcgetattr(inside)[3] & SHELL_FLAGS == 0
         raise RuntimeError
     assert termios.tcgetattr(inside) == before

@@ -15,6 +15,7 @@
 """The maps of a run in few bytes: cropped to the flow, coarsened where large, and packed."""
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass
 import io
 import math
@@ -25,8 +26,8 @@ import numpy as np
 
 from lava_ros.files.optional import require
 from lava_ros.maps.frames import Frame, Progress, Recording, silent
-from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
-from lava_ros.maps.plot import shaded_ground
+from lava_ros.maps.layers import Layer, OCCUPANCY_GRID, SOURCES
+from lava_ros.maps.plot import shaded_ground, STYLES
 from lava_ros.pages.report.survey import Survey
 
 #: Most frames and most cells of a frame that a page has.
@@ -34,6 +35,11 @@ MOST_FRAMES, MOST_CELLS = 120, 90_000
 
 #: Share of the flow's size left free around it, and the least size of the map [cells].
 MARGIN, LEAST_CELLS = 0.15, 48
+
+#: Names and units of the layers on the page, by source.
+NAMES = {
+    'thickness': ('height', 'm'), 'temperature': ('temperature', '°C'), 'hazard': ('hazard', ''),
+}
 
 #: Largest value of a cell: 0 is no lava.
 _MOST_CODE = 250
@@ -94,44 +100,48 @@ def view_of(survey: Survey) -> View:
 def pack_maps(
     recording: Recording, survey: Survey, view: View, progress: Progress = silent
 ) -> dict[str, Any]:
-    """The frames as plain data for the page: times, and the packed cells of each source.
+    """The frames as plain data for the page: times, and the packed cells of each layer.
 
     Row 0 is the southernmost. The cells of a frame are bytes that say what has changed since the
     frame before (exclusive or); 0 is no lava, ``low + code * step`` the value of another code.
     """
     shown = _shown(survey.times)
-    layers = {item.layer.source: item.layer for item in survey.frame.layers.values()}
+    layers = {
+        item: survey.frame.layers[item].layer for item in SOURCES if item in survey.frame.layers
+    }
     scales = {
         source: _scale(layer, survey.largest.get(source, 1.0)) for source, layer in layers.items()
     }
-    packers = {source: _Packer() for source in layers}
+    codes: dict[str, list[np.ndarray]] = {source: [] for source in layers}
     times: list[float] = []
     areas: list[float] = []
-    index = -1
-    for frame in recording.frames():
-        if frame.elevation.shape != survey.touched.shape:
-            continue
-        index += 1
-        if index not in shown:
-            continue
-        times.append(frame.time or 0.0)
-        areas.append(frame.area)
-        for source, packer in packers.items():
-            packer.add(_codes(frame, source, view, scales[source]))
-        progress('packing', 0.5 + 0.5 * recording.share_at(frame))
+    fitting = (
+        frame for frame in recording.frames() if frame.elevation.shape == survey.touched.shape
+    )
+    for index, frame in enumerate(fitting):
+        if index in shown:
+            times.append(frame.time or 0.0)
+            areas.append(frame.area)
+            for source in layers:
+                codes[source].append(_codes(frame, source, view, scales[source]))
+            progress('packing', 0.5 + 0.5 * recording.share_at(frame))
     return {
         'times': times,
         'areas': areas,
-        'layers': {
-            source: {
+        'layers': [
+            {
+                'name': NAMES[source][0],
+                'title': STYLES[source].title,
+                'unit': NAMES[source][1],
+                'colours': list(STYLES[source].colours),
                 'low': scales[source][0],
                 'step': scales[source][1],
                 'most': survey.largest.get(source, 0.0),
                 'saturated': source in survey.saturated,
-                'cells': packer.text(),
+                'cells': _packed(frames),
             }
-            for source, packer in packers.items()
-        },
+            for source, frames in codes.items()
+        ],
         'arrival': _arrival(survey, view),
     }
 
@@ -146,34 +156,19 @@ def relief(survey: Survey, view: View) -> str:
     from PIL import Image
 
     ground = shaded_ground(survey.frame)[..., :3]
-    channels = [view.cut(ground[..., index], np.fmax) for index in range(3)]
-    if view.factor > 1:
-        ones = np.ones(ground.shape[:2])
-        count = view.cut(ones, np.add)
-        channels = [np.nan_to_num(view.cut(ground[..., i], np.add) / count) for i in range(3)]
+    count = view.cut(np.ones(ground.shape[:2]), np.add)
+    channels = [np.nan_to_num(view.cut(ground[..., i], np.add) / count) for i in range(3)]
     pixels = (255.0 * np.stack(channels, axis=-1)[::-1]).astype(np.uint8)
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, 'JPEG', quality=88, subsampling=0)
     return 'data:image/jpeg;base64,' + base64.b64encode(file.getvalue()).decode()
 
 
-class _Packer:
-    """Turns frame after frame into one text."""
-
-    def __init__(self) -> None:
-        self._compressor = zlib.compressobj(9)
-        self._packed: list[bytes] = []
-        self._before: np.ndarray | None = None
-
-    def add(self, codes: np.ndarray) -> None:
-        """Take the cells of the next frame, uint8."""
-        change = codes if self._before is None else codes ^ self._before
-        self._before = codes
-        self._packed.append(self._compressor.compress(change.tobytes()))
-
-    def text(self) -> str:
-        """All of it, compressed, in base64."""
-        return base64.b64encode(b''.join([*self._packed, self._compressor.flush()])).decode()
+def _packed(frames: Sequence[np.ndarray]) -> str:
+    """What each frame changes in the one before, compressed, in base64."""
+    cells = np.stack(frames)
+    cells[1:] ^= cells[:-1].copy()
+    return base64.b64encode(zlib.compress(cells.tobytes(), 9)).decode()
 
 
 def _shown(times: list[float]) -> set[int]:
@@ -195,11 +190,9 @@ def _scale(layer: Layer, largest: float) -> tuple[float, float]:
 def _codes(frame: Frame, source: str, view: View, scale: tuple[float, float]) -> np.ndarray:
     """Cells of a layer, uint8; a layer the frame lacks has no lava."""
     shown = frame.layers.get(source)
-    if shown is None:
-        shape = view.cut(frame.elevation, np.fmax).shape
-        return np.zeros(shape, dtype=np.uint8)
+    values = np.full(frame.elevation.shape, np.nan) if shown is None else shown.values
     # The worst of the cells that are shown as one.
-    values = view.cut(shown.values, np.fmax)
+    values = view.cut(values, np.fmax)
     low, step = scale
     codes = np.clip(np.rint((np.nan_to_num(values) - low) / step), 1, _MOST_CODE)
     return np.where(np.isfinite(values), codes, 0).astype(np.uint8)
@@ -216,12 +209,12 @@ def _arrival(survey: Survey, view: View) -> dict[str, Any] | None:
     # What is rounded must not be later than it was.
     codes = 1.0 + np.floor((np.nan_to_num(earliest, nan=start) - start) / step)
     codes = np.where(np.isfinite(earliest), np.clip(codes, 1, _MOST_ARRIVAL), 0)
-    packer = _Packer()
-    packer.add(codes.astype('<u2'))
     return {
+        'title': 'Arrival',
+        'colours': list(STYLES['arrival'].colours),
         'start': start,
         'step': step,
         'threshold': survey.arrival.threshold,
         'gap': 0.0 if survey.arrival.is_noted else survey.arrival.longest_gap,
-        'cells': packer.text(),
+        'cells': _packed([codes.astype('<u2')]),
     }

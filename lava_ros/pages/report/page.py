@@ -15,11 +15,11 @@
 """The page: the template with the parts of a run put in."""
 
 import base64
+from collections.abc import Sequence
 import hashlib
 from html import escape
 from importlib import resources
 import json
-import math
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -28,16 +28,12 @@ import lava_ros
 from lava_ros.files import file_to_write, write_output
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Progress, Recording, silent
-from lava_ros.maps.layers import SOURCES
-from lava_ros.maps.plot import duration, STYLES
+from lava_ros.maps.plot import duration
 from lava_ros.pages.report import sections
-from lava_ros.pages.report.charts import Chart, Curve, svg, thinned
-from lava_ros.pages.report.description import describe
-from lava_ros.pages.report.maps import pack_maps, relief, View, view_of
+from lava_ros.pages.report.charts import Chart, charts_of
+from lava_ros.pages.report.description import described
+from lava_ros.pages.report.maps import pack_maps, relief, view_of
 from lava_ros.pages.report.survey import Survey, survey
-
-#: Names of the layers on the page, by source.
-NAMES = {'thickness': 'height', 'temperature': 'temperature', 'hazard': 'hazard'}
 
 
 def write_report(
@@ -61,14 +57,12 @@ def page(recording: Recording, progress: Progress = silent) -> str:
         LavaError: The bag is damaged, or does not have its simulated times.
     """
     seen = survey(recording, progress)
-    view = view_of(seen)
-    maps = pack_maps(recording, seen, view, progress)
-    charts = _charts(recording, seen)
-    description = describe(recording.bag.custom_data)
+    charts = charts_of(recording, seen)
+    data = _data(recording, seen, charts, progress)
     style, script = _file('report.css'), _file('report.js')
     name = recording.bag.path.resolve().name
     start, end = seen.times[0], seen.times[-1]
-    data = _data(recording, seen, view, maps, charts)
+    told = described(recording.bag.custom_data)
     return Template(_file('report.html')).substitute(
         style=style,
         script=script,
@@ -79,43 +73,26 @@ def page(recording: Recording, progress: Progress = silent) -> str:
         heading=escape(f'Lava flow after {duration(end)}'),
         warnings=sections.warnings_html(sections.warnings(recording, seen)),
         facts=sections.facts_html(sections.facts(recording, seen)),
-        switch=_switch(maps),
-        last=len(maps['times']) - 1,
-        charts=''.join(_figure(item, start, end) for item in charts),
+        switch=_switch(data),
+        last=len(data['times']) - 1,
+        charts=''.join(item.figure(start, end) for item in charts),
         hazard=sections.hazard_legend(recording),
         depth=sections.depth_table(seen),
         rounding=sections.rounding_note(seen),
-        effects=sections.effects_table(description),
-        accuracy=sections.accuracy_section(recording, description),
-        recorded=sections.recorded_section(recording, seen, description),
+        effects=sections.effects_table(told),
+        accuracy=sections.accuracy_section(recording, told),
+        recorded=sections.recorded_section(recording, seen, told),
         version=escape(lava_ros.__version__),
         data=_json(data),
     )
 
 
 def _data(
-    recording: Recording,
-    seen: Survey,
-    view: View,
-    maps: dict[str, Any],
-    charts: list[Chart],
+    recording: Recording, seen: Survey, charts: Sequence[Chart], progress: Progress
 ) -> dict[str, Any]:
-    frame = seen.frame
+    frame, view = seen.frame, view_of(seen)
     place = placement_of(recording.scene)
-    layers = [
-        {
-            'name': NAMES[source],
-            'title': STYLES[source].title,
-            'unit': {'thickness': 'm', 'temperature': '°C', 'hazard': ''}[source],
-            'colours': list(STYLES[source].colours),
-            **maps['layers'][source],
-        }
-        for source in SOURCES
-        if source in maps['layers']
-    ]
-    arrival = maps['arrival']
-    if arrival is not None:
-        arrival = {'title': 'Arrival', 'colours': list(STYLES['arrival'].colours), **arrival}
+    maps = pack_maps(recording, seen, view, progress)
     rows, columns = (
         -(-(last - first) // view.factor) for first, last in (view.rows, view.columns)
     )
@@ -133,85 +110,15 @@ def _data(
         'areas': maps['areas'],
         'start': seen.times[0],
         'end': seen.times[-1],
-        'layers': layers,
-        'arrival': arrival,
-        'charts': [_chart_data(item) for item in charts],
+        'layers': maps['layers'],
+        'arrival': maps['arrival'],
+        'charts': [item.data() for item in charts],
     }
 
 
-def _charts(recording: Recording, seen: Survey) -> list[Chart]:
-    run = recording.timeline.last_run
-    told = [item.time for item in run]
-
-    def volume(label: str, name: str) -> Curve:
-        return Curve(label, told, [item.number(name) for item in run])
-
-    volumes = [volume('emitted', 'volume_emitted_m3'), volume('held', 'volume_held_m3')]
-    others = [
-        volume('left the terrain', 'volume_left_m3'),
-        volume('of that into cells without data', 'volume_in_holes_m3'),
-        volume('frozen', 'volume_frozen_m3'),
-        volume('late in the vents', 'volume_late_m3'),
-    ]
-    volumes += [curve for curve in others if any(value > 0.0 for value in curve.values)]
-    area = Curve('covered', seen.times, seen.area)
-    front = Curve('from the nearest vent', seen.times, seen.front)
-    hottest = Curve('hottest cell', seen.times, seen.hottest)
-    return [
-        _scaled('volume', 'Volume', 'm³', volumes),
-        _scaled('area', 'Area', 'm²', [area]),
-        _scaled('front', 'Distance of the front', 'm', [front]),
-        Chart('temperature', 'Highest temperature', '°C', 1.0, [hottest]),
-    ]
-
-
-def _scaled(key: str, title: str, unit: str, curves: list[Curve]) -> Chart:
-    """A chart in thousands or millions where that is easier to read."""
-    most = max((v for item in curves for v in item.values if math.isfinite(v)), default=0.0)
-    # the least value for a larger unit, its name and its size
-    least, name, size = {
-        'm³': (1e6, 'million m³', 1e6),
-        'm²': (1e5, 'km²', 1e6),
-        'm': (1e3, 'km', 1e3),
-    }[unit]
-    if most < least:
-        name, size = unit, 1.0
-    return Chart(key, title, name, 1.0 / size, curves)
-
-
-def _chart_data(chart: Chart) -> dict[str, Any]:
-    curves = [thinned(item) for item in chart.curves]
-    return {
-        'key': chart.key,
-        'unit': chart.unit,
-        'curves': [
-            {
-                'times': [round(time, 1) for time in item.times],
-                'values': [
-                    float(f'{value * chart.scale:.5g}') if math.isfinite(value) else None
-                    for value in item.values
-                ],
-            }
-            for item in curves
-        ],
-    }
-
-
-def _figure(chart: Chart, start: float, end: float) -> str:
-    legend = ''.join(
-        f'<li class="c{index}"><span>{escape(item.label)}</span> '
-        f'<output data-curve="{escape(chart.key)}" data-index="{index}"></output></li>'
-        for index, item in enumerate(chart.curves)
-    )
-    return (
-        f'<figure class="chart"><figcaption>{escape(chart.title)} [{escape(chart.unit)}]'
-        f'</figcaption>{svg(chart, start, end)}<ul class="key">{legend}</ul></figure>'
-    )
-
-
-def _switch(maps: dict[str, Any]) -> str:
-    names = [NAMES[source] for source in SOURCES if source in maps['layers']]
-    names += ['arrival'] if maps['arrival'] is not None else []
+def _switch(data: dict[str, Any]) -> str:
+    names = [item['name'] for item in data['layers']]
+    names += ['arrival'] if data['arrival'] is not None else []
     return ''.join(
         f'<label><input type="radio" name="layer" value="{name}"'
         f'{" checked" if index == 0 else ""}><span>{name}</span></label>'

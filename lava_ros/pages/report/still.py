@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """HTML pages with one picture and without a script: of hindcasts, ensembles, several runs."""
 
 import base64
@@ -25,7 +24,7 @@ import tempfile
 import lava_ros
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, write_output
-from lava_ros.pages.pictures import draw_runs, Words
+from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report.sections import facts_html, warnings_html
 
 _PAGE = """<!DOCTYPE html>
@@ -94,7 +93,9 @@ def write_still(
     return len(text.encode())
 
 
-def write_comparison(paths: Sequence[str], output: str | Path, words: Words) -> int:
+def write_comparison(
+    paths: Sequence[str], output: str | Path, *, overlays: Sequence[str], observed: str | None
+) -> int:
     """Write a page about an ensemble, or about several runs, and return its size [bytes].
 
     Raises:
@@ -103,7 +104,7 @@ def write_comparison(paths: Sequence[str], output: str | Path, words: Words) -> 
     output = file_to_write('output', output, ('.html', '.htm'))
     with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
         picture = Path(folder) / 'maps.png'
-        drawn = draw_runs(paths, picture, words)
+        drawn = draw_runs(paths, picture, overlays=overlays, observed=observed)
         facts = drawn['notes'] | {
             f'{term.replace("_", " ")} of {name}': f'{value:.3g}'
             for name, scores in drawn['scores'].items()

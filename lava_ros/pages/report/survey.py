@@ -23,8 +23,6 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.arrival import Arrival, THICKNESS
 from lava_ros.maps.frames import Frame, Progress, Recording, silent
 
-TEMPERATURE = 'temperature'
-
 
 @dataclass(eq=False)
 class Survey:
@@ -57,13 +55,16 @@ def survey(recording: Recording, progress: Progress = silent) -> Survey:
     if not recording.timeline.moments:
         right = 'a bag with /diagnostics of the node, which say the simulated time'
         raise LavaError('bag', str(recording.bag.path), right)
+    # the least thickness that every layer of it shows, and at least a centimetre
+    layers = recording.layers.values()
+    least = max([0.01, *(item.threshold for item in layers if item.source == THICKNESS)])
     result: Survey | None = None
     for frame in recording.frames():
         if result is None or frame.elevation.shape != result.touched.shape:
             # another terrain: earlier frames do not fit it
             result = Survey(
                 frame,
-                Arrival(_threshold(recording)),
+                Arrival(least),
                 np.zeros(frame.elevation.shape, dtype=bool),
                 np.empty((0, 2)),
             )
@@ -74,21 +75,16 @@ def survey(recording: Recording, progress: Progress = silent) -> Survey:
     return result
 
 
-def _threshold(recording: Recording) -> float:
-    """The least thickness that every layer of thickness shows, and at least a centimetre."""
-    layers = recording.layers.values()
-    return max([0.01, *(item.threshold for item in layers if item.source == THICKNESS)])
-
-
 def _add(result: Survey, frame: Frame) -> None:
     result.frame = frame
     result.arrival.add(frame)
     wet = np.zeros(frame.elevation.shape, dtype=bool)
+    most = {}
     for source, shown in frame.layers.items():
         here = np.isfinite(shown.values)
         if here.any():
-            most = float(np.nanmax(shown.values))
-            result.largest[source] = max(result.largest.get(source, -math.inf), most)
+            most[source] = float(shown.values[here].max())
+            result.largest[source] = max(result.largest.get(source, -math.inf), most[source])
         if shown.is_saturated:
             result.saturated.add(source)
         wet |= here
@@ -102,9 +98,7 @@ def _add(result: Survey, frame: Frame) -> None:
     result.times.append(frame.time or 0.0)
     result.area.append(frame.area)
     result.front.append(float(np.fmax(before, _farthest(frame, fresh, result.vents))))
-    temperature = frame.layers.get(TEMPERATURE)
-    values = [] if temperature is None else temperature.values[np.isfinite(temperature.values)]
-    result.hottest.append(float(np.max(values, initial=-math.inf)) if len(values) else math.nan)
+    result.hottest.append(most.get('temperature', math.nan))
 
 
 def _farthest(frame: Frame, cells: np.ndarray, vents: np.ndarray) -> float:

@@ -38,7 +38,6 @@ from lava_ros.pages.report.charts import (
     LEFT,
     MOST_POINTS,
     svg,
-    thinned,
     ticks,
     time_unit,
     TOP,
@@ -325,7 +324,7 @@ def drawn(chart: Chart, start: float, end: float) -> ElementTree.Element:
 def test_a_curve_is_where_its_values_are():
     """The first point is at the lower left, the last at the upper right, a gap lifts the pen."""
     curve = Curve('a', [0.0, 3600.0, 7200.0, 10800.0], [0.0, 1.0, math.nan, 4.0])
-    tree = drawn(Chart('area', 'Area', 'm²', 1.0, [curve]), 0.0, 10800.0)
+    tree = drawn(Chart('area', 'Area', 'm²', [curve]), 0.0, 10800.0)
     (path,) = [item.get('d') for item in tree.iter('path')]
     assert path is not None
     pens = re.findall('[ML]', path)
@@ -341,7 +340,7 @@ def test_a_curve_is_where_its_values_are():
 def test_hostile_words_are_escaped():
     """Labels are text."""
     name = '"><script>'
-    tree = drawn(Chart(name, name, name, 1.0, [Curve(name, [0.0, 1.0], [1.0, 2.0])]), 0.0, 1.0)
+    tree = drawn(Chart(name, name, name, [Curve(name, [0.0, 1.0], [1.0, 2.0])]), 0.0, 1.0)
     assert [item.tag for item in tree.iter() if 'script' in item.tag] == []
     assert name in (tree.get('aria-label') or '')
 
@@ -349,8 +348,8 @@ def test_hostile_words_are_escaped():
 @pytest.mark.parametrize('values', [[0.0, 0.0], [math.nan, math.nan], [5.0, 5.0]])
 def test_curves_without_height(values):
     """What does not change, or is not there, is drawn without dividing by zero."""
-    assert len(drawn(Chart('a', 'A', 'm', 1.0, [Curve('a', [0.0, 1.0], values)]), 0.0, 1.0)) > 3
-    assert len(drawn(Chart('a', 'A', 'm', 1.0, [Curve('a', [0.0], [1.0])]), 0.0, 0.0)) > 3
+    assert len(drawn(Chart('a', 'A', 'm', [Curve('a', [0.0, 1.0], values)]), 0.0, 1.0)) > 3
+    assert len(drawn(Chart('a', 'A', 'm', [Curve('a', [0.0], [1.0])]), 0.0, 0.0)) > 3
 
 
 @pytest.mark.parametrize(
@@ -370,9 +369,9 @@ def test_ticks(low, high, expected):
 def test_long_curves_are_thinned():
     """Their ends stay."""
     times = np.arange(5000.0).tolist()
-    few = thinned(Curve('a', times, times))
-    assert len(few.times) <= MOST_POINTS
-    assert (few.times[0], few.times[-1]) == (0.0, 4999.0)
+    few = Curve('a', times, times).thinned()
+    assert len(few) <= MOST_POINTS
+    assert (few[0], few[-1]) == ((0.0, 0.0), (4999.0, 4999.0))
 
 
 @pytest.mark.parametrize(
