@@ -25,6 +25,8 @@ import sys
 import numpy as np
 import pytest
 
+from cli.calls import done, refused
+from command_line import lava
 import lava_ros
 from lava_ros.cli import main as cli
 from lava_ros.cli.manual import COMMANDS, GROUPS, parsed
@@ -38,11 +40,9 @@ from lava_ros.scene.materials import material_named
 TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
 
 
-def test_version(capsys):
+def test_version():
     """The version is the package's."""
-    with pytest.raises(SystemExit):
-        cli.main(['--version'])
-    assert capsys.readouterr().out == f'lava_ros {lava_ros.__version__}\n'
+    assert done('--version') == f'lava_ros {lava_ros.__version__}\n'
 
 
 @pytest.mark.parametrize(
@@ -94,44 +94,33 @@ def test_version(capsys):
         ('accuracy --longest "1 hour"', TIME),
     ],
 )
-def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch, capsys):
+def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch):
     """Input that cannot be used is one line on stderr and status 2, before anything is done."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'file').write_text('')
     words = shlex.split(line)
-    assert cli.main(words) == 2
-    seen = capsys.readouterr()
-    assert seen.out == ''
-    assert seen.err.startswith(f'lava {words[0]}: ') and named in seen.err
-    assert seen.err.count('\n') == 1
+    said = refused(*words)
+    assert said.startswith(f'lava {words[0]}: ') and named in said
+    assert said.count('\n') == 1
     assert [path.name for path in tmp_path.iterdir()] == ['file']
 
 
 def test_ros_arguments_reach_the_node(monkeypatch):
     """Everything from --ros-args on is ROS's, in its order; a bag to resume is a parameter."""
     seen: list[list[str]] = []
-
-    def fake_main(args: list[str]) -> int:
-        seen.append(args)
-        return 7
-
-    import lava_ros.ros.node
-
-    monkeypatch.setattr(lava_ros.ros.node, 'main', fake_main)
+    monkeypatch.setattr('lava_ros.ros.node.main', lambda args: seen.append(args) or 7)
     words = ['--ros-args', '-p', 'time_scale:=5.0', '-r', '__ns:=/etna', '--log-level', 'debug']
-    assert cli.main(['node', *words]) == 7
-    assert cli.main(['node', '--resume', 'bags/my "old" bag: #1', *words]) == 7
-    assert cli.main(['node']) == 7
+    for more in (words, ['--resume', 'bags/my "old" bag: #1', *words], []):
+        assert lava('node', *more)[0] == 7
     resume = ['--ros-args', '-p', r'resume:="bags/my \"old\" bag: #1"']
     assert seen == [words, [*words, *resume], []]
 
 
 @pytest.mark.parametrize('command', ['node', 'feed', 'demo'])
-def test_without_ros(command, monkeypatch, capsys):
+def test_without_ros(command, monkeypatch):
     """Where ROS is missing the error says how to get it."""
     monkeypatch.setattr('lava_ros.cli.ros.find_spec', lambda name: None)
-    assert cli.main([command]) == 2
-    assert "pip install 'lava_ros[ros]'" in capsys.readouterr().err
+    assert "pip install 'lava_ros[ros]'" in refused(command)
 
 
 def test_the_default_scene():
@@ -227,10 +216,9 @@ def test_a_command_that_names_no_lava_takes_that_of_etna(island):
         (('--material', 'obsidian'), "lava.material is 'obsidian', expected one of"),
     ],
 )
-def test_wrong_vents_of_the_command(words, sentence, island, capsys):
+def test_wrong_vents_of_the_command(words, sentence, island):
     """What is wrong is shown as it was typed."""
-    assert cli.main(['effects', '--terrain', island, *words]) == 2
-    assert sentence in capsys.readouterr().err
+    assert sentence in refused('effects', '--terrain', island, *words)
 
 
 def test_a_broken_pipe_is_no_error(monkeypatch):
@@ -247,24 +235,16 @@ def test_a_broken_pipe_is_no_error(monkeypatch):
     assert replaced
 
 
-def _page(capsys):
-    with pytest.raises(SystemExit) as caught:
-        cli.main(['--help'])
-    assert caught.value.code == 0
-    return capsys.readouterr().out
+def test_the_page_has_its_parts():
+    """Name, synopsis, commands, examples, environment and exit status, within 88 columns.
 
-
-def test_the_page_has_its_parts(capsys):
-    """Name, synopsis, commands, examples, environment and exit status, within 88 columns."""
-    page = _page(capsys)
+    Commands are in the order of the groups, each once, with what it does; each example is a
+    command with arguments that it takes.
+    """
+    page = done('--help')
     for part in ('NAME', 'SYNOPSIS', 'COMMANDS', 'EXAMPLES', 'ENVIRONMENT', 'EXIT STATUS'):
         assert f'{part}\n' in page
     assert max(len(line) for line in page.splitlines()) <= 88
-
-
-def test_every_command_has_a_line_under_a_heading(capsys):
-    """In the order of the groups, each once, with what it does."""
-    page = _page(capsys)
     listed = page[page.index('COMMANDS\n') : page.index('EXAMPLES')].splitlines()[1:]
     lines = [line for line in listed if line.strip() and line[4:5] != ' ']
     expected = []
@@ -272,11 +252,6 @@ def test_every_command_has_a_line_under_a_heading(capsys):
         expected += [f'  {heading}', *(f'    {name}' for name in names)]
     assert [re.match(r' +[a-z-]+( up)?', line)[0] for line in lines] == expected
     assert all(line[19:].strip() for line in lines if line.startswith('    '))
-
-
-def test_the_examples_of_the_page_parse(capsys):
-    """Each example is a command with arguments that it takes."""
-    page = _page(capsys)
     examples = page[page.index('EXAMPLES') : page.index('ENVIRONMENT')].splitlines()[1:]
     commands = [line.strip().split('  ')[0] for line in examples if line.strip()]
     assert len(commands) >= 5
@@ -307,23 +282,18 @@ def test_the_examples_of_the_page_parse(capsys):
         (('node', 'scene.yaml'), "lava node: 'scene.yaml' is not known here"),
     ],
 )
-def test_wrong_usage_is_one_sentence(words, sentence, capsys):
+def test_wrong_usage_is_one_sentence(words, sentence):
     """What is wrong, what is close, and where to read on; status 2, nothing on stdout."""
-    with pytest.raises(SystemExit) as caught:
-        cli.main(words)
-    assert caught.value.code == 2
-    seen = capsys.readouterr()
-    assert seen.out == ''
-    assert seen.err.count('\n') == 1
-    assert sentence in seen.err
-    assert seen.err.endswith("--help' lists what it takes\n")
+    said = refused(*words)
+    assert said.count('\n') == 1
+    assert sentence in said
+    assert said.endswith("--help' lists what it takes\n")
 
 
-def test_an_error_of_a_library_is_one_line(tmp_path, capsys):
+def test_an_error_of_a_library_is_one_line(tmp_path):
     """YAML explains itself over several lines; here it does so in one."""
     (tmp_path / 'scene.yaml').write_text('terrain: {file: a\nvents: [')
-    assert cli.main(['effects', str(tmp_path / 'scene.yaml')]) == 2
-    assert capsys.readouterr().err.count('\n') == 1
+    assert refused('effects', tmp_path / 'scene.yaml').count('\n') == 1
 
 
 def _completions(script, words):
@@ -340,31 +310,28 @@ def _completions(script, words):
     return set(ended.stdout.split())
 
 
-def test_bash_completes(capsys, tmp_path, monkeypatch):
+def test_bash_completes(tmp_path, monkeypatch):
     """Commands, options, choices and files."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'etna.yaml').write_text('')
-    assert cli.main(['completion', 'bash']) == 0
-    script = capsys.readouterr().out
+    script = done('completion', 'bash')
     assert _completions(script, ['lava', 'do']) == {'doctor'}
     assert {'--rate', '--loop', '--clock'} <= _completions(script, ['lava', 'replay', '--'])
     assert _completions(script, ['lava', 'completion', '']) >= {'bash', 'zsh'}
     assert 'etna.yaml' in _completions(script, ['lava', 'effects', 'et'])
 
 
-def test_zsh_gets_a_script(capsys):
+def test_zsh_gets_a_script():
     """It is one of zsh's, and has every command."""
-    assert cli.main(['completion', 'zsh']) == 0
-    script = capsys.readouterr().out
+    script = done('completion', 'zsh')
     assert script.startswith('#compdef lava')
     assert all(name in script for name in COMMANDS)
 
 
-def test_completion_without_its_library(monkeypatch, capsys):
+def test_completion_without_its_library(monkeypatch):
     """The error says how to get it."""
-    monkeypatch.setitem(cli.sys.modules, 'shtab', None)
-    assert cli.main(['completion', 'bash']) == 2
-    assert "pip install 'lava_ros[completion]'" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, 'shtab', None)
+    assert "pip install 'lava_ros[completion]'" in refused('completion', 'bash')
 
 
 ROOT = Path(__file__).parents[2]

@@ -23,12 +23,13 @@ import re
 import subprocess
 import sys
 from types import SimpleNamespace
+from typing import Any
 
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 import pytest
 
-from lava_ros.cli import main as cli
+from command_line import lava
 from lava_ros.doctor import FAIL, Finding, graph, machine, OK, Said, WARN
 from lava_ros.files.resources import share_path
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
@@ -133,8 +134,7 @@ def test_gpus(monkeypatch):
     monkeypatch.setattr(machine.shutil, 'which', lambda name: None)
     monkeypatch.setattr(machine.Path, 'exists', lambda path: False)
     found = one(machine.check_gpu())
-    assert found.level == WARN
-    assert found.text.startswith('none: the CPU does the work, on ')
+    assert found.level == WARN and found.text.startswith('none: the CPU does the work, on ')
     monkeypatch.setattr(machine.shutil, 'which', lambda name: '/usr/bin/nvidia-smi')
     assert 'does not see' in one(machine.check_gpu()).text
 
@@ -175,45 +175,35 @@ def test_disk(free, level, tmp_path, monkeypatch):
     assert found.level == level
     assert f'{free / 1e9:.1f} GB' in found.text
     assert not (tmp_path / 'none').exists()
-
-
-def test_a_disk_that_cannot_be_written():
-    """The reason is told."""
     found = one(machine.check_disk('/proc/bags'))
     assert found.level == FAIL
     assert '/proc/bags cannot be written (' in found.text
 
 
 @pytest.mark.parametrize(
-    ('status', 'error', 'level'), [(0, 3000, OK), (0x40, 3000, WARN), (0, 16_000_000, WARN)]
+    ('state', 'level', 'words'),
+    [
+        ((0, 3000), OK, 'synchronised within 3 ms'),
+        ((0x40, 3000), WARN, 'not synchronised'),
+        # in step by a clock nobody should trust
+        ((0, 16_000_000), WARN, 'not synchronised'),
+        # a library without adjtimex
+        (None, WARN, 'its state is unknown'),
+    ],
 )
-def test_clock(status, error, level, monkeypatch):
-    """In step, not in step, and in step by a clock nobody should trust."""
-
-    class Libc:
-        """A C library whose clock is in this state."""
-
-        def adjtimex(self, state):
-            """Fill in the state."""
-            machine.ctypes.c_int.from_buffer(state, machine._TIMEX_STATUS).value = status
-            machine.ctypes.c_long.from_buffer(state, machine._TIMEX_MAXERROR).value = error
-            return 0
-
-    monkeypatch.setattr(machine.ctypes, 'CDLL', lambda *args, **options: Libc())
-    found = one(machine.check_clock())
-    assert found.level == level
-    assert level != OK or found.text == 'synchronised within 3 ms'
-
-
-def test_the_clock_of_this_machine():
-    """The real call gives one of the answers there are."""
+def test_clock(state, level, words, monkeypatch):
+    """In step or not, by what the C library says; the one of this machine says something."""
     assert one(machine.check_clock()).level in (OK, WARN)
 
+    def adjtimex(timex: Any) -> int:
+        machine.ctypes.c_int.from_buffer(timex, machine._TIMEX_STATUS).value = state[0]
+        machine.ctypes.c_long.from_buffer(timex, machine._TIMEX_MAXERROR).value = state[1]
+        return 0
 
-def test_a_library_without_adjtimex(monkeypatch):
-    """Nothing is claimed."""
-    monkeypatch.setattr(machine.ctypes, 'CDLL', lambda *args, **options: object())
-    assert one(machine.check_clock()).text == 'its state is unknown'
+    library = SimpleNamespace(adjtimex=adjtimex) if state else object()
+    monkeypatch.setattr(machine.ctypes, 'CDLL', lambda *args, **options: library)
+    found = one(machine.check_clock())
+    assert (found.level, found.text) == (level, words)
 
 
 def test_ros(monkeypatch):
@@ -263,27 +253,25 @@ def test_discovery_warns_of_what_works_by_chance():
 
 def test_security(tmp_path):
     """Off is right; on needs an installation, a keystore and Enforce."""
-    assert one(graph.check_security({})).level == OK
-    on = {'ROS_SECURITY_ENABLE': 'true'}
-    found = one(graph.check_security(on))
-    assert (found.level, 'wheels' in found.text) == (FAIL, True)
-    on['AMENT_PREFIX_PATH'] = '/opt/ros/jazzy'
-    assert one(graph.check_security(on)).level == FAIL
     (tmp_path / 'enclaves').mkdir()
-    on['ROS_SECURITY_KEYSTORE'] = str(tmp_path)
-    found = one(graph.check_security(on))
-    assert (found.level, found.way_out) == (WARN, 'set ROS_SECURITY_STRATEGY=Enforce')
-    on['ROS_SECURITY_STRATEGY'] = 'Enforce'
-    assert one(graph.check_security(on)).level == OK
+    environment: dict[str, str] = {}
+    for more, level, words in (
+        ({}, OK, 'off'),
+        ({'ROS_SECURITY_ENABLE': 'true'}, FAIL, 'wheels'),
+        ({'AMENT_PREFIX_PATH': '/opt/ros/jazzy'}, FAIL, "ROS_SECURITY_KEYSTORE is ''"),
+        ({'ROS_SECURITY_KEYSTORE': str(tmp_path)}, WARN, 'nodes without keys are let in'),
+        ({'ROS_SECURITY_STRATEGY': 'Enforce'}, OK, f'enforced with {tmp_path}'),
+    ):
+        environment |= more
+        found = one(graph.check_security(environment))
+        assert found.level == level and words in found.text
 
 
-@pytest.mark.parametrize(
-    'name', ['default.yaml', 'monitoring.yaml', 'nav2_keepout.yaml', 'nav2_speed.yaml']
-)
+@pytest.mark.parametrize('name', ['default', 'monitoring', 'nav2_keepout', 'nav2_speed'])
 def test_layers_of_the_package_reach_robots(name):
     """What ships is delivered to RViz and Nav2."""
-    found = one(graph.check_qos(load_layers(share_path(f'msg_configs/{name}'))))
-    assert found.level == OK
+    layers = load_layers(share_path(f'msg_configs/{name}.yaml'))
+    assert one(graph.check_qos(layers)).level == OK
 
 
 def test_layers_that_do_not_reach_robots():
@@ -315,11 +303,13 @@ def test_a_round_trip(monkeypatch):
 
 
 def test_a_middleware_that_cannot_start(monkeypatch):
-    """Its last words are told, and what to try."""
+    """Its last words are told, and what to try; without ROS that nothing was tried."""
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_of_nobody')
     found = one(graph.check_round_trip())
     assert found.level == FAIL
     assert 'rmw_of_nobody' in found.text
+    monkeypatch.setattr(graph, 'find_spec', lambda name: None)
+    assert one(graph.check_round_trip()).text == 'not tried: no rclpy'
 
 
 @pytest.mark.parametrize(
@@ -333,20 +323,13 @@ def test_a_middleware_that_cannot_start(monkeypatch):
 def test_a_middleware_that_hangs_or_crashes(code, words, monkeypatch):
     """It does not take the doctor along."""
     run = subprocess.run
-
-    def other(command, **options):
-        return run([sys.executable, '-c', code], **options)
-
-    monkeypatch.setattr(graph.subprocess, 'run', other)
+    monkeypatch.setattr(
+        graph.subprocess, 'run',
+        lambda command, **options: run([sys.executable, '-c', code], **options),
+    )
     found = one(graph.check_round_trip(timeout=0.5 if 'sleep' in code else 20.0))
     assert found.level == FAIL
     assert words in found.text
-
-
-def test_no_round_trip_without_ros(monkeypatch):
-    """It says so."""
-    monkeypatch.setattr(graph, 'find_spec', lambda name: None)
-    assert one(graph.check_round_trip()).text == 'not tried: no rclpy'
 
 
 @pytest.fixture
@@ -358,38 +341,30 @@ def findings(monkeypatch):
 
 
 @pytest.mark.parametrize('has_rich', [True, False])
-def test_findings_are_lines(has_rich, findings, monkeypatch, capsys):
+def test_findings_are_lines(has_rich, findings, monkeypatch):
     """Level, check and text in columns, the way out below; no colours in a pipe, rich or not."""
     if not has_rich:
         monkeypatch.setitem(sys.modules, 'rich.console', None)
     findings += [Finding('python', OK, '3.11'), Finding('gpu', WARN, 'none [x]', 'buy one')]
-    assert cli.main(['doctor']) == 0
-    assert capsys.readouterr().out.splitlines() == [
-        'OK    python        3.11',
-        'WARN  gpu           none [x]',
-        '                    -> buy one',
-    ]
+    lines = ['OK    python        3.11', 'WARN  gpu           none [x]', f'{"":20}-> buy one', '']
+    assert lava('doctor') == (0, '\n'.join(lines), '')
+    # what does not work is the exit status
+    findings.append(Finding('dds', FAIL, 'nothing came back', 'see the firewall'))
+    status, said, _ = lava('doctor')
+    assert status == 1 and 'FAIL' in said
 
 
-def test_what_does_not_work_is_the_exit_status(findings, capsys):
-    """1 when something fails, 0 when there are only warnings."""
-    findings += [Finding('dds', FAIL, 'nothing came back', 'see the firewall')]
-    assert cli.main(['doctor']) == 1
-    assert 'FAIL' in capsys.readouterr().out
-
-
-def test_json(findings, tmp_path, capsys):
+def test_json(findings, tmp_path):
     """The same as data, to a file or to stdout, and nothing besides."""
     findings += [Finding('disk', WARN, '2.0 GB', 'make room')]
     expected = [{'check': 'disk', 'level': 'WARN', 'text': '2.0 GB', 'way_out': 'make room'}]
     path = tmp_path / 'doctor.json'
-    assert cli.main(['doctor', '--json', str(path)]) == 0
+    assert lava('doctor', '--json', path) == (0, '', '')
     assert json.loads(path.read_text()) == expected
-    assert capsys.readouterr().out == ''
-    assert cli.main(['doctor', '--json', '-']) == 0
-    assert json.loads(capsys.readouterr().out) == expected
-    assert cli.main(['doctor', '--json', str(tmp_path / 'no/such')]) == 2
-    assert '--json' in capsys.readouterr().err
+    status, said, _ = lava('doctor', '--json', '-')
+    assert status == 0 and json.loads(said) == expected
+    status, _, said = lava('doctor', '--json', tmp_path / 'no/such')
+    assert status == 2 and '--json' in said
 
 
 def test_every_check_is_made_without_ros_and_gpu(tmp_path):

@@ -20,12 +20,9 @@ import numpy as np
 import pytest
 
 from lava_ros.pages.report.page import write_report
-from pages.report.devtools import Browser, chromium, has_qt
+from pages.report.devtools import Browser, needs_browser
 
-pytestmark = pytest.mark.skipif(
-    chromium() is None and not has_qt(),
-    reason='needs Chromium (apt install chromium, or CHROME) or Qt (make look)',
-)
+pytestmark = needs_browser
 
 # A checksum of what the map shows, and how many of its pixels are as dark red as lethal hazard.
 PIXELS = """(() => {
