@@ -19,12 +19,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
+from lava_ros import doctor as checks
 from lava_ros.cli.manual import COMMANDS, parser_of, summary_of
 from lava_ros.cli.options import argument, command
 from lava_ros.cli.output import terminal, write_json
-from lava_ros.doctor import FAIL, Finding, OK, Said, WARN
+from lava_ros.doctor import FAIL, Finding, OK, WARN
 from lava_ros.errors import LavaError, printable
 from lava_ros.files.optional import require
+from lava_ros.files.resources import share_path
+from lava_ros.maps.layer_files import load_layers
 
 _STYLES = {OK: 'green', WARN: 'yellow', FAIL: 'bold red'}
 
@@ -64,38 +67,29 @@ def doctor(args: argparse.Namespace) -> int:
 
 
 def _findings(args: argparse.Namespace) -> Iterator[Finding]:
-    from lava_ros.doctor import graph, machine
-
-    for name, said in (
-        ('python', machine.check_python()),
-        ('packages', machine.check_packages()),
-        ('ros', graph.check_ros()),
-        ('discovery', graph.check_discovery()),
-        ('dds', graph.check_round_trip()),
-        ('sros2', graph.check_security()),
-        ('qos', _check_layers(args.msg_config)),
-        ('gpu', machine.check_gpu()),
-        ('kernel cache', machine.check_kernel_cache()),
-        ('disk', machine.check_disk(args.bags)),
-        ('clock', machine.check_clock()),
-    ):
-        # each begins when it is asked for what it finds
-        yield from (Finding(name, *item) for item in said)
+    for name, check in {
+        'python': checks.check_python,
+        'packages': checks.check_packages,
+        'ros': checks.check_ros,
+        'discovery': checks.check_discovery,
+        'dds': checks.check_round_trip,
+        'sros2': checks.check_security,
+        'qos': lambda: _check_layers(args.msg_config),
+        'gpu': checks.check_gpu,
+        'kernel cache': checks.check_kernel_cache,
+        'disk': lambda: checks.check_disk(args.bags),
+        'clock': checks.check_clock,
+    }.items():
+        yield from (Finding(name, *said) for said in check())
 
 
-def _check_layers(name: str) -> Iterator[Said]:
+def _check_layers(name: str) -> checks.Said:
     path = Path(name)
     try:
-        from lava_ros.doctor.graph import check_qos
-        from lava_ros.files.resources import share_path
-        from lava_ros.maps.layer_files import load_layers
-
         layers = load_layers(path if path.is_file() else share_path(f'msg_configs/{name}'))
-        yield from check_qos(layers)
-    except ImportError as error:
-        yield FAIL, f'not checked: {error}', 'install the missing packages'
     except LavaError as error:
-        yield FAIL, str(error), 'correct the file, or name another: --msg-config'
+        return [(FAIL, str(error), 'correct the file, or name another: --msg-config')]
+    return checks.check_qos(layers)
 
 
 def _printer() -> Callable[[Finding], None]:

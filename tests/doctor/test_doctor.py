@@ -15,7 +15,6 @@
 """What the doctor finds on a machine and in a graph, and how `lava doctor` says it."""
 
 from collections import namedtuple
-from collections.abc import Iterable
 import importlib.metadata
 import json
 from pathlib import Path
@@ -30,7 +29,8 @@ from packaging.specifiers import SpecifierSet
 import pytest
 
 from command_line import lava
-from lava_ros.doctor import FAIL, Finding, graph, machine, OK, Said, WARN
+from lava_ros import doctor
+from lava_ros.doctor import FAIL, Finding, OK, Said, WARN
 from lava_ros.files.resources import share_path
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 
@@ -40,12 +40,12 @@ Usage = namedtuple('Usage', 'total used free')
 Version = namedtuple('Version', 'major minor micro')
 
 
-def found_by(check: Iterable[Said]) -> list[Finding]:
+def found_by(check: Said) -> list[Finding]:
     """What a check finds."""
     return [Finding('check', *said) for said in check]
 
 
-def one(check: Iterable[Said]) -> Finding:
+def one(check: Said) -> Finding:
     """The only finding of a check; one that is not OK has a way out."""
     (found,) = found_by(check)
     assert found.text
@@ -60,18 +60,18 @@ def one(check: Iterable[Said]) -> Finding:
 def test_python(version, level, monkeypatch):
     """Too old does not work, too new was not tried."""
     monkeypatch.setattr(sys, 'version_info', Version(*version))
-    assert one(machine.check_python()).level == level
+    assert one(doctor.check_python()).level == level
 
 
 def test_packages_are_those_of_the_setup():
     """Names, bounds and extras are the requirements of setup.py and of its ROS-free extras."""
     text = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    for name, lowest, untried, extra in machine.PACKAGES:
+    for name, lowest, untried, extra in doctor.PACKAGES:
         assert f"'{name}>={lowest},<{untried}'" in text, name
         assert not extra or f"    '{extra}': [" in text
     block = text[text.index('install_requires=[') : text.index('extras_require')]
     required = {Requirement(item).name for item in re.findall(r"'(.+)',", block)}
-    assert required == {name for name, _, _, extra in machine.PACKAGES if not extra}
+    assert required == {name for name, _, _, extra in doctor.PACKAGES if not extra}
 
 
 def test_versions_are_compared_as_numbers():
@@ -79,25 +79,25 @@ def test_versions_are_compared_as_numbers():
     for version, bounds in (('1.19.0', '>=1.9,<2'), ('6.0.3', '>=6,<7'), ('1.3.10', '>=1.3.10')):
         lowest = bounds.split(',')[0].lstrip('>=')
         assert SpecifierSet(bounds).contains(version)
-        assert machine._parts(version) >= machine._parts(lowest)
-    assert machine._parts('2.0.0rc1') == (2, 0)
-    assert machine._parts('10') > machine._parts('9.9')
+        assert doctor._parts(version) >= doctor._parts(lowest)
+    assert doctor._parts('2.0.0rc1') == (2, 0)
+    assert doctor._parts('10') > doctor._parts('9.9')
 
 
 def test_packages(monkeypatch):
     """A missing one does not work, a missing extra or an untried version is worth a word."""
-    versions = {name: lowest for name, lowest, _, _ in machine.PACKAGES}
+    versions = {name: lowest for name, lowest, _, _ in doctor.PACKAGES}
 
     def version(name):
         if name not in versions:
             raise importlib.metadata.PackageNotFoundError(name)
         return versions[name]
 
-    monkeypatch.setattr(machine.importlib.metadata, 'version', version)
-    assert one(machine.check_packages()).level == OK
+    monkeypatch.setattr(doctor.importlib.metadata, 'version', version)
+    assert one(doctor.check_packages()).level == OK
     del versions['rasterio'], versions['mcap']
     versions['numpy'] = '3.0'
-    *bad, good = found_by(machine.check_packages())
+    *bad, good = found_by(doctor.check_packages())
     assert good.level == OK
     levels = {item.text.split()[0]: item for item in bad}
     assert set(levels) == {'mcap', 'rasterio', 'numpy'}
@@ -126,17 +126,17 @@ def warp(count, cache=''):
 
 def test_gpus(monkeypatch):
     """Each is named with its memory and driver; without one it is said who does the work."""
-    monkeypatch.setattr(machine, '_warp', lambda: warp(2))
-    first, second = found_by(machine.check_gpu())
+    monkeypatch.setattr(doctor, '_warp', lambda: warp(2))
+    first, second = found_by(doctor.check_gpu())
     assert first.level == second.level == OK
     assert first.text == 'cuda:0: H200, sm_90, 130.0 of 140.0 GB free, driver for CUDA 12.8'
-    monkeypatch.setattr(machine, '_warp', lambda: warp(0))
-    monkeypatch.setattr(machine.shutil, 'which', lambda name: None)
-    monkeypatch.setattr(machine.Path, 'exists', lambda path: False)
-    found = one(machine.check_gpu())
+    monkeypatch.setattr(doctor, '_warp', lambda: warp(0))
+    monkeypatch.setattr(doctor.shutil, 'which', lambda name: None)
+    monkeypatch.setattr(doctor.Path, 'exists', lambda path: False)
+    found = one(doctor.check_gpu())
     assert found.level == WARN and found.text.startswith('none: the CPU does the work, on ')
-    monkeypatch.setattr(machine.shutil, 'which', lambda name: '/usr/bin/nvidia-smi')
-    assert 'does not see' in one(machine.check_gpu()).text
+    monkeypatch.setattr(doctor.shutil, 'which', lambda name: '/usr/bin/nvidia-smi')
+    assert 'does not see' in one(doctor.check_gpu()).text
 
 
 def test_a_warp_that_does_not_start(monkeypatch):
@@ -145,8 +145,8 @@ def test_a_warp_that_does_not_start(monkeypatch):
     def broken():
         raise RuntimeError('libcuda is too old')
 
-    monkeypatch.setattr(machine, '_warp', broken)
-    for check in (machine.check_gpu, machine.check_kernel_cache):
+    monkeypatch.setattr(doctor, '_warp', broken)
+    for check in (doctor.check_gpu, doctor.check_kernel_cache):
         found = one(check())
         assert found.level == FAIL
         assert 'libcuda is too old' in found.text
@@ -156,11 +156,11 @@ def test_kernel_cache(tmp_path, monkeypatch):
     """Its size is told, and that it cannot be written."""
     (tmp_path / 'module').mkdir()
     (tmp_path / 'module/kernels.o').write_bytes(bytes(3_000_000))
-    monkeypatch.setattr(machine, '_warp', lambda: warp(0, str(tmp_path)))
-    found = one(machine.check_kernel_cache())
+    monkeypatch.setattr(doctor, '_warp', lambda: warp(0, str(tmp_path)))
+    found = one(doctor.check_kernel_cache())
     assert (found.level, found.text) == (OK, f'{tmp_path}, 3 MB')
-    monkeypatch.setattr(machine, '_warp', lambda: warp(0, '/proc/none'))
-    found = one(machine.check_kernel_cache())
+    monkeypatch.setattr(doctor, '_warp', lambda: warp(0, '/proc/none'))
+    found = one(doctor.check_kernel_cache())
     assert found.level == FAIL
     assert 'WARP_CACHE_PATH' in found.way_out
 
@@ -170,12 +170,12 @@ def test_kernel_cache(tmp_path, monkeypatch):
 )
 def test_disk(free, level, tmp_path, monkeypatch):
     """Room for bags, also where their folder does not exist yet."""
-    monkeypatch.setattr(machine.shutil, 'disk_usage', lambda path: Usage(10**12, 0, free))
-    found = one(machine.check_disk(tmp_path / 'none/yet'))
+    monkeypatch.setattr(doctor.shutil, 'disk_usage', lambda path: Usage(10**12, 0, free))
+    found = one(doctor.check_disk(tmp_path / 'none/yet'))
     assert found.level == level
     assert f'{free / 1e9:.1f} GB' in found.text
     assert not (tmp_path / 'none').exists()
-    found = one(machine.check_disk('/proc/bags'))
+    found = one(doctor.check_disk('/proc/bags'))
     assert found.level == FAIL
     assert '/proc/bags cannot be written (' in found.text
 
@@ -193,28 +193,28 @@ def test_disk(free, level, tmp_path, monkeypatch):
 )
 def test_clock(state, level, words, monkeypatch):
     """In step or not, by what the C library says; the one of this machine says something."""
-    assert one(machine.check_clock()).level in (OK, WARN)
+    assert one(doctor.check_clock()).level in (OK, WARN)
 
     def adjtimex(timex: Any) -> int:
-        machine.ctypes.c_int.from_buffer(timex, machine._TIMEX_STATUS).value = state[0]
-        machine.ctypes.c_long.from_buffer(timex, machine._TIMEX_MAXERROR).value = state[1]
+        doctor.ctypes.c_int.from_buffer(timex, doctor._TIMEX_STATUS).value = state[0]
+        doctor.ctypes.c_long.from_buffer(timex, doctor._TIMEX_MAXERROR).value = state[1]
         return 0
 
     library = SimpleNamespace(adjtimex=adjtimex) if state else object()
-    monkeypatch.setattr(machine.ctypes, 'CDLL', lambda *args, **options: library)
-    found = one(machine.check_clock())
+    monkeypatch.setattr(doctor.ctypes, 'CDLL', lambda *args, **options: library)
+    found = one(doctor.check_clock())
     assert (found.level, found.text) == (level, words)
 
 
 def test_ros(monkeypatch):
     """Jazzy from wheels or an installation is right, another distribution is not."""
-    assert 'jazzy from wheels' in one(graph.check_ros({})).text
+    assert 'jazzy from wheels' in one(doctor.check_ros({})).text
     sourced = {'AMENT_PREFIX_PATH': '/opt/ros/jazzy', 'ROS_DISTRO': 'jazzy'}
-    assert 'jazzy from an installation' in one(graph.check_ros(sourced)).text
-    found = one(graph.check_ros({'ROS_DISTRO': 'humble'}))
+    assert 'jazzy from an installation' in one(doctor.check_ros(sourced)).text
+    found = one(doctor.check_ros({'ROS_DISTRO': 'humble'}))
     assert (found.level, found.text) == (WARN, 'ROS_DISTRO is humble')
-    monkeypatch.setattr(graph, 'find_spec', lambda name: None)
-    found = one(graph.check_ros({}))
+    monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
+    found = one(doctor.check_ros({}))
     assert found.level == FAIL
     assert "pip install 'lava_ros[ros]'" in found.way_out
 
@@ -237,7 +237,7 @@ def test_ros(monkeypatch):
 )
 def test_discovery(environment, level, words):
     """Who can hear the node, and whether anybody can."""
-    found = one(graph.check_discovery(environment))
+    found = one(doctor.check_discovery(environment))
     assert found.level == level
     assert words in found.text
 
@@ -245,7 +245,7 @@ def test_discovery(environment, level, words):
 def test_discovery_warns_of_what_works_by_chance():
     """A domain whose ports others may take, and a variable that overrides the range."""
     environment = {'ROS_DOMAIN_ID': '150', 'ROS_LOCALHOST_ONLY': '1'}
-    ports, deprecated, rest = found_by(graph.check_discovery(environment))
+    ports, deprecated, rest = found_by(doctor.check_discovery(environment))
     assert (ports.level, deprecated.level, rest.level) == (WARN, WARN, OK)
     assert 'domain 150' in ports.text
     assert 'ROS_LOCALHOST_ONLY' in deprecated.text
@@ -263,7 +263,7 @@ def test_security(tmp_path):
         ({'ROS_SECURITY_STRATEGY': 'Enforce'}, OK, f'enforced with {tmp_path}'),
     ):
         environment |= more
-        found = one(graph.check_security(environment))
+        found = one(doctor.check_security(environment))
         assert found.level == level and words in found.text
 
 
@@ -271,7 +271,7 @@ def test_security(tmp_path):
 def test_layers_of_the_package_reach_robots(name):
     """What ships is delivered to RViz and Nav2."""
     layers = load_layers(share_path(f'msg_configs/{name}.yaml'))
-    assert one(graph.check_qos(layers)).level == OK
+    assert one(doctor.check_qos(layers)).level == OK
 
 
 def test_layers_that_do_not_reach_robots():
@@ -284,8 +284,8 @@ def test_layers_that_do_not_reach_robots():
     hidden = {**layer, 'enabled': False}
     image = {'source': 'thickness', 'message': 'sensor_msgs/Image', 'qos': layer['qos']}
     layers = layers_from_dict({'layers': {'mask': layer, 'hidden': hidden, 'raw': image}})
-    findings = found_by(graph.check_qos(layers))
-    assert len(findings) == 2 * len(graph.CONSUMERS)
+    findings = found_by(doctor.check_qos(layers))
+    assert len(findings) == 2 * len(doctor.CONSUMERS)
     assert all(found.level == WARN and 'of mask' in found.text for found in findings)
     assert {found.way_out for found in findings} == {
         'set layers.mask.qos.reliability to reliable',
@@ -296,7 +296,7 @@ def test_layers_that_do_not_reach_robots():
 def test_a_round_trip(monkeypatch):
     """A latched message and twenty others go through the middleware, with their times."""
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    found = one(graph.check_round_trip())
+    found = one(doctor.check_round_trip())
     assert found.level in (OK, WARN), found.text
     assert found.text.startswith('rmw_fastrtps_cpp: found after ')
     assert ' ms, there in ' in found.text
@@ -305,11 +305,11 @@ def test_a_round_trip(monkeypatch):
 def test_a_middleware_that_cannot_start(monkeypatch):
     """Its last words are told, and what to try; without ROS that nothing was tried."""
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_of_nobody')
-    found = one(graph.check_round_trip())
+    found = one(doctor.check_round_trip())
     assert found.level == FAIL
     assert 'rmw_of_nobody' in found.text
-    monkeypatch.setattr(graph, 'find_spec', lambda name: None)
-    assert one(graph.check_round_trip()).text == 'not tried: no rclpy'
+    monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
+    assert one(doctor.check_round_trip()).text == 'not tried: no rclpy'
 
 
 @pytest.mark.parametrize(
@@ -324,10 +324,10 @@ def test_a_middleware_that_hangs_or_crashes(code, words, monkeypatch):
     """It does not take the doctor along."""
     run = subprocess.run
     monkeypatch.setattr(
-        graph.subprocess, 'run',
+        doctor.subprocess, 'run',
         lambda command, **options: run([sys.executable, '-c', code], **options),
     )
-    found = one(graph.check_round_trip(timeout=0.5 if 'sleep' in code else 20.0))
+    found = one(doctor.check_round_trip(timeout=0.5 if 'sleep' in code else 20.0))
     assert found.level == FAIL
     assert words in found.text
 

@@ -106,7 +106,8 @@ class Browser:
             words, environment = [path, '--headless', '--no-sandbox', '--no-first-run', *flags], {}
             words += [f'--remote-debugging-port={port}', f'--user-data-dir={folder}']
         self._process = subprocess.Popen(
-            [*words, 'about:blank'], env=os.environ | environment, stdout=self._log, stderr=self._log
+            [*words, 'about:blank'], env=os.environ | environment,
+            stdout=self._log, stderr=self._log,
         )
         try:
             self._loop = IOLoop(make_current=False)
