@@ -152,17 +152,20 @@ def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
     return history.times
 
 
+def _day(seconds: float) -> str:
+    return f'{datetime.fromtimestamp(seconds, timezone.utc):%Y-%m-%d}'
+
+
 def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
-    facts = {}
-    begun = recording.bag.start_ns or 0
+    begun = (recording.bag.start_ns or 0) / 1e9
     # a simulation's clock gives no date
-    if begun > 1e18:
-        facts['computed'] = f'{datetime.fromtimestamp(begun / 1e9, timezone.utc):%Y-%m-%d}'
-    facts |= _vents(scene)
+    facts = ({'computed': _day(begun)} if begun > 1e9 else {}) | _vents(scene)
     at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]
     budget = VolumeBudget.from_texts(at[-1].values) if at else None
     if budget is not None:
-        facts['volume emitted'] = _volume(budget.emitted)
+        value = budget.emitted
+        text = f'{value / 1e6:.3g} million m³' if value >= 1e5 else f'{value:.3g} m³'
+        facts['volume emitted'] = text
         if budget.warnings():
             facts['warning'] = '; '.join(budget.warnings())
     return facts
@@ -176,10 +179,6 @@ def _vents(scene: Scene | None) -> dict[str, str]:
     if any(len(vent.series) > 1 for vent in scene.vents):
         flux += ' at most'
     return {'discharge': flux + (f' from {count} vents' if count > 1 else '')}
-
-
-def _volume(value: float) -> str:
-    return f'{value / 1e6:.3g} million m³' if value >= 1e5 else f'{value:.3g} m³'
 
 
 def _model(recording: Recording) -> dict[str, str]:
@@ -254,10 +253,9 @@ def _ensemble(folder: Path) -> Run:
         f'{area_words(float((likely >= least).sum()) * cell)} at {least} % or more'
         for least in (10, 50, 90)
     ]
-    written = (folder / 'inundation_probability.tif').stat().st_mtime
     preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
     facts = {
-        'computed': f'{datetime.fromtimestamp(written, timezone.utc):%Y-%m-%d}',
+        'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
         **_vents(scene),
         'members': f'{members}, effective number {effective:.3g}; standard error of a probability '
         f'of 50 %: {50.0 / effective**0.5:.2g} percentage points',

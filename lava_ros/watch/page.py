@@ -62,7 +62,7 @@ from lava_ros.maps.plot import (
     titles,
     window_of,
 )
-from lava_ros.pages.report.maps import View
+from lava_ros.pages.report.survey import View
 from lava_ros.watch.frames import Frames, Level, Status
 
 #: Most cells of a map that is sent; of a larger one several are shown as their largest.

@@ -32,8 +32,7 @@ from lava_ros.maps.plot import duration
 from lava_ros.pages.report import sections
 from lava_ros.pages.report.charts import Chart, charts_of
 from lava_ros.pages.report.description import described
-from lava_ros.pages.report.maps import pack_maps, relief, view_of
-from lava_ros.pages.report.survey import Survey, survey
+from lava_ros.pages.report.survey import pack_maps, relief, Survey, survey, view_of
 
 
 def write_report(
