@@ -110,15 +110,8 @@ class Parser(argparse.ArgumentParser):
         print(f'{self.prog}: {message}; {hint}', file=sys.stderr)
         sys.exit(2)
 
-    def parse(self, words: list[str]) -> argparse.Namespace:
-        """Parse, and name the option that is closest to one that is unknown."""
-        parsed, unknown = self.parse_known_args(words)
-        if unknown:
-            self.refuse(unknown[0])
-        return parsed
-
     def refuse(self, word: str) -> NoReturn:
-        """Exit because of a word that is not known."""
+        """Exit because of a word that is not known, and name the option that is closest."""
         known = list(self._option_string_actions)
         self.error(f'{word!r} is not known here{_closest(word, known)}')
 
@@ -176,13 +169,17 @@ def parser_of(name: str) -> Parser:
 
 def parsed(words: list[str]) -> argparse.Namespace:
     """Parse a command line; exits with status 2 where a word is wrong."""
-    if words[:1] and words[0] in COMMANDS:
-        return parser_of(words[0]).parse(words[1:])
-    manual = Manual()
-    if words[:1] and words[0].startswith('-') and words[0] not in manual._option_string_actions:
+    parser: Parser = Manual()
+    first = words[0] if words else ''
+    if first in COMMANDS:
+        parser, words = parser_of(first), words[1:]
+    elif first.startswith('-') and first not in parser._option_string_actions:
         # without this the error would be that there is no command
-        manual.refuse(words[0])
-    return manual.parse(words)
+        parser.refuse(first)
+    result, unknown = parser.parse_known_args(words)
+    if unknown:
+        parser.refuse(unknown[0])
+    return result
 
 
 def _function(name: str) -> str:

@@ -78,11 +78,7 @@ def check_outputs(args: argparse.Namespace) -> None:
 
 
 def write_json(data: Any, *names: str | Path | None) -> None:
-    """Write data as JSON to files, to stdout for ``-``, and nowhere for None.
-
-    Raises:
-        LavaError: A file cannot be written.
-    """
+    """Write data as JSON to files, to stdout for ``-``, and nowhere for None."""
     # ASCII: a terminal may obey characters from 128 on
     text = json.dumps(data, indent=1) + '\n'
     for name in names:
@@ -107,11 +103,7 @@ def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
 
 
 def made_folder(name: str | Path) -> Path:
-    """Create the folder that ``--output`` names, unless it exists, and return its path.
-
-    Raises:
-        LavaError: The folder cannot be created.
-    """
+    """Create the folder that ``--output`` names, unless it exists; LavaError if it cannot be."""
     folder = Path(name)
     try:
         folder.mkdir(parents=True, exist_ok=True)

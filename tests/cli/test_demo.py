@@ -181,7 +181,7 @@ def child_of(tmp_path):
         (tmp_path / 'a_program.py').write_text(text)
         log = tmp_path / 'a.log'
         env = os.environ | {'PYTHONPATH': str(tmp_path)}
-        child = Child('program', 'a_program', [], log=log, env=env)
+        child = Child('program', 'a_program', log=log, env=env)
         end = time.monotonic() + 30.0
         while not log.read_text():
             assert time.monotonic() < end
@@ -226,7 +226,7 @@ import time
 from lava_ros.cli.ros import Child
 # whoever runs the tests may ignore it, as nohup does
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
-child = Child('program', 'a_program', [], log=Path('a.log'), env=os.environ)
+child = Child('program', 'a_program', log=Path('a.log'), env=os.environ)
 try:
     while not Path('a.log').read_text():
         time.sleep(0.01)

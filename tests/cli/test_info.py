@@ -73,33 +73,6 @@ def test_info_as_json(bag, tmp_path):
     refused('info', bag, '--json', tmp_path / 'gone' / 'info.json')
 
 
-def test_info_says_which_effects_were_on(tmp_path):
-    """The table at the start and what changed later, as text and as JSON."""
-    changes = [
-        {'stamp_ns': 1, 'time': 0.0, 'effects': {'steep': 'on: slope = 0.8 > 0.12'}},
-        {'stamp_ns': 9, 'time': 60.0, 'effects': {'steep': 'off: forced'}},
-    ]
-    data = {'effects': json.dumps(changes)}
-    BagWriter(tmp_path / 'bag', custom_data=data).close()
-    shown, told = info(tmp_path / 'bag')
-    lines = [' '.join(line.split()) for line in shown]
-    place = lines.index('effects')
-    assert lines[place + 1 : place + 4] == [
-        'steep on: slope = 0.8 > 0.12',
-        'changed at 60.0 s',
-        'steep off: forced',
-    ]
-    assert 'custom data' not in lines
-    assert told['effects'] == changes
-
-
-@pytest.mark.parametrize('text', ['[1', '[1]', '{}', '[{"time": 0}]'])
-def test_effects_that_cannot_be_read_are_shown_as_text(text, tmp_path):
-    """A bag of someone else's may have anything by that name."""
-    BagWriter(tmp_path / 'bag', custom_data={'effects': text}).close()
-    assert f'  effects: {text}' in info(tmp_path / 'bag')[0]
-
-
 def test_info_and_recover_of_a_bag_that_was_cut_off(bag, tmp_path):
     """A cut bag is described as such, and made whole by recover."""
     path = bag / 'bag_0.mcap'
@@ -128,25 +101,49 @@ def test_checkpoints_are_listed(tmp_path):
     assert stored[6]['size'] == len(checkpoint.to_bytes())
 
 
-def test_a_bag_names_what_it_was_resumed_from(tmp_path):
-    """Bag and simulated time in the text, all of it in the JSON; another text is only shown."""
-    origin = {'bag': 'bags/first', 'time': 1234.5, 'stamp_ns': 7}
-    BagWriter(tmp_path / 'bag', custom_data={'resumed_from': json.dumps(origin)}).close()
+CHANGES = [
+    {'stamp_ns': 1, 'time': 0.0, 'effects': {'steep': 'on: slope = 0.8 > 0.12'}},
+    {'stamp_ns': 9, 'time': 60.0, 'effects': {'steep': 'off: forced'}},
+]
+ORIGIN = {'bag': 'bags/first', 'time': 1234.5, 'stamp_ns': 7}
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'shown'),
+    [
+        ('effects', CHANGES, [
+            'effects', '  steep            on: slope = 0.8 > 0.12', '  changed at 60.0 s',
+            '  steep            off: forced',
+        ]),
+        ('resumed_from', ORIGIN, ['resumed    at 1234.500 s simulated, from bags/first']),
+    ],
+)
+def test_what_the_node_describes_is_told(name, value, shown, tmp_path):
+    """In words, and as JSON: effects and their changes, where a bag was resumed from."""
+    BagWriter(tmp_path / 'bag', custom_data={name: json.dumps(value)}).close()
     lines, told = info(tmp_path / 'bag')
-    assert 'resumed    at 1234.500 s simulated, from bags/first' in lines
-    assert not any('resumed_from' in line for line in lines)
-    assert told['resumed_from'] == origin
-    for index, text in enumerate(('[1]', '{"bag": 1, "time": 2}', 'a bag')):
-        BagWriter(tmp_path / str(index), custom_data={'resumed_from': text}).close()
-        assert f'  resumed_from: {text}' in info(tmp_path / str(index))[0]
+    place = lines.index(shown[0])
+    assert lines[place : place + len(shown)] == shown
+    assert 'custom data' not in lines
+    assert told[name] == value
 
 
-def test_the_scene_may_be_anything(tmp_path):
-    """Custom data that is no scene is printed as text, an empty bag too."""
-    BagWriter(tmp_path / 'bag', custom_data={'scene': '[Etna', 'long': 'x ' * 100}).close()
-    lines, _ = info(tmp_path / 'bag')
-    assert '  scene: [Etna' in lines
-    assert max(map(len, lines)) < 100
+@pytest.mark.parametrize(
+    ('name', 'text'),
+    [
+        *(('effects', text) for text in ('[1', '[1]', '{}', '[{"time": 0}]')),
+        *(('resumed_from', text) for text in ('[1]', '{"bag": 1, "time": 2}', 'a bag')),
+        ('scene', '[Etna'),
+    ],
+)
+def test_what_cannot_be_read_is_shown_as_text(name, text, tmp_path):
+    """A bag of someone else's may have anything by that name; long texts are cut."""
+    data = {name: text, 'long': 'x ' * 100}
+    BagWriter(tmp_path / 'bag', custom_data=data).close()
+    lines, told = info(tmp_path / 'bag')
+    assert f'  {name}: {text}' in lines and told[name] is None
+    # the first has the path
+    assert max(map(len, lines[1:])) < 100
 
 
 def test_commands_are_described_without_ros():
