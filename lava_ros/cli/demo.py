@@ -51,18 +51,11 @@ RESULT, PICTURE = 'demo.json', 'demo.png'
 
 @command(
     *SCENE_OPTIONS,
+    argument('--duration', 'TIME', 'simulated time: 6h, 90min', '12h'),
+    argument('--output', 'DIR', 'bag to record; it replaces an earlier demo there', 'bags/demo'),
     argument(
-        '--duration', default='12h', metavar='TIME',
-        help='simulated time: 6h, 90min (default: %(default)s)',
-    ),
-    argument(
-        '--output', default='bags/demo', metavar='DIR',
-        help='bag to record; it replaces an earlier demo there (default: %(default)s)',
-    ),
-    argument(
-        '--max-speed', type=float, metavar='X',
-        help='run at most X times as fast as real time (default: the speed '
-        f'that takes {LEAST_WALL_TIME:g} s in all)',
+        '--max-speed', 'X', 'run at most X times as fast as real time (default: the speed '
+        f'that takes {LEAST_WALL_TIME:g} s in all)', float,
     ),
     '--preset', '--spacing', '--device', '--domain', '--json',
 )

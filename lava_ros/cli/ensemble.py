@@ -63,40 +63,33 @@ BAG = 'atlas'
 @command(
     *SCENE,
     argument(
-        '-o', '--output', required=True, metavar='DIR',
-        help='folder for members and maps: new, empty, or of the same ensemble',
+        '-o --output', 'DIR', 'folder for members and maps: new, empty, or of the same ensemble',
+        required=True,
     ),
+    argument('--members', 'N', 'number of members', 64),
     argument(
-        '--members', type=int, default=64, metavar='N',
-        help='number of members (default: %(default)s)',
-    ),
-    argument(
-        '--horizon', metavar='TIME',
-        help='simulated time of each member: 6h, 90min (default: 6h); not with a mapped '
-        'eruption, which has its end',
+        '--horizon', 'TIME', 'simulated time of each member: 6h, 90min (default: 6h); not with a '
+        'mapped eruption, which has its end',
     ),
     '--preset', '--spacing', '--seed', '--threshold', '--device', '--json',
     argument(
-        '--susceptibility', metavar='FILE',
-        help='raster of the relative likelihood that the vent opens in a cell; replaces the '
-        'position of the vent',
+        '--susceptibility', 'FILE', 'raster of the relative likelihood that the vent opens in a '
+        'cell; replaces the position of the vent',
     ),
     argument(
-        '--observed', metavar='FILE',
-        help='observed lava: a raster with values above 0, or areas (.geojson, .gpkg); the better '
-        'a member agrees with it, the more it counts',
+        '--observed', 'FILE', 'observed lava: a raster with values above 0, or areas (.geojson, '
+        '.gpkg); the better a member agrees with it, the more it counts',
     ),
     argument(
-        '--observed-at', metavar='TIME',
-        help='time of the observation, counted from the start of the scene',
+        '--observed-at', 'TIME', 'time of the observation, counted from the start of the scene'
     ),
     argument(
-        '--workers', type=int, metavar='N',
-        help='number of processes (default: one for each GPU, else one for each core)',
+        '--workers', 'N', 'number of processes (default: one for each GPU, else one for each '
+        'core)', int,
     ),
     argument(
-        '--scheduler', metavar='ADDRESS',
-        help='address of a Dask scheduler that runs the members: tcp://host:8786',
+        '--scheduler', 'ADDRESS', 'address of a Dask scheduler that runs the members: '
+        'tcp://host:8786',
     ),
     formats('areas of 10, 50 and 90 %% probability, isochrones', None),
     preset='draft',

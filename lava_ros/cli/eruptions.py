@@ -62,22 +62,18 @@ TABLE, CALIBRATION = 'runs.csv', 'calibration.json'
 
 
 @command(
-    argument('case', metavar='CASE_DIR', help='folder of the case'),
+    argument('case', 'CASE_DIR', 'folder of the case'),
     '--preset', '--spacing', '--device', '--low-pass', '--on', '--off', '--fresh', '--json',
     argument(
-        '-o', '--output', metavar='DIR',
-        help='folder for maps, bag and page (default: hindcasts/<case>_<preset>)',
+        '-o --output', 'DIR', 'folder for maps, bag and page (default: hindcasts/<case>_<preset>)'
     ),
     *vent_arguments('case'),
     argument(
-        '--runs', type=int, default=1, metavar='N',
-        help='make N more runs, rotated and mirrored, and report their scatter and the area that '
-        'at least half of them cover; from 2 to 8, which are all directions (default: none)',
+        '--runs', 'N', 'make N more runs, rotated and mirrored, and report their scatter and the '
+        'area that at least half of them cover; from 2 to 8, which are all directions (default: '
+        'none)', 1,
     ),
-    argument(
-        '--maps', type=int, default=24, metavar='N',
-        help='number of maps of the run (default: %(default)s)',
-    ),
+    argument('--maps', 'N', 'number of maps of the run', 24),
 )
 def hindcast(args: argparse.Namespace) -> int:
     """Simulate a mapped eruption, and compare the flow with the map.
@@ -213,32 +209,22 @@ def _as_dict(case: Case, settings: Settings, result: Result, judged: Score) -> d
 
 
 @command(
-    argument('case', metavar='CASE_DIR', nargs='+', help='folder of a case'),
+    argument('case', 'CASE_DIR', 'folder of a case', nargs='+'),
+    argument('--runs', 'N', 'number of sets of values', 48),
     argument(
-        '--runs', type=int, default=48, metavar='N',
-        help='number of sets of values (default: %(default)s)',
+        '--directions', 'N', 'number of runs of each set, rotated and mirrored, up to 8; the '
+        'area that half of them cover depends less on chance', 1,
     ),
     argument(
-        '--directions', type=int, default=1, metavar='N',
-        help='number of runs of each set, rotated and mirrored, up to 8; the area that half of '
-        'them cover depends less on chance (default: %(default)s)',
+        '--unknown', 'NAME[=LOW:HIGH]', 'constant to search, and its range: one of the lava '
+        "('lava materials NAME' lists them), vent_temperature [K], or discharge, a factor; may "
+        'be repeated (default: those with a published range)', [], action='append',
     ),
+    argument('--workers', 'N', 'number of simultaneous runs, which share the GPU', 1),
+    argument('--material', 'NAME', 'lava by name; replaces the lava of the cases'),
     argument(
-        '--unknown', action='append', default=[], metavar='NAME[=LOW:HIGH]',
-        help="constant to search, and its range: one of the lava ('lava materials NAME' lists "
-        'them), vent_temperature [K], or discharge, a factor; may be repeated (default: those '
-        'with a published range)',
-    ),
-    argument(
-        '--workers', type=int, default=1, metavar='N',
-        help='number of simultaneous runs, which share the GPU (default: %(default)s)',
-    ),
-    argument(
-        '--material', metavar='NAME', help='lava by name; replaces the lava of the cases'
-    ),
-    argument(
-        '-o', '--output', metavar='DIR',
-        help='folder for the table and the result (default: calibrations/<cases>_<preset>)',
+        '-o --output', 'DIR', 'folder for the table and the result (default: '
+        'calibrations/<cases>_<preset>)',
     ),
     '--preset', '--spacing', '--device', '--low-pass', '--seed', '--fresh', '--json',
     preset='draft',

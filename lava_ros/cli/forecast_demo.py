@@ -76,18 +76,12 @@ UNDECIDED = (5, 95)
 
 
 @command(
+    argument('--members', 'N', 'number of members of an ensemble', 16),
     argument(
-        '--members', type=int, default=16, metavar='N',
-        help='number of members of an ensemble (default: %(default)s)',
+        '--picture', 'FILE', 'picture to write of the probabilities before and after',
+        'forecast.png',
     ),
-    argument(
-        '--picture', default='forecast.png', metavar='FILE',
-        help='picture to write of the probabilities before and after (default: %(default)s)',
-    ),
-    argument(
-        '--speed', type=float, default=SPEED, metavar='X',
-        help='run X times as fast as real time (default: %(default)g)',
-    ),
+    argument('--speed', 'X', 'run X times as fast as real time', SPEED),
     '--device', '--domain', '--json',
 )
 def forecast_demo(args: argparse.Namespace) -> int:

@@ -211,7 +211,7 @@ def _moment(time_ns: int) -> str:
     return datetime.fromtimestamp(seconds, timezone.utc).isoformat(timespec='milliseconds')
 
 
-@command('bag', argument('output', help='directory of the new bag, which must not exist'))
+@command('bag', argument('output', None, 'directory of the new bag, which must not exist'))
 def recover(args: argparse.Namespace) -> int:
     """Copy the readable messages of a bag that was cut off or damaged into a new bag.
 

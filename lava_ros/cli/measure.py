@@ -75,23 +75,17 @@ _ELSEWHERE = {
 
 @command(
     argument(
-        '--quick', action='store_true', help='fewer settings: less than two minutes on two cores'
+        '--quick', None, 'fewer settings: less than two minutes on two cores', action='store_true'
     ),
     argument(
-        '--case', action='append', default=[], metavar='NAME',
-        help='case to run, or lateral; may be repeated (default: all)',
+        '--case', 'NAME', 'case to run, or lateral; may be repeated (default: all)',
+        [], action='append',
     ),
+    argument('--repetitions', 'N', 'time each short run N times (default: 3)', int),
+    argument('--longest', 'TIME', 'leave out runs that would take longer (default: 30s)'),
     argument(
-        '--repetitions', type=int, metavar='N', help='time each short run N times (default: 3)'
-    ),
-    argument(
-        '--longest', metavar='TIME',
-        help='leave out runs that would take longer (default: 30s)',
-    ),
-    argument(
-        '--output', default='accuracy', metavar='DIR',
-        help='folder for the report, whose files are named after the device '
-        '(default: %(default)s)',
+        '--output', 'DIR', 'folder for the report, whose files are named after the device',
+        'accuracy',
     ),
     '--device', '--json',
 )
@@ -182,13 +176,9 @@ def _print_presets(rows: Sequence[Row], titles: dict[str, str]) -> None:
 
 @command(
     argument(
-        '--preset', default=presets.DEFAULT, metavar='NAME',
-        help=f'accuracy: {", ".join(BOUNDED_PRESETS)} (default: {presets.DEFAULT})',
+        '--preset', 'NAME', f'accuracy: {", ".join(BOUNDED_PRESETS)}', presets.DEFAULT
     ),
-    argument(
-        '--case', action='extend', nargs='+', metavar='NAME',
-        help='cases to run (default: all)',
-    ),
+    argument('--case', 'NAME', 'cases to run (default: all)', action='extend', nargs='+'),
     '--device', '--json',
 )
 def verify(args: argparse.Namespace) -> int:
@@ -248,27 +238,24 @@ def _judged(result: Run, judged: Sequence[tuple[Measurement, float]]) -> dict[st
 
 
 @command(
-    argument('benchmark', choices=tuple(SHOWN), metavar='|'.join(SHOWN)),
+    argument('benchmark', '|'.join(SHOWN), None, choices=tuple(SHOWN)),
     '--device', '--preset', '--json',
     argument(
-        '--particles', type=int, nargs='+', metavar='N',
-        help='number of particles, for effects, steps, publishing and members; steps and members '
-        'take several (default: by the device)',
+        '--particles', 'N', 'number of particles, for effects, steps, publishing and members; '
+        'steps and members take several (default: by the device)', int, nargs='+',
     ),
     argument(
-        '--repetitions', type=int, default=5, metavar='N',
-        help='number of measurements, for all but choice and convergence (default: %(default)s)',
+        '--repetitions', 'N', 'number of measurements, for all but choice and convergence', 5
     ),
     argument(
-        '--runs', type=int, metavar='N',
-        help='number of runs of a footprint (default: 24 for choice, 8 for convergence)',
+        '--runs', 'N', 'number of runs of a footprint (default: 24 for choice, 8 for convergence)',
+        int,
     ),
     argument(
-        '--case', action='append', default=[], metavar='CASE_DIR',
-        help='folder of a mapped eruption, as for lava hindcast, which replaces the scenes of '
-        'convergence; may be repeated',
+        '--case', 'CASE_DIR', 'folder of a mapped eruption, as for lava hindcast, which replaces '
+        'the scenes of convergence; may be repeated', [], action='append',
     ),
-    argument('--output', metavar='FILE', help='write the table as CSV'),
+    argument('--output', 'FILE', 'write the table as CSV'),
 )
 def bench(args: argparse.Namespace) -> int:
     """Measure computing time and memory.

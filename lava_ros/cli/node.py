@@ -25,8 +25,8 @@ from lava_ros.cli.scenes import scene_from_arguments, SCENE_OPTIONS
 
 @command(
     argument(
-        '--resume', metavar='BAG',
-        help='continue from the newest checkpoint of a bag, even if its recording was cut off',
+        '--resume', 'BAG', 'continue from the newest checkpoint of a bag, even if its recording '
+        'was cut off',
     ),
     usage='lava node [--resume BAG] [--ros-args ...]',
 )
@@ -47,7 +47,7 @@ def node(args: argparse.Namespace) -> int:
 
 @command(
     *SCENE_OPTIONS,
-    argument('--frame', default='map', help='frame ID of the messages (default: %(default)s)'),
+    argument('--frame', None, 'frame ID of the messages', 'map'),
 )
 def feed(args: argparse.Namespace) -> int:
     """Publish terrain and vents as topics.

@@ -45,9 +45,25 @@ class Command(NamedTuple):
     defaults: dict[str, Any]
 
 
-def argument(*names: str, **options: Any) -> Argument:
-    """An argument of a command, as ``add_argument`` takes it."""
-    return names, options
+def argument(
+    names: str, metavar: str | tuple[str, ...] | None, text: str | None, usual: Any = None,
+    **options: Any,
+) -> Argument:
+    """An argument of a command: its names, what stands for its value, and what it is.
+
+    ``usual`` is its value by default, which the text then names, or the type of one without.
+    """
+    if isinstance(usual, type):
+        options['type'] = usual
+    elif usual is not None:
+        options['default'] = usual
+        if type(usual) in (int, float):
+            options['type'] = type(usual)
+        if isinstance(usual, int | float | str) and usual != '' and '(default' not in str(text):
+            text = f'{text} (default: %(default){"g" if isinstance(usual, float) else "s"})'
+    if metavar is not None:
+        options['metavar'] = metavar
+    return tuple(names.split()), {'help': text, **options}
 
 
 def command(
@@ -59,49 +75,29 @@ def command(
 
 
 _SHARED = {item[0][0]: item for item in (
-    argument('bag', help='bag directory or .mcap file'),
+    argument('bag', None, 'bag directory or .mcap file'),
     argument(
-        '--device', help='computing device: cpu, cuda:0, ... (default: the first GPU, else cpu)'
+        '--device', None, 'computing device: cpu, cuda:0, ... (default: the first GPU, else cpu)'
     ),
-    argument('--domain', type=int, help='ROS domain ID (default: a free one)'),
+    argument('--domain', None, 'ROS domain ID (default: a free one)', int),
     argument(
-        '--epsg', type=int, metavar='CODE',
-        help='EPSG code of the coordinate system, for a file that names none',
+        '--epsg', 'CODE', 'EPSG code of the coordinate system, for a file that names none', int
     ),
-    argument('--fresh', action='store_true', help='ignore the results of earlier runs'),
+    argument('--fresh', None, 'ignore the results of earlier runs', action='store_true'),
+    argument('--horizon', 'TIME', 'simulated time of a run: 6h, 90min', f'{HORIZON / 3600.0:g}h'),
+    argument('--json', 'FILE', 'write the result as JSON to a file; - writes it to stdout'),
     argument(
-        '--horizon', default=f'{HORIZON / 3600.0:g}h', metavar='TIME',
-        help='simulated time of a run: 6h, 90min (default: %(default)s)',
-    ),
-    argument(
-        '--json', metavar='FILE', help='write the result as JSON to a file; - writes it to stdout'
+        '--low-pass', 'M', 'smooth the elevation with a Gaussian of this standard deviation [m]',
+        float,
     ),
     argument(
-        '--low-pass', type=float, metavar='M',
-        help='smooth the elevation with a Gaussian of this standard deviation [m]',
+        '--off', 'EFFECT', 'switch this effect off; may be repeated', [], action='append'
     ),
-    *(
-        argument(
-            f'--{state}', action='append', default=[], metavar='EFFECT',
-            help=f'switch this effect {state}; may be repeated',
-        )
-        for state in ('off', 'on')
-    ),
-    argument(
-        '--preset', choices=tuple(PRESETS), default=DEFAULT, help='accuracy (default: %(default)s)'
-    ),
-    argument(
-        '--seed', type=int, default=0, metavar='N',
-        help='seed of the random numbers (default: %(default)s)',
-    ),
-    argument(
-        '--spacing', type=float, metavar='M',
-        help="distance between particles [m]; replaces the preset's",
-    ),
-    argument(
-        '--threshold', type=float, default=0.1, metavar='M',
-        help='thickness at which lava counts as arrived [m] (default: %(default)s)',
-    ),
+    argument('--on', 'EFFECT', 'switch this effect on; may be repeated', [], action='append'),
+    argument('--preset', None, 'accuracy', DEFAULT, choices=tuple(PRESETS)),
+    argument('--seed', 'N', 'seed of the random numbers', 0),
+    argument('--spacing', 'M', "distance between particles [m]; replaces the preset's", float),
+    argument('--threshold', 'M', 'thickness at which lava counts as arrived [m]', 0.1),
 )}
 
 

@@ -102,8 +102,8 @@ def _decision(decision: Decision, costs: Mapping[str, float]) -> dict[str, Any]:
 
 
 @command(
-    argument('name', nargs='?', metavar='NAME', help='list only this lava'),
-    argument('--json', action='store_true', help='print JSON'),
+    argument('name', 'NAME', 'list only this lava', nargs='?'),
+    argument('--json', None, 'print JSON', action='store_true'),
 )
 def materials(args: argparse.Namespace) -> int:
     """List the lavas that have a name, with their constants and sources.
@@ -140,21 +140,15 @@ def _cited(constant: Constant, sources: dict[str, int]) -> str:
 
 
 @command(
-    argument('terrain', metavar='TERRAIN', help='GeoTIFF, ESRI ASCII grid or npz'),
-    argument('-o', '--output', required=True, metavar='FILE', help='elevation to write, .tif'),
+    argument('terrain', 'TERRAIN', 'GeoTIFF, ESRI ASCII grid or npz'),
+    argument('-o --output', 'FILE', 'elevation to write, .tif', required=True),
     argument(
-        '--line', nargs='+', metavar='E,N',
-        help='easting and northing [m] of two or more places along the crest',
+        '--line', 'E,N', 'easting and northing [m] of two or more places along the crest',
+        nargs='+',
     ),
-    argument('--height', type=float, metavar='M', help='height above the ground [m]'),
-    argument(
-        '--width', type=float, default=10.0, metavar='M',
-        help='width of the crest [m] (default: %(default)g)',
-    ),
-    argument(
-        '--slope', type=float, default=1.0, metavar='S',
-        help='slope of the sides, rise over run (default: %(default)g)',
-    ),
+    argument('--height', 'M', 'height above the ground [m]', float),
+    argument('--width', 'M', 'width of the crest [m]', 10.0),
+    argument('--slope', 'S', 'slope of the sides, rise over run', 1.0),
     '--low-pass', '--epsg',
     low_pass=0.0,
 )
@@ -192,11 +186,10 @@ def _place(text: str) -> tuple[float, float]:
 
 @command(
     *SCENE,
-    argument('--within', required=True, metavar='TIME', help='wall time to use: 30s, 10min'),
+    argument('--within', 'TIME', 'wall time to use: 30s, 10min', required=True),
     argument(
-        '--members', default='1', metavar='N',
-        help='number of members of an ensemble, which run one after the other; auto takes the '
-        'number with the smallest error (default: %(default)s)',
+        '--members', 'N', 'number of members of an ensemble, which run one after the other; auto '
+        'takes the number with the smallest error', '1',
     ),
     '--horizon', '--device', '--json',
     horizon='6h',

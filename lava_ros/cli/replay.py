@@ -48,22 +48,19 @@ _REST = 0.05
 
 @command(
     'bag',
+    argument('--rate', 'X', 'play X times as fast as it was recorded', 1.0),
+    argument('--loop', None, 'start again at the end', action='store_true'),
     argument(
-        '--rate', type=float, default=1.0, metavar='X',
-        help='play X times as fast as it was recorded (default: 1)',
-    ),
-    argument('--loop', action='store_true', help='start again at the end'),
-    argument(
-        '--start-offset', default='0s', metavar='TIME',
-        help='time to skip at the start: 90s, 2min; latched maps of that time are still published',
+        '--start-offset', 'TIME', 'time to skip at the start: 90s, 2min; latched maps of that '
+        'time are still published', default='0s',
     ),
     argument(
-        '--clock', action=argparse.BooleanOptionalAction, default=True,
-        help='publish the time of the bag on /clock (default: yes)',
+        '--clock', None, 'publish the time of the bag on /clock (default: yes)',
+        True, action=argparse.BooleanOptionalAction,
     ),
     argument(
-        '--wait-for-subscribers', default='0s', metavar='TIME',
-        help='longest time to wait for a subscriber to each topic (default: %(default)s)',
+        '--wait-for-subscribers', 'TIME', 'longest time to wait for a subscriber to each topic',
+        '0s',
     ),
 )
 def replay(args: argparse.Namespace) -> int:

@@ -62,22 +62,19 @@ def vent_arguments(of: str) -> tuple[Argument, ...]:
         lava = f' (default where it names none: {DEFAULT_MATERIAL})'
     return (
         argument(
-            '--vent', action='append', metavar='LON,LAT',
-            help='position of a vent: longitude,latitude or easting,northing; replaces the vents '
-            f'of the {of}; may be repeated{usual}',
+            '--vent', 'LON,LAT', 'position of a vent: longitude,latitude or easting,northing; '
+            f'replaces the vents of the {of}; may be repeated{usual}', action='append',
         ),
         argument(
-            '--vents', metavar='FILE',
-            help=f'file of points and lines (fissures), which replace the vents of the {of}: '
-            '.geojson, .gpkg, or .csv with x,y or lon,lat (of a fissure also x_end,y_end or '
-            'lon_end,lat_end); it may give the name and the discharge [m3/s] of each',
+            '--vents', 'FILE', 'file of points and lines (fissures), which replace the vents of '
+            f'the {of}: .geojson, .gpkg, or .csv with x,y or lon,lat (of a fissure also '
+            'x_end,y_end or lon_end,lat_end); it may give the name and the discharge [m3/s] of '
+            'each',
         ),
+        argument('--discharge', 'Q', 'discharge of each vent [m3/s]', float),
         argument(
-            '--discharge', type=float, metavar='Q', help='discharge of each vent [m3/s]'
-        ),
-        argument(
-            '--material', metavar='NAME',
-            help=f"lava by name ('lava materials' lists them); replaces the lava of the {of}{lava}"
+            '--material', 'NAME', "lava by name ('lava materials' lists them); replaces the lava "
+            f'of the {of}{lava}',
         ),
     )
 
@@ -86,20 +83,19 @@ _FILE = 'scene file (YAML): terrain, vents and lava'
 
 _PARTS = (
     argument(
-        '--terrain', metavar='FILE',
-        help="elevation: GeoTIFF, ESRI ASCII grid or npz; replaces the scene's terrain "
-        '(default without a scene: Mount St. Helens, 7.8 x 7.8 km)',
+        '--terrain', 'FILE', "elevation: GeoTIFF, ESRI ASCII grid or npz; replaces the scene's "
+        'terrain (default without a scene: Mount St. Helens, 7.8 x 7.8 km)',
     ),
     argument(
-        '--fill-holes', action='store_true',
-        help='fill pits and inner cells without data from the cells around them',
+        '--fill-holes', None, 'fill pits and inner cells without data from the cells around them',
+        action='store_true',
     ),
     *vent_arguments('scene'),
 )
 
 #: The arguments that choose a scene: its file without a flag, or with one.
-SCENE = (argument('scene', nargs='?', metavar='SCENE', help=_FILE), *_PARTS)
-SCENE_OPTIONS = (argument('--scene', metavar='FILE', help=_FILE), *_PARTS)
+SCENE = (argument('scene', 'SCENE', _FILE, nargs='?'), *_PARTS)
+SCENE_OPTIONS = (argument('--scene', 'FILE', _FILE), *_PARTS)
 
 
 def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:

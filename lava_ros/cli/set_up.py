@@ -38,13 +38,10 @@ _PATHS = frozenset(
 
 
 @command(
+    argument('--bags', 'DIR', 'folder for bags', 'bags'),
     argument(
-        '--bags', metavar='DIR', default='bags', help='folder for bags (default: %(default)s)'
-    ),
-    argument(
-        '--msg-config', metavar='FILE', default='default.yaml',
-        help='layers to check: a path, or the name of a file in msg_configs/ '
-        '(default: %(default)s)',
+        '--msg-config', 'FILE', 'layers to check: a path, or the name of a file in msg_configs/',
+        'default.yaml',
     ),
     '--json',
 )
@@ -115,7 +112,7 @@ def _lines(finding: Finding) -> list[str]:
     return [*lines, f'{"":20}-> {printable(finding.way_out)}'] if finding.way_out else lines
 
 
-@command(argument('shell', choices=('bash', 'zsh'), help='shell that reads the script'))
+@command(argument('shell', None, 'shell that reads the script', choices=('bash', 'zsh')))
 def completion(args: argparse.Namespace) -> int:
     """Print a script with which the shell completes commands and options.
 

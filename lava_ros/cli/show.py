@@ -41,19 +41,19 @@ DRAWN = (
     'thickness', 'temperature', 'hazard', 'arrival', 'probability', 'arrival_p10', 'arrival_p90',
 )
 
-_RUNS = argument('bag', nargs='+', help='bag directory, .mcap file, or folder of an ensemble')
+_RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble', nargs='+')
 
 #: What others know, and is drawn too.
 _OVERLAYS = (
     argument(
-        '--overlay', action='append', default=[], metavar='FILE',
-        help='points, lines and areas to draw, such as stations or roads: .geojson, .gpkg, or '
-        '.csv with x,y or lon,lat and name; may be repeated',
+        '--overlay', 'FILE', 'points, lines and areas to draw, such as stations or roads: '
+        '.geojson, .gpkg, or .csv with x,y or lon,lat and name; may be repeated',
+        [], action='append',
     ),
     argument(
-        '--observed', metavar='FILE',
-        help='observed lava: areas (.geojson, .gpkg), or a raster with values above 0; the page '
-        'shows its outline and, of an ensemble, how reliable the probabilities are',
+        '--observed', 'FILE', 'observed lava: areas (.geojson, .gpkg), or a raster with values '
+        'above 0; the page shows its outline and, of an ensemble, how reliable the probabilities '
+        'are',
     ),
 )
 
@@ -62,27 +62,22 @@ def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:
     """The argument that says what maps, and shapes of them, are written as."""
     usual = ' '.join(default) if default else 'tif, and geojson in a known coordinate system'
     return argument(
-        '--formats', nargs='+', choices=FORMATS, default=default, metavar='FORMAT',
-        help=f'file formats: tif (with styles for QGIS), geojson and gpkg ({shapes}), nc (all '
+        '--formats', 'FORMAT',
+        f'file formats: tif (with styles for QGIS), geojson and gpkg ({shapes}), nc (all '
         "maps, by the CF conventions); gpkg and nc need pip install 'lava_ros[gis]' "
         f'(default: {usual})',
+        default, nargs='+', choices=FORMATS,
     )
 
 
 @command(
-    argument('bag', nargs='?', help='bag directory or .mcap file (default: the running node)'),
+    argument('bag', None, 'bag directory or .mcap file (default: the running node)', nargs='?'),
+    argument('--namespace', 'NS', "namespace of the node's topics: /etna", ''),
     argument(
-        '--namespace', default='', metavar='NS', help="namespace of the node's topics: /etna"
+        '--address', None, 'address of the server; 0.0.0.0 shows the page to the whole network '
+        '(default: %(default)s, to this machine only)', '127.0.0.1',
     ),
-    argument(
-        '--address', default='127.0.0.1',
-        help='address of the server; 0.0.0.0 shows the page to the whole network (default: '
-        '%(default)s, to this machine only)',
-    ),
-    argument(
-        '--port', type=int, default=5006,
-        help='port of the server; 0 takes a free one (default: %(default)s)',
-    ),
+    argument('--port', None, 'port of the server; 0 takes a free one', 5006),
 )
 def watch(args: argparse.Namespace) -> int:
     """Show a running node, or a bag, live in the browser.
@@ -130,7 +125,7 @@ def _frames(args: argparse.Namespace) -> Frames:
 
 @command(
     _RUNS,
-    argument('-o', '--output', required=True, metavar='FILE', help='page to write: .html'),
+    argument('-o --output', 'FILE', 'page to write: .html', required=True),
     *_OVERLAYS,
 )
 def report(args: argparse.Namespace) -> int:
@@ -157,23 +152,18 @@ def report(args: argparse.Namespace) -> int:
 @command(
     _RUNS,
     argument(
-        '--layers', nargs='+', choices=DRAWN, default=(), metavar='MAP',
-        help=f'maps to draw: {", ".join(DRAWN)}; of an ensemble, arrival is that of half its '
+        '--layers', 'MAP',
+        f'maps to draw: {", ".join(DRAWN)}; of an ensemble, arrival is that of half its '
         'members (default: all there are; of several runs the first)',
+        (), nargs='+', choices=DRAWN,
     ),
-    argument(
-        '--time', metavar='TIME', help='simulated time of the maps: 2h, 90min (default: the last)'
-    ),
-    argument('--title', metavar='TEXT', help='title of the page'),
-    argument('--volcano', metavar='TEXT', help='name of the volcano'),
-    argument('--date', metavar='TEXT', help='date of the eruption or of the map'),
-    argument(
-        '--source', metavar='TEXT', help='source of the elevation (default: the name of its file)'
-    ),
+    argument('--time', 'TIME', 'simulated time of the maps: 2h, 90min (default: the last)'),
+    argument('--title', 'TEXT', 'title of the page'),
+    argument('--volcano', 'TEXT', 'name of the volcano'),
+    argument('--date', 'TEXT', 'date of the eruption or of the map'),
+    argument('--source', 'TEXT', 'source of the elevation (default: the name of its file)'),
     *_OVERLAYS,
-    argument(
-        '-o', '--output', required=True, metavar='FILE', help='picture to write: .png, .pdf, .svg'
-    ),
+    argument('-o --output', 'FILE', 'picture to write: .png, .pdf, .svg', required=True),
     '--json',
 )
 def plot(args: argparse.Namespace) -> int:
@@ -202,24 +192,11 @@ def plot(args: argparse.Namespace) -> int:
 
 @command(
     'bag',
-    argument(
-        '-o', '--output', required=True, metavar='FILE', help='animation to write: .gif, .mp4'
-    ),
-    argument(
-        '--layer', choices=tuple(ANIMATED), default='height',
-        help='layer to show (default: height)',
-    ),
-    argument(
-        '--seconds', default='10s', metavar='TIME',
-        help='duration of the animation (default: %(default)s)',
-    ),
-    argument(
-        '--fps', type=float, default=12.0, metavar='N', help='frames per second (default: 12)'
-    ),
-    argument(
-        '--width', type=int, default=800, metavar='PIXELS',
-        help='width of the animation (default: %(default)s)',
-    ),
+    argument('-o --output', 'FILE', 'animation to write: .gif, .mp4', required=True),
+    argument('--layer', None, 'layer to show', 'height', choices=tuple(ANIMATED)),
+    argument('--seconds', 'TIME', 'duration of the animation', '10s'),
+    argument('--fps', 'N', 'frames per second', 12.0),
+    argument('--width', 'PIXELS', 'width of the animation', 800),
 )
 def animate(args: argparse.Namespace) -> int:
     """Write an animation of a bag as GIF or MP4.
@@ -243,26 +220,24 @@ def animate(args: argparse.Namespace) -> int:
 
 @command(
     'bag', '--threshold', '--epsg',
+    argument('-o --output', 'DIR', 'folder to write to: new or empty', required=True),
     argument(
-        '-o', '--output', required=True, metavar='DIR', help='folder to write to: new or empty'
+        '--at', 'TIME', 'simulated time of the maps: 2h, 90min; arrival and peak height cover '
+        'the time up to it (default: the last)',
     ),
     argument(
-        '--at', metavar='TIME',
-        help='simulated time of the maps: 2h, 90min; arrival and peak height cover the time up to '
-        'it (default: the last)',
+        '--every', None, 'write height, temperature and hazard of every frame, in numbered files',
+        action='store_true',
     ),
     argument(
-        '--every', action='store_true',
-        help='write height, temperature and hazard of every frame, in numbered files',
-    ),
-    argument(
-        '--maps', nargs='+', choices=MAPS, default=MAPS, metavar='MAP',
-        help=f'maps to write: {", ".join(MAPS)} (default: all)',
+        '--maps', 'MAP',
+        f'maps to write: {", ".join(MAPS)} (default: all)',
+        MAPS, nargs='+', choices=MAPS,
     ),
     formats('outline, isochrones', ('tif',)),
     argument(
-        '--offset', nargs=2, type=float, metavar=('E', 'N'),
-        help='easting and northing [m] of the origin of the map frame, for a bag that names none',
+        '--offset', ('E', 'N'), 'easting and northing [m] of the origin of the map frame, for a '
+        'bag that names none', float, nargs=2,
     ),
 )
 def export(args: argparse.Namespace) -> int:
