@@ -28,8 +28,7 @@ from lava_ros.files.optional import require
 from lava_ros.maps.animation import animate_bag
 from lava_ros.maps.export import export_bag, FORMATS, MAPS
 from lava_ros.pages.pictures import draw_runs
-from lava_ros.pages.report.page import write_report
-from lava_ros.pages.report.still import write_comparison
+from lava_ros.pages.report.page import write_comparison, write_report
 from lava_ros.pages.runs import is_ensemble
 from lava_ros.watch.frames import BagFrames, Frames
 

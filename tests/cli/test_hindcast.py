@@ -30,16 +30,6 @@ from lava_ros.maps.frames import Recording
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
 
 
-@pytest.fixture(scope='module')
-def finished(tmp_path_factory):
-    """The folder of a hindcast."""
-    folder = tmp_path_factory.mktemp('hindcast')
-    case = write_case(folder / 'valley', hours=1, yaml=LAVA)
-    words = ['hindcast', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
-    done(*words, '--maps', '3', '-o', folder / 'out', '--json', folder / 'out.json')
-    return folder
-
-
 @pytest.fixture
 def valley(tmp_path):
     """A case, and the words of a short hindcast of it that go before others."""
@@ -48,18 +38,53 @@ def valley(tmp_path):
     return [*words, '--device', 'cpu', '--maps', '1']
 
 
-def test_numbers_are_written(finished):
-    """The JSON has score, budget, settings and constants, twice."""
-    data = json.loads((finished / 'out.json').read_text())
-    assert data == json.loads((finished / 'out/hindcast.json').read_text())
+def test_a_hindcast_leaves_numbers_maps_page_and_bag(tmp_path):
+    """The JSON says how good it was, twice; maps, page and bag agree with it."""
+    case, out = write_case(tmp_path / 'valley', hours=1, yaml=LAVA), tmp_path / 'out'
+    words = ['hindcast', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
+    done(*words, '--maps', '3', '-o', out, '--json', tmp_path / 'out.json')
+    data = json.loads((tmp_path / 'out.json').read_text())
+    assert data == json.loads((out / 'hindcast.json').read_text())
     names = ('case', 'material', 'preset')
     assert [data[name] for name in names] == ['valley', 'etna_basalt', 'draft']
-    assert data['score']['jaccard'] > 0.3
+    score = data['score']
+    assert score['jaccard'] > 0.3
     assert data['volume']['error'] < 1e-5
     assert data['simulated_s'] == pytest.approx(3600.0)
     assert data['lava']['viscosity'] == 2e4
     assert data['particles_emitted'] > 20
-    assert not (finished / 'out/.unfinished').exists()
+    assert not (out / '.unfinished').exists()
+
+    # GeoTIFFs lie where the elevation does, and the comparison adds up to the score
+    grids = {}
+    for name in ('thickness', 'peak_thickness', 'arrival', 'temperature', 'comparison'):
+        with rasterio.open(out / f'{name}.tif') as file:
+            assert file.crs.to_epsg() == 32633
+            assert file.shape == SHAPE
+            assert (file.transform.c, file.transform.a) == (CORNER[0], CELL)
+            assert file.transform.f == CORNER[1] + SHAPE[0] * CELL
+            grids[name] = file.read(1)[::-1]
+    codes = grids['comparison']
+    for code, name in ((HIT, 'hits'), (MISS, 'misses'), (FALSE_ALARM, 'false_alarms')):
+        assert (codes == code).sum() == score[name]
+    np.testing.assert_array_equal((codes == HIT) | (codes == MISS), footprint() > 0.0)
+    assert grids['thickness'].sum() * CELL**2 == pytest.approx(score['volume'], rel=1e-5)
+    assert grids['temperature'].max() < 1100.0
+
+    # the score, constants with sources, and no text that is markup
+    text = (out / 'hindcast.html').read_text()
+    for part in ('A valley &lt;b&gt;', 'case.yaml, in place of 100000', 'SCIARA-fv2',
+                 f'{score["jaccard"]:.3f}', 'data:image/png;base64,'):
+        assert part in text
+    assert '<b>' not in text
+    assert (out / 'comparison.png').stat().st_size > 10_000
+
+    # a frame for each map, at its simulated time, and what describes the run
+    assert len(list(BagReader(out / 'bag').messages(['/height']))) == 3
+    frame = Recording(out / 'bag').frame_at()
+    assert frame.time == pytest.approx(3600.0)
+    assert frame.scene['lava']['viscosity'] == 2e4
+    assert Recording(out / 'bag').frame_at(2400.0).time == pytest.approx(2400.0)
 
 
 def test_vents_of_the_command(valley, tmp_path):
@@ -81,47 +106,6 @@ def test_vents_of_the_command(valley, tmp_path):
     emitted = [item['volume']['emitted'] for item in found]
     assert emitted == pytest.approx([15.0 * 1800, 12.0 * 1800, 9.0 * 1800])
     refused(*valley, '--vent', '1,2')
-
-
-def test_maps_are_on_the_elevation(finished):
-    """GeoTIFFs lie where the elevation does, and the comparison adds up to the score."""
-    score = json.loads((finished / 'out.json').read_text())['score']
-    grids = {}
-    for name in ('thickness', 'peak_thickness', 'arrival', 'temperature', 'comparison'):
-        with rasterio.open(finished / f'out/{name}.tif') as file:
-            assert file.crs.to_epsg() == 32633
-            assert file.shape == SHAPE
-            assert (file.transform.c, file.transform.a) == (CORNER[0], CELL)
-            assert file.transform.f == CORNER[1] + SHAPE[0] * CELL
-            grids[name] = file.read(1)[::-1]
-    codes = grids['comparison']
-    for code, name in ((HIT, 'hits'), (MISS, 'misses'), (FALSE_ALARM, 'false_alarms')):
-        assert (codes == code).sum() == score[name]
-    np.testing.assert_array_equal((codes == HIT) | (codes == MISS), footprint() > 0.0)
-    assert grids['thickness'].sum() * CELL**2 == pytest.approx(score['volume'], rel=1e-5)
-    assert grids['temperature'].max() < 1100.0
-
-
-def test_page_says_what_was_run(finished):
-    """The page has the score, its constants with sources, and no text that is markup."""
-    text = (finished / 'out/hindcast.html').read_text()
-    score = json.loads((finished / 'out.json').read_text())['score']
-    assert f'{score["jaccard"]:.3f}' in text
-    for part in ('A valley &lt;b&gt;', 'case.yaml, in place of 100000', 'SCIARA-fv2'):
-        assert part in text
-    assert '<b>' not in text
-    assert 'data:image/png;base64,' in text
-    assert (finished / 'out/comparison.png').stat().st_size > 10_000
-
-
-def test_bag_has_the_maps(finished):
-    """The bag has a frame for each map, at its simulated time, and what describes the run."""
-    bag = BagReader(finished / 'out/bag')
-    assert len(list(bag.messages(['/height']))) == 3
-    frame = Recording(finished / 'out/bag').frame_at()
-    assert frame.time == pytest.approx(3600.0)
-    assert frame.scene['lava']['viscosity'] == 2e4
-    assert Recording(finished / 'out/bag').frame_at(2400.0).time == pytest.approx(2400.0)
 
 
 def test_more_runs_say_how_sure_it_is(valley, tmp_path):

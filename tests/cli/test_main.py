@@ -40,11 +40,6 @@ from lava_ros.scene.materials import material_named
 TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
 
 
-def test_version():
-    """The version is the package's."""
-    assert done('--version') == f'lava_ros {lava_ros.__version__}\n'
-
-
 @pytest.mark.parametrize(
     ('line', 'named'),
     [
@@ -53,6 +48,8 @@ def test_version():
         ('export none -o out', 'bag is'),
         ('animate none -o a.gif', 'bag is'),
         ('report none -o a.html', 'bag is'),
+        # YAML explains itself over several lines; here it does so in one
+        ('effects file', "scene is 'file', expected"),
         ('feed --terrain none', 'none'),
         ('feed --scene none', 'none'),
         ('demo --duration -1', '--duration is'),
@@ -97,7 +94,7 @@ def test_version():
 def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch):
     """Input that cannot be used is one line on stderr and status 2, before anything is done."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / 'file').write_text('')
+    (tmp_path / 'file').write_text('terrain: {file: a\nvents: [')
     words = shlex.split(line)
     said = refused(*words)
     assert said.startswith(f'lava {words[0]}: ') and named in said
@@ -133,14 +130,16 @@ def test_the_default_scene():
 
 
 def test_a_terrain_alone_gets_a_vent_on_its_summit(tmp_path):
-    """The vent is on the highest cell that has data and is not at the border."""
+    """On the highest cell that has data and is not at the border; its lava is that of Etna."""
     elevation = np.zeros((40, 50))
     elevation[0, 0] = 500.0
     elevation[25, 30] = 300.0
     elevation[20:22, 20:22] = np.nan
     np.savez(tmp_path / 'a.npz', elevation=elevation, resolution=10.0)
-    (vent,) = scene_of('--terrain', str(tmp_path / 'a.npz')).vents
-    assert vent.position == (305.0, 255.0)
+    scene = scene_of('--terrain', str(tmp_path / 'a.npz'))
+    (vent,) = scene.vents
+    assert (vent.position, vent.temperature) == ((305.0, 255.0), 1360.0)
+    assert scene.lava == material_named('etna_basalt').lava
 
 
 def scene_of(*words: str) -> Scene:
@@ -198,13 +197,6 @@ def test_vent_discharge_and_material_of_the_command(place, island, caplog):
     assert re.search(said, caplog.text)
 
 
-def test_a_command_that_names_no_lava_takes_that_of_etna(island):
-    """It becomes solid when it cools."""
-    scene = scene_of('--terrain', island)
-    assert scene.lava == material_named('etna_basalt').lava
-    assert [vent.temperature for vent in scene.vents] == [1360.0]
-
-
 @pytest.mark.parametrize(
     ('words', 'sentence'),
     [
@@ -241,6 +233,7 @@ def test_the_page_has_its_parts():
     Commands are in the order of the groups, each once, with what it does; each example is a
     command with arguments that it takes.
     """
+    assert done('--version') == f'lava_ros {lava_ros.__version__}\n'
     page = done('--help')
     for part in ('NAME', 'SYNOPSIS', 'COMMANDS', 'EXAMPLES', 'ENVIRONMENT', 'EXIT STATUS'):
         assert f'{part}\n' in page
@@ -290,12 +283,6 @@ def test_wrong_usage_is_one_sentence(words, sentence):
     assert said.endswith("--help' lists what it takes\n")
 
 
-def test_an_error_of_a_library_is_one_line(tmp_path):
-    """YAML explains itself over several lines; here it does so in one."""
-    (tmp_path / 'scene.yaml').write_text('terrain: {file: a\nvents: [')
-    assert refused('effects', tmp_path / 'scene.yaml').count('\n') == 1
-
-
 def _completions(script, words):
     """What bash completes the last word to."""
     quoted = ' '.join(f"'{word}'" for word in words)
@@ -321,15 +308,11 @@ def test_bash_completes(tmp_path, monkeypatch):
     assert 'etna.yaml' in _completions(script, ['lava', 'effects', 'et'])
 
 
-def test_zsh_gets_a_script():
-    """It is one of zsh's, and has every command."""
+def test_zsh_gets_a_script(monkeypatch):
+    """It has every command; without the library that makes it the error says how to get it."""
     script = done('completion', 'zsh')
     assert script.startswith('#compdef lava')
     assert all(name in script for name in COMMANDS)
-
-
-def test_completion_without_its_library(monkeypatch):
-    """The error says how to get it."""
     monkeypatch.setitem(sys.modules, 'shtab', None)
     assert "pip install 'lava_ros[completion]'" in refused('completion', 'bash')
 

@@ -12,27 +12,56 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The page: the template with the parts of a run put in."""
+"""HTML pages: of a run, with a map that moves; and with one picture and without a script."""
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 import hashlib
 from html import escape
 from importlib import resources
 import json
 from pathlib import Path
 from string import Template
+import tempfile
 from typing import Any
 
 import lava_ros
+from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, write_output
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Progress, Recording, silent
 from lava_ros.maps.plot import duration
+from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report import sections
 from lava_ros.pages.report.charts import Chart, charts_of
 from lava_ros.pages.report.description import described
+from lava_ros.pages.report.sections import facts_html, warnings_html
 from lava_ros.pages.report.survey import pack_maps, relief, Survey, survey, view_of
+
+_STILL = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy"
+ content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+<link rel="icon" href="data:,">
+<title>{title}</title>
+<style>{style}
+img {{ display: block; max-width: 100%; max-height: 90vh; margin: 1rem auto; }}</style>
+</head>
+<body>
+<header><h1>{title}</h1><p class="subtitle">{subtitle}</p></header>
+<main>
+{warnings}
+<dl class="facts">{facts}</dl>
+<img src="data:image/png;base64,{picture}" alt="{shows}">
+{sections}
+</main>
+<footer><p>lava_ros {version}</p></footer>
+</body>
+</html>
+"""
 
 
 def write_report(
@@ -70,8 +99,8 @@ def page(recording: Recording, progress: Progress = silent) -> str:
         title=escape(f'Lava flow after {duration(end)} · {name}'),
         name=escape(name),
         heading=escape(f'Lava flow after {duration(end)}'),
-        warnings=sections.warnings_html(sections.warnings(recording, seen)),
-        facts=sections.facts_html(sections.facts(recording, seen)),
+        warnings=warnings_html(sections.warnings(recording, seen)),
+        facts=facts_html(sections.facts(recording, seen)),
         switch=_switch(data),
         last=len(data['times']) - 1,
         charts=''.join(item.figure(start, end) for item in charts),
@@ -138,3 +167,71 @@ def _json(data: Any) -> str:
     """JSON that cannot end the element it is in."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(',', ':'))
     return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
+
+
+def write_still(
+    output: Path,
+    *,
+    title: str,
+    subtitle: str,
+    warnings: Iterable[str],
+    facts: Mapping[str, str],
+    picture: Path,
+    shows: str,
+    sections: str = '',
+) -> int:
+    """Write a self-contained HTML page about a PNG.
+
+    ``shows`` describes the picture; ``sections`` is HTML that follows it.
+
+    Returns:
+        Size of the page [bytes].
+
+    Raises:
+        LavaError: The page cannot be written, or the picture cannot be read.
+    """
+    try:
+        image = base64.b64encode(picture.read_bytes()).decode()
+    except OSError as error:
+        raise LavaError('output', str(picture), f'a readable picture ({error})') from error
+    text = _STILL.format(
+        title=escape(title),
+        subtitle=escape(subtitle),
+        style=_file('report.css'),
+        warnings=warnings_html(warnings),
+        facts=facts_html(facts.items()),
+        picture=image,
+        shows=escape(shows),
+        sections=sections,
+        version=escape(lava_ros.__version__),
+    )
+    write_output('output', output, text)
+    return len(text.encode())
+
+
+def write_comparison(
+    paths: Sequence[str], output: str | Path, *, overlays: Sequence[str], observed: str | None
+) -> int:
+    """Write a page about an ensemble, or about several runs, and return its size [bytes].
+
+    Raises:
+        LavaError: A run or a file cannot be read, or the page cannot be written.
+    """
+    output = file_to_write('output', output, ('.html', '.htm'))
+    with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
+        picture = Path(folder) / 'maps.png'
+        drawn = draw_runs(paths, picture, overlays=overlays, observed=observed)
+        facts = drawn['notes'] | {
+            f'{term.replace("_", " ")} of {name}': f'{value:.3g}'
+            for name, scores in drawn['scores'].items()
+            for term, value in scores.items()
+        }
+        return write_still(
+            output,
+            title=drawn['title'],
+            subtitle=drawn['summary'],
+            warnings=[f'{drawn["banner"].capitalize()}.'],
+            facts=facts,
+            picture=picture,
+            shows=', '.join(drawn['maps']),
+        )
