@@ -39,7 +39,7 @@ GROUPS = {
         'effects': 'prepare', 'materials': 'prepare', 'barrier': 'prepare',
     },
     'measure': {
-        'hindcast': 'eruptions', 'calibrate': 'eruptions', 'plan': 'prepare',
+        'hindcast': 'eruptions', 'calibrate': 'eruptions', 'plan': 'ensemble',
         'accuracy': 'measure', 'verify': 'measure', 'bench': 'measure',
     },
     'set up': {'doctor': 'set_up', 'completion': 'set_up'},
