@@ -40,14 +40,10 @@ Usage = namedtuple('Usage', 'total used free')
 Version = namedtuple('Version', 'major minor micro')
 
 
-def found_by(check: Said) -> list[Finding]:
-    """What a check finds."""
-    return [Finding('check', *said) for said in check]
-
-
 def one(check: Said) -> Finding:
     """The only finding of a check; one that is not OK has a way out."""
-    (found,) = found_by(check)
+    (said,) = check
+    found = Finding('check', *said)
     assert found.text
     assert found.way_out or found.level == OK
     return found
@@ -97,16 +93,13 @@ def test_packages(monkeypatch):
     assert one(doctor.check_packages()).level == OK
     del versions['rasterio'], versions['mcap']
     versions['numpy'] = '3.0'
-    *bad, good = found_by(doctor.check_packages())
-    assert good.level == OK
-    levels = {item.text.split()[0]: item for item in bad}
-    assert set(levels) == {'mcap', 'rasterio', 'numpy'}
-    assert levels['mcap'].level == FAIL
-    assert 'pip install mcap' in levels['mcap'].way_out
-    assert levels['rasterio'].level == WARN
-    assert 'lava_ros[terrain]' in levels['rasterio'].way_out
-    assert levels['numpy'].level == WARN
-    assert 'numpy>=1.26,<3' in levels['numpy'].way_out
+    *bad, good = doctor.check_packages()
+    assert good[0] == OK
+    assert bad == [
+        (FAIL, 'mcap is missing', 'pip install mcap'),
+        (WARN, 'numpy 3.0 was not tried', "pip install 'numpy>=1.26,<3'"),
+        (WARN, 'rasterio is missing', "pip install 'lava_ros[terrain]'"),
+    ]
 
 
 def warp(count, cache=''):
@@ -127,9 +120,9 @@ def warp(count, cache=''):
 def test_gpus(monkeypatch):
     """Each is named with its memory and driver; without one it is said who does the work."""
     monkeypatch.setattr(doctor, '_warp', lambda: warp(2))
-    first, second = found_by(doctor.check_gpu())
-    assert first.level == second.level == OK
-    assert first.text == 'cuda:0: H200, sm_90, 130.0 of 140.0 GB free, driver for CUDA 12.8'
+    first, second = doctor.check_gpu()
+    text = 'cuda:0: H200, sm_90, 130.0 of 140.0 GB free, driver for CUDA 12.8'
+    assert first == (OK, text) and second[0] == OK
     monkeypatch.setattr(doctor, '_warp', lambda: warp(0))
     monkeypatch.setattr(doctor.shutil, 'which', lambda name: None)
     monkeypatch.setattr(doctor.Path, 'exists', lambda path: False)
@@ -245,10 +238,9 @@ def test_discovery(environment, level, words):
 def test_discovery_warns_of_what_works_by_chance():
     """A domain whose ports others may take, and a variable that overrides the range."""
     environment = {'ROS_DOMAIN_ID': '150', 'ROS_LOCALHOST_ONLY': '1'}
-    ports, deprecated, rest = found_by(doctor.check_discovery(environment))
-    assert (ports.level, deprecated.level, rest.level) == (WARN, WARN, OK)
-    assert 'domain 150' in ports.text
-    assert 'ROS_LOCALHOST_ONLY' in deprecated.text
+    ports, deprecated, rest = doctor.check_discovery(environment)
+    assert (ports[0], deprecated[0], rest[0]) == (WARN, WARN, OK)
+    assert 'domain 150' in ports[1] and 'ROS_LOCALHOST_ONLY' in deprecated[1]
 
 
 def test_security(tmp_path):
@@ -284,10 +276,10 @@ def test_layers_that_do_not_reach_robots():
     hidden = {**layer, 'enabled': False}
     image = {'source': 'thickness', 'message': 'sensor_msgs/Image', 'qos': layer['qos']}
     layers = layers_from_dict({'layers': {'mask': layer, 'hidden': hidden, 'raw': image}})
-    findings = found_by(doctor.check_qos(layers))
-    assert len(findings) == 2 * len(doctor.CONSUMERS)
-    assert all(found.level == WARN and 'of mask' in found.text for found in findings)
-    assert {found.way_out for found in findings} == {
+    levels, texts, ways_out = zip(*doctor.check_qos(layers), strict=True)
+    assert levels == (WARN,) * 2 * len(doctor.CONSUMERS)
+    assert all('of mask' in text for text in texts)
+    assert set(ways_out) == {
         'set layers.mask.qos.reliability to reliable',
         'set layers.mask.qos.durability to transient_local',
     }
