@@ -25,7 +25,7 @@ from lava_ros.bag.mcap_file import McapFile
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.recovery import recover as recover_bag
 from lava_ros.cli.options import argument, command
-from lava_ros.cli.output import in_terminal, table_lines, write_json
+from lava_ros.cli.output import Progress, table_lines, write_json
 from lava_ros.errors import LavaError
 from lava_ros.pages.report.description import described
 from lava_ros.simulation.budget import VolumeBudget
@@ -220,8 +220,8 @@ def recover(args: argparse.Namespace) -> int:
     """
     source = BagReader(args.bag)
     try:
-        with in_terminal() as progress:
-            count = recover_bag(source, args.output, on_progress=progress)
+        with Progress(has_lines=False) as progress:
+            count = recover_bag(source, args.output, on_progress=progress.show)
     except OSError as error:
         raise LavaError('output', args.output, f'a place that can be written ({error})') from error
     whole = BagReader(args.output)

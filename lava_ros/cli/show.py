@@ -20,7 +20,7 @@ import sys
 
 from lava_ros import validation
 from lava_ros.cli.options import Argument, argument, command, seconds_of
-from lava_ros.cli.output import in_terminal, write_json
+from lava_ros.cli.output import Progress, write_json
 from lava_ros.cli.ros import require_ros
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, PICTURES
@@ -142,8 +142,8 @@ def report(args: argparse.Namespace) -> int:
         right = 'neither for a single bag; lava plot draws them'
         raise LavaError('--overlay, --observed', [*args.overlay, args.observed][0], right)
     else:
-        with in_terminal() as progress:
-            size = write_report(args.bag[0], args.output, progress=progress)
+        with Progress(has_lines=False) as progress:
+            size = write_report(args.bag[0], args.output, progress=progress.show)
     print(f'report of {size / 1e3:.0f} kB written to {args.output}')
     return 0
 
@@ -203,7 +203,7 @@ def animate(args: argparse.Namespace) -> int:
     The animation shows a layer over shaded relief at a constant rate of simulated time. MP4 needs
     ffmpeg.
     """
-    with in_terminal() as progress:
+    with Progress(has_lines=False) as progress:
         frames = animate_bag(
             args.bag,
             args.output,
@@ -211,7 +211,7 @@ def animate(args: argparse.Namespace) -> int:
             seconds=seconds_of('--seconds', args.seconds),
             fps=args.fps,
             width=args.width,
-            progress=progress,
+            progress=progress.show,
         )
     print(f'{frames} frames drawn to {args.output}')
     return 0
@@ -247,7 +247,7 @@ def export(args: argparse.Namespace) -> int:
     none, --epsg and --offset give it; without them the files are in the map frame.
     """
     at = None if args.at is None else seconds_of('--at', args.at, may_be_zero=True)
-    with in_terminal() as progress:
+    with Progress(has_lines=False) as progress:
         exported = export_bag(
             args.bag,
             args.output,
@@ -258,7 +258,7 @@ def export(args: argparse.Namespace) -> int:
             threshold=args.threshold,
             epsg=args.epsg,
             offset=tuple(args.offset) if args.offset else None,
-            progress=progress,
+            progress=progress.show,
         )
     files, placement = exported.files, exported.placement
     if len(files) > len(MAPS):

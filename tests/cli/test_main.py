@@ -30,7 +30,7 @@ from command_line import lava
 import lava_ros
 from lava_ros.cli import main as cli
 from lava_ros.cli.manual import COMMANDS, GROUPS, parsed
-from lava_ros.cli.output import in_terminal, Progress
+from lava_ros.cli.output import Progress
 from lava_ros.cli.scenes import DEMO_VENTS, scene_from_arguments
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
@@ -323,10 +323,10 @@ PROGRAM = """
 import sys
 if '--bare' in sys.argv:
     sys.modules['rich.progress'] = None
-from lava_ros.cli.output import in_terminal
-with in_terminal() as show:
+from lava_ros.cli.output import Progress
+with Progress(has_lines=False) as progress:
     for part in range(11):
-        show('counting', part / 10)
+        progress.show('counting', part / 10)
 print('done')
 """
 
@@ -341,8 +341,8 @@ def test_tenths_are_lines_where_nobody_watches(capsys):
     assert lines[0] == '  0 %  counting'
     assert lines[5].startswith(' 50 %  counting, ') and lines[5].endswith(' s left')
     assert lines[10] == '100 %  counting'
-    with in_terminal() as show:
-        show('counting', 0.5)
+    with Progress(has_lines=False) as progress:
+        progress.show('counting', 0.5)
     assert capsys.readouterr().out == ''
 
 
