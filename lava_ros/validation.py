@@ -36,26 +36,21 @@ def number(
     Raises:
         LavaError: The value is not a finite number or lies outside the limits.
     """
-    suffix = f' {unit}' if unit else ''
-    limits = [f'above {above:g}{suffix}'] if above is not None else []
-    limits += [f'at least {at_least:g}{suffix}'] if at_least is not None else []
-    limits += [f'at most {at_most:g}{suffix}'] if at_most is not None else []
-    expected = f'a finite number{suffix if not limits else " " + " and ".join(limits)}'
-    if isinstance(value, bool | bytes | bytearray):
-        raise LavaError(field, value, expected)
     try:
-        result = float(value)  # type: ignore[arg-type]
+        result = math.nan if isinstance(value, bool | bytes | bytearray) else float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
-        raise LavaError(field, value, expected) from None
-    inside = (
+        result = math.nan
+    if (
         math.isfinite(result)
         and (above is None or result > above)
         and (at_least is None or result >= at_least)
         and (at_most is None or result <= at_most)
-    )
-    if not inside:
-        raise LavaError(field, value, expected)
-    return result
+    ):
+        return result
+    suffix = f' {unit}' if unit else ''
+    limits = {'above': above, 'at least': at_least, 'at most': at_most}
+    told = [f' {word} {limit:g}{suffix}' for word, limit in limits.items() if limit is not None]
+    raise LavaError(field, value, f'a finite number{" and".join(told) or suffix}')
 
 
 def whole(field: str, value: object, *, at_least: int, at_most: int) -> int:
@@ -64,13 +59,12 @@ def whole(field: str, value: object, *, at_least: int, at_most: int) -> int:
     Raises:
         LavaError: The value is not a whole number or lies outside the limits.
     """
-    right = f'a whole number from {at_least} to {at_most}'
     try:
         result = number(field, value, at_least=at_least, at_most=at_most)
     except LavaError:
-        raise LavaError(field, value, right) from None
+        result = math.nan
     if not result.is_integer():
-        raise LavaError(field, value, right)
+        raise LavaError(field, value, f'a whole number from {at_least} to {at_most}')
     return int(result)
 
 
@@ -83,17 +77,16 @@ def pair(
         LavaError: The value is not a sequence of two such numbers.
     """
     is_array = hasattr(value, 'tolist') and getattr(value, 'ndim', 0) == 1
-    is_text = isinstance(value, str | bytes | bytearray)
-    if is_text or not (isinstance(value, Sequence) or is_array):
-        raise LavaError(field, value, f'two numbers [x, y] {unit}')
-    items = list(value)  # type: ignore[call-overload]
+    is_list = isinstance(value, Sequence) and not isinstance(value, str | bytes | bytearray)
+    items: list[object] = list(value) if is_list or is_array else []  # type: ignore[call-overload]
     if len(items) != 2:
         raise LavaError(field, value, f'two numbers [x, y] {unit}')
     least = None if most is None else -most
-    return (
-        number(f'{field}[0]', items[0], at_least=least, at_most=most, unit=unit),
-        number(f'{field}[1]', items[1], at_least=least, at_most=most, unit=unit),
+    x, y = (
+        number(f'{field}[{index}]', item, at_least=least, at_most=most, unit=unit)
+        for index, item in enumerate(items)
     )
+    return x, y
 
 
 def flag(field: str, value: object) -> bool:
@@ -132,8 +125,8 @@ def keys(
         raise LavaError(field, value, f'a mapping with keys {", ".join(names)}')
     for key in value:
         if key not in names:
-            known = ', '.join(names)
-            raise LavaError(f'{field}.{key}', value[key], f'no such key; one of {known}')
+            right = f'no such key; one of {", ".join(names)}'
+            raise LavaError(f'{field}.{key}', value[key], right)
     for key in required:
         if key not in value:
             raise LavaError(f'{field}.{key}', None, 'a value: this key is required')

@@ -12,11 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Simulate a lava flow on a mountain, live in ROS 2, and record it.
-
-The command starts the node on a scene, receives its maps over DDS, records them in a bag, draws a
-picture of the last ones, and ends the node.
-"""
+"""`lava demo`: a flow on a mountain."""
 
 import argparse
 from contextlib import closing
@@ -27,10 +23,10 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.options import add_options, seconds_of
+from lava_ros.cli.options import argument, command, seconds_of
 from lava_ros.cli.output import Progress, terminal, write_json
-from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, running_node
-from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
+from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
+from lava_ros.cli.scenes import scene_from_arguments, SCENE_OPTIONS
 from lava_ros.errors import LavaError, printable
 from lava_ros.maps.plot import duration as words
 from lava_ros.pages.pictures import draw_runs
@@ -38,7 +34,7 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.budget import VolumeBudget
 
 if TYPE_CHECKING:
-    from lava_ros.ros.monitor import Monitor, Observation
+    from lava_ros.ros.monitor import Observation
 
 #: Default wall time of the flow [s]: a GPU would be done before anybody saw it.
 LEAST_WALL_TIME = 25.0
@@ -53,30 +49,21 @@ LONGEST_SILENCE = 120.0
 RESULT, PICTURE = 'demo.json', 'demo.png'
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command."""
-    add_scene_arguments(parser)
-    parser.add_argument(
-        '--duration', default='12h', metavar='TIME',
-        help='simulated time: 6h, 90min (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--output', default='bags/demo', metavar='DIR',
-        help='bag to record; it replaces an earlier demo there (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--max-speed', type=float, metavar='X',
-        help='run at most X times as fast as real time (default: the speed '
-        f'that takes {LEAST_WALL_TIME:g} s in all)',
-    )
-    add_options(parser, '--preset', '--spacing', '--device', '--domain', '--json')
+@command(
+    *SCENE_OPTIONS,
+    argument('--duration', 'TIME', 'simulated time: 6h, 90min', '12h'),
+    argument('--output', 'DIR', 'bag to record; it replaces an earlier demo there', 'bags/demo'),
+    argument(
+        '--max-speed', 'X', 'run at most X times as fast as real time (default: the speed '
+        f'that takes {LEAST_WALL_TIME:g} s in all)', float,
+    ),
+    '--preset', '--spacing', '--device', '--domain', '--json',
+)
+def demo(args: argparse.Namespace) -> int:
+    """Simulate a lava flow on a mountain, live in ROS 2, and record it.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Run the demo.
-
-    Returns:
-        0, or 1 when the node fails.
+    The command starts the node on a scene, receives its maps over DDS, records them in a bag,
+    draws a picture of the last ones, and ends the node.
     """
     require_ros()
     duration = seconds_of('--duration', args.duration)
@@ -155,33 +142,29 @@ def _flow(
     """
     from lava_ros.ros.monitor import Monitor
 
-    with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
-        watched = _watch(monitor, node, duration)
-        node.stop()
-        return watched
-
-
-def _watch(monitor: 'Monitor', node: Child, duration: float) -> 'Observation':
     heard_at, heard = time.monotonic(), (0.0, '')
-    with Progress() as progress:
-        while True:
-            seen = monitor.observe(0.2)
-            now = time.monotonic()
-            node.check()
-            if seen.has_failed or seen.recorder_error or seen.refused:
-                reason = seen.recorder_error or seen.refused or seen.message
-                raise ChildError(node.failure(f'reports: {reason}'))
-            if (seen.time, seen.state) != heard:
-                heard_at, heard = now, (seen.time, seen.state)
-            elif now - heard_at > LONGEST_SILENCE:
-                raise ChildError(node.failure(f'made no progress for {LONGEST_SILENCE:g} s'))
-            text = seen.message or 'starting'
-            if seen.time > 0.0:
-                text = f'{words(seen.time)} · {seen.values["particles"]} particles · '
-                text += f'{seen.values["wet_cells"]} wet cells'
-            progress.show(text, seen.time / duration)
-            if seen.is_finished:
-                return seen
+    with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
+        with Progress() as progress:
+            is_finished = False
+            while not is_finished:
+                seen = monitor.observe(0.2)
+                now = time.monotonic()
+                node.check()
+                if seen.has_failed or seen.recorder_error or seen.refused:
+                    reason = seen.recorder_error or seen.refused or seen.message
+                    raise ChildError(node.failure(f'reports: {reason}'))
+                if (seen.time, seen.state) != heard:
+                    heard_at, heard = now, (seen.time, seen.state)
+                elif now - heard_at > LONGEST_SILENCE:
+                    raise ChildError(node.failure(f'made no progress for {LONGEST_SILENCE:g} s'))
+                text = seen.message or 'starting'
+                if seen.time > 0.0:
+                    text = f'{words(seen.time)} · {seen.values["particles"]} particles · '
+                    text += f'{seen.values["wet_cells"]} wet cells'
+                progress.show(text, seen.time / duration)
+                is_finished = seen.is_finished
+        node.stop()
+        return seen
 
 
 def _result(seen: 'Observation', max_speed: float) -> dict[str, Any]:

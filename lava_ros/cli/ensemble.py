@@ -12,18 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Run a scene many times, and map the probability and the time of lava inundation.
-
-The command draws a value of each uncertain quantity of a scene (its section `uncertainty`) for
-each member and runs the members on all cores or GPUs. It writes the probability of inundation, the
-times by which lava has reached a cell in 10, 50 and 90 % of the members, and the expected
-thickness, as GeoTIFF and as a bag. The same command continues an interrupted ensemble, and adds
-members to a finished one. SCENE may also be the folder of a mapped eruption, as for lava hindcast:
-the command then draws from the published ranges of the lava, unless case.yaml has a section
-`uncertainty`, and scores the probability against the mapped flow.
-"""
+"""`lava ensemble` and `lava plan`: a scene many times, and what there is time for."""
 
 import argparse
+from dataclasses import asdict
 from functools import partial
 import json
 from pathlib import Path
@@ -34,11 +26,11 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.cli.export import add_formats_argument
-from lava_ros.cli.options import add_options, device_named, seconds_of
+from lava_ros.cli.options import argument, command, device_named, seconds_of
 from lava_ros.cli.output import Progress, write_json
 from lava_ros.cli.ros import missing_package
-from lava_ros.cli.scenes import add_scene_arguments, scene_as_given
+from lava_ros.cli.scenes import SCENE, scene_as_given, scene_from_arguments
+from lava_ros.cli.show import formats
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
@@ -52,8 +44,10 @@ from lava_ros.forecast.ensemble import (
     Store,
 )
 from lava_ros.forecast.members import check_members, make_plan, Plan
+from lava_ros.forecast.pilots import Pilot, spacing_at
+from lava_ros.forecast.planning import afford
 from lava_ros.forecast.rasters import raster_on, seen_in_file, write_atlas
-from lava_ros.forecast.sampling import draw_members, Susceptibility
+from lava_ros.forecast.sampling import draw_members, MOST_MEMBERS, Susceptibility
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
@@ -69,61 +63,58 @@ HORIZON = '6h'
 BAG = 'atlas'
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command."""
-    add_scene_arguments(parser, positional=True)
-    parser.add_argument(
-        '-o', '--output', required=True, metavar='DIR',
-        help='folder for members and maps: new, empty, or of the same ensemble',
-    )
-    parser.add_argument(
-        '--members', type=int, default=64, metavar='N',
-        help='number of members (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--horizon', metavar='TIME',
-        help='simulated time of each member: 6h, 90min (default: 6h); not with a mapped '
-        'eruption, which has its end',
-    )
-    add_options(
-        parser, '--preset', '--spacing', '--seed', '--threshold', '--device', '--json',
-        preset='draft',
-    )
-    parser.add_argument(
-        '--susceptibility', metavar='FILE',
-        help='raster of the relative likelihood that the vent opens in a cell; replaces the '
-        'position of the vent',
-    )
-    parser.add_argument(
-        '--observed', metavar='FILE',
-        help='observed lava: a raster with values above 0, or areas (.geojson, .gpkg); the better '
-        'a member agrees with it, the more it counts',
-    )
-    parser.add_argument(
-        '--observed-at', metavar='TIME',
-        help='time of the observation, counted from the start of the scene',
-    )
-    parser.add_argument(
-        '--workers', type=int, metavar='N',
-        help='number of processes (default: one for each GPU, else one for each core)',
-    )
-    parser.add_argument(
-        '--scheduler', metavar='ADDRESS',
-        help='address of a Dask scheduler that runs the members: tcp://host:8786',
-    )
-    add_formats_argument(parser, 'areas of 10, 50 and 90 %% probability, isochrones', None)
+@command(
+    *SCENE,
+    argument(
+        '-o --output', 'DIR', 'folder for members and maps: new, empty, or of the same ensemble',
+        required=True,
+    ),
+    argument('--members', 'N', 'number of members', 64),
+    argument(
+        '--horizon', 'TIME', 'simulated time of each member: 6h, 90min (default: 6h); not with a '
+        'mapped eruption, which has its end',
+    ),
+    '--preset', '--spacing', '--seed', '--threshold', '--device', '--json',
+    argument(
+        '--susceptibility', 'FILE', 'raster of the relative likelihood that the vent opens in a '
+        'cell; replaces the position of the vent',
+    ),
+    argument(
+        '--observed', 'FILE', 'observed lava: a raster with values above 0, or areas (.geojson, '
+        '.gpkg); the better a member agrees with it, the more it counts',
+    ),
+    argument(
+        '--observed-at', 'TIME', 'time of the observation, counted from the start of the scene'
+    ),
+    argument(
+        '--workers', 'N', 'number of processes (default: one for each GPU, else one for each '
+        'core)', int,
+    ),
+    argument(
+        '--scheduler', 'ADDRESS', 'address of a Dask scheduler that runs the members: '
+        'tcp://host:8786',
+    ),
+    formats('areas of 10, 50 and 90 %% probability, isochrones', None),
+    preset='draft',
+)
+def ensemble(args: argparse.Namespace) -> int:
+    """Run a scene many times, and map the probability and the time of lava inundation.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Run the ensemble."""
+    The command draws a value of each uncertain quantity of a scene (its section `uncertainty`) for
+    each member and runs the members on all cores or GPUs. It writes the probability of inundation,
+    the times by which lava has reached a cell in 10, 50 and 90 % of the members, and the expected
+    thickness, as GeoTIFF and as a bag. The same command continues an interrupted ensemble, and
+    adds members to a finished one. SCENE may also be the folder of a mapped eruption, as for lava
+    hindcast: the command then draws from the published ranges of the lava, unless case.yaml has a
+    section `uncertainty`, and scores the probability against the mapped flow.
+    """
     if (args.observed is None) != (args.observed_at is None):
         right = 'a time together with --observed, and neither without the other'
         raise LavaError('--observed-at', args.observed_at, right)
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
-    scene = plan.scene
-    crs = coordinate_system(scene.terrain.epsg)
-    require_formats(args.formats or (), Path(args.output), crs)
+    scene, output = plan.scene, Path(args.output)
+    require_formats(args.formats or (), output, coordinate_system(scene.terrain.epsg))
     susceptibility = None
     if args.susceptibility is not None:
         likelihood = raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
@@ -137,12 +128,18 @@ def run(args: argparse.Namespace) -> int:
     )
     check_members(scene, members)
     runner, where = _runner(args)
-    store = Store(args.output, plan, seed=args.seed, susceptibility=susceptibility)
+    store = Store(output, plan, seed=args.seed, susceptibility=susceptibility)
+    name = Path(args.scene or args.terrain or 'demo').name
+    tags = {'scene': name, 'seed': str(args.seed), 'preset': args.preset}
+
+    def write_maps(maps: HazardMaps) -> list[str]:
+        return [str(path) for path in write_atlas(output, maps, plan, tags, args.formats)]
+
     started = time.monotonic()
     try:
         with Progress() as progress:
             progress.show('members begin', 0.0)
-            ensemble = run_ensemble(
+            done = run_ensemble(
                 plan,
                 members,
                 store,
@@ -152,20 +149,20 @@ def run(args: argparse.Namespace) -> int:
                     f'{done} of {len(members)} members',
                     (done - resumed) / (len(members) - resumed),
                 ),
-                on_maps=lambda maps: _write_maps(args, plan, maps),
+                on_maps=write_maps,
             )
     except KeyboardInterrupt:
         print('lava ensemble: interrupted; the same command continues', file=sys.stderr)
         raise
     wall = time.monotonic() - started
-    report = _report(args, plan, ensemble, wall, where)
+    report = _report(args, plan, done, wall, where)
     if scene.uncertainty.eruption:
         lengths = [member.eruption[0] for member in members if member.eruption]
         report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
     if case is not None:
         report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
-        report['score'] = chances_of(ensemble.maps.probability, mapped_on(case, plan))
-    report['files'] = _write(args, plan, ensemble, report)
+        report['score'] = chances_of(done.maps.probability, mapped_on(case, plan))
+    report['files'] = [*write_maps(done.maps), *_write_bag(output / BAG, plan, done, report)]
     write_json(report, args.json)
     _print(report)
     return 0
@@ -211,14 +208,14 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
 
 
 def _report(
-    args: argparse.Namespace, plan: Plan, ensemble: Ensemble, wall: float, where: dict[str, Any]
+    args: argparse.Namespace, plan: Plan, done: Ensemble, wall: float, where: dict[str, Any]
 ) -> dict[str, Any]:
-    maps, area = ensemble.maps, plan.scene.terrain.resolution**2
-    ran = maps.members - ensemble.resumed
-    likely = np.nan_to_num(maps.probability)
-    report: dict[str, Any] = {
+    maps, weights = done.maps, done.weights
+    ran = maps.members - done.resumed
+    likely, cell = np.nan_to_num(maps.probability), plan.scene.terrain.resolution**2
+    report = {
         'members': maps.members,
-        'resumed': ensemble.resumed,
+        'resumed': done.resumed,
         'effective_members': maps.effective_members,
         'sampling_error_percent': maps.sampling_error,
         'horizon_s': plan.horizon,
@@ -231,12 +228,11 @@ def _report(
         'wall_s': wall,
         'members_per_s': ran / wall if ran else None,
         'area_m2': {
-            f'at least {percent} %': float((likely >= percent).sum() * area)
+            f'at least {percent} %': float((likely >= percent).sum() * cell)
             for percent in (10, 50, 90)
         },
     }
-    if ensemble.weights is not None:
-        weights = ensemble.weights
+    if weights is not None:
         report['observed'] = {
             'jaccard_mean': float(weights.jaccard.mean()),
             'jaccard_best': float(weights.jaccard.max()),
@@ -245,34 +241,18 @@ def _report(
     return report
 
 
-def _write(
-    args: argparse.Namespace, plan: Plan, ensemble: Ensemble, report: dict[str, Any]
-) -> list[str]:
-    files = _write_maps(args, plan, ensemble.maps)
+def _write_bag(bag: Path, plan: Plan, done: Ensemble, report: dict[str, Any]) -> list[str]:
     if missing_package():
         print(
             "lava ensemble: wrote no bag, which needs ROS 2: pip install 'lava_ros[ros]'",
             file=sys.stderr,
         )
-        return files
+        return []
     from lava_ros.ros.offline_bags import write_atlas_bag
 
-    bag = Path(args.output) / BAG
-    write_atlas_bag(
-        bag,
-        ensemble.maps,
-        plan,
-        stamp_ns=time.time_ns(),
-        custom_data={'ensemble': json.dumps(report)},
-    )
-    return [*files, str(bag)]
-
-
-def _write_maps(args: argparse.Namespace, plan: Plan, maps: HazardMaps) -> list[str]:
-    name = Path(args.scene or args.terrain or 'demo').name
-    tags = {'scene': name, 'seed': str(args.seed), 'preset': args.preset}
-    folder = Path(args.output)
-    return [str(path) for path in write_atlas(folder, maps, plan, tags, args.formats)]
+    data = {'ensemble': json.dumps(report)}
+    write_atlas_bag(bag, done.maps, plan, stamp_ns=time.time_ns(), custom_data=data)
+    return [str(bag)]
 
 
 def _print(report: dict[str, Any]) -> None:
@@ -308,3 +288,57 @@ def _print(report: dict[str, Any]) -> None:
             + ('' if gap is None else f'; largest error of reliability {100.0 * gap:.0f} points')
         )
     print('\n'.join(f'written to {path}' for path in report['files']))
+
+
+@command(
+    *SCENE,
+    argument('--within', 'TIME', 'wall time to use: 30s, 10min', required=True),
+    argument(
+        '--members', 'N', 'number of members of an ensemble, which run one after the other; auto '
+        'takes the number with the smallest error', '1',
+    ),
+    '--horizon', '--device', '--json',
+    horizon='6h',
+)
+def plan(args: argparse.Namespace) -> int:
+    """Find the accuracy that a run, or an ensemble, can have in a given time.
+
+    The command makes coarse pilot runs of a scene on this machine. It prints the preset and the
+    spacing with which the run takes the given time, the number of members that an ensemble can
+    have, and the expected errors: the numerical error as a share of the covered area, and the
+    sampling error of a probability.
+    """
+    within = seconds_of('--within', args.within)
+    horizon = seconds_of('--horizon', args.horizon)
+    members = None
+    if args.members != 'auto':
+        if not args.members.isdecimal():
+            raise LavaError('--members', args.members, 'a whole number from 1 on, or auto')
+        members = validation.whole('--members', args.members, at_least=1, at_most=MOST_MEMBERS)
+    scene = scene_from_arguments(args)
+
+    def tell(pilot: Pilot) -> None:
+        spacing = spacing_at(scene, pilot.refinement, horizon)
+        print(
+            f'pilot: spacing {spacing:.3g} m took {pilot.spent:.3g} s'
+            + ('' if pilot.is_done else f', stopped: it would take {pilot.wall_time:.3g} s'),
+            flush=True,
+        )
+
+    found = afford(
+        scene, within=within, horizon=horizon, members=members, device=args.device,
+        may_force=True, on_pilot=tell,
+    )
+    print(f'preset {found.preset}, spacing {found.spacing:.3g} m')
+    for name, is_on in found.forced.items():
+        state = 'on' if is_on else 'off'
+        print(f'effect {name} {state}: what the scene calls for takes too long at this spacing')
+    print(
+        f'{found.members} run{"s" * (found.members > 1)} in about {found.wall_time:.2g} s of '
+        f'{within:g} s' + ('; more time would not help' if found.is_finest else '')
+    )
+    print(f'numerical error: about {100.0 * found.error:.2g} % of the covered area')
+    if found.members > 1:
+        print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
+    write_json(asdict(found), args.json)
+    return 0

@@ -12,17 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Open a vent, live in ROS 2, and narrow the forecast with an observed outline.
-
-The command starts a node that computes forecasts and ensembles, opens a vent over DDS, and prints
-how long the first forecast takes. It then sends the node the outline of a flow whose discharge and
-viscosity the node does not know, and draws the probabilities before and after it.
-"""
+"""`lava forecast-demo`: a forecast before and after an outline is seen."""
 
 import argparse
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 import os
 from pathlib import Path
 import time
@@ -31,9 +27,9 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.cli.options import add_options
+from lava_ros.cli.options import argument, command
 from lava_ros.cli.output import write_json
-from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
+from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, running_node
 from lava_ros.files import file_to_write, PICTURES
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.picture import draw_narrowing
@@ -47,7 +43,7 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.presets import preset_accuracy
 
 if TYPE_CHECKING:
-    from lava_ros.ros.monitor import HeardGrid
+    from lava_ros.ros.monitor import ForecastWatch, HeardGrid
 
 #: How far forecasts look [s], and simulated seconds in a second.
 HORIZON, SPEED = 3600.0, 40.0
@@ -79,28 +75,22 @@ PATIENCE = 300.0
 UNDECIDED = (5, 95)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command."""
-    parser.add_argument(
-        '--members', type=int, default=16, metavar='N',
-        help='number of members of an ensemble (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--picture', default='forecast.png', metavar='FILE',
-        help='picture to write of the probabilities before and after (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--speed', type=float, default=SPEED, metavar='X',
-        help='run X times as fast as real time (default: %(default)g)',
-    )
-    add_options(parser, '--device', '--domain', '--json')
+@command(
+    argument('--members', 'N', 'number of members of an ensemble', 16),
+    argument(
+        '--picture', 'FILE', 'picture to write of the probabilities before and after',
+        'forecast.png',
+    ),
+    argument('--speed', 'X', 'run X times as fast as real time', SPEED),
+    '--device', '--domain', '--json',
+)
+def forecast_demo(args: argparse.Namespace) -> int:
+    """Open a vent, live in ROS 2, and narrow the forecast with an observed outline.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Run the demo.
-
-    Returns:
-        0, or 1 when the node fails.
+    The command starts a node that computes forecasts and ensembles, opens a vent over DDS, and
+    prints how long the first forecast takes. It then sends the node the outline of a flow whose
+    discharge and viscosity the node does not know, and draws the probabilities before and after
+    it.
     """
     require_ros()
     members = validation.whole('--members', args.members, at_least=2, at_most=10_000)
@@ -112,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
     scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
     truth = _Truth(scene, args.device)
     try:
-        result, maps = _Demo(scene, truth, members, speed, args.device, domain).run()
+        result, maps = _narrowed(scene, truth, members, speed, args.device, domain)
     except ChildError as error:
         print(f'lava forecast-demo: {error}')
         return 1
@@ -153,62 +143,58 @@ class _Truth:
         return self._simulation.snapshot().thickness >= self._threshold
 
 
-@dataclass
-class _Demo:
-    """A node in a graph, from the vent to the second map of probabilities."""
+def _narrowed(
+    scene: Scene, truth: _Truth, members: int, speed: float, device: str | None, domain: int
+) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
+    """Run a node from the vent to the second map of probabilities.
 
-    scene: Scene
-    truth: _Truth
-    members: int
-    speed: float
-    device: str | None
-    domain: int
+    Returns:
+        The figures, and titles and maps of probability before and after the outline.
 
-    def run(self) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
-        """Return the figures, and titles and maps of probability before and after the outline.
+    Raises:
+        ChildError: The node failed, or took too long.
+    """
+    from lava_ros.ros.monitor import ForecastWatch
 
-        Raises:
-            ChildError: The node failed, or took too long.
-        """
-        from lava_ros.ros.monitor import ForecastWatch
-
-        settings = {
-            'device': self.device or '',
-            'preset': 'draft',
-            'spacing': SPACING,
-            'time_scale': self.speed,
-            'forecast_horizon': HORIZON / 3600.0,
-            # a busy machine takes its time
-            'forecast_max_age': 4.0 * HORIZON,
-            'ensemble_members': self.members,
-        }
-        bare = replace(self.scene, vents=())
-        with (
-            closing(ForecastWatch(self.domain)) as self._watch,
-            running_node(bare, settings, self.domain) as self._node,
-        ):
-            return self._hear()
-
-    def _hear(self) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
-        watch = self._watch
-        self._wait('to hear it', lambda: watch.is_heard)
+    settings = {
+        'device': device or '',
+        'preset': 'draft',
+        'spacing': SPACING,
+        'time_scale': speed,
+        'forecast_horizon': HORIZON / 3600.0,
+        # a busy machine takes its time
+        'forecast_max_age': 4.0 * HORIZON,
+        'ensemble_members': members,
+    }
+    with (
+        closing(ForecastWatch(domain)) as watch,
+        running_node(replace(scene, vents=()), settings, domain) as node,
+    ):
+        wait = partial(_wait, watch, node)
+        wait('to hear it', lambda: watch.is_heard)
         # by then the process of the forecasts has started
-        self._wait('for a first map', lambda: bool(watch.arrivals))
-        opened = watch.open_vents(self.scene.vents, self.scene.terrain)
+        wait('for a first map', lambda: watch.arrivals)
+        opened = watch.open_vents(scene.vents, scene.terrain)
         print('a vent opens', flush=True)
-        arrival = self._heard(watch.arrivals, opened)
-        print(f'{arrival.heard - opened:6.1f} s  a forecast of when lava comes', flush=True)
-        first = self._heard(watch.probabilities, opened)
-        print(f'{first.heard - opened:6.1f} s  a first map of how likely', flush=True)
-        self._wait('for all members', self._is_complete)
+        arrival = wait('for a forecast', lambda: _with_lava(watch.arrivals, opened))
+        _tell(arrival.heard - opened, 'a forecast of when lava comes')
+        first = wait('for a forecast', lambda: _with_lava(watch.probabilities, opened))
+        _tell(first.heard - opened, 'a first map of how likely')
+        wait('for all members', lambda: _is_complete(watch, members))
         complete = time.monotonic()
-        print(f'{complete - opened:6.1f} s  all {self.members} members', flush=True)
-        self._wait('for the flow', lambda: self._time() > SEEN_AT)
-        stamp_ns = self._stamp_at(SEEN_AT)
+        _tell(complete - opened, f'all {members} members')
+
+        def now() -> float:
+            return float(watch.values('simulation').get('simulated_time_s', 0.0))
+
+        wait('for the flow', lambda: now() > SEEN_AT)
+        # ROS time of the simulated time that has just passed
+        late = round(1e9 * (now() - SEEN_AT) / speed)
+        stamp_ns = int(watch.values('simulation')['stamp_ns']) - late
         before, status = watch.probabilities[-1], watch.values('ensemble')
-        shown = watch.show_outline(self.truth.seen, self.scene.terrain, stamp_ns)
-        print(f'{shown - opened:6.1f} s  an outline is seen', flush=True)
-        self._wait(
+        shown = watch.show_outline(truth.seen, scene.terrain, stamp_ns)
+        _tell(shown - opened, 'an outline is seen')
+        wait(
             'to weigh the members',
             lambda: watch.values('ensemble').get('outlines') == '1'
             and watch.probabilities[-1].heard > shown,
@@ -218,68 +204,59 @@ class _Demo:
              and item.stamp_ns == before.stamp_ns),
             watch.probabilities[-1],
         )
-        print(f'{after.heard - opened:6.1f} s  the probabilities are narrower', flush=True)
+        _tell(after.heard - opened, 'the probabilities are narrower')
         weighed = watch.values('ensemble')
-        self.truth.run_to(float(status['start_time_s']) + HORIZON)
-        scored = {
-            name: _scores(item.cells, before.cells, self.truth.came, self.scene.terrain)
-            for name, item in (('before', before), ('after', after))
-        }
+        truth.run_to(float(status['start_time_s']) + HORIZON)
         result = {
             'forecast_after_s': round(arrival.heard - opened, 2),
             'probability_after_s': round(first.heard - opened, 2),
             'all_members_after_s': round(complete - opened, 2),
             'narrower_after_s': round(after.heard - shown, 2),
             'is_same_ensemble': after.stamp_ns == before.stamp_ns,
-            'members': self.members,
+            'members': members,
             'members_effective': float(weighed['members_effective']),
             'horizon_s': HORIZON,
             'seen_at_s': SEEN_AT,
             'device': watch.values('simulation').get('device', ''),
-            **scored,
+            'before': _scores(before.cells, before.cells, truth.came, scene.terrain),
+            'after': _scores(after.cells, before.cells, truth.came, scene.terrain),
         }
-        maps = [
-            (f'{self.members} members', _probability(before.cells)),
-            (f'after an outline at {SEEN_AT / 60.0:g} min', _probability(after.cells)),
-        ]
-        return result, maps
+    return result, [
+        (f'{members} members', _probability(before.cells)),
+        (f'after an outline at {SEEN_AT / 60.0:g} min', _probability(after.cells)),
+    ]
 
-    def _wait(self, what: str, condition: Callable[[], bool]) -> None:
-        end = time.monotonic() + PATIENCE
-        while not condition():
-            self._node.check()
-            self._watch.listen(0.1)
-            for task in ('simulation', 'inputs', 'forecast', 'ensemble'):
-                said = self._watch.values(task)
-                if said['error']:
-                    raise ChildError(self._node.failure(f'reports: {task}: {said["message"]}'))
-            if time.monotonic() > end:
-                raise ChildError(self._node.failure(f'took more than {PATIENCE:g} s {what}'))
 
-    def _heard(self, grids: list['HeardGrid'], since: float) -> 'HeardGrid':
-        """The first grid with lava that came since a time [s]."""
+def _tell(seconds: float, what: str) -> None:
+    print(f'{seconds:6.1f} s  {what}', flush=True)
 
-        def found() -> list['HeardGrid']:
-            return [item for item in grids if item.heard > since and item.cells.max() > 0]
 
-        self._wait('for a forecast', lambda: bool(found()))
-        return found()[0]
+def _wait(watch: 'ForecastWatch', node: Child, what: str, found: Callable[[], Any]) -> Any:
+    """Listen until something is found, and return it."""
+    end = time.monotonic() + PATIENCE
+    while not (result := found()):
+        node.check()
+        watch.listen(0.1)
+        for task in ('simulation', 'inputs', 'forecast', 'ensemble'):
+            said = watch.values(task)
+            if said['error']:
+                raise ChildError(node.failure(f'reports: {task}: {said["message"]}'))
+        if time.monotonic() > end:
+            raise ChildError(node.failure(f'took more than {PATIENCE:g} s {what}'))
+    return result
 
-    def _is_complete(self) -> bool:
-        if not self._watch.probabilities:
-            return False
-        said, newest = self._watch.values('ensemble'), self._watch.probabilities[-1]
-        is_shown = newest.cells.max() > 0 and said.get('frame_stamp_ns') == str(newest.stamp_ns)
-        return is_shown and said.get('members') == str(self.members)
 
-    def _time(self) -> float:
-        return float(self._watch.values('simulation').get('simulated_time_s', 0.0))
+def _with_lava(grids: list['HeardGrid'], since: float) -> 'HeardGrid | None':
+    """The first grid with lava that came since a time [s]."""
+    return next((item for item in grids if item.heard > since and item.cells.max() > 0), None)
 
-    def _stamp_at(self, time: float) -> int:
-        """ROS time [ns] of a simulated time [s] that has just passed."""
-        said = self._watch.values('simulation')
-        late = float(said['simulated_time_s']) - time
-        return int(said['stamp_ns']) - round(1e9 * late / self.speed)
+
+def _is_complete(watch: 'ForecastWatch', members: int) -> bool:
+    if not watch.probabilities:
+        return False
+    said, newest = watch.values('ensemble'), watch.probabilities[-1]
+    is_shown = newest.cells.max() > 0 and said.get('frame_stamp_ns') == str(newest.stamp_ns)
+    return is_shown and said.get('members') == str(members)
 
 
 def _probability(cells: np.ndarray) -> np.ndarray:

@@ -12,50 +12,53 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Print what a bag contains.
-
-The command prints the scene, the topics and the state of a bag. It reads a bag whose recording was
-cut off up to the last complete message.
-"""
+"""`lava info` and `lava recover`: what a bag contains, and a whole bag of one that is not."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from typing import Any
 
 from lava_ros.bag.checkpoints import checkpoints_of
-from lava_ros.bag.decoding import Decoder, last_moment, Moment
+from lava_ros.bag.decoding import Decoder, last_moment
 from lava_ros.bag.mcap_file import McapFile
-from lava_ros.bag.reader import BagReader, Topic
-from lava_ros.cli.options import add_options
-from lava_ros.cli.output import table_lines, write_json
+from lava_ros.bag.reader import BagReader
+from lava_ros.bag.recovery import recover as recover_bag
+from lava_ros.cli.options import argument, command
+from lava_ros.cli.output import Progress, table_lines, write_json
 from lava_ros.errors import LavaError
-from lava_ros.pages.report.description import plain
+from lava_ros.pages.report.description import described
 from lava_ros.simulation.budget import VolumeBudget
 
 _SHOWN_CHECKPOINTS = 5
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command."""
-    add_options(parser, 'bag', '--json')
+#: Parts of the custom data that are shown in words.
+_READ = ('scene', 'effects', 'resumed_from')
 
 
-def run(args: argparse.Namespace) -> int:
-    """Describe the bag that the arguments name."""
+@command('bag', '--json')
+def info(args: argparse.Namespace) -> int:
+    """Print what a bag contains.
+
+    The command prints the scene, the topics and the state of a bag. It reads a bag whose recording
+    was cut off up to the last complete message.
+    """
     bag = BagReader(args.bag)
+    refused: list[LavaError] = []
+    told = _as_dict(bag, refused.append)
     if args.json is None:
-        print('\n'.join(_lines(bag)))
+        print('\n'.join(_lines(bag, told, refused)))
     else:
-        write_json(_as_dict(bag), args.json)
+        write_json(told, args.json)
     return 0
 
 
-def _as_dict(bag: BagReader) -> dict[str, Any]:
+def _as_dict(bag: BagReader, on_refused: Callable[[LavaError], object]) -> dict[str, Any]:
     def parts(item: BagReader | McapFile, *names: str) -> dict[str, Any]:
         return {name: getattr(item, name) for name in names}
 
     span = ('start_ns', 'end_ns', 'message_count')
+    known = described(bag.custom_data)
     return {
         'path': str(bag.path),
         'files': [
@@ -76,54 +79,19 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
             for topic in bag.topics.values()
         ],
         'simulation': _simulation(bag),
-        'checkpoints': [item._asdict() for item in checkpoints_of(bag.path)],
-        **_known(bag),
+        'checkpoints': [item._asdict() for item in checkpoints_of(bag.path, on_refused)],
+        **{name: known[name] for name in _READ},
         'custom_data': bag.custom_data,
     }
 
 
-def _known(bag: BagReader) -> dict[str, Any]:
-    """The parts of the description that are shown in words; None where missing or malformed."""
-    told = plain(bag.custom_data)
-    return {name: told[name] for name in ('scene', 'effects', 'resumed_from')}
-
-
-def _lines(bag: BagReader) -> list[str]:
-    known = _known(bag)
-    lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {_size(bag.size)}']
-    if len(bag.files) > 1:
-        lines += [_file_line(item, bag.start_ns or 0) for item in bag.contents]
-    state = 'cut off' if bag.recovered else 'finished'
-    if bag.damage:
-        state += f'; damaged in {len(bag.damage)} places'
-    elif bag.recovered:
-        state += '; everything before that is there'
-    lines.append(f'recording  {state}')
-    if bag.start_ns is not None:
-        lines.append(f'start      {_moment(bag.start_ns)}')
-        lines.append(f'duration   {bag.duration_ns / 1e9:.3f} s')
-    lines.append(f'messages   {bag.message_count}')
-    resumed = known['resumed_from']
-    if resumed is not None:
-        lines.append(f'resumed    at {resumed["time"]:.3f} s simulated, from {resumed["bag"]}')
-    lines += _simulation_lines(bag)
-    lines += _topic_lines(list(bag.topics.values()))
-    lines += _checkpoint_lines(bag)
-    if known['scene'] is not None:
-        lines += ['', 'scene', *_scene_lines(known['scene'])]
-    if known['effects'] is not None:
-        lines += ['', 'effects', *_effect_lines(known['effects'])]
-    rest = [
-        f'  {key}: {_short(item)}'
-        for key, item in sorted(bag.custom_data.items())
-        if known.get(key) is None
-    ]
-    return [*lines, '', 'custom data', *rest] if rest else lines
-
-
 def _simulation(bag: BagReader) -> dict[str, Any] | None:
     """The last diagnostics: simulated time [s], volumes [m3], their error, and warnings."""
-    moment = _last_moment(bag)
+    try:
+        moment = last_moment(bag, Decoder(bag))
+    except LavaError:
+        # decoding needs a library that the rest does not
+        return None
     if moment is None:
         return None
     names = [name for name in moment.values if name.startswith('volume_')]
@@ -135,25 +103,49 @@ def _simulation(bag: BagReader) -> dict[str, Any] | None:
     }
 
 
-def _last_moment(bag: BagReader) -> Moment | None:
-    try:
-        return last_moment(bag, Decoder(bag))
-    except LavaError:
-        # decoding needs a library that the rest does not
-        return None
-
-
-def _simulation_lines(bag: BagReader) -> list[str]:
-    moment = _last_moment(bag)
-    if moment is None:
-        return []
-    lines = [f'simulated  {moment.time:.3f} s']
-    budget = VolumeBudget.from_texts(moment.values)
-    if budget is not None:
-        lines.append('volumes')
-        lines += [f'  {name:30} {value}' for name, value in budget.rows()]
-        lines += [f'  warning: {item}' for item in budget.warnings()]
-    return lines
+def _lines(bag: BagReader, told: dict[str, Any], refused: list[LavaError]) -> list[str]:
+    lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {_size(bag.size)}']
+    if len(bag.files) > 1:
+        lines += [_file_line(item, bag.start_ns or 0) for item in bag.contents]
+    state = 'cut off' if bag.recovered else 'finished'
+    if bag.damage:
+        state += f'; damaged in {len(bag.damage)} places'
+    elif bag.recovered:
+        state += '; everything before that is there'
+    lines.append(f'recording  {state}')
+    if bag.start_ns is not None:
+        lines.append(f'start      {_moment(bag.start_ns)}')
+        lines.append(f'duration   {told["duration"]:.3f} s')
+    lines.append(f'messages   {bag.message_count}')
+    if (resumed := told['resumed_from']) is not None:
+        lines.append(f'resumed    at {resumed["time"]:.3f} s simulated, from {resumed["bag"]}')
+    if (simulation := told['simulation']) is not None:
+        lines.append(f'simulated  {simulation["time"]:.3f} s')
+        known = {name: value for name, value in simulation.items() if value == value}
+        budget = VolumeBudget.from_texts(known)
+        if budget is not None:
+            lines += ['volumes', *(f'  {name:30} {value}' for name, value in budget.rows())]
+            lines += [f'  warning: {item}' for item in budget.warnings()]
+    if bag.topics:
+        rows = [('topic', 'type', 'count', 'reliability', 'durability')]
+        for topic in bag.topics.values():
+            name, count, qos = topic.name, str(topic.count), topic.qos
+            rows.append((name, topic.message_type, count, qos.reliability, qos.durability))
+        lines += ['', *table_lines(rows, '<<<<<')]
+    lines += _checkpoint_lines(told['checkpoints'], refused)
+    if told['scene'] is not None:
+        lines += ['', 'scene', *_scene_lines(told['scene'])]
+    if told['effects'] is not None:
+        lines += ['', 'effects']
+        for index, entry in enumerate(told['effects']):
+            lines += [f'  changed at {entry["time"]:.1f} s'] if index else []
+            lines += [f'  {name:16} {text}' for name, text in entry['effects'].items()]
+    rest = [
+        f'  {key}: {_short(item)}'
+        for key, item in sorted(bag.custom_data.items())
+        if key not in _READ or told[key] is None
+    ]
+    return [*lines, '', 'custom data', *rest] if rest else lines
 
 
 def _file_line(file: McapFile, start_ns: int) -> str:
@@ -165,53 +157,29 @@ def _file_line(file: McapFile, start_ns: int) -> str:
     return ', '.join(words) + ('' if file.finished else ', cut off')
 
 
-def _topic_lines(topics: list[Topic]) -> list[str]:
-    if not topics:
-        return []
-    rows = [('topic', 'type', 'count', 'reliability', 'durability')]
-    for topic in topics:
-        name, qos = topic.name, topic.qos
-        row = name, topic.message_type, str(topic.count), qos.reliability, qos.durability
-        rows.append(row)
-    return ['', *table_lines(rows, '<<<<<')]
-
-
-def _checkpoint_lines(bag: BagReader) -> list[str]:
+def _checkpoint_lines(stored: list[dict[str, Any]], refused: list[LavaError]) -> list[str]:
     """The newest checkpoints, each a moment that `lava node --resume` can go on from."""
-    refused: list[LavaError] = []
-    stored = checkpoints_of(bag.path, refused.append)
     lines = [f'  cannot be read: {item}' for item in refused]
     if not stored:
         return ['', 'checkpoints  none that can be read', *lines] if refused else []
-    total = _size(sum(item.size for item in stored))
+    total = _size(sum(item['size'] for item in stored))
     lines = ['', f'checkpoints  {len(stored)}, {total}; resume takes the newest', *lines]
     if len(stored) > _SHOWN_CHECKPOINTS:
         lines.append(f'  {len(stored) - _SHOWN_CHECKPOINTS} older ones')
-    for item in stored[-_SHOWN_CHECKPOINTS:]:
-        lines.append(
-            f'  at {item.time:.3f} s simulated, {_moment(item.log_time_ns)}, '
-            f'{item.particle_count} particles, {_size(item.size)}'
-        )
-    return lines
+    return lines + [
+        f'  at {item["time"]:.3f} s simulated, {_moment(item["log_time_ns"])}, '
+        f'{item["particle_count"]} particles, {_size(item["size"])}'
+        for item in stored[-_SHOWN_CHECKPOINTS:]
+    ]
 
 
 def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
     lines = []
     for name, value in scene.items():
         if name == 'vents' and isinstance(value, list):
-            lines.append(f'  vents: {len(value)}')
-            lines += [f'    {_inline(item)}' for item in value]
+            lines += [f'  vents: {len(value)}', *(f'    {_inline(item)}' for item in value)]
         else:
             lines.append(f'  {name}: {_inline(value)}')
-    return lines
-
-
-def _effect_lines(entries: list[dict[str, Any]]) -> list[str]:
-    lines = []
-    for index, entry in enumerate(entries):
-        if index:
-            lines.append(f'  changed at {entry["time"]:.1f} s')
-        lines += [f'  {name:16} {text}' for name, text in entry['effects'].items()]
     return lines
 
 
@@ -241,3 +209,28 @@ def _moment(time_ns: int) -> str:
     if seconds < 1e9:
         return f'{seconds:.3f} s'
     return datetime.fromtimestamp(seconds, timezone.utc).isoformat(timespec='milliseconds')
+
+
+@command('bag', argument('output', None, 'directory of the new bag, which must not exist'))
+def recover(args: argparse.Namespace) -> int:
+    """Copy the readable messages of a bag that was cut off or damaged into a new bag.
+
+    The command leaves out the damaged parts of the bag and prints where they are. The new bag is
+    complete.
+    """
+    source = BagReader(args.bag)
+    try:
+        with Progress(has_lines=False) as progress:
+            count = recover_bag(source, args.output, on_progress=progress.show)
+    except OSError as error:
+        raise LavaError('output', args.output, f'a place that can be written ({error})') from error
+    whole = BagReader(args.output)
+    print(f'{count} messages copied to {args.output}')
+    for topic in sorted(whole.topics.values(), key=lambda item: item.name):
+        print(f'{topic.count:8}  {topic.name}')
+    seconds = ((whole.end_ns or 0) - (whole.start_ns or 0)) / 1e9
+    state = 'had been cut off' if source.recovered else 'was whole'
+    if source.damage:
+        state = f'was damaged in {len(source.damage)} places'
+    print(f'{seconds:.3f} s of recording; the bag {state}')
+    return 0

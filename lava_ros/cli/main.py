@@ -39,10 +39,7 @@ _ROS_ARGS = '--ros-args'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command that the arguments name.
-
-    Args:
-        argv: Arguments without the program's name, those of the process when left out.
+    """Run the command that the arguments name, without the program's name, or the process's.
 
     Returns:
         The exit status: 0 when it went well, 1 when part of a bag was damaged and left out, 2 for
@@ -58,12 +55,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     # argparse takes a place that begins with a minus for an option, unless it has a space in it
     arguments = [f' {word}' if re.match(r'-[\d.]+,', word) else word for word in arguments]
     # What follows is ROS's to read, options that argparse would take for its own included.
-    ros_args: list[str] = []
+    end = len(arguments)
     if arguments[:1] == ['node'] and _ROS_ARGS in arguments:
-        start = arguments.index(_ROS_ARGS)
-        arguments, ros_args = arguments[:start], arguments[start:]
-    args = parsed(arguments)
-    args.ros_args = ros_args
+        end = arguments.index(_ROS_ARGS)
+    args = parsed(arguments[:end])
+    args.ros_args = arguments[end:]
     said = _Said(args.command)
     log = logging.getLogger('lava_ros')
     log.addHandler(said)
@@ -74,11 +70,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             check_outputs(args)
             return int(args.run(args)) or (DAMAGED if said.has_warned else 0)
     except LavaError as error:
-        print(f'lava {args.command}: {error}', file=sys.stderr)
-        return USAGE_ERROR
+        problem = str(error)
     except MemoryError as error:
-        print(f'lava {args.command}: no memory is left: {printable(str(error))}', file=sys.stderr)
-        return USAGE_ERROR
+        problem = f'no memory is left: {printable(str(error))}'
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
@@ -88,11 +82,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         if error.errno not in _FULL:
             raise
-        print(f'lava {args.command}: no room is left: {printable(str(error))}', file=sys.stderr)
-        return USAGE_ERROR
+        problem = f'no room is left: {printable(str(error))}'
     finally:
         log.removeHandler(said)
         log.setLevel(level)
+    print(f'lava {args.command}: {problem}', file=sys.stderr)
+    return USAGE_ERROR
 
 
 class _Said(logging.Handler):

@@ -17,6 +17,7 @@
 import argparse
 import ast
 from difflib import get_close_matches
+from functools import cache
 from importlib import import_module, resources
 import re
 import sys
@@ -26,18 +27,25 @@ from typing import NoReturn
 import lava_ros
 from lava_ros.errors import LONGEST_EXPECTED, one_line
 
-#: The commands by heading of the page: each is a module, whose docstring is its help.
+#: The commands by heading of the page, and the module that each is a function of.
 GROUPS = {
-    'run': ('demo', 'node', 'feed', 'ensemble', 'forecast-demo'),
-    'record': ('replay', 'info', 'recover'),
-    'look': (
-        'watch', 'report', 'plot', 'animate', 'export', 'effects', 'materials', 'barrier',
-    ),
-    'measure': ('hindcast', 'calibrate', 'plan', 'accuracy', 'verify', 'bench'),
-    'set up': ('doctor', 'completion'),
+    'run': {
+        'demo': 'demo', 'node': 'node', 'feed': 'node', 'ensemble': 'ensemble',
+        'forecast-demo': 'forecast_demo',
+    },
+    'record': {'replay': 'replay', 'info': 'info', 'recover': 'info'},
+    'look': {
+        'watch': 'show', 'report': 'show', 'plot': 'show', 'animate': 'show', 'export': 'show',
+        'effects': 'prepare', 'materials': 'prepare', 'barrier': 'prepare',
+    },
+    'measure': {
+        'hindcast': 'eruptions', 'calibrate': 'eruptions', 'plan': 'ensemble',
+        'accuracy': 'measure', 'verify': 'measure', 'bench': 'measure',
+    },
+    'set up': {'doctor': 'set_up', 'completion': 'set_up'},
 }
 
-COMMANDS = tuple(name for names in GROUPS.values() for name in names)
+COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()}
 
 #: Column at which the summaries of commands begin, and the widest line of the page.
 SUMMARY_COLUMN, WIDTH = 19, 88
@@ -102,15 +110,8 @@ class Parser(argparse.ArgumentParser):
         print(f'{self.prog}: {message}; {hint}', file=sys.stderr)
         sys.exit(2)
 
-    def parse(self, words: list[str]) -> argparse.Namespace:
-        """Parse, and name the option that is closest to one that is unknown."""
-        parsed, unknown = self.parse_known_args(words)
-        if unknown:
-            self.refuse(unknown[0])
-        return parsed
-
     def refuse(self, word: str) -> NoReturn:
-        """Exit because of a word that is not known."""
+        """Exit because of a word that is not known, and name the option that is closest."""
         known = list(self._option_string_actions)
         self.error(f'{word!r} is not known here{_closest(word, known)}')
 
@@ -141,38 +142,47 @@ class Manual(Parser):
         return PAGE_START + '\n'.join(lines) + '\n' + PAGE_END
 
 
+@cache
+def _helps(module: str) -> dict[str, str]:
+    """The docstrings of a module's functions, read without importing it."""
+    text = resources.files(__package__).joinpath(f'{module}.py').read_text('utf-8')
+    functions = (item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef))
+    return {item.name: ast.get_docstring(item) or '' for item in functions}
+
+
 def summary_of(name: str) -> str:
-    """What a command does: the first line of its help, read without importing the command."""
-    text = resources.files(__package__).joinpath(f'{_module(name)}.py').read_text('utf-8')
-    first = (ast.get_docstring(ast.parse(text)) or '').partition('.\n')[0]
+    """What a command does: the first line of its help."""
+    first = _helps(COMMANDS[name])[_function(name)].partition('.\n')[0]
     return first[:1].lower() + first[1:]
 
 
 def parser_of(name: str) -> Parser:
-    """The parser of a command, which sets ``command`` and ``run``, its function.
-
-    The command's module has ``add_arguments(parser)`` and ``run(args)``. ``run`` returns the exit
-    status, and raises LavaError for arguments and files that cannot be used.
-    """
-    module = import_module(f'{__package__}.{_module(name)}')
-    parser = Parser(prog=f'lava {name}', description=module.__doc__)
-    module.add_arguments(parser)
-    parser.set_defaults(command=name, run=module.run)
+    """The parser of a command, which sets ``command`` and ``run``, its function."""
+    module = import_module(f'{__package__}.{COMMANDS[name]}')
+    command = getattr(module, _function(name))
+    parser = Parser(prog=f'lava {name}', description=command.run.__doc__, usage=command.usage)
+    for names, options in command.arguments:
+        parser.add_argument(*names, **options)
+    parser.set_defaults(command=name, run=command.run, **command.defaults)
     return parser
 
 
 def parsed(words: list[str]) -> argparse.Namespace:
     """Parse a command line; exits with status 2 where a word is wrong."""
-    if words[:1] and words[0] in COMMANDS:
-        return parser_of(words[0]).parse(words[1:])
-    manual = Manual()
-    if words[:1] and words[0].startswith('-') and words[0] not in manual._option_string_actions:
+    parser: Parser = Manual()
+    first = words[0] if words else ''
+    if first in COMMANDS:
+        parser, words = parser_of(first), words[1:]
+    elif first.startswith('-') and first not in parser._option_string_actions:
         # without this the error would be that there is no command
-        manual.refuse(words[0])
-    return manual.parse(words)
+        parser.refuse(first)
+    result, unknown = parser.parse_known_args(words)
+    if unknown:
+        parser.refuse(unknown[0])
+    return result
 
 
-def _module(name: str) -> str:
+def _function(name: str) -> str:
     return name.replace('-', '_')
 
 

@@ -12,29 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Run the simulation as a ROS 2 node.
-
-The command passes --ros-args and everything after it to ROS, for example: lava node --ros-args
--p scene:=scene.yaml -p time_scale:=60.0. The program lava_node does the same.
-"""
+"""`lava node` and `lava feed`: the simulation as a node, and a scene as topics for it."""
 
 import argparse
 import json
+import signal
 
+from lava_ros.cli.options import argument, command
 from lava_ros.cli.ros import require_ros
+from lava_ros.cli.scenes import scene_from_arguments, SCENE_OPTIONS
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command."""
-    parser.usage = 'lava node [--resume BAG] [--ros-args ...]'
-    parser.add_argument(
-        '--resume', metavar='BAG',
-        help='continue from the newest checkpoint of a bag, even if its recording was cut off',
-    )
+@command(
+    argument(
+        '--resume', 'BAG', 'continue from the newest checkpoint of a bag, even if its recording '
+        'was cut off',
+    ),
+    usage='lava node [--resume BAG] [--ros-args ...]',
+)
+def node(args: argparse.Namespace) -> int:
+    """Run the simulation as a ROS 2 node.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Run the node until SIGINT or SIGTERM."""
+    The command passes --ros-args and everything after it to ROS, for example: lava node --ros-args
+    -p scene:=scene.yaml -p time_scale:=60.0. The program lava_node does the same.
+    """
     require_ros()
     from lava_ros.ros.node import main
 
@@ -42,3 +43,40 @@ def run(args: argparse.Namespace) -> int:
     bag = json.dumps(args.resume, ensure_ascii=False)
     more = [] if args.resume is None else ['--ros-args', '-p', f'resume:={bag}']
     return main([*args.ros_args, *more])
+
+
+@command(
+    *SCENE_OPTIONS,
+    argument('--frame', None, 'frame ID of the messages', 'map'),
+)
+def feed(args: argparse.Namespace) -> int:
+    """Publish terrain and vents as topics.
+
+    The command publishes the latched topics terrain, terrain_info and vents until it is
+    interrupted.
+    """
+    require_ros()
+    scene = scene_from_arguments(args)
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.signals import SignalHandlerOptions
+
+    from lava_ros.ros.monitor import SceneFeed
+
+    stopping: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: stopping.append(number))
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    publisher = SceneFeed(scene, frame_id=args.frame)
+    publisher.get_logger().info(
+        f'publishing terrain of {scene.terrain.shape[1]} x {scene.terrain.shape[0]} cells '
+        f'and {len(scene.vents)} vents'
+    )
+    executor = SingleThreadedExecutor()
+    executor.add_node(publisher)
+    while not stopping:
+        executor.spin_once(timeout_sec=0.2)
+    executor.shutdown()
+    publisher.destroy_node()
+    rclpy.shutdown()
+    return 0

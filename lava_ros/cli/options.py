@@ -12,12 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Options that several commands take, each declared once, and times as people write them: 6h."""
+"""What commands are, options that several take, and times as people write them: 6h."""
 
 import argparse
+from collections.abc import Callable
 import math
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
@@ -27,70 +28,77 @@ from lava_ros.simulation.selection import HORIZON
 #: Seconds of each unit.
 UNITS = {'s': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86400.0}
 
-_FORCED: dict[str, Any] = {'action': 'append', 'default': [], 'metavar': 'EFFECT'}
+#: Names of an argument and its options, as ``add_argument`` takes them.
+Argument = tuple[tuple[str, ...], dict[str, Any]]
 
-_OPTIONS: dict[str, dict[str, Any]] = {
-    'bag': {'help': 'bag directory or .mcap file'},
-    '--device': {'help': 'computing device: cpu, cuda:0, ... (default: the first GPU, else cpu)'},
-    '--domain': {
-        'type': int,
-        'help': 'ROS domain ID (default: a free one)',
-    },
-    '--epsg': {
-        'type': int,
-        'metavar': 'CODE',
-        'help': 'EPSG code of the coordinate system, for a file that names none',
-    },
-    '--fresh': {'action': 'store_true', 'help': 'ignore the results of earlier runs'},
-    '--horizon': {
-        'default': f'{HORIZON / 3600.0:g}h',
-        'metavar': 'TIME',
-        'help': 'simulated time of a run: 6h, 90min (default: %(default)s)',
-    },
-    '--json': {
-        'metavar': 'FILE',
-        'help': 'write the result as JSON to a file; - writes it to stdout',
-    },
-    '--low-pass': {
-        'type': float,
-        'metavar': 'M',
-        'help': 'smooth the elevation with a Gaussian of this standard deviation [m]',
-    },
-    '--off': {**_FORCED, 'help': 'switch this effect off; may be repeated'},
-    '--on': {**_FORCED, 'help': 'switch this effect on; may be repeated'},
-    '--preset': {
-        'choices': tuple(PRESETS),
-        'default': DEFAULT,
-        'help': 'accuracy (default: %(default)s)',
-    },
-    '--seed': {
-        'type': int,
-        'default': 0,
-        'metavar': 'N',
-        'help': 'seed of the random numbers (default: %(default)s)',
-    },
-    '--spacing': {
-        'type': float,
-        'metavar': 'M',
-        'help': "distance between particles [m]; replaces the preset's",
-    },
-    '--threshold': {
-        'type': float,
-        'default': 0.1,
-        'metavar': 'M',
-        'help': 'thickness at which lava counts as arrived [m] (default: %(default)s)',
-    },
-}
+#: Gets the parsed arguments, and returns the exit status; its docstring is the command's help. It
+#: raises LavaError for arguments and files that cannot be used.
+Run = Callable[[argparse.Namespace], int]
 
 
-def add_options(parser: argparse.ArgumentParser, *names: str, **defaults: Any) -> None:
-    """Add shared options, by name, to a parser; ``bag`` is a positional argument.
+class Command(NamedTuple):
+    """A command, its arguments, and default values that replace the usual ones, by attribute."""
 
-    ``defaults`` replace the usual default values, by the attribute of the parsed arguments.
+    run: Run
+    arguments: list[Argument]
+    usage: str | None
+    defaults: dict[str, Any]
+
+
+def argument(
+    names: str, metavar: str | tuple[str, ...] | None, text: str | None, usual: Any = None,
+    **options: Any,
+) -> Argument:
+    """An argument of a command: its names, what stands for its value, and what it is.
+
+    ``usual`` is its value by default, which the text then names, or the type of one without.
     """
-    for name in names:
-        parser.add_argument(name, **_OPTIONS[name])
-    parser.set_defaults(**defaults)
+    if isinstance(usual, type):
+        options['type'] = usual
+    elif usual is not None:
+        options['default'] = usual
+        if type(usual) in (int, float):
+            options['type'] = type(usual)
+        if isinstance(usual, int | float | str) and usual != '' and '(default' not in str(text):
+            text = f'{text} (default: %(default){"g" if isinstance(usual, float) else "s"})'
+    if metavar is not None:
+        options['metavar'] = metavar
+    return tuple(names.split()), {'help': text, **options}
+
+
+def command(
+    *arguments: str | Argument, usage: str | None = None, **defaults: Any
+) -> Callable[[Run], Command]:
+    """Make a command of a function; a name alone is an argument that several commands take."""
+    declared = [_SHARED[item] if isinstance(item, str) else item for item in arguments]
+    return lambda run: Command(run, declared, usage, defaults)
+
+
+_SHARED = {item[0][0]: item for item in (
+    argument('bag', None, 'bag directory or .mcap file'),
+    argument(
+        '--device', None, 'computing device: cpu, cuda:0, ... (default: the first GPU, else cpu)'
+    ),
+    argument('--domain', None, 'ROS domain ID (default: a free one)', int),
+    argument(
+        '--epsg', 'CODE', 'EPSG code of the coordinate system, for a file that names none', int
+    ),
+    argument('--fresh', None, 'ignore the results of earlier runs', action='store_true'),
+    argument('--horizon', 'TIME', 'simulated time of a run: 6h, 90min', f'{HORIZON / 3600.0:g}h'),
+    argument('--json', 'FILE', 'write the result as JSON to a file; - writes it to stdout'),
+    argument(
+        '--low-pass', 'M', 'smooth the elevation with a Gaussian of this standard deviation [m]',
+        float,
+    ),
+    argument(
+        '--off', 'EFFECT', 'switch this effect off; may be repeated', [], action='append'
+    ),
+    argument('--on', 'EFFECT', 'switch this effect on; may be repeated', [], action='append'),
+    argument('--preset', None, 'accuracy', DEFAULT, choices=tuple(PRESETS)),
+    argument('--seed', 'N', 'seed of the random numbers', 0),
+    argument('--spacing', 'M', "distance between particles [m]; replaces the preset's", float),
+    argument('--threshold', 'M', 'thickness at which lava counts as arrived [m]', 0.1),
+)}
 
 
 def forced_effects(args: argparse.Namespace) -> dict[str, bool]:

@@ -15,8 +15,7 @@
 """What commands print and write: progress, tables, JSON, text without control characters."""
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 import json
 import os
 from pathlib import Path
@@ -78,11 +77,7 @@ def check_outputs(args: argparse.Namespace) -> None:
 
 
 def write_json(data: Any, *names: str | Path | None) -> None:
-    """Write data as JSON to files, to stdout for ``-``, and nowhere for None.
-
-    Raises:
-        LavaError: A file cannot be written.
-    """
+    """Write data as JSON to files, to stdout for ``-``, and nowhere for None."""
     # ASCII: a terminal may obey characters from 128 on
     text = json.dumps(data, indent=1) + '\n'
     for name in names:
@@ -107,11 +102,7 @@ def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
 
 
 def made_folder(name: str | Path) -> Path:
-    """Create the folder that ``--output`` names, unless it exists, and return its path.
-
-    Raises:
-        LavaError: The folder cannot be created.
-    """
+    """Create the folder that ``--output`` names, unless it exists; LavaError if it cannot be."""
     folder = Path(name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -130,10 +121,10 @@ def _is_same(one: str, other: str) -> bool:
 class Progress:
     """A bar with the remaining time in a terminal, a line for every tenth elsewhere."""
 
-    def __init__(self, stream: TextIO | None = None) -> None:
-        """Show progress on a stream, by default stdout."""
+    def __init__(self, stream: TextIO | None = None, *, has_lines: bool = True) -> None:
+        """Show progress on a stream, by default stdout; work of seconds needs no lines."""
         self._stream = sys.stdout if stream is None else stream
-        self._tenths = -1
+        self._tenths = -1 if has_lines or self._stream.isatty() else 10
         self._started = time.monotonic()
         self._bar = None
         if self._stream.isatty():
@@ -176,13 +167,3 @@ class Progress:
             elapsed = time.monotonic() - self._started
             left = f', {elapsed / share - elapsed:.0f} s left' if 0.05 < share < 1.0 else ''
             print(f'{10 * tenths:3d} %  {what}{left}', file=self._stream, flush=True)
-
-
-@contextmanager
-def in_terminal() -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar for work that takes seconds; nothing where stdout is not a terminal."""
-    if not sys.stdout.isatty():
-        yield lambda what, share: None
-        return
-    with Progress() as progress:
-        yield progress.show

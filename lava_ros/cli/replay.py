@@ -12,16 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publish a recorded bag into the ROS graph.
-
-Each topic has the QoS with which it was recorded, and /clock has the time of the bag. A bag whose
-recording was cut off is played up to its last complete message. Keys in a terminal: space pauses
-and resumes, left and right jump 5 s back and ahead (in bag time, times the rate), up and down
-double and halve the speed, q quits.
-"""
+"""`lava replay`, and the keys that steer it."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, ExitStack
 import os
 import select
@@ -33,7 +27,7 @@ import tty
 
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.replay import Step, Transport
-from lava_ros.cli.options import add_options, seconds_of
+from lava_ros.cli.options import argument, command, seconds_of
 from lava_ros.cli.output import terminal
 from lava_ros.cli.ros import require_ros
 from lava_ros.errors import printable
@@ -52,32 +46,32 @@ _NAMES = {
 _REST = 0.05
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the command."""
-    add_options(parser, 'bag')
-    parser.add_argument(
-        '--rate', type=float, default=1.0, metavar='X',
-        help='play X times as fast as it was recorded (default: 1)',
-    )
-    parser.add_argument('--loop', action='store_true', help='start again at the end')
-    parser.add_argument(
-        '--start-offset', default='0s', metavar='TIME',
-        help='time to skip at the start: 90s, 2min; latched maps of that time are still published',
-    )
-    parser.add_argument(
-        '--clock', action=argparse.BooleanOptionalAction, default=True,
-        help='publish the time of the bag on /clock (default: yes)',
-    )
-    parser.add_argument(
-        '--wait-for-subscribers', default='0s', metavar='TIME',
-        help='longest time to wait for a subscriber to each topic (default: %(default)s)',
-    )
+@command(
+    'bag',
+    argument('--rate', 'X', 'play X times as fast as it was recorded', 1.0),
+    argument('--loop', None, 'start again at the end', action='store_true'),
+    argument(
+        '--start-offset', 'TIME', 'time to skip at the start: 90s, 2min; latched maps of that '
+        'time are still published', default='0s',
+    ),
+    argument(
+        '--clock', None, 'publish the time of the bag on /clock (default: yes)',
+        True, action=argparse.BooleanOptionalAction,
+    ),
+    argument(
+        '--wait-for-subscribers', 'TIME', 'longest time to wait for a subscriber to each topic',
+        '0s',
+    ),
+)
+def replay(args: argparse.Namespace) -> int:
+    """Publish a recorded bag into the ROS graph.
 
-
-def run(args: argparse.Namespace) -> int:
-    """Replay the bag that the arguments name."""
+    Each topic has the QoS with which it was recorded, and /clock has the time of the bag. A bag
+    whose recording was cut off is played up to its last complete message. Keys in a terminal:
+    space pauses and resumes, left and right jump 5 s back and ahead (in bag time, times the rate),
+    up and down double and halve the speed, q quits.
+    """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
 
     offset = seconds_of('--start-offset', args.start_offset, may_be_zero=True)
     wait = seconds_of('--wait-for-subscribers', args.wait_for_subscribers, may_be_zero=True)
@@ -86,32 +80,31 @@ def run(args: argparse.Namespace) -> int:
     from lava_ros.ros.player import play
 
     total = bag.duration_ns / 1e9
-    columns = (
+    bar = Progress(
         TextColumn('replay'),
         BarColumn(),
         TextColumn('{task.completed:.1f} of {task.total:.1f} s'),
         TextColumn('{task.fields[state]}'),
         TextColumn('{task.description}', markup=False),
         TimeElapsedColumn(),
+        console=terminal(),
+        disable=not sys.stdout.isatty(),
+        transient=True,
     )
     with ExitStack() as stack:
-        progress = stack.enter_context(
-            Progress(
-                *columns, console=terminal(), disable=not sys.stdout.isatty(), transient=True
-            )
-        )
-        task = progress.add_task('', total=total, state='')
+        stack.enter_context(bar)
+        task = bar.add_task('', total=total, state='')
         transport = None
         if sys.stdin.isatty() and sys.stdout.isatty():
-            keys = stack.enter_context(keys_of(sys.stdin.fileno()))
+            read = stack.enter_context(keys_of(sys.stdin.fileno()))
             transport = Transport(
-                keys.read, on_change=lambda item: progress.update(task, state=_state(item))
+                read, on_change=lambda item: bar.update(task, state=_state(item))
             )
 
         def show(step: Step) -> None:
             seconds = (step.clock_ns - (bag.start_ns or 0)) / 1e9
             topic = printable(step.message.topic) if step.message else None
-            progress.update(task, completed=seconds, description=topic)
+            bar.update(task, completed=seconds, description=topic)
 
         count = play(
             bag,
@@ -132,54 +125,44 @@ def _state(transport: Transport) -> str:
     return ' '.join(filter(None, ['held' if transport.is_paused else '', speed]))
 
 
-class Keys:
-    """Reads keys from a terminal that ``keys_of`` has set up."""
-
-    def __init__(self, descriptor: int) -> None:
-        """Read from a file descriptor."""
-        self._descriptor = descriptor
-        self._bytes = b''
-
-    def read(self, timeout: float) -> str:
-        """Wait for a key, for at most a time [s].
-
-        It is ``space``, ``up``, ``down``, ``left``, ``right`` or the character; empty when there
-        was none, or one without a name.
-        """
-        if not self._bytes:
-            self._fetch(timeout)
-        if self._bytes in (b'\x1b', b'\x1b[', b'\x1bO'):
-            self._fetch(_REST)
-        is_sequence = self._bytes[:2] in (b'\x1b[', b'\x1bO')
-        length = 3 if is_sequence else 1
-        key, self._bytes = self._bytes[:length], self._bytes[length:]
-        return _NAMES.get(key, key.decode('ascii', 'ignore') if key.isalnum() else '')
-
-    def _fetch(self, timeout: float) -> None:
-        if not _is_in_foreground(self._descriptor):
-            # to read now would stop the process
-            time.sleep(timeout)
-        elif select.select([self._descriptor], [], [], timeout)[0]:
-            self._bytes += os.read(self._descriptor, 64)
-
-
 @contextmanager
-def keys_of(descriptor: int) -> Iterator[Keys]:
+def keys_of(descriptor: int) -> Iterator[Callable[[float], str]]:
     """Have a terminal give its keys at once and without echo, and restore it afterwards.
 
-    Call it from the main thread. In the background the terminal is left alone.
+    Call it from the main thread. In the background the terminal is left alone. The function that
+    it gives waits for a key, for at most a time [s]: ``space``, ``up``, ``down``, ``left``,
+    ``right`` or the character; empty when there was none, or one without a name.
     """
-    saved = termios.tcgetattr(descriptor)
+    typed = b''
+
+    def fetch(timeout: float) -> None:
+        nonlocal typed
+        if not _is_in_foreground(descriptor):
+            # to read now would stop the process
+            time.sleep(timeout)
+        elif select.select([descriptor], [], [], timeout)[0]:
+            typed += os.read(descriptor, 64)
+
+    def read(timeout: float) -> str:
+        nonlocal typed
+        if not typed:
+            fetch(timeout)
+        if typed in (b'\x1b', b'\x1b[', b'\x1bO'):
+            fetch(_REST)
+        length = 3 if typed[:2] in (b'\x1b[', b'\x1bO') else 1
+        key, typed = typed[:length], typed[length:]
+        return _NAMES.get(key, key.decode('ascii', 'ignore') if key.isalnum() else '')
 
     def set_up(*_: object) -> None:
         if _is_in_foreground(descriptor):
             tty.setcbreak(descriptor, termios.TCSADRAIN)
 
+    saved = termios.tcgetattr(descriptor)
     set_up()
     # after Ctrl+Z the shell has restored the terminal
     previous = signal.signal(signal.SIGCONT, set_up)
     try:
-        yield Keys(descriptor)
+        yield read
     finally:
         signal.signal(signal.SIGCONT, previous)
         if _is_in_foreground(descriptor):

@@ -14,7 +14,7 @@
 
 """Helpers of commands that use ROS 2: whether it is installed, a domain, and a node as a child."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
 import json
@@ -47,15 +47,9 @@ class Child:
     """A Python module that runs in a process of its own, its output in a log file."""
 
     def __init__(
-        self,
-        name: str,
-        module: str,
-        arguments: Sequence[str],
-        *,
-        log: Path,
-        env: Mapping[str, str],
+        self, name: str, module: str, *arguments: str, log: Path, env: Mapping[str, str]
     ) -> None:
-        """Run a Python module as a child process, and write its output to a log file."""
+        """Start it."""
         self.name = name
         self._log = log
         _end_in_order()
@@ -71,11 +65,7 @@ class Child:
             )
 
     def check(self) -> None:
-        """Check that the process is still running.
-
-        Raises:
-            ChildError: The process has ended.
-        """
+        """Raise ChildError when the process has ended."""
         status = self._process.poll()
         if status is not None:
             raise ChildError(self.failure(f'ended by itself with status {status}'))
@@ -93,11 +83,7 @@ class Child:
             raise ChildError(self.failure(f'ended with status {status}'))
 
     def end(self, timeout: float = 10.0) -> int | None:
-        """Ask the process to end, and kill it after a time [s].
-
-        Returns:
-            Its exit status, None when it had to be killed.
-        """
+        """Ask the process to end, and kill it after a time [s]: its status, None if killed."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
         try:
@@ -135,11 +121,7 @@ def missing_package() -> str | None:
 
 
 def require_ros() -> None:
-    """Check that ROS 2 can be imported.
-
-    Raises:
-        LavaError: A package of ROS 2 is missing; the message says how to install it.
-    """
+    """Raise LavaError where a package of ROS 2 is missing; it says how to install it."""
     name = missing_package()
     if name is not None:
         right = "a sourced ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
@@ -179,24 +161,16 @@ def running_node(scene: Scene, settings: Mapping[str, Any], domain: int) -> Iter
 
 
 def _started(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
-    terrain = scene.terrain
-    grid: dict[str, Any] = {'elevation': terrain.elevation, 'resolution': terrain.resolution}
-    grid |= {'origin': terrain.origin, 'offset': terrain.offset, 'source': terrain.source}
-    if terrain.epsg is not None:
-        grid['epsg'] = terrain.epsg
-    np.savez(folder / 'terrain.npz', **grid)
+    names = ('elevation', 'resolution', 'origin', 'offset', 'source', 'epsg')
+    grid = {name: getattr(scene.terrain, name) for name in names}
+    np.savez(folder / 'terrain.npz', **{k: v for k, v in grid.items() if v is not None})
     plain = scene_to_dict(scene) | {'terrain': {'file': 'terrain.npz'}}
     parameters = {**settings, 'scene': str(folder / 'scene.yaml')}
-    for name, document in (
-        ('scene.yaml', plain),
-        ('parameters.yaml', {'/**': {'ros__parameters': parameters}}),
-    ):
-        # JSON is YAML
-        (folder / name).write_text(json.dumps(document), encoding='utf-8')
+    # JSON is YAML
+    (folder / 'scene.yaml').write_text(json.dumps(plain), encoding='utf-8')
+    file = folder / 'parameters.yaml'
+    file.write_text(json.dumps({'/**': {'ros__parameters': parameters}}), encoding='utf-8')
     return Child(
-        'node',
-        'lava_ros.ros.node',
-        ['--ros-args', '--params-file', str(folder / 'parameters.yaml')],
-        log=folder / 'node.log',
-        env=os.environ | {'ROS_DOMAIN_ID': str(domain)},
+        'node', 'lava_ros.ros.node', '--ros-args', '--params-file', str(file),
+        log=folder / 'node.log', env=os.environ | {'ROS_DOMAIN_ID': str(domain)},
     )

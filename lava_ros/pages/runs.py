@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """What was computed and lies on disk, a bag or an ensemble -> maps and facts for people."""
 
 from collections.abc import Collection, Mapping
@@ -37,7 +36,7 @@ from lava_ros.maps.frames import Frame, Recording
 from lava_ros.maps.gis import coordinate_system
 from lava_ros.maps.plot import area_words, duration, STYLES, titles
 from lava_ros.maps.sheet import Panel
-from lava_ros.pages.report.description import describe
+from lava_ros.pages.report.description import described
 from lava_ros.scene import Scene, scene_from_dict, Terrain
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.budget import VolumeBudget
@@ -153,17 +152,20 @@ def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
     return history.times
 
 
+def _day(seconds: float) -> str:
+    return f'{datetime.fromtimestamp(seconds, timezone.utc):%Y-%m-%d}'
+
+
 def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
-    facts = {}
-    begun = recording.bag.start_ns or 0
+    begun = (recording.bag.start_ns or 0) / 1e9
     # a simulation's clock gives no date
-    if begun > 1e18:
-        facts['computed'] = f'{datetime.fromtimestamp(begun / 1e9, timezone.utc):%Y-%m-%d}'
-    facts |= _vents(scene)
+    facts = ({'computed': _day(begun)} if begun > 1e9 else {}) | _vents(scene)
     at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]
     budget = VolumeBudget.from_texts(at[-1].values) if at else None
     if budget is not None:
-        facts['volume emitted'] = _volume(budget.emitted)
+        value = budget.emitted
+        text = f'{value / 1e6:.3g} million m³' if value >= 1e5 else f'{value:.3g} m³'
+        facts['volume emitted'] = text
         if budget.warnings():
             facts['warning'] = '; '.join(budget.warnings())
     return facts
@@ -179,15 +181,12 @@ def _vents(scene: Scene | None) -> dict[str, str]:
     return {'discharge': flux + (f' from {count} vents' if count > 1 else '')}
 
 
-def _volume(value: float) -> str:
-    return f'{value / 1e6:.3g} million m³' if value >= 1e5 else f'{value:.3g} m³'
-
-
 def _model(recording: Recording) -> dict[str, str]:
-    told = describe(recording.bag.custom_data)
+    told = described(recording.bag.custom_data)
+    version = recording.bag.custom_data.get('version') or 'of unknown version'
     moments = recording.timeline.last_run
-    words = [f'lava_ros {told.version or "of unknown version"}, depth-averaged lava as particles']
-    preset = told.parameters.get('preset')
+    words = [f'lava_ros {version}, depth-averaged lava as particles']
+    preset = (told['parameters'] or {}).get('preset')
     if isinstance(preset, str):
         words.append(f'preset {preset}')
     if moments:
@@ -197,8 +196,10 @@ def _model(recording: Recording) -> dict[str, str]:
         error = moments[-1].number('footprint_error')
         if math.isfinite(error):
             words.append(f'expected error of the footprint {100.0 * error:.2g} %')
-    states = {key: text for change in told.effects for key, text in change.effects.items()}
-    on = [name.replace('_', ' ') for name, text in states.items() if text.startswith('on')]
+    states: dict[str, object] = {}
+    for change in told['effects'] or ():
+        states |= change['effects']
+    on = [name.replace('_', ' ') for name, text in states.items() if str(text).startswith('on')]
     facts = {'model': ', '.join(words)}
     return facts | ({'physics': ', '.join(on)} if on else {})
 
@@ -252,10 +253,9 @@ def _ensemble(folder: Path) -> Run:
         f'{area_words(float((likely >= least).sum()) * cell)} at {least} % or more'
         for least in (10, 50, 90)
     ]
-    written = (folder / 'inundation_probability.tif').stat().st_mtime
     preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
     facts = {
-        'computed': f'{datetime.fromtimestamp(written, timezone.utc):%Y-%m-%d}',
+        'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
         **_vents(scene),
         'members': f'{members}, effective number {effective:.3g}; standard error of a probability '
         f'of 50 %: {50.0 / effective**0.5:.2g} percentage points',

@@ -27,7 +27,6 @@ from bokeh.document import Document
 from bokeh.layouts import column, row
 from bokeh.models import (
     ColorBar,
-    ColumnDataSource,
     DataRange1d,
     Div,
     GlobalInlineStyleSheet,
@@ -62,7 +61,7 @@ from lava_ros.maps.plot import (
     titles,
     window_of,
 )
-from lava_ros.pages.report.maps import View
+from lava_ros.pages.report.survey import View
 from lava_ros.watch.frames import Frames, Level, Status
 
 #: Most cells of a map that is sent; of a larger one several are shown as their largest.
@@ -109,10 +108,6 @@ class Page:
         self.title, self.status = Div(**style), Div(**style)
         self.choice = RadioButtonGroup(labels=[], active=None, height=38, **style)
         self.slider = Slider(start=0, end=1, value=0, step=1, show_value=False, title='', **style)
-        self.relief = ColumnDataSource({'image': [], 'x': [], 'y': [], 'dw': [], 'dh': []})
-        self.map = ColumnDataSource({'image': [], 'x': [], 'y': [], 'dw': [], 'dh': []})
-        self.vents = ColumnDataSource({'x': [], 'y': []})
-        self._window = ColumnDataSource({'left': [], 'right': [], 'bottom': [], 'top': []})
         self._names: list[str] = []
         self._mapper = LinearColorMapper(['#000000'], nan_color='#00000000')
         self.figure = self._draw_figure()
@@ -139,7 +134,10 @@ class Page:
     def update(self) -> None:
         """Show new frames; a slider at its end follows them."""
         problem = self._problem and Status(Level.BAD, self._problem)
-        self._say(problem or self._frames.status)
+        level, words = problem or self._frames.status
+        # what nodes and files say may hold anything
+        words = f'<p style="text-align: right; color: {_LIGHTS[level]}">{html.escape(words)}'
+        self.status.text = words
         times = self._frames.times
         if self._version == self._frames.version or not times:
             return
@@ -154,11 +152,6 @@ class Page:
         self.slider.update(end=max(last, 1), value=value, disabled=last == 0)
         if not is_moved:
             self._show()
-
-    def _say(self, status: Status) -> None:
-        # what nodes and files say may hold anything
-        words = html.escape(status.words)
-        self.status.text = f'<p style="text-align: right; color: {_LIGHTS[status.level]}">{words}'
 
     def _show(self) -> None:
         """Show the map that is chosen at the time of the slider."""
@@ -177,15 +170,14 @@ class Page:
         last = self._frames.times[-1]
         of = '' if last is None else f' <small>of {duration(last)} so far</small>'
         self._draw_ground(frame)
+        if maps:
+            self._offer([source for source in SHOWN if source in maps])
+            source = self._names[self.choice.active]
+            self._draw_map(frame, source, maps[source])
+            # a forecast that is withdrawn is a map of nothing
+            if not np.isfinite(maps[source]).any():
+                facts += '  ·  <b>nothing on this map now</b>'
         self.title.text = f'<h1>{title}{of}</h1><p>{facts}'
-        if not maps:
-            return
-        self._offer([source for source in SHOWN if source in maps])
-        source = self._names[self.choice.active]
-        self._draw_map(frame, source, maps[source])
-        # a forecast that is withdrawn is a map of nothing
-        empty = '' if np.isfinite(maps[source]).any() else '  ·  <b>nothing on this map now</b>'
-        self.title.text = f'<h1>{title}{of}</h1><p>{facts}{empty}'
 
     def _offer(self, names: list[str]) -> None:
         """Offer maps to choose from; the one that was chosen stays so while it is there."""
@@ -239,17 +231,15 @@ class Page:
         plot.toolbar.logo = None
         plot.grid.visible = False
         plot.axis.formatter = NumeralTickFormatter(format='0')
-        plot.image_rgba('image', 'x', 'y', 'dw', 'dh', source=self.relief)
-        lava = plot.image(
-            'image', 'x', 'y', 'dw', 'dh', source=self.map, color_mapper=self._mapper, alpha=0.85
-        )
-        plot.scatter(
-            'x', 'y', source=self.vents, marker='triangle', size=13,
-            fill_color='white', line_color='black',
-        )
-        window = plot.quad(
-            'left', 'right', 'top', 'bottom', source=self._window, fill_alpha=0, line_alpha=0
-        )
+        image: dict[str, Any] = {name: [] for name in ('image', 'x', 'y', 'dw', 'dh')}
+        self.relief = plot.image_rgba(**image).data_source
+        lava = plot.image(**image, color_mapper=self._mapper, alpha=0.85)
+        self.map = lava.data_source
+        self.vents = plot.scatter(
+            x=[], y=[], marker='triangle', size=13, fill_color='white', line_color='black'
+        ).data_source
+        window = plot.quad(left=[], right=[], top=[], bottom=[], fill_alpha=0, line_alpha=0)
+        self._window = window.data_source
         plot.x_range.renderers = plot.y_range.renderers = [window]
         self._hover = HoverTool(renderers=[lava], tooltips=[])
         plot.add_tools(self._hover)

@@ -24,11 +24,13 @@ import sys
 
 import pytest
 
-from lava_ros.cli import main as cli
-from lava_ros.cli.effects import step_costs
+from cli.calls import done, refused
+from command_line import lava
+from lava_ros.cli.prepare import step_costs
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import bounds, cases, measure
+from lava_ros.verification.benchmarks import effects, members
 from lava_ros.verification.cases import Case, Measurement, Run
 from lava_ros.verification.rows import read_csv
 
@@ -65,29 +67,35 @@ def one_setting(monkeypatch):
     monkeypatch.setattr(measure, 'all_settings', lambda quick: coarse)
 
 
-def test_report_is_written(tmp_path, one_setting, capsys):
-    """CSV, table, chart and JSON lie in the folder; the rows say what made them."""
+def table(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    with path.open(newline='', encoding='utf-8') as file:
+        return list(csv.DictReader(file))
+
+
+def test_report_is_written(tmp_path):
+    """CSV, table, chart and JSON of a bare machine: without ROS, rich, rasterio, MCAP, scipy."""
     words = ['accuracy', '--quick', '--case', 'fixed_volume', '--device', 'cpu']
-    words += ['--output', str(tmp_path / 'a/b'), '--json', str(tmp_path / 'a.json')]
-    assert cli.main(words) == 0
+    places = ['--output', str(tmp_path / 'a/b'), '--json', str(tmp_path / 'a.json')]
+    ended = subprocess.run(
+        [sys.executable, '-c', BARE, *words, *places],
+        cwd=ROOT, capture_output=True, text=True, timeout=100,
+    )
+    assert ended.returncode == 0, ended.stderr
     assert {item.name for item in (tmp_path / 'a/b').iterdir()} == {'cpu.csv', 'cpu.md', 'cpu.png'}
-    with (tmp_path / 'a/b/cpu.csv').open(newline='') as file:
-        rows = list(csv.DictReader(file))
+    rows = table(tmp_path / 'a/b/cpu.csv')
     assert {row['case'] for row in rows} == {'fixed_volume'}
-    expected = 'lava accuracy --quick --case fixed_volume --device cpu'
-    assert {row['command'] for row in rows} == {expected}
+    assert {row['command'] for row in rows} == {f'lava {" ".join(words)}'}
     assert len(json.loads((tmp_path / 'a.json').read_text())) == len(rows)
-    output = capsys.readouterr().out
-    assert '100 %' in output
-    assert 'draft' in output
+    assert '100 %' in ended.stdout and 'draft' in ended.stdout
 
 
 def test_a_case_is_measured_again_and_the_others_stay(tmp_path, one_setting, monkeypatch):
     """The rows of a case that is named are replaced in an earlier report."""
-    monkeypatch.setattr('lava_ros.cli.accuracy.draw', lambda *_: None)
-    words = ['accuracy', '--device', 'cpu', '--repetitions', '1', '--output', str(tmp_path)]
+    monkeypatch.setattr('lava_ros.cli.measure.draw', lambda *_: None)
+    words = ['accuracy', '--device', 'cpu', '--repetitions', '1', '--output', tmp_path]
     for names in (('fixed_volume', 'dam_break'), ('slope_fixed_area',), ('fixed_volume',)):
-        assert cli.main([*words, *(word for name in names for word in ('--case', name))]) == 0
+        done(*words, *(word for name in names for word in ('--case', name)))
     rows = read_csv(tmp_path / 'cpu.csv')
     assert list(dict.fromkeys(row.case for row in rows)) == [
         'fixed_volume', 'dam_break', 'slope_fixed_area'
@@ -107,50 +115,20 @@ def test_what_is_interrupted_keeps_what_it_has(tmp_path, one_setting, monkeypatc
         raise KeyboardInterrupt
 
     monkeypatch.setitem(measure.CASES, 'dam_break', replace(second, measure=stop))
-    words = ['--quick', '--device', 'cpu', '--output', str(tmp_path)]
+    words = ['--quick', '--device', 'cpu', '--output', tmp_path]
     words += ['--case', 'fixed_volume', '--case', 'dam_break']
-    assert cli.main(['accuracy', *words]) == 130
+    assert lava('accuracy', *words)[0] == 130
     assert {row.case for row in read_csv(tmp_path / 'cpu.csv')} == {'fixed_volume'}
     assert 'Fixed volume' in (tmp_path / 'cpu.md').read_text()
 
 
-def test_a_bare_machine_is_enough(tmp_path):
-    """Neither ROS nor rich, rasterio, MCAP or scipy is needed."""
-    words = ['accuracy', '--quick', '--case', 'fixed_volume', '--device', 'cpu', '--output']
-    done = subprocess.run(
-        [sys.executable, '-c', BARE, *words, str(tmp_path)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=100,
-    )
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / 'cpu.png').is_file()
-
-
-def use(monkeypatch: pytest.MonkeyPatch, *errors: float) -> None:
-    """Replace the cases by one with quantities of given errors, each with a bound of 1 %."""
-
-    def run(accuracy: object, device: str) -> Run:
-        measured = tuple(
-            Measurement(f'q{index}', 1.0 + error, 1.0, 'm') for index, error in enumerate(errors)
-        )
-        return Run('fake', measured, 10, 2, 4, 60.0, 0.5)
-
-    monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
-    names = [f'q{index}' for index in range(len(errors))]
-    monkeypatch.setattr(bounds, 'BOUNDS', {'fake': dict.fromkeys(names, (0.02, 0.01))})
-
-
-def test_a_real_case(tmp_path, capsys):
+def test_a_real_case(tmp_path):
     """A case is run, printed on one line and written with its bounds."""
     path = tmp_path / 'a.json'
     words = ['verify', '--preset', 'draft', '--case', 'sheet', '--device', 'cpu']
-    assert cli.main([*words, '--json', str(path)]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 2
-    assert lines[0].startswith('sheet ') and lines[0].endswith(' ok')
-    assert lines[1] == '3 of 3 quantities are within their bounds'
+    line, last = done(*words, '--json', path).splitlines()
+    assert line.startswith('sheet ') and line.endswith(' ok')
+    assert last == '3 of 3 quantities are within their bounds'
     data = json.loads(path.read_text())
     assert data['preset'] == 'draft' and data['device'] == 'cpu' and data['within_bounds']
     (run,) = data['runs']
@@ -160,73 +138,76 @@ def test_a_real_case(tmp_path, capsys):
         assert item['error'] == pytest.approx(abs(item['measured'] / item['exact'] - 1.0))
 
 
-def test_progress_is_told_before_a_case_runs(monkeypatch, capsys):
+def test_progress_is_told_before_a_case_runs(monkeypatch):
     """Cases take minutes: which one is running, of how many, is known before it ends."""
-    seen: list[str] = []
 
     def run(accuracy: object, device: str) -> Run:
-        seen.append(capsys.readouterr().err)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
-    assert cli.main(['verify', '--device', 'cpu']) == 130
-    assert seen == ['  0 %  1 of 1: a fake\n']
+    status, _, said = lava('verify', '--device', 'cpu')
+    assert (status, said) == (130, '  0 %  1 of 1: a fake\n')
 
 
-@pytest.mark.parametrize('errors', [(0.001, 0.02), (math.nan, 0.001)])
-def test_an_error_outside_its_bound_fails(errors, monkeypatch, capsys):
-    """One quantity outside its bound, or not measured at all, is shown and gives status 1."""
-    use(monkeypatch, *errors)
-    assert cli.main(['verify', '--device', 'cpu']) == 1
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].endswith('OUTSIDE')
-    assert lines[1] == '1 of 2 quantities are within their bounds'
+@pytest.mark.parametrize(
+    ('errors', 'words', 'status'),
+    [
+        # outside, or not measured at all
+        ((0.001, 0.02), (), 1),
+        ((math.nan, 0.001), (), 1),
+        # what is outside at one preset may be within at a cheaper one
+        ((0.015, 0.001), ('--preset', 'draft'), 0),
+        ((0.015, 0.001), ('--preset', 'standard'), 1),
+        ((0.001, 0.02), ('--json', '-'), 1),
+    ],
+)
+def test_an_error_outside_its_bound_fails(errors, words, status, monkeypatch):
+    """Bounds are 1 %, 2 % of a draft; `--json -` prints the report alone."""
+
+    def run(accuracy: object, device: str) -> Run:
+        first, second = errors
+        measured = Measurement('q', 1 + first, 1.0, 'm'), Measurement('r', 1 + second, 1.0, 'm')
+        return Run('fake', measured, 10, 2, 4, 60.0, 0.5)
+
+    monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
+    limits = (0.02, 0.01)
+    monkeypatch.setattr(bounds, 'BOUNDS', {'fake': {'q': limits, 'r': limits}})
+    ended, out, _ = lava('verify', '--device', 'cpu', *words)
+    assert ended == status
+    if '--json' in words:
+        assert json.loads(out)['within_bounds'] is False
+        return
+    line, last = out.splitlines()
+    assert line.endswith('OUTSIDE' if status else 'ok')
+    assert last == f'{2 - status} of 2 quantities are within their bounds'
 
 
-def test_the_bounds_are_the_presets(monkeypatch):
-    """What is outside at one preset may be within at a cheaper one."""
-    use(monkeypatch, 0.015)
-    assert cli.main(['verify', '--device', 'cpu', '--preset', 'draft']) == 0
-    assert cli.main(['verify', '--device', 'cpu', '--preset', 'standard']) == 1
-
-
-def test_json_on_stdout_is_nothing_but_json(monkeypatch, capsys):
-    """`--json -` prints the report alone; the status is the same."""
-    use(monkeypatch, 0.02)
-    assert cli.main(['verify', '--device', 'cpu', '--json', '-']) == 1
-    assert json.loads(capsys.readouterr().out)['within_bounds'] is False
-
-
-def test_every_effect_has_a_line(tmp_path, capsys):
+def test_every_effect_has_a_line(tmp_path):
     """Effect, on or off, the number that decided, its cost, and what leaving it out would cost."""
     path = tmp_path / 'effects.json'
-    assert cli.main(['effects', '--json', str(path)]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = done('effects', '--json', path).splitlines()
     for name, effect in EFFECTS.items():
         if effect.number is not None:
             (line,) = [line for line in lines if line.startswith(name + ' ')]
             assert effect.admits in line
         assert ' x ' in line or ' ? ' in line
-    table = {item['effect']: item for item in json.loads(path.read_text())}
-    assert table['steep']['on']
-    assert table['steep']['value'] > table['steep']['threshold']
+    told = {item['effect']: item for item in json.loads(path.read_text())}
+    assert told['steep']['on']
+    assert told['steep']['value'] > told['steep']['threshold']
     # the paper's lava has no strength
-    assert cli.main(['effects', '--material', 'kedadry2023', '--json', str(path)]) == 0
-    table = {item['effect']: item for item in json.loads(path.read_text())}
-    assert table['yielding']['value'] is None
-    assert not table['yielding']['on']
-    assert table['green']['threshold'] is None
-    assert not table['green']['on']
+    done('effects', '--material', 'kedadry2023', '--json', path)
+    told = {item['effect']: item for item in json.loads(path.read_text())}
+    assert told['yielding']['value'] is None and not told['yielding']['on']
+    assert told['green']['threshold'] is None and not told['green']['on']
 
 
-def test_effects_can_be_forced(capsys):
+def test_effects_can_be_forced():
     """Forced effects say so; an unknown one is an error that names it."""
-    assert cli.main(['effects', '--on', 'inertia', '--off', 'steep']) == 0
-    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
-    assert lines['inertia'].split()[1:3] == ['on', 'forced']
-    assert lines['steep'].split()[1:3] == ['-', 'forced']
-    assert cli.main(['effects', '--on', 'slope']) == 2
-    assert 'effects.slope' in capsys.readouterr().err
+    said = done('effects', '--on', 'inertia', '--off', 'steep')
+    lines = {line.split()[0]: line.split()[1:3] for line in said.splitlines()}
+    assert lines['inertia'] == ['on', 'forced']
+    assert lines['steep'] == ['-', 'forced']
+    assert 'effects.slope' in refused('effects', '--on', 'slope')
 
 
 def test_the_costs_are_those_that_were_measured():
@@ -236,45 +217,35 @@ def test_the_costs_are_those_that_were_measured():
     assert set(step_costs()) >= known
     assert step_costs()['bare'] == 1.0
     for path in (ROOT / 'docs/benchmarks').glob('effects_*.csv'):
-        with path.open(newline='') as file:
-            for row in csv.DictReader(file):
-                assert float(row['low']) <= float(row['value']) <= float(row['high'])
-                assert row['unit'] and row['machine'] and row['command'].startswith('lava bench')
+        for row in table(path):
+            assert float(row['low']) <= float(row['value']) <= float(row['high'])
+            assert row['unit'] and row['machine'] and row['command'].startswith('lava bench')
 
 
-def test_bench_effects_writes_its_table(tmp_path, capsys, monkeypatch):
+def test_bench_effects_writes_its_table(tmp_path, monkeypatch):
     """The time of a step, over the particles, for the bare step and for an effect."""
-    from lava_ros.verification.benchmarks import effects
-
     sets = effects.effect_sets()
     monkeypatch.setattr(effects, 'LEAST', 0.01)
     monkeypatch.setattr(
         effects, 'effect_sets', lambda: {name: sets[name] for name in ('bare', 'green')}
     )
     output, text = tmp_path / 'effects.csv', tmp_path / 'effects.json'
-    words = ['bench', 'effects', '--device', 'cpu', '--particles', '400', '--repetitions', '2']
-    assert cli.main([*words, '--output', str(output), '--json', str(text)]) == 0
-    with output.open(newline='') as file:
-        rows = list(csv.DictReader(file))
+    words = 'bench effects --device cpu --repetitions 2 --particles 400'
+    assert 'green' in done(*words.split(), '--output', output, '--json', text)
+    rows = table(output)
     assert [row['benchmark'] for row in rows] == ['bare', 'green']
     assert float(rows[0]['ratio']) == 1.0
     assert float(rows[1]['ratio']) > 1.0
-    assert rows[0]['command'] == 'lava ' + ' '.join(
-        ['bench', 'effects', '--device', 'cpu', '--repetitions', '2', '--particles', '400']
-    )
+    assert rows[0]['command'] == f'lava {words}'
     assert len(json.loads(text.read_text())) == 2
-    assert 'green' in capsys.readouterr().out
 
 
 def test_bench_members_measures_a_batch(tmp_path, monkeypatch):
     """The rate of all members, and their memory."""
-    from lava_ros.verification.benchmarks import members
-
     monkeypatch.setattr(members, 'MEMBERS', {'cpu': (2,)})
     monkeypatch.setattr(members, 'SETS', ('bare',))
-    text = tmp_path / 'members.json'
-    words = ['bench', 'members', '--device', 'cpu', '--particles', '300', '--repetitions', '2']
-    assert cli.main([*words, '--json', str(text)]) == 0
-    rows = json.loads(text.read_text())
+    words = 'bench members --device cpu --particles 300 --repetitions 2 --json'
+    done(*words.split(), tmp_path / 'members.json')
+    rows = json.loads((tmp_path / 'members.json').read_text())
     assert [row['benchmark'] for row in rows] == ['bare: 2 members', 'bare: 2 members: memory']
     assert all(row['low'] > 0.0 for row in rows)

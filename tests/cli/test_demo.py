@@ -30,7 +30,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 import yaml
 
-from lava_ros.cli import main as cli
+from cli.calls import refused
 from lava_ros.cli import ros
 from lava_ros.cli.ros import Child, ChildError, SHOWN_LINES
 from lava_ros.errors import LavaError
@@ -102,29 +102,19 @@ def test_the_demo_runs_again(tmp_path):
     assert held['/terrain'] and held['/vents']
 
 
-def test_what_no_demo_made_is_not_touched(tmp_path, monkeypatch, capsys):
-    """A folder that is not an earlier demo's stays, whatever is in it."""
+def test_what_no_demo_made_is_not_touched(tmp_path, monkeypatch):
+    """A folder that is not an earlier demo's stays, whatever is in it; so does one in vain."""
     monkeypatch.chdir(tmp_path)
-    for name in ('metadata.yaml', 'a_0.mcap'):
-        (tmp_path / 'mine').mkdir(exist_ok=True)
-        (tmp_path / 'mine' / name).write_text('precious')
-    assert cli.main(['demo', '--output', 'mine']) == 2
-    assert 'that an earlier demo made' in capsys.readouterr().err
-    (tmp_path / 'mine/demo.json').write_text('{}')
-    (tmp_path / 'mine/notes.txt').write_text('precious')
-    assert cli.main(['demo', '--output', 'mine']) == 2
+    (tmp_path / 'mine').mkdir()
+    for names in (('metadata.yaml', 'a_0.mcap'), ('demo.json', 'notes.txt')):
+        for name in names:
+            (tmp_path / 'mine' / name).write_text('precious')
+        assert 'that an earlier demo made' in refused('demo', '--output', 'mine')
     assert len(list((tmp_path / 'mine').iterdir())) == 4
-
-
-def test_what_cannot_be_written_is_refused_before_anything_starts(tmp_path, monkeypatch, capsys):
-    """A result for a folder that is missing is named at once, and an earlier demo stays."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / 'lava_demo').mkdir()
-    (tmp_path / 'lava_demo/demo.json').write_text('{}')
-    words = ['demo', '--output', 'lava_demo', '--json', 'none/out.json']
-    assert cli.main(words) == 2
-    assert '--json is' in capsys.readouterr().err
-    assert (tmp_path / 'lava_demo/demo.json').exists()
+    # a result that cannot be written is named before an earlier demo is removed
+    (tmp_path / 'mine/notes.txt').unlink()
+    assert '--json is' in refused('demo', '--output', 'mine', '--json', 'none/out.json')
+    assert (tmp_path / 'mine/demo.json').exists()
 
 
 def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path):
@@ -171,29 +161,16 @@ def test_what_is_seen_narrows_the_forecast(tmp_path):
     assert imread(tmp_path / 'out.png').shape[2] in (3, 4)
 
 
-#: Says that it is there, and takes SIGINT for nothing.
-STUBBORN = """
-import signal, time
-signal.signal(signal.SIGINT, signal.SIG_IGN)
-print('here', flush=True)
-time.sleep(60)
-"""
-
-ENDS_WELL = """
-import time
-try:
-    print('here', flush=True)
-    time.sleep(60)
-except KeyboardInterrupt:
-    pass
-"""
-
-FAILS = """
+#: A program that says that it is there, and does something when it is asked to end.
+PROGRAM = """
 import signal, sys, time
-signal.signal(signal.SIGINT, lambda *_: sys.exit(3))
-print('\\n'.join(f'line {number}' for number in range(100)), flush=True)
+signal.signal(signal.SIGINT, {})
+print('\\n'.join(f'line {{number}}' for number in range(100)), flush=True)
 time.sleep(60)
 """
+
+ENDS_WELL, FAILS = (PROGRAM.format(f'lambda *_: sys.exit({status})') for status in (0, 3))
+STUBBORN = PROGRAM.format('signal.SIG_IGN')
 
 
 @pytest.fixture
@@ -204,7 +181,7 @@ def child_of(tmp_path):
         (tmp_path / 'a_program.py').write_text(text)
         log = tmp_path / 'a.log'
         env = os.environ | {'PYTHONPATH': str(tmp_path)}
-        child = Child('program', 'a_program', [], log=log, env=env)
+        child = Child('program', 'a_program', log=log, env=env)
         end = time.monotonic() + 30.0
         while not log.read_text():
             assert time.monotonic() < end
@@ -224,22 +201,19 @@ def test_a_child_that_follows(child_of):
         child.check()
 
 
-def test_a_child_that_does_not_follow_is_killed(child_of):
-    """That is an error for one that had to end well."""
-    child = child_of(STUBBORN)
-    with pytest.raises(ChildError, match=r'did not end within 0.2 s; its log ends with\n    here'):
-        child.stop(0.2)
-    assert child.end(0.2) == -9
-
-
-def test_a_child_that_fails_shows_the_end_of_its_log(child_of):
-    """Its last lines, and its status."""
-    child = child_of(FAILS)
-    with pytest.raises(ChildError, match='ended with status 3') as caught:
-        child.stop()
-    lines = str(caught.value).splitlines()
-    assert lines[-1] == '    line 99'
-    assert len(lines) == 1 + SHOWN_LINES
+@pytest.mark.parametrize(
+    ('program', 'what', 'status'),
+    [(STUBBORN, 'did not end within 0.2 s', -9), (FAILS, 'ended with status 3', 3)],
+)
+def test_a_child_that_does_not_end_well(program, what, status, child_of):
+    """One that does not follow is killed; the error has the last lines of its log."""
+    child = child_of(program)
+    with pytest.raises(ChildError) as caught:
+        child.stop(0.2 if program == STUBBORN else 20.0)
+    first, *lines = str(caught.value).splitlines()
+    assert first == f'the program {what}; its log ends with'
+    assert lines == [f'    line {number}' for number in range(100 - SHOWN_LINES, 100)]
+    assert child.end(0.2) == status
 
 
 #: A command with a child, which says whether it was ended.
@@ -252,7 +226,7 @@ import time
 from lava_ros.cli.ros import Child
 # whoever runs the tests may ignore it, as nohup does
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
-child = Child('program', 'a_program', [], log=Path('a.log'), env=os.environ)
+child = Child('program', 'a_program', log=Path('a.log'), env=os.environ)
 try:
     while not Path('a.log').read_text():
         time.sleep(0.01)

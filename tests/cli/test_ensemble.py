@@ -23,10 +23,11 @@ import rasterio
 from rasterio.transform import from_origin
 import yaml
 
+from cli.calls import done, refused
+from command_line import lava
 from eruption import footprint, write_case
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, read_grid
-from lava_ros.cli import main as cli
 from lava_ros.cli.options import seconds_of
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import occupancy
@@ -75,19 +76,19 @@ def read(path: Path) -> np.ndarray:
         return file.read(1)[::-1]
 
 
-def test_maps_of_a_scene(scene, tmp_path, capsys):
+def test_maps_of_a_scene(scene, tmp_path):
     """Four members, then eight: GeoTIFF, bag and report agree; an outline sharpens them."""
     out, report = tmp_path / 'out', tmp_path / 'report.json'
-    words = ['ensemble', str(scene), '-o', str(out), '--horizon', '10min', '--workers', '1']
-    words += ['--device', 'cpu', '--json', str(report)]
-    assert cli.main([*words, '--members', '4']) == 0
+    words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1']
+    words += ['--device', 'cpu', '--json', report]
+    done(*words, '--members', '4')
     first = json.loads(report.read_text())
     assert (first['members'], first['resumed'], first['workers']) == (4, 0, 1)
-    assert cli.main([*words, '--members', '8']) == 0
+    said = done(*words, '--members', '8')
     second = json.loads(report.read_text())
     assert (second['members'], second['resumed']) == (8, 4)
     assert second['sampling_error_percent'] == pytest.approx(50.0 / 8**0.5)
-    assert '4 members run' in capsys.readouterr().out
+    assert '4 members run' in said
 
     maps = {name: read(out / f'{name}.tif') for name in MAPS}
     probability = maps['inundation_probability']
@@ -114,7 +115,7 @@ def test_maps_of_a_scene(scene, tmp_path, capsys):
     np.testing.assert_array_equal(pixels[half], maps['arrival_time_p50'][half])
 
     seen = raster(tmp_path / 'seen.tif', maps['arrival_time_p10'] > 0.0)
-    assert cli.main([*words, '--members', '8', '--observed', seen, '--observed-at', '600s']) == 0
+    done(*words, '--members', '8', '--observed', seen, '--observed-at', '600s')
     third = json.loads(report.read_text())
     assert third['resumed'] == 8 and third['effective_members'] < 8.0
     assert 0.3 < third['observed']['jaccard_mean'] < third['observed']['jaccard_best'] <= 1.0
@@ -126,9 +127,8 @@ def test_vents_from_a_map(scene, tmp_path):
     likelihood = np.zeros((30, 24))
     likelihood[5:8, 3] = 1.0
     where = raster(tmp_path / 'where.tif', likelihood)
-    words = ['ensemble', str(scene), '-o', str(tmp_path / 'out'), '--horizon', '10min']
-    words += ['--members', '2', '--workers', '1', '--device', 'cpu', '--susceptibility', where]
-    assert cli.main(words) == 0
+    words = ['ensemble', scene, '-o', tmp_path / 'out', '--horizon', '10min']
+    done(*words, '--members', '2', '--workers', '1', '--device', 'cpu', '--susceptibility', where)
     wet = np.argwhere(read(tmp_path / 'out/inundation_probability.tif') > 0.0)
     assert len(wet) > 3
     assert np.hypot(*(wet - [6.0, 3.0]).T).max() < 10.0
@@ -150,24 +150,23 @@ def test_vents_from_a_map(scene, tmp_path):
         (('--threshold', '-1'), 'threshold'),
     ],
 )
-def test_what_cannot_be_used_is_refused(words, named, scene, tmp_path, monkeypatch, capsys):
+def test_what_cannot_be_used_is_refused(words, named, scene, tmp_path, monkeypatch):
     """In one sentence, before a member runs, and nothing is written."""
     monkeypatch.chdir(tmp_path)
-    assert cli.main(['ensemble', str(scene), '-o', 'out', *words]) == 2
-    error = capsys.readouterr().err
+    error = refused('ensemble', scene, '-o', 'out', *words)
     assert error.startswith('lava ensemble: ') and named in error
     assert not (tmp_path / 'out').exists()
 
 
-def test_an_interrupted_run_says_how_to_go_on(scene, tmp_path, monkeypatch, capsys):
+def test_an_interrupted_run_says_how_to_go_on(scene, tmp_path, monkeypatch):
     """Ctrl+C ends with the status of one, and a sentence."""
     def interrupted(*args: object, **options: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr('lava_ros.cli.ensemble.run_ensemble', interrupted)
-    words = ['ensemble', str(scene), '-o', str(tmp_path / 'out'), '--workers', '1']
-    assert cli.main([*words, '--device', 'cpu']) == 130
-    assert 'the same command' in capsys.readouterr().err
+    words = ['--workers', '1', '--device', 'cpu']
+    status, _, said = lava('ensemble', scene, '-o', tmp_path / 'out', *words)
+    assert status == 130 and 'the same command' in said
 
 
 def test_times_as_people_write_them():
@@ -181,14 +180,13 @@ def test_times_as_people_write_them():
             seconds_of('--horizon', text)
 
 
-def test_a_case_is_scored(tmp_path, capsys):
+def test_a_case_is_scored(tmp_path):
     """The folder of a mapped eruption is run to its end, and its map says how good that was."""
     case = write_case(tmp_path / 'valley', hours=1)
-    words = ['ensemble', str(case), '-o', str(tmp_path / 'out'), '--members', '2']
+    words = ['ensemble', case, '-o', tmp_path / 'out', '--members', '2']
     words += ['--device', 'cpu', '--workers', '1', '--spacing', '20']
-    assert cli.main([*words, '--horizon', '1h']) == 2
-    assert "--horizon is '1h', expected no --horizon for" in capsys.readouterr().err
-    assert cli.main([*words, '--json', str(tmp_path / 'report.json')]) == 0
+    assert "--horizon is '1h', expected no --horizon for" in refused(*words, '--horizon', '1h')
+    said = done(*words, '--json', tmp_path / 'report.json')
     report = json.loads((tmp_path / 'report.json').read_text())
     assert (report['case'], report['horizon_s']) == ('valley', 3600.0)
     assert set(report['uncertainty']['constants']) >= {'crust_cover', 'crust_temperature'}
@@ -196,4 +194,4 @@ def test_a_case_is_scored(tmp_path, capsys):
     assert 0.0 < score['brier_score'] < 1.0
     assert score['brier_skill_of_terrain'] > score['brier_skill']
     assert sum(item['count'] for item in score['reliability']) == footprint().size
-    assert f'skill {score["brier_skill"]:.2f}' in capsys.readouterr().out
+    assert f'skill {score["brier_skill"]:.2f}' in said

@@ -22,9 +22,9 @@ from typing import Any
 
 import pytest
 
+from cli.calls import done, refused
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
-from lava_ros.cli.main import main
 from lava_ros.simulation.checkpoint import MEDIA_TYPE
 from small_checkpoint import small_checkpoint
 
@@ -33,11 +33,6 @@ SCENE = {
     'vents': [{'position': [10.0, 20.0], 'discharge': 35.5, 'name': 'summit'}],
     'gravity': 9.81,
 }
-
-
-def call(*words):
-    """Run the command."""
-    return main(words)
 
 
 @pytest.fixture
@@ -51,20 +46,12 @@ def bag(tmp_path):
     return tmp_path / 'bag'
 
 
-@pytest.fixture
-def info(capsys):
-    """Gives the lines and the JSON that `lava info` prints about a bag."""
-
-    def of(path: Path) -> tuple[list[str], dict[str, Any]]:
-        assert call('info', str(path)) == 0
-        lines = capsys.readouterr().out.splitlines()
-        assert call('info', str(path), '--json', '-') == 0
-        return lines, json.loads(capsys.readouterr().out)
-
-    return of
+def info(path: Path) -> tuple[list[str], dict[str, Any]]:
+    """The lines and the JSON that `lava info` prints about a bag."""
+    return done('info', path).splitlines(), json.loads(done('info', path, '--json', '-'))
 
 
-def test_info_says_what_is_in_a_bag(bag, info):
+def test_info_says_what_is_in_a_bag(bag):
     """Scene, vents, topics, durability, duration and state are printed."""
     lines = [' '.join(line.split()) for line in info(bag)[0]]
     assert '/hazard std_msgs/msg/Empty 3 reliable transient_local' in lines
@@ -75,59 +62,29 @@ def test_info_says_what_is_in_a_bag(bag, info):
     assert 'device: cuda:0' in lines
 
 
-def test_info_as_json(bag, tmp_path, info):
+def test_info_as_json(bag, tmp_path):
     """The same as JSON, in a file or on standard output."""
-    assert call('info', str(bag), '--json', str(tmp_path / 'info.json')) == 0
+    done('info', bag, '--json', tmp_path / 'info.json')
     data = json.loads((tmp_path / 'info.json').read_text())
     assert data['scene'] == SCENE
     assert data['topics'][0]['qos']['durability'] == 'transient_local'
     assert (data['message_count'], data['recovered'], data['duration']) == (3, False, 2.0)
     assert info(bag)[1] == data
-    assert call('info', str(bag), '--json', str(tmp_path / 'gone' / 'info.json')) == 2
+    refused('info', bag, '--json', tmp_path / 'gone' / 'info.json')
 
 
-def test_info_says_which_effects_were_on(tmp_path, info):
-    """The table at the start and what changed later, as text and as JSON."""
-    changes = [
-        {'stamp_ns': 1, 'time': 0.0, 'effects': {'steep': 'on: slope = 0.8 > 0.12'}},
-        {'stamp_ns': 9, 'time': 60.0, 'effects': {'steep': 'off: forced'}},
-    ]
-    data = {'effects': json.dumps(changes)}
-    BagWriter(tmp_path / 'bag', custom_data=data).close()
-    shown, told = info(tmp_path / 'bag')
-    lines = [' '.join(line.split()) for line in shown]
-    place = lines.index('effects')
-    assert lines[place + 1 : place + 4] == [
-        'steep on: slope = 0.8 > 0.12',
-        'changed at 60.0 s',
-        'steep off: forced',
-    ]
-    assert 'custom data' not in lines
-    assert told['effects'] == changes
-
-
-@pytest.mark.parametrize('text', ['[1', '[1]', '{}', '[{"time": 0}]'])
-def test_effects_that_cannot_be_read_are_shown_as_text(text, tmp_path, info):
-    """A bag of someone else's may have anything by that name."""
-    BagWriter(tmp_path / 'bag', custom_data={'effects': text}).close()
-    assert f'  effects: {text}' in info(tmp_path / 'bag')[0]
-
-
-def test_info_and_recover_of_a_bag_that_was_cut_off(bag, tmp_path, capsys):
+def test_info_and_recover_of_a_bag_that_was_cut_off(bag, tmp_path):
     """A cut bag is described as such, and made whole by recover."""
     path = bag / 'bag_0.mcap'
     path.write_bytes(path.read_bytes()[:-50])
     (bag / 'metadata.yaml').unlink()
-    assert call('info', str(bag)) == 0
-    assert 'cut off' in capsys.readouterr().out
-    assert call('recover', str(bag), str(tmp_path / 'whole')) == 0
-    assert '3 messages' in capsys.readouterr().out
+    assert 'cut off' in done('info', bag)
+    assert '3 messages' in done('recover', bag, tmp_path / 'whole')
     assert not BagReader(tmp_path / 'whole').recovered
-    assert call('recover', str(bag), str(tmp_path / 'whole')) == 2
-    assert 'choose another name' in capsys.readouterr().err
+    assert 'choose another name' in refused('recover', bag, tmp_path / 'whole')
 
 
-def test_checkpoints_are_listed(tmp_path, info):
+def test_checkpoints_are_listed(tmp_path):
     """The newest of them with time and size in the text, all of them in the JSON."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for count in range(7):
@@ -144,38 +101,62 @@ def test_checkpoints_are_listed(tmp_path, info):
     assert stored[6]['size'] == len(checkpoint.to_bytes())
 
 
-def test_a_bag_names_what_it_was_resumed_from(tmp_path, info):
-    """Bag and simulated time in the text, all of it in the JSON; another text is only shown."""
-    origin = {'bag': 'bags/first', 'time': 1234.5, 'stamp_ns': 7}
-    BagWriter(tmp_path / 'bag', custom_data={'resumed_from': json.dumps(origin)}).close()
+CHANGES = [
+    {'stamp_ns': 1, 'time': 0.0, 'effects': {'steep': 'on: slope = 0.8 > 0.12'}},
+    {'stamp_ns': 9, 'time': 60.0, 'effects': {'steep': 'off: forced'}},
+]
+ORIGIN = {'bag': 'bags/first', 'time': 1234.5, 'stamp_ns': 7}
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'shown'),
+    [
+        ('effects', CHANGES, [
+            'effects', '  steep            on: slope = 0.8 > 0.12', '  changed at 60.0 s',
+            '  steep            off: forced',
+        ]),
+        ('resumed_from', ORIGIN, ['resumed    at 1234.500 s simulated, from bags/first']),
+    ],
+)
+def test_what_the_node_describes_is_told(name, value, shown, tmp_path):
+    """In words, and as JSON: effects and their changes, where a bag was resumed from."""
+    BagWriter(tmp_path / 'bag', custom_data={name: json.dumps(value)}).close()
     lines, told = info(tmp_path / 'bag')
-    assert 'resumed    at 1234.500 s simulated, from bags/first' in lines
-    assert not any('resumed_from' in line for line in lines)
-    assert told['resumed_from'] == origin
-    for index, text in enumerate(('[1]', '{"bag": 1, "time": 2}', 'a bag')):
-        BagWriter(tmp_path / str(index), custom_data={'resumed_from': text}).close()
-        assert f'  resumed_from: {text}' in info(tmp_path / str(index))[0]
+    place = lines.index(shown[0])
+    assert lines[place : place + len(shown)] == shown
+    assert 'custom data' not in lines
+    assert told[name] == value
 
 
-def test_the_scene_may_be_anything(tmp_path, info):
-    """Custom data that is no scene is printed as text, an empty bag too."""
-    BagWriter(tmp_path / 'bag', custom_data={'scene': '[Etna', 'long': 'x ' * 100}).close()
-    lines, _ = info(tmp_path / 'bag')
-    assert '  scene: [Etna' in lines
-    assert max(map(len, lines)) < 100
+@pytest.mark.parametrize(
+    ('name', 'text'),
+    [
+        *(('effects', text) for text in ('[1', '[1]', '{}', '[{"time": 0}]')),
+        *(('resumed_from', text) for text in ('[1]', '{"bag": 1, "time": 2}', 'a bag')),
+        ('scene', '[Etna'),
+    ],
+)
+def test_what_cannot_be_read_is_shown_as_text(name, text, tmp_path):
+    """A bag of someone else's may have anything by that name; long texts are cut."""
+    data = {name: text, 'long': 'x ' * 100}
+    BagWriter(tmp_path / 'bag', custom_data=data).close()
+    lines, told = info(tmp_path / 'bag')
+    assert f'  {name}: {text}' in lines and told[name] is None
+    # the first has the path
+    assert max(map(len, lines[1:])) < 100
 
 
 def test_commands_are_described_without_ros():
     """Building the parsers does not import rclpy: help is quick and works without ROS."""
     code = (
         'import sys; sys.modules["rclpy"] = None\n'
-        'from lava_ros.cli import info, recover, replay\n'
+        'from lava_ros.cli import info, replay\n'
         'assert "rich" not in sys.modules'
     )
     subprocess.run([sys.executable, '-c', code], check=True, cwd=Path(__file__).parents[2])
 
 
-def test_info_says_what_is_in_each_file(tmp_path, info):
+def test_info_says_what_is_in_each_file(tmp_path):
     """A bag of several files is listed file by file, one that was cut off marked as such."""
     with BagWriter(tmp_path / 'bag', custom_data={}, max_duration=2.0) as writer:
         for second in range(5):

@@ -25,10 +25,12 @@ import sys
 import numpy as np
 import pytest
 
+from cli.calls import done, refused
+from command_line import lava
 import lava_ros
 from lava_ros.cli import main as cli
 from lava_ros.cli.manual import COMMANDS, GROUPS, parsed
-from lava_ros.cli.output import in_terminal, Progress
+from lava_ros.cli.output import Progress
 from lava_ros.cli.scenes import DEMO_VENTS, scene_from_arguments
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
@@ -36,13 +38,6 @@ from lava_ros.scene.materials import material_named
 
 #: What is said of a time that is none.
 TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
-
-
-def test_version(capsys):
-    """The version is the package's."""
-    with pytest.raises(SystemExit):
-        cli.main(['--version'])
-    assert capsys.readouterr().out == f'lava_ros {lava_ros.__version__}\n'
 
 
 @pytest.mark.parametrize(
@@ -53,6 +48,8 @@ def test_version(capsys):
         ('export none -o out', 'bag is'),
         ('animate none -o a.gif', 'bag is'),
         ('report none -o a.html', 'bag is'),
+        # YAML explains itself over several lines; here it does so in one
+        ('effects file', "scene is 'file', expected"),
         ('feed --terrain none', 'none'),
         ('feed --scene none', 'none'),
         ('demo --duration -1', '--duration is'),
@@ -94,44 +91,33 @@ def test_version(capsys):
         ('accuracy --longest "1 hour"', TIME),
     ],
 )
-def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch, capsys):
+def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch):
     """Input that cannot be used is one line on stderr and status 2, before anything is done."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / 'file').write_text('')
+    (tmp_path / 'file').write_text('terrain: {file: a\nvents: [')
     words = shlex.split(line)
-    assert cli.main(words) == 2
-    seen = capsys.readouterr()
-    assert seen.out == ''
-    assert seen.err.startswith(f'lava {words[0]}: ') and named in seen.err
-    assert seen.err.count('\n') == 1
+    said = refused(*words)
+    assert said.startswith(f'lava {words[0]}: ') and named in said
+    assert said.count('\n') == 1
     assert [path.name for path in tmp_path.iterdir()] == ['file']
 
 
 def test_ros_arguments_reach_the_node(monkeypatch):
     """Everything from --ros-args on is ROS's, in its order; a bag to resume is a parameter."""
     seen: list[list[str]] = []
-
-    def fake_main(args: list[str]) -> int:
-        seen.append(args)
-        return 7
-
-    import lava_ros.ros.node
-
-    monkeypatch.setattr(lava_ros.ros.node, 'main', fake_main)
+    monkeypatch.setattr('lava_ros.ros.node.main', lambda args: seen.append(args) or 7)
     words = ['--ros-args', '-p', 'time_scale:=5.0', '-r', '__ns:=/etna', '--log-level', 'debug']
-    assert cli.main(['node', *words]) == 7
-    assert cli.main(['node', '--resume', 'bags/my "old" bag: #1', *words]) == 7
-    assert cli.main(['node']) == 7
+    for more in (words, ['--resume', 'bags/my "old" bag: #1', *words], []):
+        assert lava('node', *more)[0] == 7
     resume = ['--ros-args', '-p', r'resume:="bags/my \"old\" bag: #1"']
     assert seen == [words, [*words, *resume], []]
 
 
 @pytest.mark.parametrize('command', ['node', 'feed', 'demo'])
-def test_without_ros(command, monkeypatch, capsys):
+def test_without_ros(command, monkeypatch):
     """Where ROS is missing the error says how to get it."""
     monkeypatch.setattr('lava_ros.cli.ros.find_spec', lambda name: None)
-    assert cli.main([command]) == 2
-    assert "pip install 'lava_ros[ros]'" in capsys.readouterr().err
+    assert "pip install 'lava_ros[ros]'" in refused(command)
 
 
 def test_the_default_scene():
@@ -144,14 +130,16 @@ def test_the_default_scene():
 
 
 def test_a_terrain_alone_gets_a_vent_on_its_summit(tmp_path):
-    """The vent is on the highest cell that has data and is not at the border."""
+    """On the highest cell that has data and is not at the border; its lava is that of Etna."""
     elevation = np.zeros((40, 50))
     elevation[0, 0] = 500.0
     elevation[25, 30] = 300.0
     elevation[20:22, 20:22] = np.nan
     np.savez(tmp_path / 'a.npz', elevation=elevation, resolution=10.0)
-    (vent,) = scene_of('--terrain', str(tmp_path / 'a.npz')).vents
-    assert vent.position == (305.0, 255.0)
+    scene = scene_of('--terrain', str(tmp_path / 'a.npz'))
+    (vent,) = scene.vents
+    assert (vent.position, vent.temperature) == ((305.0, 255.0), 1360.0)
+    assert scene.lava == material_named('etna_basalt').lava
 
 
 def scene_of(*words: str) -> Scene:
@@ -209,13 +197,6 @@ def test_vent_discharge_and_material_of_the_command(place, island, caplog):
     assert re.search(said, caplog.text)
 
 
-def test_a_command_that_names_no_lava_takes_that_of_etna(island):
-    """It becomes solid when it cools."""
-    scene = scene_of('--terrain', island)
-    assert scene.lava == material_named('etna_basalt').lava
-    assert [vent.temperature for vent in scene.vents] == [1360.0]
-
-
 @pytest.mark.parametrize(
     ('words', 'sentence'),
     [
@@ -227,21 +208,18 @@ def test_a_command_that_names_no_lava_takes_that_of_etna(island):
         (('--material', 'obsidian'), "lava.material is 'obsidian', expected one of"),
     ],
 )
-def test_wrong_vents_of_the_command(words, sentence, island, capsys):
+def test_wrong_vents_of_the_command(words, sentence, island):
     """What is wrong is shown as it was typed."""
-    assert cli.main(['effects', '--terrain', island, *words]) == 2
-    assert sentence in capsys.readouterr().err
+    assert sentence in refused('effects', '--terrain', island, *words)
 
 
 def test_a_broken_pipe_is_no_error(monkeypatch):
     """`lava info BAG | head -1` ends quietly."""
 
-    def run(args: object) -> int:
+    def run(path: str) -> None:
         raise BrokenPipeError
 
-    import lava_ros.cli.info
-
-    monkeypatch.setattr(lava_ros.cli.info, 'run', run)
+    monkeypatch.setattr('lava_ros.cli.info.BagReader', run)
     replaced: list[tuple[int, int]] = []
     monkeypatch.setattr(cli.os, 'dup2', lambda a, b: replaced.append((a, b)))
     monkeypatch.setattr(sys.stdout, 'fileno', lambda: 1, raising=False)
@@ -249,24 +227,17 @@ def test_a_broken_pipe_is_no_error(monkeypatch):
     assert replaced
 
 
-def _page(capsys):
-    with pytest.raises(SystemExit) as caught:
-        cli.main(['--help'])
-    assert caught.value.code == 0
-    return capsys.readouterr().out
+def test_the_page_has_its_parts():
+    """Name, synopsis, commands, examples, environment and exit status, within 88 columns.
 
-
-def test_the_page_has_its_parts(capsys):
-    """Name, synopsis, commands, examples, environment and exit status, within 88 columns."""
-    page = _page(capsys)
+    Commands are in the order of the groups, each once, with what it does; each example is a
+    command with arguments that it takes.
+    """
+    assert done('--version') == f'lava_ros {lava_ros.__version__}\n'
+    page = done('--help')
     for part in ('NAME', 'SYNOPSIS', 'COMMANDS', 'EXAMPLES', 'ENVIRONMENT', 'EXIT STATUS'):
         assert f'{part}\n' in page
     assert max(len(line) for line in page.splitlines()) <= 88
-
-
-def test_every_command_has_a_line_under_a_heading(capsys):
-    """In the order of the groups, each once, with what it does."""
-    page = _page(capsys)
     listed = page[page.index('COMMANDS\n') : page.index('EXAMPLES')].splitlines()[1:]
     lines = [line for line in listed if line.strip() and line[4:5] != ' ']
     expected = []
@@ -274,11 +245,6 @@ def test_every_command_has_a_line_under_a_heading(capsys):
         expected += [f'  {heading}', *(f'    {name}' for name in names)]
     assert [re.match(r' +[a-z-]+( up)?', line)[0] for line in lines] == expected
     assert all(line[19:].strip() for line in lines if line.startswith('    '))
-
-
-def test_the_examples_of_the_page_parse(capsys):
-    """Each example is a command with arguments that it takes."""
-    page = _page(capsys)
     examples = page[page.index('EXAMPLES') : page.index('ENVIRONMENT')].splitlines()[1:]
     commands = [line.strip().split('  ')[0] for line in examples if line.strip()]
     assert len(commands) >= 5
@@ -309,23 +275,12 @@ def test_the_examples_of_the_page_parse(capsys):
         (('node', 'scene.yaml'), "lava node: 'scene.yaml' is not known here"),
     ],
 )
-def test_wrong_usage_is_one_sentence(words, sentence, capsys):
+def test_wrong_usage_is_one_sentence(words, sentence):
     """What is wrong, what is close, and where to read on; status 2, nothing on stdout."""
-    with pytest.raises(SystemExit) as caught:
-        cli.main(words)
-    assert caught.value.code == 2
-    seen = capsys.readouterr()
-    assert seen.out == ''
-    assert seen.err.count('\n') == 1
-    assert sentence in seen.err
-    assert seen.err.endswith("--help' lists what it takes\n")
-
-
-def test_an_error_of_a_library_is_one_line(tmp_path, capsys):
-    """YAML explains itself over several lines; here it does so in one."""
-    (tmp_path / 'scene.yaml').write_text('terrain: {file: a\nvents: [')
-    assert cli.main(['effects', str(tmp_path / 'scene.yaml')]) == 2
-    assert capsys.readouterr().err.count('\n') == 1
+    said = refused(*words)
+    assert said.count('\n') == 1
+    assert sentence in said
+    assert said.endswith("--help' lists what it takes\n")
 
 
 def _completions(script, words):
@@ -342,31 +297,24 @@ def _completions(script, words):
     return set(ended.stdout.split())
 
 
-def test_bash_completes(capsys, tmp_path, monkeypatch):
+def test_bash_completes(tmp_path, monkeypatch):
     """Commands, options, choices and files."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'etna.yaml').write_text('')
-    assert cli.main(['completion', 'bash']) == 0
-    script = capsys.readouterr().out
+    script = done('completion', 'bash')
     assert _completions(script, ['lava', 'do']) == {'doctor'}
     assert {'--rate', '--loop', '--clock'} <= _completions(script, ['lava', 'replay', '--'])
     assert _completions(script, ['lava', 'completion', '']) >= {'bash', 'zsh'}
     assert 'etna.yaml' in _completions(script, ['lava', 'effects', 'et'])
 
 
-def test_zsh_gets_a_script(capsys):
-    """It is one of zsh's, and has every command."""
-    assert cli.main(['completion', 'zsh']) == 0
-    script = capsys.readouterr().out
+def test_zsh_gets_a_script(monkeypatch):
+    """It has every command; without the library that makes it the error says how to get it."""
+    script = done('completion', 'zsh')
     assert script.startswith('#compdef lava')
     assert all(name in script for name in COMMANDS)
-
-
-def test_completion_without_its_library(monkeypatch, capsys):
-    """The error says how to get it."""
-    monkeypatch.setitem(cli.sys.modules, 'shtab', None)
-    assert cli.main(['completion', 'bash']) == 2
-    assert "pip install 'lava_ros[completion]'" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, 'shtab', None)
+    assert "pip install 'lava_ros[completion]'" in refused('completion', 'bash')
 
 
 ROOT = Path(__file__).parents[2]
@@ -375,10 +323,10 @@ PROGRAM = """
 import sys
 if '--bare' in sys.argv:
     sys.modules['rich.progress'] = None
-from lava_ros.cli.output import in_terminal
-with in_terminal() as show:
+from lava_ros.cli.output import Progress
+with Progress(has_lines=False) as progress:
     for part in range(11):
-        show('counting', part / 10)
+        progress.show('counting', part / 10)
 print('done')
 """
 
@@ -393,8 +341,8 @@ def test_tenths_are_lines_where_nobody_watches(capsys):
     assert lines[0] == '  0 %  counting'
     assert lines[5].startswith(' 50 %  counting, ') and lines[5].endswith(' s left')
     assert lines[10] == '100 %  counting'
-    with in_terminal() as show:
-        show('counting', 0.5)
+    with Progress(has_lines=False) as progress:
+        progress.show('counting', 0.5)
     assert capsys.readouterr().out == ''
 
 

@@ -32,7 +32,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
-from lava_ros.cli.replay import Keys, keys_of
+from lava_ros.cli.replay import keys_of
 from lava_ros.ros.spinning import Watcher
 from ros_domain import own_domain
 
@@ -78,20 +78,20 @@ def terminal():
 def test_keys_have_names(terminal, typed, names):
     """Arrows in both modes of terminals; other keys are themselves, or nothing."""
     outside, inside = terminal
-    with keys_of(inside) as keys:
+    with keys_of(inside) as read:
         os.write(outside, typed)
-        assert [keys.read(1.0) for _ in names] == names
-        assert keys.read(0.0) == ''
+        assert [read(1.0) for _ in names] == names
+        assert read(0.0) == ''
 
 
 def test_an_arrow_may_come_in_pieces(terminal):
     """A slow line does not make three keys of it."""
     outside, inside = terminal
-    with keys_of(inside) as keys:
+    with keys_of(inside) as read:
         os.write(outside, b'\x1b')
         rest = threading.Timer(0.01, os.write, (outside, b'[D'))
         rest.start()
-        assert keys.read(1.0) in ('left', '')
+        assert read(1.0) in ('left', '')
         rest.join()
 
 
@@ -100,8 +100,7 @@ def test_the_terminal_is_put_back(terminal):
     _, inside = terminal
     before = termios.tcgetattr(inside)
     assert before[3] & SHELL_FLAGS == SHELL_FLAGS
-    with suppress(RuntimeError), keys_of(inside) as keys:
-        assert isinstance(keys, Keys)
+    with suppress(RuntimeError), keys_of(inside):
         assert termios.tcgetattr(inside)[3] & SHELL_FLAGS == 0
         raise RuntimeError
     assert termios.tcgetattr(inside) == before
@@ -145,59 +144,59 @@ def heard(monkeypatch):
     result.close()
 
 
-@pytest.fixture
-def replay(tmp_path, terminal, heard):
-    """`lava replay` of two minutes with ten texts a second, which is this terminal's program."""
-    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
-        for tenth in range(int(10 * LENGTH) + 1):
+def replay_of(bag: Path, seconds: float) -> list[str]:
+    """Record ten texts a second and a latched one, and return the command that replays them."""
+    with BagWriter(bag, custom_data={}) as writer:
+        for tenth in range(int(10 * seconds) + 1):
             text = serialize_message(String(data=str(tenth / 10)))
             writer.write('/text', TEXT, text, tenth * SECOND // 10, qos=QosProfile(depth=100))
             if tenth == 0:
                 writer.write('/map', TEXT, text, 0, qos=LATCHED)
+    return ['-m', 'lava_ros.cli.main', 'replay', str(bag)]
+
+
+@pytest.fixture
+def replay(tmp_path, terminal, heard):
+    """`lava replay` of two minutes with ten texts a second, which is this terminal's program."""
     _, inside = terminal
-    words = ['-m', 'lava_ros.cli.main', 'replay', str(tmp_path / 'bag')]
+    words = ['-c', IN_FRONT, *replay_of(tmp_path / 'bag', LENGTH)]
     process = subprocess.Popen(
-        [sys.executable, '-c', IN_FRONT, *words],
-        stdin=inside,
-        stdout=inside,
-        stderr=inside,
-        cwd=ROOT,
+        [sys.executable, *words], stdin=inside, stdout=inside, stderr=inside, cwd=ROOT
     )
     yield process
     process.kill()
     process.wait()
 
 
-class Screen(threading.Thread):
-    """Reads what a program writes to its terminal, which would block it otherwise."""
+@pytest.fixture
+def screen(terminal):
+    """What a program has written to its terminal so far; it would block if nobody read it."""
+    shown: list[str] = []
+    is_over = threading.Event()
 
-    def __init__(self, outside: int) -> None:
-        """Begin to read."""
-        super().__init__(daemon=True)
-        self.outside = outside
-        self.shown = ''
-        self.is_over = threading.Event()
-        self.start()
-
-    def run(self) -> None:
-        """Read on."""
+    def read() -> None:
         with suppress(OSError):
-            while not self.is_over.is_set():
-                if select.select([self.outside], [], [], 0.1)[0]:
-                    self.shown += os.read(self.outside, 4096).decode('utf-8', 'replace')
+            while not is_over.is_set():
+                if select.select([terminal[0]], [], [], 0.1)[0]:
+                    shown.append(os.read(terminal[0], 4096).decode('utf-8', 'replace'))
+
+    thread = threading.Thread(target=read, daemon=True)
+    thread.start()
+    yield shown
+    is_over.set()
+    thread.join()
 
 
-def test_keys_in_a_terminal(replay, terminal, heard):
+def test_keys_in_a_terminal(replay, terminal, screen, heard):
     """Space holds, arrows move and quicken, q ends with status 0 and a terminal as before."""
     outside, inside = terminal
-    screen = Screen(outside)
 
     def press(key: str) -> None:
         os.write(outside, key.encode())
 
     heard.until(lambda: len(heard.places) > 5, timeout=60.0)
     press(' ')
-    heard.until(lambda: 'held' in screen.shown)
+    heard.until(lambda: 'held' in ''.join(screen))
     heard.during(0.3)
     assert heard.during(0.6) == []
     place = heard.places[-1]
@@ -214,7 +213,7 @@ def test_keys_in_a_terminal(replay, terminal, heard):
 
     press(UP)
     press(UP)
-    heard.until(lambda: 'x4' in screen.shown)
+    heard.until(lambda: 'x4' in ''.join(screen))
     begin, was = time.monotonic(), heard.places[-1]
     heard.until(lambda: heard.places[-1] >= was + 4.0, timeout=60.0)
     assert time.monotonic() - begin > 0.75
@@ -238,25 +237,15 @@ def test_keys_in_a_terminal(replay, terminal, heard):
     press('q')
     assert replay.wait(20.0) == 0
     assert heard.places[-1] < LENGTH - 5.0
-    screen.is_over.set()
-    screen.join()
-    assert 'messages published' in screen.shown
-    assert 'Traceback' not in screen.shown
+    heard.until(lambda: 'messages published' in ''.join(screen))
+    assert 'Traceback' not in ''.join(screen)
     assert termios.tcgetattr(inside)[3] & SHELL_FLAGS == SHELL_FLAGS
 
 
 def test_without_a_terminal_there_are_no_keys(tmp_path, heard):
     """What comes on the standard input of a script is not taken for keys."""
-    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
-        for tenth in range(6):
-            text = serialize_message(String(data=str(tenth / 10)))
-            writer.write('/text', TEXT, text, tenth * SECOND // 10, qos=QosProfile(depth=100))
     done = subprocess.run(
-        [sys.executable, '-m', 'lava_ros.cli.main', 'replay', str(tmp_path / 'bag')],
-        input='q ' * 100,
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        timeout=60.0,
+        [sys.executable, *replay_of(tmp_path / 'bag', 0.5)],
+        input='q ' * 100, capture_output=True, text=True, cwd=ROOT, timeout=60.0,
     )
-    assert (done.returncode, done.stdout) == (0, '6 messages published\n'), done.stderr
+    assert (done.returncode, done.stdout) == (0, '7 messages published\n'), done.stderr

@@ -27,7 +27,7 @@ from bokeh.client import pull_session
 from bokeh.models import Slider
 from bokeh.util.token import generate_session_id
 
-from lava_ros.cli import main as cli
+from cli.calls import refused
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Recording
 from lava_ros.maps.layers import ARRIVED, PROBABILITY
@@ -80,6 +80,8 @@ def _slider(address: str, session: str) -> tuple[int, int]:
 
 def test_maps_of_the_page(shown, frames):
     """The map is that of the newest frame at its place; of an earlier time, that one's."""
+    # what a status quotes is no markup
+    assert 'no node answers &lt;here&gt;' in shown.status.text
     (image,) = shown.map.data['image']
     np.testing.assert_array_equal(image, frames.frame(3).layers['thickness'].values)
     place = [shown.map.data[name] for name in ('x', 'y', 'dw', 'dh')]
@@ -137,11 +139,6 @@ def test_large_maps_are_sent_coarse(frames, monkeypatch):
     assert image.shape == relief.shape == (15, 20)
     assert image[5, 0] == np.float32(3.26)
     assert (shown.map.data['dw'], shown.map.data['dh']) == ([200.0], [150.0])
-
-
-def test_texts_of_others_are_no_markup(shown):
-    """What a status quotes is shown as it is."""
-    assert 'no node answers &lt;here&gt;' in shown.status.text
 
 
 def test_a_bag_that_grows(tmp_path, monkeypatch):
@@ -202,8 +199,7 @@ def test_a_port_that_is_taken(frames):
             serve(frames, address, 0)
 
 
-def test_without_bokeh(monkeypatch, capsys):
+def test_without_bokeh(monkeypatch):
     """The error says how to get it."""
     monkeypatch.setitem(sys.modules, 'bokeh', None)
-    assert cli.main(['watch']) == 2
-    assert "pip install 'lava_ros[watch]'" in capsys.readouterr().err
+    assert "pip install 'lava_ros[watch]'" in refused('watch')

@@ -20,13 +20,10 @@ import numpy as np
 import pytest
 
 pytest.importorskip('bokeh')
-from pages.report.devtools import Browser, chromium, has_qt
+from pages.report.devtools import Browser, needs_browser
 from watch_page import Growing, served
 
-pytestmark = pytest.mark.skipif(
-    chromium() is None and not has_qt(),
-    reason='needs Chromium (apt install chromium, or CHROME) or Qt (make look)',
-)
+pytestmark = needs_browser
 
 # The model of a kind, and what is seen inside the shadows of Bokeh's elements.
 MODEL = '[...Bokeh.documents[0]._all_models.values()].find(item => item.type === "{}")'

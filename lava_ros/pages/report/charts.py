@@ -15,11 +15,14 @@
 """Curves over time as SVG, drawn without any library so that the page needs none."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from lava_ros.maps.frames import Recording
+from lava_ros.pages.report.survey import Survey
 
 #: Size of a chart and of the margins inside it [units of its view box].
 WIDTH, HEIGHT = 440.0, 240.0
@@ -28,35 +31,114 @@ LEFT, RIGHT, TOP, BOTTOM = 52.0, 12.0, 14.0, 34.0
 #: Most points of a curve.
 MOST_POINTS = 400
 
+#: Curves of the volume, and those that are only drawn where they are above 0.
+_VOLUMES = {'emitted': 'volume_emitted_m3', 'held': 'volume_held_m3'}
+_OTHERS = {
+    'left the terrain': 'volume_left_m3',
+    'of that into cells without data': 'volume_in_holes_m3',
+    'frozen': 'volume_frozen_m3',
+    'late in the vents': 'volume_late_m3',
+}
 
-@dataclass(frozen=True, eq=False)
-class Curve:
+#: The least value for a larger unit, its name and its size.
+_LARGER = {'m³': (1e6, 'million m³', 1e6), 'm²': (1e5, 'km²', 1e6), 'm': (1e3, 'km', 1e3)}
+
+
+class Curve(NamedTuple):
     """A quantity over increasing simulated times [s]; NaN where it has no value."""
 
     label: str
     times: Sequence[float]
     values: Sequence[float]
 
+    def thinned(self) -> list[tuple[float, float]]:
+        """Times and values, at most ``MOST_POINTS``, its ends among them."""
+        count = len(self.times)
+        chosen = np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int)
+        return [(self.times[index], self.values[index]) for index in np.unique(chosen)]
 
-@dataclass(frozen=True, eq=False)
-class Chart:
-    """Curves that share their axes; ``scale`` converts their values to the unit of the chart."""
+
+class Chart(NamedTuple):
+    """Curves that share their axes."""
 
     key: str
     title: str
     unit: str
-    scale: float
-    curves: Sequence[Curve]
+    curves: list[Curve]
+
+    def data(self) -> dict[str, Any]:
+        """The curves as plain data for the page."""
+        return {
+            'key': self.key,
+            'unit': self.unit,
+            'curves': [
+                {
+                    'times': [round(time, 1) for time, _ in points],
+                    'values': [
+                        float(f'{value:.5g}') if math.isfinite(value) else None
+                        for _, value in points
+                    ],
+                }
+                for points in (item.thinned() for item in self.curves)
+            ],
+        }
+
+    def figure(self, start: float, end: float) -> str:
+        """The chart from a time to another [s], with a legend that has room for values."""
+        legend = ''.join(
+            f'<li class="c{index}"><span>{escape(item.label)}</span> '
+            f'<output data-curve="{escape(self.key)}" data-index="{index}"></output></li>'
+            for index, item in enumerate(self.curves)
+        )
+        return (
+            f'<figure class="chart"><figcaption>{escape(self.title)} [{escape(self.unit)}]'
+            f'</figcaption>{svg(self, start, end)}<ul class="key">{legend}</ul></figure>'
+        )
+
+
+def charts_of(recording: Recording, seen: Survey) -> list[Chart]:
+    """Volume, area, front and temperature of a run."""
+    run = recording.timeline.last_run
+    told = [item.time for item in run]
+    volumes = [
+        Curve(label, told, [item.number(name) for item in run])
+        for label, name in {**_VOLUMES, **_OTHERS}.items()
+    ]
+    volumes = [
+        item for item in volumes
+        if item.label in _VOLUMES or any(value > 0.0 for value in item.values)
+    ]
+    return [
+        _scaled('volume', 'Volume', 'm³', volumes),
+        _scaled('area', 'Area', 'm²', [Curve('covered', seen.times, seen.area)]),
+        _scaled(
+            'front', 'Distance of the front', 'm',
+            [Curve('from the nearest vent', seen.times, seen.front)],
+        ),
+        Chart(
+            'temperature', 'Highest temperature', '°C',
+            [Curve('hottest cell', seen.times, seen.hottest)],
+        ),
+    ]
+
+
+def _scaled(key: str, title: str, unit: str, curves: list[Curve]) -> Chart:
+    """A chart in thousands or millions where that is easier to read."""
+    most = max((v for item in curves for v in item.values if math.isfinite(v)), default=0.0)
+    least, name, size = _LARGER[unit]
+    if most < least:
+        return Chart(key, title, unit, curves)
+    scale = 1.0 / size
+    return Chart(
+        key, title, name,
+        [item._replace(values=[value * scale for value in item.values]) for item in curves],
+    )
 
 
 def time_unit(span: float) -> tuple[float, str]:
     """Length [s] and name of the unit that suits a time span [s]."""
-    for seconds, name, least in (
-        (86_400.0, 'd', 3.0 * 86_400.0),
-        (3600.0, 'h', 2.0 * 3600.0),
-        (60.0, 'min', 120.0),
-    ):
-        if span >= least:
+    for seconds, name, least in ((86_400.0, 'd', 3.0), (3600.0, 'h', 2.0), (60.0, 'min', 2.0)):
+        if span >= least * seconds:
             return seconds, name
     return 1.0, 's'
 
@@ -73,24 +155,12 @@ def ticks(low: float, high: float, most: int) -> list[float]:
     return [index * step for index in range(first, last + 1)]
 
 
-def thinned(curve: Curve) -> Curve:
-    """The curve with at most ``MOST_POINTS`` points, its ends among them."""
-    count = len(curve.times)
-    if count <= MOST_POINTS:
-        return curve
-    chosen = np.unique(np.linspace(0, count - 1, MOST_POINTS).round().astype(int))
-    return Curve(
-        curve.label, [curve.times[i] for i in chosen], [curve.values[i] for i in chosen]
-    )
-
-
 def svg(chart: Chart, start: float, end: float) -> str:
     """Draw a chart from a time to another [s]; curves have the classes c0, c1, ... ."""
-    values = [value * chart.scale for item in chart.curves for value in item.values]
-    known = [value for value in values if math.isfinite(value)]
+    known = [value for item in chart.curves for value in item.values if math.isfinite(value)]
     low, high = min([0.0, *known]), max([0.0, *known])
     if chart.key == 'temperature' and known:
-        low = min(known)
+        low, high = min(known), max(known)
         low, high = math.floor(low / 50.0 - 0.2) * 50.0, math.ceil(high / 50.0 + 0.2) * 50.0
     if high <= low:
         high = low + 1.0
@@ -100,17 +170,19 @@ def svg(chart: Chart, start: float, end: float) -> str:
     high = max(high, levels[-1])
     span = max(end - start, 1e-9)
     seconds, unit = time_unit(end)
-    inner = (WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM)
+    right, bottom = WIDTH - RIGHT, HEIGHT - BOTTOM
 
     def x_of(time: float) -> float:
-        return LEFT + inner[0] * (time - start) / span
+        return LEFT + (right - LEFT) * (time - start) / span
 
     def y_of(value: float) -> float:
-        return TOP + inner[1] * (1.0 - (value - low) / (high - low))
+        return TOP + (bottom - TOP) * (1.0 - (value - low) / (high - low))
+
+    def text(x: str, y: str, anchor: str, words: str) -> str:
+        return f'<text class="tick" x="{x}" y="{y}" text-anchor="{anchor}">{words}</text>'
 
     summary = '; '.join(
-        f'{item.label}: {_text(_last(item) * chart.scale)} {chart.unit} at the end'
-        for item in chart.curves
+        f'{item.label}: {_text(_last(item))} {chart.unit} at the end' for item in chart.curves
     )
     parts = [
         f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" data-chart="{escape(chart.key)}" '
@@ -119,40 +191,28 @@ def svg(chart: Chart, start: float, end: float) -> str:
     for level in levels:
         y = y_of(level)
         parts.append(
-            f'<line class="grid" x1="{LEFT:g}" x2="{WIDTH - RIGHT:g}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text class="tick" x="{LEFT - 6:g}" y="{y + 4:.1f}" text-anchor="end">'
-            f'{_text(level)}</text>'
+            f'<line class="grid" x1="{LEFT:g}" x2="{right:g}" y1="{y:.1f}" y2="{y:.1f}"/>'
+            + text(f'{LEFT - 6:g}', f'{y + 4:.1f}', 'end', _text(level))
         )
     for moment in ticks(start / seconds, end / seconds, 6):
         x = x_of(moment * seconds)
-        parts.append(
-            f'<text class="tick" x="{x:.1f}" y="{HEIGHT - BOTTOM + 17:g}" text-anchor="middle">'
-            f'{moment:g}</text>'
-        )
-    parts.append(
-        f'<text class="tick" x="{WIDTH - RIGHT:g}" y="{HEIGHT - 3:g}" text-anchor="end">'
-        f'simulated time [{unit}]</text>'
-    )
+        parts.append(text(f'{x:.1f}', f'{bottom + 17:g}', 'middle', f'{moment:g}'))
+    parts.append(text(f'{right:g}', f'{HEIGHT - 3:g}', 'end', f'simulated time [{unit}]'))
     for index, item in enumerate(chart.curves):
-        path, pen = [], 'M'
-        few = thinned(item)
-        for time, value in zip(few.times, few.values, strict=True):
-            if not math.isfinite(value):
-                pen = 'M'
-                continue
-            path.append(f'{pen}{x_of(time):.1f} {y_of(value * chart.scale):.1f}')
-            pen = 'L'
-        parts.append(f'<path class="curve c{index}" d="{"".join(path)}"/>')
+        path, pen = '', 'M'
+        for time, value in item.thinned():
+            if math.isfinite(value):
+                path += f'{pen}{x_of(time):.1f} {y_of(value):.1f}'
+            pen = 'L' if math.isfinite(value) else 'M'
+        parts.append(f'<path class="curve c{index}" d="{path}"/>')
     parts.append(
-        f'<line class="cursor" x1="{LEFT:g}" x2="{LEFT:g}" y1="{TOP:g}" '
-        f'y2="{HEIGHT - BOTTOM:g}"/></svg>'
+        f'<line class="cursor" x1="{LEFT:g}" x2="{LEFT:g}" y1="{TOP:g}" y2="{bottom:g}"/></svg>'
     )
     return ''.join(parts)
 
 
 def _last(curve: Curve) -> float:
-    known = [value for value in curve.values if math.isfinite(value)]
-    return known[-1] if known else math.nan
+    return next((value for value in reversed(curve.values) if math.isfinite(value)), math.nan)
 
 
 def _text(value: float) -> str:

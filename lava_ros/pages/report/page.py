@@ -12,32 +12,56 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The page: the template with the parts of a run put in."""
+"""HTML pages: of a run, with a map that moves; and with one picture and without a script."""
 
 import base64
+from collections.abc import Iterable, Mapping, Sequence
 import hashlib
 from html import escape
 from importlib import resources
 import json
-import math
 from pathlib import Path
 from string import Template
+import tempfile
 from typing import Any
 
 import lava_ros
+from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, write_output
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Progress, Recording, silent
-from lava_ros.maps.layers import SOURCES
-from lava_ros.maps.plot import duration, STYLES
+from lava_ros.maps.plot import duration
+from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report import sections
-from lava_ros.pages.report.charts import Chart, Curve, svg, thinned
-from lava_ros.pages.report.description import describe
-from lava_ros.pages.report.maps import pack_maps, relief, View, view_of
-from lava_ros.pages.report.survey import Survey, survey
+from lava_ros.pages.report.charts import Chart, charts_of
+from lava_ros.pages.report.description import described
+from lava_ros.pages.report.sections import facts_html, warnings_html
+from lava_ros.pages.report.survey import pack_maps, relief, Survey, survey, view_of
 
-#: Names of the layers on the page, by source.
-NAMES = {'thickness': 'height', 'temperature': 'temperature', 'hazard': 'hazard'}
+_STILL = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy"
+ content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+<link rel="icon" href="data:,">
+<title>{title}</title>
+<style>{style}
+img {{ display: block; max-width: 100%; max-height: 90vh; margin: 1rem auto; }}</style>
+</head>
+<body>
+<header><h1>{title}</h1><p class="subtitle">{subtitle}</p></header>
+<main>
+{warnings}
+<dl class="facts">{facts}</dl>
+<img src="data:image/png;base64,{picture}" alt="{shows}">
+{sections}
+</main>
+<footer><p>lava_ros {version}</p></footer>
+</body>
+</html>
+"""
 
 
 def write_report(
@@ -61,14 +85,12 @@ def page(recording: Recording, progress: Progress = silent) -> str:
         LavaError: The bag is damaged, or does not have its simulated times.
     """
     seen = survey(recording, progress)
-    view = view_of(seen)
-    maps = pack_maps(recording, seen, view, progress)
-    charts = _charts(recording, seen)
-    description = describe(recording.bag.custom_data)
+    charts = charts_of(recording, seen)
+    data = _data(recording, seen, charts, progress)
     style, script = _file('report.css'), _file('report.js')
     name = recording.bag.path.resolve().name
     start, end = seen.times[0], seen.times[-1]
-    data = _data(recording, seen, view, maps, charts)
+    told = described(recording.bag.custom_data)
     return Template(_file('report.html')).substitute(
         style=style,
         script=script,
@@ -77,45 +99,28 @@ def page(recording: Recording, progress: Progress = silent) -> str:
         title=escape(f'Lava flow after {duration(end)} · {name}'),
         name=escape(name),
         heading=escape(f'Lava flow after {duration(end)}'),
-        warnings=sections.warnings_html(sections.warnings(recording, seen)),
-        facts=sections.facts_html(sections.facts(recording, seen)),
-        switch=_switch(maps),
-        last=len(maps['times']) - 1,
-        charts=''.join(_figure(item, start, end) for item in charts),
+        warnings=warnings_html(sections.warnings(recording, seen)),
+        facts=facts_html(sections.facts(recording, seen)),
+        switch=_switch(data),
+        last=len(data['times']) - 1,
+        charts=''.join(item.figure(start, end) for item in charts),
         hazard=sections.hazard_legend(recording),
         depth=sections.depth_table(seen),
         rounding=sections.rounding_note(seen),
-        effects=sections.effects_table(description),
-        accuracy=sections.accuracy_section(recording, description),
-        recorded=sections.recorded_section(recording, seen, description),
+        effects=sections.effects_table(told),
+        accuracy=sections.accuracy_section(recording, told),
+        recorded=sections.recorded_section(recording, seen, told),
         version=escape(lava_ros.__version__),
         data=_json(data),
     )
 
 
 def _data(
-    recording: Recording,
-    seen: Survey,
-    view: View,
-    maps: dict[str, Any],
-    charts: list[Chart],
+    recording: Recording, seen: Survey, charts: Sequence[Chart], progress: Progress
 ) -> dict[str, Any]:
-    frame = seen.frame
+    frame, view = seen.frame, view_of(seen)
     place = placement_of(recording.scene)
-    layers = [
-        {
-            'name': NAMES[source],
-            'title': STYLES[source].title,
-            'unit': {'thickness': 'm', 'temperature': '°C', 'hazard': ''}[source],
-            'colours': list(STYLES[source].colours),
-            **maps['layers'][source],
-        }
-        for source in SOURCES
-        if source in maps['layers']
-    ]
-    arrival = maps['arrival']
-    if arrival is not None:
-        arrival = {'title': 'Arrival', 'colours': list(STYLES['arrival'].colours), **arrival}
+    maps = pack_maps(recording, seen, view, progress)
     rows, columns = (
         -(-(last - first) // view.factor) for first, last in (view.rows, view.columns)
     )
@@ -133,85 +138,15 @@ def _data(
         'areas': maps['areas'],
         'start': seen.times[0],
         'end': seen.times[-1],
-        'layers': layers,
-        'arrival': arrival,
-        'charts': [_chart_data(item) for item in charts],
+        'layers': maps['layers'],
+        'arrival': maps['arrival'],
+        'charts': [item.data() for item in charts],
     }
 
 
-def _charts(recording: Recording, seen: Survey) -> list[Chart]:
-    run = recording.timeline.last_run
-    told = [item.time for item in run]
-
-    def volume(label: str, name: str) -> Curve:
-        return Curve(label, told, [item.number(name) for item in run])
-
-    volumes = [volume('emitted', 'volume_emitted_m3'), volume('held', 'volume_held_m3')]
-    others = [
-        volume('left the terrain', 'volume_left_m3'),
-        volume('of that into cells without data', 'volume_in_holes_m3'),
-        volume('frozen', 'volume_frozen_m3'),
-        volume('late in the vents', 'volume_late_m3'),
-    ]
-    volumes += [curve for curve in others if any(value > 0.0 for value in curve.values)]
-    area = Curve('covered', seen.times, seen.area)
-    front = Curve('from the nearest vent', seen.times, seen.front)
-    hottest = Curve('hottest cell', seen.times, seen.hottest)
-    return [
-        _scaled('volume', 'Volume', 'm³', volumes),
-        _scaled('area', 'Area', 'm²', [area]),
-        _scaled('front', 'Distance of the front', 'm', [front]),
-        Chart('temperature', 'Highest temperature', '°C', 1.0, [hottest]),
-    ]
-
-
-def _scaled(key: str, title: str, unit: str, curves: list[Curve]) -> Chart:
-    """A chart in thousands or millions where that is easier to read."""
-    most = max((v for item in curves for v in item.values if math.isfinite(v)), default=0.0)
-    # the least value for a larger unit, its name and its size
-    least, name, size = {
-        'm³': (1e6, 'million m³', 1e6),
-        'm²': (1e5, 'km²', 1e6),
-        'm': (1e3, 'km', 1e3),
-    }[unit]
-    if most < least:
-        name, size = unit, 1.0
-    return Chart(key, title, name, 1.0 / size, curves)
-
-
-def _chart_data(chart: Chart) -> dict[str, Any]:
-    curves = [thinned(item) for item in chart.curves]
-    return {
-        'key': chart.key,
-        'unit': chart.unit,
-        'curves': [
-            {
-                'times': [round(time, 1) for time in item.times],
-                'values': [
-                    float(f'{value * chart.scale:.5g}') if math.isfinite(value) else None
-                    for value in item.values
-                ],
-            }
-            for item in curves
-        ],
-    }
-
-
-def _figure(chart: Chart, start: float, end: float) -> str:
-    legend = ''.join(
-        f'<li class="c{index}"><span>{escape(item.label)}</span> '
-        f'<output data-curve="{escape(chart.key)}" data-index="{index}"></output></li>'
-        for index, item in enumerate(chart.curves)
-    )
-    return (
-        f'<figure class="chart"><figcaption>{escape(chart.title)} [{escape(chart.unit)}]'
-        f'</figcaption>{svg(chart, start, end)}<ul class="key">{legend}</ul></figure>'
-    )
-
-
-def _switch(maps: dict[str, Any]) -> str:
-    names = [NAMES[source] for source in SOURCES if source in maps['layers']]
-    names += ['arrival'] if maps['arrival'] is not None else []
+def _switch(data: dict[str, Any]) -> str:
+    names = [item['name'] for item in data['layers']]
+    names += ['arrival'] if data['arrival'] is not None else []
     return ''.join(
         f'<label><input type="radio" name="layer" value="{name}"'
         f'{" checked" if index == 0 else ""}><span>{name}</span></label>'
@@ -232,3 +167,71 @@ def _json(data: Any) -> str:
     """JSON that cannot end the element it is in."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(',', ':'))
     return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
+
+
+def write_still(
+    output: Path,
+    *,
+    title: str,
+    subtitle: str,
+    warnings: Iterable[str],
+    facts: Mapping[str, str],
+    picture: Path,
+    shows: str,
+    sections: str = '',
+) -> int:
+    """Write a self-contained HTML page about a PNG.
+
+    ``shows`` describes the picture; ``sections`` is HTML that follows it.
+
+    Returns:
+        Size of the page [bytes].
+
+    Raises:
+        LavaError: The page cannot be written, or the picture cannot be read.
+    """
+    try:
+        image = base64.b64encode(picture.read_bytes()).decode()
+    except OSError as error:
+        raise LavaError('output', str(picture), f'a readable picture ({error})') from error
+    text = _STILL.format(
+        title=escape(title),
+        subtitle=escape(subtitle),
+        style=_file('report.css'),
+        warnings=warnings_html(warnings),
+        facts=facts_html(facts.items()),
+        picture=image,
+        shows=escape(shows),
+        sections=sections,
+        version=escape(lava_ros.__version__),
+    )
+    write_output('output', output, text)
+    return len(text.encode())
+
+
+def write_comparison(
+    paths: Sequence[str], output: str | Path, *, overlays: Sequence[str], observed: str | None
+) -> int:
+    """Write a page about an ensemble, or about several runs, and return its size [bytes].
+
+    Raises:
+        LavaError: A run or a file cannot be read, or the page cannot be written.
+    """
+    output = file_to_write('output', output, ('.html', '.htm'))
+    with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
+        picture = Path(folder) / 'maps.png'
+        drawn = draw_runs(paths, picture, overlays=overlays, observed=observed)
+        facts = drawn['notes'] | {
+            f'{term.replace("_", " ")} of {name}': f'{value:.3g}'
+            for name, scores in drawn['scores'].items()
+            for term, value in scores.items()
+        }
+        return write_still(
+            output,
+            title=drawn['title'],
+            subtitle=drawn['summary'],
+            warnings=[f'{drawn["banner"].capitalize()}.'],
+            facts=facts,
+            picture=picture,
+            shows=', '.join(drawn['maps']),
+        )

@@ -14,10 +14,11 @@
 
 """The parts of the page that are text and tables. Every text from a bag is escaped."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from itertools import pairwise
 import math
+from typing import Any
 
 import numpy as np
 import yaml
@@ -27,7 +28,6 @@ from lava_ros.maps.frames import Recording
 from lava_ros.maps.layers import DEPTHS, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
 from lava_ros.maps.numbers import percent, seconds
 from lava_ros.maps.plot import area_words, duration
-from lava_ros.pages.report.description import Description
 from lava_ros.pages.report.survey import Survey
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.budget import VolumeBudget
@@ -72,18 +72,20 @@ def warnings(recording: Recording, survey: Survey) -> list[str]:
 
 def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
     """The run in a few numbers: names and values."""
-    run = recording.timeline.last_run
-    last = run[-1]
-    rows = [('simulated', duration(last.time))]
-    rows.append((f'covered by {COVERED:g} m or more', area_words(survey.area[-1])))
+    last = recording.timeline.last_run[-1]
+    rows = [
+        ('simulated', duration(last.time)),
+        (f'covered by {COVERED:g} m or more', area_words(survey.area[-1])),
+    ]
     thickest = survey.frame.thickest
     if math.isfinite(thickest):
         prefix = 'over ' if survey.frame.layers['thickness'].is_saturated else ''
         rows.append(('thickest', f'{prefix}{thickest:.3g} m'))
     if survey.largest.get('thickness', 0.0) > thickest:
         rows.append(('thickest before', f'{survey.largest["thickness"]:.3g} m'))
-    if math.isfinite(survey.front[-1]):
-        rows.append(('front, from the nearest vent', _length(survey.front[-1])))
+    if math.isfinite(front := survey.front[-1]):
+        shown = f'{front / 1000.0:.2f} km' if front >= 1000.0 else f'{front:.0f} m'
+        rows.append(('front, from the nearest vent', shown))
     budget = VolumeBudget.from_texts(last.values)
     if budget is not None:
         rows += [(f'volume {name}', value) for name, value in budget.rows()]
@@ -105,33 +107,34 @@ def facts_html(rows: Iterable[tuple[str, str]]) -> str:
     )
 
 
-def effects_table(description: Description) -> str:
+def effects_table(told: Mapping[str, Any]) -> str:
     """Which effects were on, and why; what changed later."""
-    if not description.effects:
+    if not told['effects']:
         return '<p>The bag does not say.</p>'
-    start, *changes = description.effects
-    order = sorted(start.effects.items(), key=lambda item: not item[1].startswith('on'))
-    body = [(name.replace('_', ' '), *_halves(text)) for name, text in order]
-    html = _table(('effect', 'at the start', 'because'), body, states=1)
+    start, *changes = (
+        [(duration(float(change['time'])), *_effect(*item)) for item in change['effects'].items()]
+        for change in told['effects']
+    )
+    order = sorted((row[1:] for row in start), key=lambda row: not row[1].startswith('on'))
+    html = _table(('effect', 'at the start', 'because'), order, states=1)
     if changes:
         html += '<h3>Changed while it ran</h3>' + _table(
-            ('when', 'effect', 'now', 'because'),
-            [
-                (duration(change.time), name.replace('_', ' '), *_halves(text))
-                for change in changes
-                for name, text in change.effects.items()
-            ],
+            ('when', 'effect', 'now', 'because'), [row for rows in changes for row in rows],
             states=2,
         )
     return html
 
 
+def _effect(name: object, text: object) -> tuple[str, str, str]:
+    """The name of an effect, whether it is on, and why."""
+    state, _, reason = str(text).partition(': ')
+    return str(name).replace('_', ' '), state, reason
+
+
 def hazard_legend(recording: Recording) -> str:
     """What the values of the hazard mean, with the limits it was made with."""
-    limits = HazardLimits()
-    for layer in recording.layers.values():
-        if layer.source == 'hazard':
-            limits = layer.hazard
+    known = [item.hazard for item in recording.layers.values() if item.source == 'hazard']
+    limits = [HazardLimits(), *known][-1]
     lethal, safe = (
         f'{kelvin - ZERO_CELSIUS:g} °C'
         for kelvin in (limits.lethal_temperature, limits.safe_temperature)
@@ -169,37 +172,37 @@ def depth_table(survey: Survey) -> str:
     return _table(('depth', 'as deep as', 'area'), rows)
 
 
-def accuracy_section(recording: Recording, description: Description) -> str:
+def accuracy_section(recording: Recording, told: Mapping[str, Any]) -> str:
     """The preset, how this run resolved its flow, and what it cost."""
-    name = description.parameters.get('preset')
+    name = (told['parameters'] or {}).get('preset')
     preset = PRESETS.get(name) if isinstance(name, str) else None
     run = recording.timeline.last_run[-1]
     known = f'{name}: {preset.summary}' if preset is not None else str(name or 'unknown')
     rows = [('preset', known)]
-    resolved = {
-        'spacing_m': ('distance between particles', '{} m'),
-        'flow_width_m': ('width of the flow, expected', '{} m'),
-        'particles_across': ('particles across the flow', '{}'),
-    }
-    for key, (term, form) in resolved.items():
+    for key, term, unit in (
+        ('spacing_m', 'distance between particles', ' m'),
+        ('flow_width_m', 'width of the flow, expected', ' m'),
+        ('particles_across', 'particles across the flow', ''),
+    ):
         if key in run.values:
-            rows.append((term, form.format(run.values[key])))
+            rows.append((term, f'{run.values[key]}{unit}'))
     error = run.number('footprint_error')
     if math.isfinite(error):
         rows.append(('expected error of the footprint', percent(error)))
-    rows.append(('particles at the end', run.values.get('particles', 'unknown')))
-    rows.append(('steps', run.values.get('steps', 'unknown')))
-    rows.append(('device', description.device or 'unknown'))
+    rows += [
+        ('particles at the end', run.values.get('particles', 'unknown')),
+        ('steps', run.values.get('steps', 'unknown')),
+        ('device', recording.bag.custom_data.get('device') or 'unknown'),
+    ]
     speed = run.number('mean_speed')
     if speed > 0.0:
         rows.append(('computing an hour of the flow took', seconds(3600.0 / speed)))
     return _table(('this run', ''), rows)
 
 
-def recorded_section(recording: Recording, survey: Survey, description: Description) -> str:
+def recorded_section(recording: Recording, survey: Survey, told: Mapping[str, Any]) -> str:
     """What the bag holds, and the scene it says it is of."""
-    bag = recording.bag
-    frame = survey.frame
+    bag, frame = recording.bag, survey.frame
     rows, columns = frame.elevation.shape
     terrain = recording.scene.get('terrain')
     epsg = terrain.get('epsg') if isinstance(terrain, dict) else None
@@ -211,7 +214,7 @@ def recorded_section(recording: Recording, survey: Survey, description: Descript
         ('maps shown on this page', f'{len(survey.times)} frames of the last run'),
         ('terrain', f'{columns} x {rows} cells of {frame.resolution:g} m'),
         ('coordinate system', f'EPSG:{epsg}' if epsg else 'none: coordinates of the map frame'),
-        ('recorded by', f'lava_ros {description.version or "of unknown version"}'),
+        ('recorded by', f'lava_ros {bag.custom_data.get("version") or "of unknown version"}'),
     ]
     html = _table(('recording', ''), lines)
     html += _table(
@@ -221,7 +224,7 @@ def recorded_section(recording: Recording, survey: Survey, description: Descript
             for item in bag.topics.values()
         ],
     )
-    for title, data in (('Scene', recording.scene), ('Parameters', description.parameters)):
+    for title, data in (('Scene', recording.scene), ('Parameters', told['parameters'])):
         if data:
             text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
             html += f'<details><summary>{title}</summary><pre>{escape(text)}</pre></details>'
@@ -241,28 +244,20 @@ def rounding_note(survey: Survey) -> str:
     return f'<p class="note">Recorded as grids: {escape(text)}.</p>' if notes else ''
 
 
-def _halves(text: str) -> tuple[str, str]:
-    state, _, reason = text.partition(': ')
-    return state, reason
-
-
 def _table(
     head: Sequence[str], body: Iterable[Sequence[str]], *, states: int | None = None
 ) -> str:
     """A table; the column ``states`` has ``on`` or ``off``."""
+
+    def cell(index: int, text: str) -> str:
+        mark = f' class="{"on" if text == "on" else "off"}"' if index == states else ''
+        return f'<td{mark}>{escape(text)}</td>'
+
     titles = ''.join(f'<th scope="col">{escape(item)}</th>' for item in head)
-    lines = []
-    for row in body:
-        cells = []
-        for index, item in enumerate(row):
-            mark = f' class="{"on" if item == "on" else "off"}"' if index == states else ''
-            cells.append(f'<td{mark}>{escape(item)}</td>')
-        lines.append(f'<tr>{"".join(cells)}</tr>')
+    lines = ''.join(
+        f'<tr>{"".join(cell(*item) for item in enumerate(row))}</tr>' for row in body
+    )
     return (
         f'<div class="scroll"><table><thead><tr>{titles}</tr></thead>'
-        f'<tbody>{"".join(lines)}</tbody></table></div>'
+        f'<tbody>{lines}</tbody></table></div>'
     )
-
-
-def _length(value: float) -> str:
-    return f'{value / 1000.0:.2f} km' if value >= 1000.0 else f'{value:.0f} m'

@@ -12,18 +12,41 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A summary of all frames of a run: how far the lava came, and its numbers over time."""
+"""The frames of a run: what comes of them as a whole, and their maps in few bytes."""
 
+import base64
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+import io
 import math
+from typing import Any
+import zlib
 
 import numpy as np
 
 from lava_ros.errors import LavaError
+from lava_ros.files.optional import require
 from lava_ros.maps.arrival import Arrival, THICKNESS
 from lava_ros.maps.frames import Frame, Progress, Recording, silent
+from lava_ros.maps.layers import Layer, OCCUPANCY_GRID, SOURCES
+from lava_ros.maps.plot import shaded_ground, STYLES
 
-TEMPERATURE = 'temperature'
+#: Most frames and most cells of a frame that a page has.
+MOST_FRAMES, MOST_CELLS = 120, 90_000
+
+#: Share of the flow's size left free around it, and the least size of the map [cells].
+MARGIN, LEAST_CELLS = 0.15, 48
+
+#: Names and units of the layers on the page, by source.
+NAMES = {
+    'thickness': ('height', 'm'), 'temperature': ('temperature', '°C'), 'hazard': ('hazard', ''),
+}
+
+#: Largest value of a cell: 0 is no lava.
+_MOST_CODE = 250
+
+#: Largest value of a cell in the map of arrival.
+_MOST_ARRIVAL = 65_535
 
 
 @dataclass(eq=False)
@@ -57,13 +80,16 @@ def survey(recording: Recording, progress: Progress = silent) -> Survey:
     if not recording.timeline.moments:
         right = 'a bag with /diagnostics of the node, which say the simulated time'
         raise LavaError('bag', str(recording.bag.path), right)
+    # the least thickness that every layer of it shows, and at least a centimetre
+    layers = recording.layers.values()
+    least = max([0.01, *(item.threshold for item in layers if item.source == THICKNESS)])
     result: Survey | None = None
     for frame in recording.frames():
         if result is None or frame.elevation.shape != result.touched.shape:
             # another terrain: earlier frames do not fit it
             result = Survey(
                 frame,
-                Arrival(_threshold(recording)),
+                Arrival(least),
                 np.zeros(frame.elevation.shape, dtype=bool),
                 np.empty((0, 2)),
             )
@@ -74,21 +100,16 @@ def survey(recording: Recording, progress: Progress = silent) -> Survey:
     return result
 
 
-def _threshold(recording: Recording) -> float:
-    """The least thickness that every layer of thickness shows, and at least a centimetre."""
-    layers = recording.layers.values()
-    return max([0.01, *(item.threshold for item in layers if item.source == THICKNESS)])
-
-
 def _add(result: Survey, frame: Frame) -> None:
     result.frame = frame
     result.arrival.add(frame)
     wet = np.zeros(frame.elevation.shape, dtype=bool)
+    most = {}
     for source, shown in frame.layers.items():
         here = np.isfinite(shown.values)
         if here.any():
-            most = float(np.nanmax(shown.values))
-            result.largest[source] = max(result.largest.get(source, -math.inf), most)
+            most[source] = float(shown.values[here].max())
+            result.largest[source] = max(result.largest.get(source, -math.inf), most[source])
         if shown.is_saturated:
             result.saturated.add(source)
         wet |= here
@@ -102,9 +123,7 @@ def _add(result: Survey, frame: Frame) -> None:
     result.times.append(frame.time or 0.0)
     result.area.append(frame.area)
     result.front.append(float(np.fmax(before, _farthest(frame, fresh, result.vents))))
-    temperature = frame.layers.get(TEMPERATURE)
-    values = [] if temperature is None else temperature.values[np.isfinite(temperature.values)]
-    result.hottest.append(float(np.max(values, initial=-math.inf)) if len(values) else math.nan)
+    result.hottest.append(most.get('temperature', math.nan))
 
 
 def _farthest(frame: Frame, cells: np.ndarray, vents: np.ndarray) -> float:
@@ -118,3 +137,175 @@ def _farthest(frame: Frame, cells: np.ndarray, vents: np.ndarray) -> float:
     for vent_x, vent_y in vents:
         np.minimum(nearest, np.hypot(x - vent_x, y - vent_y), out=nearest)
     return float(nearest.max())
+
+
+@dataclass(frozen=True)
+class View:
+    """The rows and columns of the terrain from the first to the one after the last shown.
+
+    ``factor`` cells along a side are combined into one.
+    """
+
+    rows: tuple[int, int]
+    columns: tuple[int, int]
+    factor: int
+
+    def cut(self, values: np.ndarray, reduce: np.ufunc) -> np.ndarray:
+        """Cells that are shown, each reduced from its parts by a function such as ``np.fmax``."""
+        part = values[slice(*self.rows), slice(*self.columns)]
+        if self.factor == 1:
+            return part
+        missing = [(0, -size % self.factor) for size in part.shape]
+        padded = np.pad(part.astype(float), missing, constant_values=np.nan)
+        rows, columns = (size // self.factor for size in padded.shape)
+        blocks = padded.reshape(rows, self.factor, columns, self.factor)
+        return reduce.reduce(blocks, axis=(1, 3))
+
+
+def view_of(survey: Survey) -> View:
+    """Choose what is shown: the flow and the vents with a margin, or all without lava."""
+    frame = survey.frame
+    rows, columns = np.nonzero(survey.touched)
+    places = (survey.vents - np.array(frame.origin)) / frame.resolution
+    spans = []
+    for size, cells, vents in (
+        (frame.elevation.shape[0], rows, places[:, 1]),
+        (frame.elevation.shape[1], columns, places[:, 0]),
+    ):
+        ends = [*map(int, cells), *(math.floor(item) for item in vents)]
+        low, high = (min(ends), max(ends) + 1) if ends else (0, size)
+        spans.append((low, high, size))
+    lengths = [max((high - low) * (1.0 + 2.0 * MARGIN), LEAST_CELLS) for low, high, _ in spans]
+    # neither too wide nor too high
+    lengths[0] = max(lengths[0], 0.55 * lengths[1])
+    lengths[1] = max(lengths[1], 0.8 * lengths[0])
+    ranges = []
+    for (low, high, size), length in zip(spans, lengths, strict=True):
+        count = min(size, math.ceil(length))
+        first = min(max(0, (low + high - count) // 2), size - count)
+        ranges.append((first, first + count))
+    cells = math.prod(last - first for first, last in ranges)
+    return View(ranges[0], ranges[1], math.ceil(math.sqrt(cells / MOST_CELLS)))
+
+
+def pack_maps(
+    recording: Recording, survey: Survey, view: View, progress: Progress = silent
+) -> dict[str, Any]:
+    """The frames as plain data for the page: times, and the packed cells of each layer.
+
+    Row 0 is the southernmost. The cells of a frame are bytes that say what has changed since the
+    frame before (exclusive or); 0 is no lava, ``low + code * step`` the value of another code.
+    """
+    shown = _shown(survey.times)
+    layers = {
+        item: survey.frame.layers[item].layer for item in SOURCES if item in survey.frame.layers
+    }
+    scales = {
+        source: _scale(layer, survey.largest.get(source, 1.0)) for source, layer in layers.items()
+    }
+    codes: dict[str, list[np.ndarray]] = {source: [] for source in layers}
+    times: list[float] = []
+    areas: list[float] = []
+    fitting = (
+        frame for frame in recording.frames() if frame.elevation.shape == survey.touched.shape
+    )
+    for index, frame in enumerate(fitting):
+        if index in shown:
+            times.append(frame.time or 0.0)
+            areas.append(frame.area)
+            for source in layers:
+                codes[source].append(_codes(frame, source, view, scales[source]))
+            progress('packing', 0.5 + 0.5 * recording.share_at(frame))
+    return {
+        'times': times,
+        'areas': areas,
+        'layers': [
+            {
+                'name': NAMES[source][0],
+                'title': STYLES[source].title,
+                'unit': NAMES[source][1],
+                'colours': list(STYLES[source].colours),
+                'low': scales[source][0],
+                'step': scales[source][1],
+                'most': survey.largest.get(source, 0.0),
+                'saturated': source in survey.saturated,
+                'cells': _packed(frames),
+            }
+            for source, frames in codes.items()
+        ],
+        'arrival': _arrival(survey, view),
+    }
+
+
+def relief(survey: Survey, view: View) -> str:
+    """The shaded ground, north up, as a data URL of a JPEG.
+
+    Raises:
+        LavaError: matplotlib is not installed.
+    """
+    require('matplotlib', 'report', 'relief')
+    from PIL import Image
+
+    ground = shaded_ground(survey.frame)[..., :3]
+    count = view.cut(np.ones(ground.shape[:2]), np.add)
+    channels = [np.nan_to_num(view.cut(ground[..., i], np.add) / count) for i in range(3)]
+    pixels = (255.0 * np.stack(channels, axis=-1)[::-1]).astype(np.uint8)
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, 'JPEG', quality=88, subsampling=0)
+    return 'data:image/jpeg;base64,' + base64.b64encode(file.getvalue()).decode()
+
+
+def _packed(frames: Sequence[np.ndarray]) -> str:
+    """What each frame changes in the one before, compressed, in base64."""
+    cells = np.stack(frames)
+    cells[1:] ^= cells[:-1].copy()
+    return base64.b64encode(zlib.compress(cells.tobytes(), 9)).decode()
+
+
+def _shown(times: list[float]) -> set[int]:
+    """Numbers of the frames that are shown: all, or those next to evenly spread times."""
+    if len(times) <= MOST_FRAMES:
+        return set(range(len(times)))
+    wanted = np.linspace(times[0], times[-1], MOST_FRAMES)
+    return {int(index) for index in np.searchsorted(times, wanted)}
+
+
+def _scale(layer: Layer, largest: float) -> tuple[float, float]:
+    """Value of code 0 and what each code adds: exact for grids, rounded for images."""
+    if layer.message == OCCUPANCY_GRID and layer.range is not None and layer.scale == (0, 100):
+        low, high = layer.range
+        return low, (high - low) / 100.0
+    return 0.0, max(largest, 1e-6) / _MOST_CODE
+
+
+def _codes(frame: Frame, source: str, view: View, scale: tuple[float, float]) -> np.ndarray:
+    """Cells of a layer, uint8; a layer the frame lacks has no lava."""
+    shown = frame.layers.get(source)
+    values = np.full(frame.elevation.shape, np.nan) if shown is None else shown.values
+    # The worst of the cells that are shown as one.
+    values = view.cut(values, np.fmax)
+    low, step = scale
+    codes = np.clip(np.rint((np.nan_to_num(values) - low) / step), 1, _MOST_CODE)
+    return np.where(np.isfinite(values), codes, 0).astype(np.uint8)
+
+
+def _arrival(survey: Survey, view: View) -> dict[str, Any] | None:
+    """Times at which lava came, as 16 bits a cell: 0 is never; earlier by the rounding."""
+    times = survey.arrival.times
+    if times is None or not np.isfinite(times).any():
+        return None
+    earliest = view.cut(times, np.fmin)
+    start, end = survey.times[0], survey.times[-1]
+    step = max(end - start, 1.0) / (_MOST_ARRIVAL - 1)
+    # What is rounded must not be later than it was.
+    codes = 1.0 + np.floor((np.nan_to_num(earliest, nan=start) - start) / step)
+    codes = np.where(np.isfinite(earliest), np.clip(codes, 1, _MOST_ARRIVAL), 0)
+    return {
+        'title': 'Arrival',
+        'colours': list(STYLES['arrival'].colours),
+        'start': start,
+        'step': step,
+        'threshold': survey.arrival.threshold,
+        'gap': 0.0 if survey.arrival.is_noted else survey.arrival.longest_gap,
+        'cells': _packed([codes.astype('<u2')]),
+    }

@@ -60,11 +60,18 @@ def chromium() -> str | None:
     return os.environ.get('CHROME') or next(filter(None, map(shutil.which, NAMES)), None)
 
 
-def has_qt() -> bool:
+def _has_qt() -> bool:
     """Whether Qt's WebEngine is installed."""
     if importlib.util.find_spec('PySide6') is None:
         return False
     return importlib.util.find_spec('PySide6.QtWebEngineWidgets') is not None
+
+
+#: Marks tests that drive a browser.
+needs_browser = pytest.mark.skipif(
+    chromium() is None and not _has_qt(),
+    reason='needs Chromium (apt install chromium, or CHROME) or Qt (make look)',
+)
 
 
 class ProtocolError(LookupError):
@@ -80,19 +87,32 @@ class Browser:
     """
 
     def __init__(self, folder: Path) -> None:
-        """Start it.
-
-        Args:
-            folder: An empty folder for its files.
-        """
+        """Start it, with an empty folder for its files."""
         self.problems: list[str] = []
         self.requested: list[str] = []
         self._log = (folder / 'browser.log').open('wb')
-        path = chromium()
-        start = self._start_qt if path is None else self._start_chromium
-        self._process, port = start(folder, path or sys.executable)
+        with socket.socket() as probe:
+            probe.bind(('127.0.0.1', 0))
+            port = probe.getsockname()[1]
+        path, flags = chromium(), ['--disable-gpu', '--disable-dev-shm-usage']
+        words, environment = [sys.executable, '-c', _QT], {
+            'QT_QPA_PLATFORM': 'offscreen',
+            'QTWEBENGINE_CHROMIUM_FLAGS': ' '.join(flags),
+            'QTWEBENGINE_DISABLE_SANDBOX': '1',
+            'QTWEBENGINE_REMOTE_DEBUGGING': f'127.0.0.1:{port}',
+            'HOME': str(folder),
+        }
+        if path is not None:
+            words, environment = [path, '--headless', '--no-sandbox', '--no-first-run', *flags], {}
+            words += [f'--remote-debugging-port={port}', f'--user-data-dir={folder}']
+        self._process = subprocess.Popen(
+            [*words, 'about:blank'], env=os.environ | environment,
+            stdout=self._log, stderr=self._log,
+        )
         try:
-            self._socket = _WebSocket(_wait(lambda: _page_address(port), self._explain))
+            self._loop = IOLoop(make_current=False)
+            address = _wait(lambda: _page_address(port), self._explain)
+            self._socket = self._run(websocket_connect, address, max_message_size=2**28)
         except BaseException:
             self.close()
             raise
@@ -100,37 +120,11 @@ class Browser:
         for domain in ('Page', 'Runtime', 'Log', 'Network'):
             self.call(f'{domain}.enable')
 
-    def _start_chromium(
-        self, folder: Path, path: str
-    ) -> tuple[subprocess.Popen[bytes], Callable[[], int]]:
-        options = ['--headless', '--no-sandbox', '--disable-gpu', '--disable-dev-shm-usage']
-        options += ['--remote-debugging-port=0', f'--user-data-dir={folder}', '--no-first-run']
-        process = subprocess.Popen(
-            [path, *options, 'about:blank'], stdout=self._log, stderr=self._log
-        )
+    def _run(self, function: Callable[..., Any], *args: Any, **options: Any) -> Any:
+        async def call() -> Any:
+            return await function(*args, **options)
 
-        def port() -> int:
-            return int((folder / 'DevToolsActivePort').read_text().split()[0])
-
-        return process, port
-
-    def _start_qt(
-        self, folder: Path, path: str
-    ) -> tuple[subprocess.Popen[bytes], Callable[[], int]]:
-        with socket.socket() as probe:
-            probe.bind(('127.0.0.1', 0))
-            number = probe.getsockname()[1]
-        environment = os.environ | {
-            'QT_QPA_PLATFORM': 'offscreen',
-            'QTWEBENGINE_CHROMIUM_FLAGS': '--disable-gpu --disable-dev-shm-usage',
-            'QTWEBENGINE_DISABLE_SANDBOX': '1',
-            'QTWEBENGINE_REMOTE_DEBUGGING': f'127.0.0.1:{number}',
-            'HOME': str(folder),
-        }
-        process = subprocess.Popen(
-            [path, '-c', _QT], env=environment, stdout=self._log, stderr=self._log
-        )
-        return process, lambda: number
+        return self._loop.run_sync(call, PATIENCE)
 
     def _explain(self) -> str:
         self._log.flush()
@@ -150,9 +144,9 @@ class Browser:
         """Call a method of the protocol, and note the events that come before its answer."""
         self._last_id += 1
         message = {'id': self._last_id, 'method': method, 'params': parameters}
-        self._socket.send(json.dumps(message))
+        self._run(self._socket.write_message, json.dumps(message))
         while True:
-            answer = json.loads(self._socket.receive())
+            answer = json.loads(self._run(self._socket.read_message))
             if answer.get('id') == self._last_id:
                 if 'error' in answer:
                     raise ProtocolError(f'{method}: {answer["error"]}')
@@ -199,21 +193,14 @@ class Browser:
             'return [b.left, b.top, b.width, b.height]})()'
         )
         place = {'x': box[0] + x * box[2], 'y': box[1] + y * box[3]}
-        self.call('Input.dispatchMouseEvent', type='mouseMoved', **place)
-        for kind in ('mousePressed', 'mouseReleased'):
-            self.call(
-                'Input.dispatchMouseEvent', type=kind, button='left', clickCount=1, **place
-            )
+        press = {'button': 'left', 'clickCount': 1}
+        for kind, more in (('mouseMoved', {}), ('mousePressed', press), ('mouseReleased', press)):
+            self.call('Input.dispatchMouseEvent', type=kind, **more, **place)
 
     def resize(self, width: int, height: int, *, phone: bool = False) -> None:
         """Give the page a size [pixels]."""
-        self.call(
-            'Emulation.setDeviceMetricsOverride',
-            width=width,
-            height=height,
-            deviceScaleFactor=1,
-            mobile=phone,
-        )
+        size = {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': phone}
+        self.call('Emulation.setDeviceMetricsOverride', **size)
 
     def screenshot(self, path: Path) -> None:
         """Write what is seen as PNG."""
@@ -222,42 +209,21 @@ class Browser:
 
     def _note(self, event: dict[str, Any]) -> None:
         details = event.get('params', {})
-        if event['method'] == 'Runtime.exceptionThrown':
-            self.problems.append(json.dumps(details['exceptionDetails']))
+        problems = {
+            'Runtime.exceptionThrown': 'exceptionDetails', 'Runtime.consoleAPICalled': 'args',
+        }
+        if event['method'] in problems:
+            self.problems.append(json.dumps(details[problems[event['method']]]))
         elif event['method'] == 'Log.entryAdded':
             self.problems.append(details['entry']['text'])
-        elif event['method'] == 'Runtime.consoleAPICalled':
-            self.problems.append(json.dumps(details['args']))
         elif event['method'] == 'Network.requestWillBeSent':
             url = details['request']['url']
             if not url.startswith(('data:', 'blob:', 'about:')):
                 self.requested.append(url)
 
 
-class _WebSocket:
-    """The client's side of a WebSocket, which waits."""
-
-    def __init__(self, address: str) -> None:
-        self._loop = IOLoop(make_current=False)
-        self._connection = self._run(websocket_connect, address, max_message_size=2**28)
-
-    def send(self, text: str) -> None:
-        """Send a text."""
-        self._run(self._connection.write_message, text)
-
-    def receive(self) -> str:
-        """The next text."""
-        return self._run(self._connection.read_message)
-
-    def _run(self, function: Callable[..., Any], *args: Any, **options: Any) -> Any:
-        async def call() -> Any:
-            return await function(*args, **options)
-
-        return self._loop.run_sync(call, PATIENCE)
-
-
-def _page_address(port: Callable[[], int]) -> str:
-    with urlopen(f'http://127.0.0.1:{port()}/json/list', timeout=PATIENCE) as answer:
+def _page_address(port: int) -> str:
+    with urlopen(f'http://127.0.0.1:{port}/json/list', timeout=PATIENCE) as answer:
         pages = [item for item in json.load(answer) if item['type'] == 'page']
     return pages[0]['webSocketDebuggerUrl']
 

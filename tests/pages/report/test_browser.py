@@ -20,12 +20,9 @@ import numpy as np
 import pytest
 
 from lava_ros.pages.report.page import write_report
-from pages.report.devtools import Browser, chromium, has_qt
+from pages.report.devtools import Browser, needs_browser
 
-pytestmark = pytest.mark.skipif(
-    chromium() is None and not has_qt(),
-    reason='needs Chromium (apt install chromium, or CHROME) or Qt (make look)',
-)
+pytestmark = needs_browser
 
 # A checksum of what the map shows, and how many of its pixels are as dark red as lethal hazard.
 PIXELS = """(() => {
@@ -114,18 +111,13 @@ def test_each_layer_has_its_own_picture_and_legend(browser):
 
 def test_keys(browser):
     """Arrows step, Home and End go to the ends, space plays and stops, numbers choose."""
-    browser.press('ArrowLeft')
-    browser.press('ArrowLeft')
-    assert browser.evaluate(FRAME) == 6
-    browser.press('ArrowRight')
-    assert browser.evaluate(FRAME) == 7
+    for key, frame in (('ArrowLeft', 7), ('ArrowLeft', 6), ('ArrowRight', 7)):
+        browser.press(key)
+        assert browser.evaluate(FRAME) == frame
     browser.evaluate('document.getElementById("time").focus()')
-    browser.press('Home')
-    assert browser.evaluate(FRAME) == 0
-    browser.press('ArrowRight')
-    assert browser.evaluate(FRAME) == 1
-    browser.press('End')
-    assert browser.evaluate(FRAME) == 8
+    for key, frame in (('Home', 0), ('ArrowRight', 1), ('End', 8)):
+        browser.press(key)
+        assert browser.evaluate(FRAME) == frame
     browser.press('3')
     assert browser.evaluate('document.querySelector("input[value=hazard]").checked')
 

@@ -1,0 +1,180 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`lava effects`, `materials` and `barrier`: what is decided before a run."""
+
+import argparse
+from collections.abc import Mapping
+import csv
+from dataclasses import asdict, fields
+import json
+import math
+from typing import Any
+
+from lava_ros.cli.options import argument, command, forced_effects, seconds_of
+from lava_ros.cli.output import write_json
+from lava_ros.cli.scenes import SCENE, scene_from_arguments
+from lava_ros.errors import LavaError
+from lava_ros.files import file_to_write
+from lava_ros.files.resources import share_path
+from lava_ros.maps.gis import write_grid
+from lava_ros.scene.lava import Lava
+from lava_ros.scene.materials import Constant, material_named
+from lava_ros.scene.materials import materials as known_materials
+from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
+from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.simulation.presets import preset_accuracy
+from lava_ros.simulation.selection import decide, Decision
+
+#: What effects cost, measured by `lava bench effects`.
+COSTS = 'docs/benchmarks/effects_h200.csv'
+
+
+@command(*SCENE, '--preset', '--horizon', '--on', '--off', '--json')
+def effects(args: argparse.Namespace) -> int:
+    """Print which physical effects a scene needs, and why.
+
+    A dimensionless number of the scene decides about each effect. The command prints the number,
+    its threshold, what the effect costs in time, and what leaving it out costs in accuracy.
+    """
+    horizon = seconds_of('--horizon', args.horizon)
+    decisions = decide(
+        scene_from_arguments(args),
+        forced_effects(args),
+        accuracy=preset_accuracy(args.preset),
+        horizon=horizon,
+    )
+    costs = step_costs()
+    width = max(len(item.reason) for item in decisions)
+    line = f'{{:16}} {{:3}} {{:{width}}}  {{:>6}}  {{}}'.format
+    print(line('effect', '', 'because', 'step', 'without it, below the threshold'))
+    for item in decisions:
+        cost = f'x {costs[item.name]:.2f}' if item.name in costs else '?'
+        switch = 'on' if item.is_on else '-'
+        print(line(item.name, switch, item.reason, cost, item.effect.admits))
+    print(f'step: time of a step with this effect alone over one without ({COSTS}); ?: unknown')
+    write_json([_decision(item, costs) for item in decisions], args.json)
+    return 0
+
+
+def step_costs() -> dict[str, float]:
+    """Measured time of a step with each single effect, relative to that of a step without effects.
+
+    Raises:
+        LavaError: The file of the measurements is missing from the package's data.
+    """
+    with share_path(COSTS).open(newline='', encoding='utf-8') as file:
+        return {row['benchmark']: float(row['ratio']) for row in csv.DictReader(file)}
+
+
+def _decision(decision: Decision, costs: Mapping[str, float]) -> dict[str, Any]:
+    effect = decision.effect
+    return {
+        'effect': decision.name,
+        'title': effect.title,
+        'on': decision.is_on,
+        'forced': decision.is_forced,
+        'number': effect.symbol,
+        'value': None if math.isnan(decision.value) else decision.value,
+        # JSON has no infinity: what is only on when asked for has no threshold
+        'threshold': None if math.isinf(effect.threshold) else effect.threshold,
+        'reason': decision.reason,
+        # None where it has not been measured
+        'step_time_over_bare': costs.get(decision.name),
+        'without_it': effect.admits,
+        'source': effect.source,
+    }
+
+
+@command(
+    argument('name', 'NAME', 'list only this lava', nargs='?'),
+    argument('--json', None, 'print JSON', action='store_true'),
+)
+def materials(args: argparse.Namespace) -> int:
+    """List the lavas that have a name, with their constants and sources.
+
+    A scene file names one with lava: {material: NAME}, and a case with material: NAME.
+    """
+    chosen = [material_named(args.name)] if args.name else list(known_materials().values())
+    if args.json:
+        print(json.dumps([asdict(item) for item in chosen], indent=1))
+        return 0
+    units = {item.name: item.metadata.get('unit', '') for item in fields(Lava)}
+    units['vent_temperature'] = 'K'
+    sources: dict[str, int] = {}
+    for material in chosen:
+        print(f'{material.name}: {material.title}')
+        constants = {'vent_temperature': material.vent_temperature, **material.constants}
+        for name, constant in constants.items():
+            value = constant.value
+            shown = value if isinstance(value, str) else f'{value:g}'
+            print(f'  {name:22} {shown:>16} {units[name]:9} {_cited(constant, sources)}')
+        print()
+    for source, number in sources.items():
+        print(f'[{number}] {source}')
+    return 0
+
+
+def _cited(constant: Constant, sources: dict[str, int]) -> str:
+    """Numbers of the references of a constant and of its range."""
+    text = f'[{sources.setdefault(constant.source, len(sources) + 1)}]'
+    if constant.range is not None:
+        number = sources.setdefault(constant.range_source, len(sources) + 1)
+        text += f'  published: {constant.range[0]:g} to {constant.range[1]:g} [{number}]'
+    return text
+
+
+@command(
+    argument('terrain', 'TERRAIN', 'GeoTIFF, ESRI ASCII grid or npz'),
+    argument('-o --output', 'FILE', 'elevation to write, .tif', required=True),
+    argument(
+        '--line', 'E,N', 'easting and northing [m] of two or more places along the crest',
+        nargs='+',
+    ),
+    argument('--height', 'M', 'height above the ground [m]', float),
+    argument('--width', 'M', 'width of the crest [m]', 10.0),
+    argument('--slope', 'S', 'slope of the sides, rise over run', 1.0),
+    '--low-pass', '--epsg',
+    low_pass=0.0,
+)
+def barrier(args: argparse.Namespace) -> int:
+    """Add a barrier to a terrain, and write the result to a new file.
+
+    The command raises the elevation along a line and writes it as GeoTIFF. --low-pass smooths the
+    elevation before that.
+    """
+    if not args.line and not args.low_pass:
+        raise LavaError('--line', None, 'the places of a barrier, or --low-pass')
+    output = file_to_write('--output', args.output, ('.tif', '.tiff'))
+    before = terrain = low_pass(load_terrain(args.terrain, epsg=args.epsg), args.low_pass)
+    if args.line:
+        if args.height is None:
+            raise LavaError('--height', None, 'a height [m]')
+        line = tuple(_place(text) for text in args.line)
+        terrain = with_barrier(before, Barrier(line, args.height, args.width, args.slope))
+    write_grid(output, terrain.elevation, terrain, unit='m', meaning='elevation of the ground')
+    added = (terrain.elevation - before.elevation)[terrain.has_data]
+    volume = float(added.sum(dtype='float64')) * terrain.resolution**2
+    raised = int((added > 0.0).sum())
+    print(f'{raised} cells raised by up to {added.max():.1f} m: {volume:.0f} m3 of earth')
+    print(f'written to {output}')
+    return 0
+
+
+def _place(text: str) -> tuple[float, float]:
+    try:
+        easting, northing = map(float, text.split(','))
+    except ValueError:
+        raise LavaError('--line', text, 'easting,northing [m]') from None
+    return easting, northing

@@ -1,0 +1,137 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`lava doctor` and `lava completion`: the installation, and what the shell knows of it."""
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+from lava_ros import doctor as checks
+from lava_ros.cli.manual import COMMANDS, parser_of, summary_of
+from lava_ros.cli.options import argument, command
+from lava_ros.cli.output import terminal, write_json
+from lava_ros.doctor import FAIL, Finding, OK, WARN
+from lava_ros.errors import LavaError, printable
+from lava_ros.files.optional import require
+from lava_ros.files.resources import share_path
+from lava_ros.maps.layer_files import load_layers
+
+_STYLES = {OK: 'green', WARN: 'yellow', FAIL: 'bold red'}
+
+#: Arguments that are files or folders.
+_PATHS = frozenset(
+    ('bag', 'bags', 'json', 'msg_config', 'output', 'scene', 'terrain', 'directory', 'csv')
+)
+
+
+@command(
+    argument('--bags', 'DIR', 'folder for bags', 'bags'),
+    argument(
+        '--msg-config', 'FILE', 'layers to check: a path, or the name of a file in msg_configs/',
+        'default.yaml',
+    ),
+    '--json',
+)
+def doctor(args: argparse.Namespace) -> int:
+    """Check Python, ROS, DDS, GPU, disk and clock, and print what to correct.
+
+    The command checks what the package needs: Python, packages, ROS, discovery, a message that
+    goes out over the middleware and comes back, security, QoS of the layers, GPU, kernel cache,
+    disk and clock. The exit status is 1 if something does not work.
+    """
+    findings = []
+    show = _printer() if args.json is None else None
+    for finding in _findings(args):
+        findings.append(finding)
+        if show is not None:
+            show(finding)
+    if show is None:
+        write_json([asdict(finding) for finding in findings], args.json)
+    return int(any(finding.level == FAIL for finding in findings))
+
+
+def _findings(args: argparse.Namespace) -> Iterator[Finding]:
+    for name, check in {
+        'python': checks.check_python,
+        'packages': checks.check_packages,
+        'ros': checks.check_ros,
+        'discovery': checks.check_discovery,
+        'dds': checks.check_round_trip,
+        'sros2': checks.check_security,
+        'qos': lambda: _check_layers(args.msg_config),
+        'gpu': checks.check_gpu,
+        'kernel cache': checks.check_kernel_cache,
+        'disk': lambda: checks.check_disk(args.bags),
+        'clock': checks.check_clock,
+    }.items():
+        yield from (Finding(name, *said) for said in check())
+
+
+def _check_layers(name: str) -> checks.Said:
+    path = Path(name)
+    try:
+        layers = load_layers(path if path.is_file() else share_path(f'msg_configs/{name}'))
+    except LavaError as error:
+        return [(FAIL, str(error), 'correct the file, or name another: --msg-config')]
+    return checks.check_qos(layers)
+
+
+def _printer() -> Callable[[Finding], None]:
+    """What prints a finding: in colours in a terminal, where rich is installed."""
+    try:
+        from rich.text import Text
+
+        console = terminal(soft_wrap=True, highlight=False)
+    except ImportError:
+        return lambda finding: print('\n'.join(_lines(finding)), flush=True)
+
+    def show(finding: Finding) -> None:
+        first, *rest = _lines(finding)
+        line = Text(first)
+        line.stylize(_STYLES[finding.level], 0, len(finding.level))
+        console.print(line, *(Text(words, style='dim') for words in rest), sep='\n')
+
+    return show
+
+
+def _lines(finding: Finding) -> list[str]:
+    lines = [f'{finding.level:6}{finding.check:13} {printable(finding.text)}']
+    return [*lines, f'{"":20}-> {printable(finding.way_out)}'] if finding.way_out else lines
+
+
+@command(argument('shell', None, 'shell that reads the script', choices=('bash', 'zsh')))
+def completion(args: argparse.Namespace) -> int:
+    """Print a script with which the shell completes commands and options.
+
+    Write the script to a file that the shell reads when it needs it. bash: lava completion bash >
+    ~/.local/share/bash-completion/completions/lava. zsh: lava completion zsh > DIRECTORY/_lava,
+    where fpath contains DIRECTORY.
+    """
+    require('shtab', 'lava completion')
+    import shtab
+
+    parser = argparse.ArgumentParser('lava')
+    parser.add_argument('--version', action='store_true')
+    commands = parser.add_subparsers()
+    for name in COMMANDS:
+        known = commands.add_parser(
+            name, help=summary_of(name), parents=[parser_of(name)], add_help=False
+        )
+        for action in known._actions:
+            if action.dest in _PATHS or action.metavar in ('FILE', 'DIR', 'FOLDER'):
+                action.complete = shtab.FILE  # type: ignore[attr-defined]
+    print(shtab.complete(parser, shell=args.shell))
+    return 0
