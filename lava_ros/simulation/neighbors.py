@@ -31,6 +31,7 @@ import numpy as np
 import warp as wp
 
 from lava_ros.errors import LavaError
+from lava_ros.simulation import state as at
 from lava_ros.simulation.backend.compiled import (
     can_count,
     load2,
@@ -45,16 +46,7 @@ from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_frame, cell_functions, cells_to_radius
 from lava_ros.simulation.motion_arguments import arguments_type, motion_arguments
-from lava_ros.simulation.state import (
-    ADVECTION,
-    DIFFUSION,
-    NEAR_BORDER,
-    NEWCOMERS,
-    PARTICLES,
-    SPARE,
-    STAGE,
-    State,
-)
+from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions
 
 #: Cells up to which the whole terrain is covered.
@@ -107,11 +99,11 @@ def bin_function(real: Any, has_empty: bool) -> Any:
         if not (wp.static(has_empty) and p[2] == real(0.0)):
             # between the stages of a step nothing leaves: a stage may overshoot the border
             number = p[0] + p[1] + p[3]
-            if m.counts[STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
+            if m.counts[at.STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
                 c = row_of(m.cells, p[1]) * m.cells.columns + column_of(m.cells, p[0])
                 near = sides_near(m.cells, p[0], p[1])
                 if near != 0:
-                    wp.atomic_or(m.counts, NEAR_BORDER, near)
+                    wp.atomic_or(m.counts, at.NEAR_BORDER, near)
             elif can_count():
                 wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
         m.cell[i] = c
@@ -152,13 +144,13 @@ def _kernels(
 
     @quick_kernel
     def bin_particles(i: int, m: arguments_type(real)):
-        if i < m.counts[PARTICLES] + m.counts[NEWCOMERS]:
+        if i < m.counts[at.PARTICLES] + m.counts[at.NEWCOMERS]:
             place(i, load(m.particle, i), m)
 
     @quick_kernel
     def rank_particles(i: int, m: arguments_type(real)):
         """Rank particles in their cells in the order of all, one after the other."""
-        if i >= m.counts[PARTICLES] + m.counts[NEWCOMERS]:
+        if i >= m.counts[at.PARTICLES] + m.counts[at.NEWCOMERS]:
             return
         c = load_int(m.cell, i)
         if c == m.cells.rows * m.cells.columns:
@@ -189,15 +181,15 @@ def _kernels(
         starts = m.cells.starts
         last = m.cells.rows * m.cells.columns
         if i == 0:
-            m.counts[PARTICLES] = starts[last]
-            m.counts[NEWCOMERS] = 0
-            m.rates[DIFFUSION] = real(0.0)
-            m.rates[ADVECTION] = real(0.0)
+            m.counts[at.PARTICLES] = starts[last]
+            m.counts[at.NEWCOMERS] = 0
+            m.rates[at.DIFFUSION] = real(0.0)
+            m.rates[at.ADVECTION] = real(0.0)
             m.chosen[0] = 0
         end = starts[last + 1]
         if i >= end:
             # sums go on over the end of the last row, with weights of 0: no nan may be there
-            if i < end + SPARE:
+            if i < end + at.SPARE:
                 store(m.ordered, i, vec4())
             return
         c = load_int(m.cell, i)
@@ -219,7 +211,7 @@ def _kernels(
         if wp.static(has_age):
             m.ordered_age[place] = m.age[i]
         if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
-            if m.counts[STAGE] > 0:
+            if m.counts[at.STAGE] > 0:
                 store(m.ordered_base, place, load(m.base, i))
                 store(m.ordered_drift, place, load(m.drift, i))
 

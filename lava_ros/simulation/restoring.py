@@ -34,7 +34,7 @@ def take(simulation: Simulation) -> Checkpoint:
     The next stages are captured anew on a GPU, as those of a resumed simulation are: both then
     idle alike past the next target.
     """
-    simulation._forget_launches()
+    simulation._state.launches.forget()
     arrays = {f'state.{name}': array for name, array in simulation._state.save().items()}
     arrays |= {f'vents.{name}': array for name, array in simulation._vents.save().items()}
     if simulation._notes_arrival:
