@@ -182,10 +182,7 @@ def summary_of(data: bytes) -> Summary:
 
 
 def from_bytes(data: bytes) -> Checkpoint:
-    """Read a checkpoint.
-
-    Args:
-        data: All of its bytes.
+    """Read a checkpoint from all of its bytes.
 
     Raises:
         LavaError: They are damaged, cut off, foreign, of a later version, or of no use.

@@ -124,12 +124,7 @@ def _note_function(real: Any) -> Any:
 
 @lru_cache
 def motion_function(
-    real: Any,
-    effects: Effects,
-    is_staged: bool,
-    is_guarded: bool,
-    bins: bool,
-    has_surface: bool,
+    real: Any, effects: Effects, is_staged: bool, is_guarded: bool, bins: bool, has_surface: bool,
     notes_arrival: bool,
 ) -> Any:
     """Return the device function that moves the i-th of the ordered particles.
@@ -256,10 +251,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
 
     @quick_kernel(bounds=bounds)
     def move(
-        i: int,
-        flow: wp.array(dtype=vec3),
-        pace: pace_type(real),
-        outlets: Outlets,
+        i: int, flow: wp.array(dtype=vec3), pace: pace_type(real), outlets: Outlets,
         m: arguments_type(real),
     ):
         if wp.static(choose_and_emit is not None):
@@ -277,9 +269,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
     return move
 
 
-def move_particles(
-    state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice
-) -> None:
+def move_particles(state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice) -> None:
     """Move the ordered particles over the stage by the velocity in ``state.flow``."""
     launch_over(
         state,

@@ -128,11 +128,7 @@ def _loss_function(real: Any) -> Any:
 
 @lru_cache
 def _kernels(
-    real: Any,
-    is_staged: bool,
-    has_velocity: bool,
-    has_age: bool,
-    has_empty: bool,
+    real: Any, is_staged: bool, has_velocity: bool, has_age: bool, has_empty: bool,
     is_ranked_again: bool,
 ) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
@@ -220,11 +216,7 @@ def _kernels(
 
 def _kernels_of(state: State) -> tuple[Any, ...]:
     return _kernels(
-        state.real,
-        state.is_staged,
-        state.has_velocity,
-        state.has_age,
-        state.has_empty,
+        state.real, state.is_staged, state.has_velocity, state.has_age, state.has_empty,
         state.is_ranked_again,
     )
 

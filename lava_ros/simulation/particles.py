@@ -46,30 +46,23 @@ class Particles:
         """
         position = np.array(self.position, dtype=np.float64)
         if position.ndim != 2 or position.shape[1] != 2 or not np.isfinite(position).all():
-            raise LavaError(
-                'particles.position',
-                f'array of shape {position.shape}',
-                'finite metres, shape [count, 2]',
-            )
+            found = f'array of shape {position.shape}'
+            raise LavaError('particles.position', found, 'finite metres, shape [count, 2]')
         object.__setattr__(self, 'position', position)
         for name in ('volume', 'temperature'):
             values = np.array(getattr(self, name), dtype=np.float64)
             if values.ndim == 0:
                 values = np.full(len(position), float(values))
             if values.shape != (len(position),) or not (np.isfinite(values) & (values > 0)).all():
-                raise LavaError(
-                    f'particles.{name}', f'array of shape {values.shape}', 'positive, one each'
-                )
+                found = f'array of shape {values.shape}'
+                raise LavaError(f'particles.{name}', found, 'positive, one each')
             object.__setattr__(self, name, values)
         velocity = np.array(self.velocity, dtype=np.float64)
         if velocity.shape == (2,):
             velocity = np.tile(velocity, (len(position), 1))
         if velocity.shape != position.shape or not np.isfinite(velocity).all():
-            raise LavaError(
-                'particles.velocity',
-                f'array of shape {velocity.shape}',
-                'finite m/s, shape [count, 2] or [2]',
-            )
+            found = f'array of shape {velocity.shape}'
+            raise LavaError('particles.velocity', found, 'finite m/s, shape [count, 2] or [2]')
         object.__setattr__(self, 'velocity', velocity)
 
 
@@ -81,21 +74,15 @@ def rows_of(particles: Particles, terrain: Terrain, spacing: float) -> np.ndarra
     """Rows of (map x, map y, volume, temperature), no two of them in one place.
 
     Particles in one place push each other nowhere: they would stay together for ever. All but the
-    first are moved a little.
-
-    Args:
-        particles: The lava.
-        terrain: The ground it is to be on.
-        spacing: The usual distance between particles [m].
+    first are moved a little, in parts of the usual ``spacing`` [m].
 
     Raises:
         LavaError: A particle is not on the terrain.
     """
     places = particles.position.copy()
     for index in np.flatnonzero(~terrain.covered(places))[:1]:
-        raise LavaError(
-            f'particles.position[{index}]', tuple(places[index]), 'a place on the terrain'
-        )
+        where = f'particles.position[{index}]'
+        raise LavaError(where, tuple(places[index]), 'a place on the terrain')
     # as complex numbers: a sort of rows takes ten times as long
     _, which = np.unique(places[:, 0] + 1j * places[:, 1], return_inverse=True)
     if which.size == 0 or which.max() == which.size - 1:

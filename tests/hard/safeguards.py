@@ -76,7 +76,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
     ),
     Safeguard(
         'fall', 'lava at a wall that is many times as fast as free fall',
-        f'{SOLVER}/fall.py',
+        f'{SOLVER}/flow.py',
         'if head > fall:',
         'if head > fall + real(1e30):',
         'pit_filled', 'standard', 'fall',
