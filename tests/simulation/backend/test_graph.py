@@ -36,6 +36,9 @@ from lava_ros.simulation.backend.graph import Launches, MOST
 from lava_ros.simulation.backend.programmatic_launch import overlap
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
+#: The set of effects that goes through most kernels.
+ALL = 'everything with green'
+
 
 @quick_kernel
 def add(i: int, by: float, values: wp.array(dtype=float)):
@@ -48,9 +51,20 @@ def zeros(count=6):
     return wp.zeros(count, dtype=float, device='cpu')
 
 
-def test_each_launch_has_its_own_arguments():
+def and_nightly(*names):
+    """A set of effects for every run, and others for nightly ones."""
+    nightly = (pytest.param(name, marks=pytest.mark.nightly) for name in names if name != ALL)
+    return pytest.mark.parametrize('name', [ALL, *nightly])
+
+
+@pytest.fixture
+def launches():
+    """Launches on the CPU."""
+    return Launches(wp.get_device('cpu'))
+
+
+def test_each_launch_has_its_own_arguments(launches):
     """Other arrays, numbers and sizes are told from those of before, and from each other."""
-    launches = Launches(wp.get_device('cpu'))
     one, other = zeros(), zeros()
     for array, by, dim in (
         (one, 1.0, 6), (one, 1.0, 2), (other, 1.0, 3), (one, 10.0, 1), (one, 1.0, 6), (one, 1.0, 0)
@@ -60,21 +74,29 @@ def test_each_launch_has_its_own_arguments():
     np.testing.assert_array_equal(other.numpy(), [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
 
-def test_arrays_are_kept_until_they_are_forgotten():
-    """What lies where an array was is no longer found by what was launched with that."""
-    launches = Launches(wp.get_device('cpu'))
-    array = zeros()
-    gone = weakref.ref(array)
-    launches(add, [1.0, array], dim=6)
-    del array
+@pytest.mark.parametrize('captures', [False, True])
+def test_arrays_are_kept_until_they_are_forgotten(launches, captures):
+    """What lies where an array was is not found by what was launched with that, or captured."""
+    arrays = [zeros()]
+    gone = weakref.ref(arrays[0])
+
+    def launch():
+        launches(add, [1.0, *arrays], dim=6)
+
+    if captures:
+        launches.capture(launch, 6)
+        arrays.clear()
+        launches.replay()
+    else:
+        launch()
+        arrays.clear()
     assert gone() is not None
     launches.forget()
-    assert gone() is None
+    assert gone() is None and not launches.can_replay(0)
 
 
-def test_launches_that_never_come_again_do_not_pile_up():
+def test_launches_that_never_come_again_do_not_pile_up(launches):
     """Their arrays are given back, and those that do come again go on."""
-    launches = Launches(wp.get_device('cpu'))
     kept, gone = zeros(), []
     for _ in range(2 * MOST):
         array = zeros()
@@ -86,16 +108,7 @@ def test_launches_that_never_come_again_do_not_pile_up():
     assert (kept.numpy() == 2 * MOST).all()
 
 
-@pytest.mark.parametrize(
-    'name',
-    [
-        'everything with green',
-        *(
-            pytest.param(name, marks=pytest.mark.nightly)
-            for name in ('helmholtz', 'everything with inertia')
-        ),
-    ],
-)
+@and_nightly('helmholtz', 'everything with inertia')
 def test_a_step_packs_nothing_anew(monkeypatch, name):
     """Every argument of a stage is the same object as before, as long as nothing changes."""
     simulation = lava_field(100, effect_sets()[name], 'cpu')
@@ -133,9 +146,8 @@ def test_a_terrain_that_is_replaced_is_given_back():
         assert [item() for item in gone] == [None, None]
 
 
-def test_captured_launches_wait_for_their_replay():
+def test_captured_launches_wait_for_their_replay(launches):
     """They are not made when they are taken down, and all together each time after that."""
-    launches = Launches(wp.get_device('cpu'))
     one, other = zeros(), zeros()
 
     def launch():
@@ -156,22 +168,9 @@ def test_captured_launches_wait_for_their_replay():
     np.testing.assert_array_equal(other.numpy(), [3.0, 2.0, 2.0, 0.0, 0.0, 0.0])
 
 
-def test_captured_arrays_are_kept_until_they_are_forgotten():
-    """Nothing else comes to lie where a captured launch writes."""
-    launches = Launches(wp.get_device('cpu'))
-    arrays = [zeros()]
-    gone = weakref.ref(arrays[0])
-    launches.capture(lambda: launches(add, [1.0, *arrays], dim=6), 6)
-    arrays.clear()
-    launches.replay()
-    assert gone() is not None
-    launches.forget()
-    assert gone() is None and not launches.can_replay(0)
-
-
-def test_a_capture_that_fails_leaves_nothing():
+def test_a_capture_that_fails_leaves_nothing(launches):
     """Launches are made again as before."""
-    launches, values = Launches(wp.get_device('cpu')), zeros()
+    values = zeros()
 
     def launch():
         launches(add, [1.0, values], dim=6)
@@ -184,12 +183,19 @@ def test_a_capture_that_fails_leaves_nothing():
     assert values.numpy().sum() == 1.0
 
 
-def test_another_warp_launches_itself(monkeypatch):
-    """What a launch has is not public: without it a replay is slower, and the same."""
-    launches, values = Launches(wp.get_device('cpu')), zeros()
+def test_the_compiled_functions_are_called_at_once(monkeypatch, launches):
+    """What a launch has is not public: without it, in another Warp, a replay is slower."""
+    values = zeros()
+
+    def capture():
+        launches.capture(lambda: launches(add, [1.0, values], dim=6), 6)
+        ((function, arguments, command),) = launches._again.args[0]
+        return function, arguments, command
+
+    function, arguments, command = capture()
+    assert function is command.hooks.forward and len(arguments) == 2
     monkeypatch.setattr(launches_module.ctypes, 'byref', None)
-    launches.capture(lambda: launches(add, [1.0, values], dim=6), 6)
-    ((function, arguments, _),) = launches._again.args[0]
+    function, arguments, _ = capture()
     assert function.__name__ == 'launch' and not arguments
     monkeypatch.undo()
     launches.replay()
@@ -197,26 +203,8 @@ def test_another_warp_launches_itself(monkeypatch):
     assert (values.numpy() == 2.0).all()
 
 
-def test_this_warp_is_called_at_once():
-    """The compiled functions themselves are called, or replays would be no faster."""
-    launches = Launches(wp.get_device('cpu'))
-    launches.capture(lambda: launches(add, [1.0, zeros()], dim=6), 6)
-    ((function, arguments, command),) = launches._again.args[0]
-    assert function is command.hooks.forward and len(arguments) == 2
-
-
 @pytest.mark.parametrize('is_deterministic', [False, True])
-@pytest.mark.parametrize(
-    'name',
-    [
-        'everything with green',
-        *(
-            pytest.param(name, marks=pytest.mark.nightly)
-            for name in effect_sets()
-            if name != 'everything with green'
-        ),
-    ],
-)
+@and_nightly(*effect_sets())
 def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
     """The same bits as launch by launch: nothing of a stage goes another way."""
     ends = []
