@@ -41,12 +41,17 @@ from lava_ros.simulation.defaults import device_of, formulated
 from lava_ros.simulation.diagnostics import FlowDiagnostics, moment_of, snapshot_of
 from lava_ros.simulation.looks import Looks, Seen
 from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.particles import Particles, ParticleSample, rows_of
 from lava_ros.simulation.rasterization import Raster
 from lava_ros.simulation.resolution import Resolution, resolution_of, resolved_accuracy
 from lava_ros.simulation.restoring import restore, take
 from lava_ros.simulation.selection import decide, Decision, effects_for, HORIZON
-from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot
+from lava_ros.simulation.snapshot import (
+    Particles,
+    ParticleSample,
+    PendingSnapshot,
+    rows_of,
+    Snapshot,
+)
 from lava_ros.simulation.stage import Stage
 from lava_ros.simulation.state import centre_of, count_in, room_for, State
 from lava_ros.simulation.terrain import StaggeredTerrain

@@ -125,7 +125,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
     ),
     Safeguard(
         'apart', 'particles in one place, that never part',
-        f'{SOLVER}/particles.py',
+        f'{SOLVER}/snapshot.py',
         'places[copies] += np.where(onto[:, None], way, -way)',
         'places[copies] += 0.0 * way',
         'coincident', 'standard', 'spread',
