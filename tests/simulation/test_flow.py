@@ -308,11 +308,3 @@ def test_lava_has_fallen_from_wherever_it_came(device):
     simulation.set_terrain(Terrain(ground.elevation + 500.0, 10.0))
     # what was in the conduit of the vent that closed came out there
     assert top(simulation) == pytest.approx(580.0, abs=0.01)
-
-
-def test_bound_of_an_older_checkpoint(device):
-    """One that was written before there was a bound goes on without one."""
-    checkpoint = simulated(Terrain(PIT, 10.0), Lava(), device=device).checkpoint()
-    del checkpoint.arrays['state.top']
-    resumed = Simulation.resume(checkpoint, device=device)
-    assert resumed._state.top.numpy()[0] == np.float32(FAR)
