@@ -27,15 +27,8 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.simulation import state as at
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.backend.compiled import (
-    load2,
-    load4,
-    past_the_cache,
-    quick_kernel,
-    store2,
-    store4,
-    wait_for,
-)
+from lava_ros.simulation.backend import compiled
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.heat import temperature_function
@@ -136,8 +129,8 @@ def motion_function(
     # differences and lateral stress push lava up slopes that its own surface does not
     guarded = _guard_function(real, has_surface or 'green' in effects or 'helmholtz' in effects)
     place = bin_function(real, False)
-    load, store = load4(real), store4(real)
-    load_pair, store_pair = load2(real), store2(real)
+    load, store = compiled.load4(real), compiled.store4(real)
+    load_pair, store_pair = compiled.load2(real), compiled.store2(real)
     gradient_at, _, height_at, *_ = terrain_functions(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
@@ -247,7 +240,7 @@ def motion_of(state: State) -> Any:
 @lru_cache
 def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int] | None) -> Any:
     vec3 = wp.types.vector(3, real)
-    load = load4(real)
+    load = compiled.load4(real)
 
     @quick_kernel(bounds=bounds)
     def move(
@@ -259,11 +252,11 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
                 choose_and_emit(i, pace, outlets, m)
                 return
             i -= wp.static(DIRECTORS)
-        if i >= past_the_cache(m.counts, at.PARTICLES):
+        if i >= compiled.past_the_cache(m.counts, at.PARTICLES):
             return
         p, f = load(m.ordered, i), flow[i]
         if wp.static(choose_and_emit is not None):
-            wait_for(pace.chosen)
+            compiled.wait_for(pace.chosen)
         motion(i, p, f, m)
 
     return move

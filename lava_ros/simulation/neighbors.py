@@ -32,15 +32,8 @@ import warp as wp
 
 from lava_ros.errors import LavaError
 from lava_ros.simulation import state as at
-from lava_ros.simulation.backend.compiled import (
-    can_count,
-    load2,
-    load4,
-    load_int,
-    quick_kernel,
-    store2,
-    store4,
-)
+from lava_ros.simulation.backend import compiled
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
@@ -104,10 +97,10 @@ def bin_function(real: Any, has_empty: bool) -> Any:
                 near = sides_near(m.cells, p[0], p[1])
                 if near != 0:
                     wp.atomic_or(m.counts, at.NEAR_BORDER, near)
-            elif can_count():
+            elif compiled.can_count():
                 wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
         m.cell[i] = c
-        if can_count():
+        if compiled.can_count():
             m.rank[i] = wp.atomic_add(m.cells.sizes, c, 1)
 
     return place
@@ -132,8 +125,8 @@ def _kernels(
     is_ranked_again: bool,
 ) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
-    load, store = load4(real), store4(real)
-    load_pair, store_pair = load2(real), store2(real)
+    load, store = compiled.load4(real), compiled.store4(real)
+    load_pair, store_pair = compiled.load2(real), compiled.store2(real)
 
     place, volume_lost = bin_function(real, has_empty), _loss_function(real)
     side_of = terrain_functions(real).side_of
@@ -148,7 +141,7 @@ def _kernels(
         """Rank particles in their cells in the order of all, one after the other."""
         if i >= m.counts[at.PARTICLES] + m.counts[at.NEWCOMERS]:
             return
-        c = load_int(m.cell, i)
+        c = compiled.load_int(m.cell, i)
         if c == m.cells.rows * m.cells.columns:
             p = m.particle[i]
             if not (wp.static(has_empty) and p[2] == real(0.0)):
@@ -160,14 +153,14 @@ def _kernels(
     @quick_kernel
     def list_members(i: int, m: arguments_type(real)):
         if i < m.cells.starts[m.cells.rows * m.cells.columns + 1]:
-            m.members[load_int(m.cells.starts, m.cell[i]) + m.rank[i]] = i
+            m.members[compiled.load_int(m.cells.starts, m.cell[i]) + m.rank[i]] = i
 
     @wp.func
     def rank_of(i: int, first: int, end: int, members: wp.array(dtype=wp.int32)) -> int:
         """Rank of a particle by its number among those of its cell."""
         before = wp.int32(0)
         for k in range(first, end):
-            if load_int(members, k) < i:
+            if compiled.load_int(members, k) < i:
                 before += 1
         return before
 
@@ -188,14 +181,14 @@ def _kernels(
             if i < end + at.SPARE:
                 store(m.ordered, i, vec4())
             return
-        c = load_int(m.cell, i)
+        c = compiled.load_int(m.cell, i)
         p = load(m.particle, i)
         m.cells.sizes[c] = 0
-        place = load_int(starts, c)
+        place = compiled.load_int(starts, c)
         if wp.static(is_ranked_again):
-            place += rank_of(i, place, load_int(starts, c + 1), m.members)
+            place += rank_of(i, place, compiled.load_int(starts, c + 1), m.members)
         else:
-            place += load_int(m.rank, i)
+            place += compiled.load_int(m.rank, i)
         if c == last:
             # it has left
             p = vec4()

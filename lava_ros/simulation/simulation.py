@@ -14,7 +14,7 @@
 
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
@@ -36,14 +36,13 @@ from lava_ros.simulation.backend.streams import read, Reader
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.batch import at_work, Batch
 from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.checkpoint import Checkpoint, restore, take
 from lava_ros.simulation.defaults import device_of, formulated
 from lava_ros.simulation.diagnostics import FlowDiagnostics, moment_of, snapshot_of
 from lava_ros.simulation.looks import Looks, Seen
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.rasterization import Raster
 from lava_ros.simulation.resolution import Resolution, resolution_of, resolved_accuracy
-from lava_ros.simulation.restoring import restore, take
 from lava_ros.simulation.selection import decide, Decision, effects_for, HORIZON
 from lava_ros.simulation.snapshot import (
     Particles,
@@ -68,6 +67,9 @@ _UNDER_WAY = {True: 2, False: 1}
 
 #: Share of what a launch gains that rounding may make of it.
 _ROUNDING = 1e-3
+
+#: Places of no particles.
+_NOWHERE = np.empty((0, 2))
 
 #: Copies of the clock and the counts of a ``State``.
 _Look = tuple[np.ndarray, np.ndarray]
@@ -137,8 +139,7 @@ class Simulation:
         self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
         #: The vents, and the numbers of those that ``_raise_top`` has already counted.
         self._counted: tuple[VentSet, set[int]] = self._vents, set()
-        places = None if particles is None else self._state.read_particles()[:, :2]
-        self._raise_top(places, until=0.0)
+        self._raise_top(self._state.read_particles()[:, :2], until=0.0)
 
     @property
     def device(self) -> str:
@@ -360,10 +361,9 @@ class Simulation:
         self._settle()
         scene = replace(self.scene, vents=vents)
         now = self.time
-        conduits: dict[Any, float] = {}
+        conduits: dict[Any, float] = defaultdict(float)
         for vent, volume in zip(self._vents.vents, self._vents.pending(now), strict=True):
-            place = (vent.position, vent.end)
-            conduits[place] = conduits.get(place, 0.0) + float(volume)
+            conduits[vent.position, vent.end] += float(volume)
         carried = [conduits.pop((vent.position, vent.end), 0.0) for vent in vents]
         self._emitted_before += self._vents.emitted(now)
         last = [
@@ -519,7 +519,7 @@ class Simulation:
         self._emitted_before = float(self._state.read_particles()[:, 2].sum())
         self._sort()
 
-    def _raise_top(self, places: np.ndarray | None = None, *, until: float | None = None) -> None:
+    def _raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
         """Update the elevation of the highest ground that lava came from, for places and vents.
 
         ``places`` are relative to the centre [m], shape [count, 2]. Each vent counts once, and
@@ -529,10 +529,10 @@ class Simulation:
             self._counted = self._vents, set()
         until = self.time if until is None else until
         new = self._vents.giving(until, others_than=self._counted[1])
-        if places is None and not new:
+        if not len(places) and not new:
             return
         self._counted[1].update(new)
-        every = [np.empty((0, 2)) if places is None else places]
+        every = [places]
         centre, resolution = centre_of(self.scene.terrain), self.scene.terrain.resolution
         for vent in (self.scene.vents[number] for number in new):
             start, end = np.subtract((vent.position, vent.end or vent.position), centre)

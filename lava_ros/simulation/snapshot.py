@@ -131,25 +131,24 @@ class Particles:
             LavaError: A shape does not fit, or a value is not finite or not positive.
         """
         position = np.array(self.position, dtype=np.float64)
-        if position.ndim != 2 or position.shape[1] != 2 or not np.isfinite(position).all():
-            found = f'array of shape {position.shape}'
-            raise LavaError('particles.position', found, 'finite metres, shape [count, 2]')
-        object.__setattr__(self, 'position', position)
+        is_right = position.ndim == 2 and position.shape[1] == 2
+        self._set('position', position, is_right, 'finite metres, shape [count, 2]')
         for name in ('volume', 'temperature'):
             values = np.array(getattr(self, name), dtype=np.float64)
             if values.ndim == 0:
                 values = np.full(len(position), float(values))
-            if values.shape != (len(position),) or not (np.isfinite(values) & (values > 0)).all():
-                found = f'array of shape {values.shape}'
-                raise LavaError(f'particles.{name}', found, 'positive, one each')
-            object.__setattr__(self, name, values)
+            is_right = values.shape == (len(position),) and bool((values > 0).all())
+            self._set(name, values, is_right, 'positive, one each')
         velocity = np.array(self.velocity, dtype=np.float64)
         if velocity.shape == (2,):
             velocity = np.tile(velocity, (len(position), 1))
-        if velocity.shape != position.shape or not np.isfinite(velocity).all():
-            found = f'array of shape {velocity.shape}'
-            raise LavaError('particles.velocity', found, 'finite m/s, shape [count, 2] or [2]')
-        object.__setattr__(self, 'velocity', velocity)
+        is_right = velocity.shape == position.shape
+        self._set('velocity', velocity, is_right, 'finite m/s, shape [count, 2] or [2]')
+
+    def _set(self, name: str, values: np.ndarray, is_right: bool, right: str) -> None:
+        if not (is_right and np.isfinite(values).all()):
+            raise LavaError(f'particles.{name}', f'array of shape {values.shape}', right)
+        object.__setattr__(self, name, values)
 
 
 #: Distance between particles that are given in one place, over the usual one.

@@ -29,6 +29,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import forget_failure, zeros
 from lava_ros.simulation.backend.streams import read, Readback
+from lava_ros.simulation.checkpoint import FAR as FAR
 from lava_ros.simulation.checkpoint import fitting
 
 # Places in State.clock.
@@ -70,9 +71,6 @@ SHARED_LANES, SHARED_UP_TO = 4, 50_000
 #: processors. With no more of them it is waiting that takes the time: registers are not scarce
 #: then, and launches are dear.
 AT_ONCE = 150_000
-
-#: Elevation above, or below, every other [m]; finite, as a checkpoint's numbers are.
-FAR = 1e30
 
 #: Items behind the last that sums over neighbours may read (cells.py).
 SPARE = 3
