@@ -14,7 +14,8 @@
 
 """Thickness, velocity, free fall and the limits they set, against sums over all pairs and sheets.
 
-And the printed formulas, against the same written out in numpy, and against the corrected ones.
+And the printed formulas, against the same written out in numpy, and against the corrected ones;
+and time integration: order, stability and cost of super-time-stepping.
 """
 
 import math
@@ -30,7 +31,7 @@ from lava_ros.simulation.state import FAR, State
 from lava_ros.verification.cases import spread_of_fixed_volume
 from lava_ros.verification.cases.case import ISOTHERMAL
 from lava_ros.verification.cases.sheets import GREEN_RADIUS, response, sheet_speed
-from solver import incline, lattice, only, simulated
+from solver import flat, incline, lattice, only, simulated
 
 #: Ten cells by ten, 50 m deep.
 PIT = np.pad(np.zeros((10, 10)), 10, constant_values=50.0)
@@ -308,3 +309,60 @@ def test_lava_has_fallen_from_wherever_it_came(device):
     simulation.set_terrain(Terrain(ground.elevation + 500.0, 10.0))
     # what was in the conduit of the vent that closed came out there
     assert top(simulation) == pytest.approx(580.0, abs=0.01)
+
+
+def relaxed(longest_step, integrator='rkl2', viscosity=2e4, **options):
+    """Positions of a heap of particles after 20 s, in their first order, and the evaluations."""
+    places = lattice(9.5)
+    places = places[np.hypot(*places.T) < 9.0]
+    # each particle has a temperature of its own, which tells it from the others
+    label = 1000.0 + np.arange(len(places))
+    simulation = simulated(
+        flat(40),
+        Lava(viscosity=viscosity),
+        Particles(places, 0.5 + 0.5 * np.exp(-0.02 * (places**2).sum(axis=1)), label),
+        effects=only(),
+        longest_step=longest_step,
+        integrator=integrator,
+        **{'spacing': 1.0, 'thickness': 1.0, 'precision': 'float64', **options},
+    )
+    simulation.advance(20.0)
+    sample = simulation.sample()
+    steps = simulation.snapshot().steps
+    return sample.position[np.argsort(sample.temperature)], steps
+
+
+def test_order_in_time_is_two():
+    """Halving the step divides the error of RKL2 by four, of Euler by two."""
+    # of second order its own error is a 25th of the smallest that is held against it
+    reference, _ = relaxed(0.01)
+    for integrator, order in (('rkl2', 2.0), ('euler', 1.0)):
+        steps = (0.2, 0.1, 0.05)
+        errors = [
+            np.linalg.norm(relaxed(step, integrator)[0] - reference, axis=1).mean()
+            for step in steps
+        ]
+        measured = [math.log2(errors[0] / errors[1]), math.log2(errors[1] / errors[2])]
+        assert measured == pytest.approx([order, order], abs=0.2)
+
+
+@pytest.mark.parametrize('precision', ['float32', 'float64'])
+def test_many_stages_stay_stable(device, precision):
+    """Steps of many stages of a stiff heap stay close to small explicit ones: no noise."""
+    reference, _ = relaxed(5.0, 'euler', viscosity=200.0)
+    position, steps = relaxed(5.0, precision=precision, device=device, viscosity=200.0)
+    assert steps.evaluations > 4 * steps.count
+    spread = np.linalg.norm(reference, axis=1).max() - 9.0
+    assert spread > 2.0
+    assert np.linalg.norm(position - reference, axis=1).mean() < 0.03 * spread
+
+
+def test_super_time_steps_are_cheaper_than_explicit_ones():
+    """At no more error, RKL2 evaluates the velocity at least three times less than Euler."""
+    euler = spread_of_fixed_volume(
+        8000, accuracy=Accuracy(integrator='euler', diffusion_number=2.0, courant_number=0.5)
+    )
+    rkl2 = spread_of_fixed_volume(8000, accuracy=Accuracy(diffusion_number=2.0))
+    for quantity in ('radius', 'profile'):
+        assert rkl2.errors[quantity] <= euler.errors[quantity]
+    assert euler.evaluations >= 3 * rkl2.evaluations
