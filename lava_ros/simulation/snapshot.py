@@ -96,16 +96,14 @@ class PendingSnapshot:
 
     def __init__(self, finish: Callable[[], Snapshot]) -> None:
         """Take what waits for it and makes it, called once."""
-        self._finish: Callable[[], Snapshot] | None = finish
-        self._snapshot: Snapshot | None = None
+        self._finish: Callable[[], Snapshot] = finish
 
     def result(self) -> Snapshot:
         """Wait for it; in any thread, but in one of them only."""
-        if self._finish is not None:
-            self._snapshot = self._finish()
-            self._finish = None
-        assert self._snapshot is not None
-        return self._snapshot
+        snapshot = self._finish()
+        # what it was made of is not kept
+        self._finish = lambda: snapshot
+        return snapshot
 
 
 @dataclass(frozen=True, eq=False)

@@ -146,14 +146,8 @@ def launch_over(
 ) -> None:
     """Launch a kernel over the particles of a state, or ``count`` other items, such as cells.
 
-    Args:
-        state: The particles.
-        kernel: The kernel.
-        arguments: Its arguments.
-        least: Fewest particles that are worth a part.
-        lanes: Threads that share a particle.
-        ahead: Threads that come before those of the particles, on a GPU only, and are a block.
-        count: Items in place of particles.
+    ``least`` is the fewest particles that are worth a part, ``lanes`` the threads that share a
+    particle, and ``ahead`` those before the particles', on a GPU only, which are a block.
     """
     is_over_particles = count is None
     if count is None:
