@@ -23,9 +23,8 @@ from lava_ros.effects.laws import heat_of, law_of
 from lava_ros.scene import Scene
 from lava_ros.simulation import emission, motion, timestep
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.as_published import publish_velocity
 from lava_ros.simulation.backend.streams import Beside
-from lava_ros.simulation.flow import compute_flow, flow_kernels
+from lava_ros.simulation.flow import compute_flow, flow_kernels, publish_velocity
 from lava_ros.simulation.fused_stage import choice_within_motion, is_within_the_motion, StageChoice
 from lava_ros.simulation.motion_arguments import flow_constants, THICKEST
 from lava_ros.simulation.neighbors import NeighborGrid
