@@ -139,7 +139,8 @@ class Simulation:
         self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
         #: The vents, and the numbers of those that ``_raise_top`` has already counted.
         self._counted: tuple[VentSet, set[int]] = self._vents, set()
-        self._raise_top(self._state.read_particles()[:, :2], until=0.0)
+        places = _NOWHERE if particles is None else self._state.read_particles()[:, :2]
+        self._raise_top(places, until=0.0)
 
     @property
     def device(self) -> str:
