@@ -19,14 +19,13 @@ from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from lava_ros.simulation.budget import VolumeBudget
-    from lava_ros.simulation.particles import Particles
     from lava_ros.simulation.simulation import Simulation
-    from lava_ros.simulation.snapshot import Snapshot, StepReport
+    from lava_ros.simulation.snapshot import Particles, Snapshot, StepReport
 
 #: Public names and where they are. Warp is loaded by the first that needs it: accuracy, presets
 #: and checkpoints do not.
 _MODULES = {
-    'Particles': 'particles',
+    'Particles': 'snapshot',
     'Simulation': 'simulation',
     'Snapshot': 'snapshot',
     'StepReport': 'snapshot',

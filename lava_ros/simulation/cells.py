@@ -108,10 +108,8 @@ def cell_functions(real: Any) -> CellFunctions:
     @wp.func
     def cells_around(cells: cell_frame(real), x: real, y: real, reach: real) -> wp.vec4i:
         return wp.vec4i(
-            row_of(cells, y - reach),
-            row_of(cells, y + reach) + 1,
-            column_of(cells, x - reach),
-            column_of(cells, x + reach) + 1,
+            row_of(cells, y - reach), row_of(cells, y + reach) + 1,
+            column_of(cells, x - reach), column_of(cells, x + reach) + 1,
         )
 
     @wp.func
@@ -145,11 +143,7 @@ def sums_function(real: Any, kernel: SmoothingKernel, parts: int, is_short: bool
 
     @wp.func
     def sums_around(
-        part: int,
-        ordered: wp.array(dtype=vec4),
-        cells: cell_frame(real),
-        box: wp.vec4i,
-        p: vec4,
+        part: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
         inverse: real,
     ) -> vec3:
         sums = vec3()
@@ -192,12 +186,8 @@ def wide_sums_function(wide_terms: str) -> Any:
         """)
     )
     def sums_around(
-        part: int,
-        values: wp.array(dtype=wp.vec4),
-        cells: cell_frame(wp.float32),
-        box: wp.vec4i,
-        p: wp.vec4,
-        inverse: wp.float32,
+        part: int, values: wp.array(dtype=wp.vec4), cells: cell_frame(wp.float32), box: wp.vec4i,
+        p: wp.vec4, inverse: wp.float32,
     ) -> wp.vec3: ...
 
     return sums_around

@@ -14,6 +14,9 @@
 
 """A simulation at rest between two steps, as plain data and as bytes that survive the process.
 
+``take`` and ``restore`` are the way to and from a running one: it goes on as if it had never
+stopped.
+
 The bytes are a prefix, a header in JSON and a body: the arrays, compressed by zstd. The prefix has
 the format's version, the length of what follows and a checksum over all of it, so that what is
 damaged, cut off or of a later version is refused before any of it is used. Nothing in it is
@@ -26,7 +29,7 @@ import hashlib
 import json
 import math
 import struct
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
@@ -39,6 +42,9 @@ from lava_ros.scene import ENVIRONMENT, Lava, Scene, scene_to_dict, Terrain, Ven
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
 
+if TYPE_CHECKING:
+    from lava_ros.simulation.simulation import Simulation
+
 #: Version of the format; a reader takes its own and those before.
 VERSION = 1
 
@@ -50,6 +56,9 @@ PREFIX_SIZE = 64
 
 #: Largest uncompressed size that is read [bytes].
 MAX_SIZE = 1 << 31
+
+#: Elevation above, or below, every other [m]; finite, as a checkpoint's numbers are.
+FAR = 1e30
 
 _MAGIC = b'\x89LAVA\r\n\x1a'
 
@@ -182,10 +191,7 @@ def summary_of(data: bytes) -> Summary:
 
 
 def from_bytes(data: bytes) -> Checkpoint:
-    """Read a checkpoint.
-
-    Args:
-        data: All of its bytes.
+    """Read a checkpoint from all of its bytes.
 
     Raises:
         LavaError: They are damaged, cut off, foreign, of a later version, or of no use.
@@ -311,3 +317,76 @@ def _digest(*parts: bytes | memoryview) -> bytes:
     for part in parts:
         digest.update(part)
     return digest.digest()
+
+
+def take(simulation: 'Simulation') -> Checkpoint:
+    """Copy all that a simulation needs to go on; it stands between two steps.
+
+    The next stages are captured anew on a GPU, as those of a resumed simulation are: both then
+    idle alike past the next target.
+    """
+    simulation._state.launches.forget()
+    arrays = {f'state.{name}': array for name, array in simulation._state.save().items()}
+    arrays |= {f'vents.{name}': array for name, array in simulation._vents.save().items()}
+    if simulation._notes_arrival:
+        arrays['arrived.times'] = simulation._state.arrived.numpy()
+    for effect, step in simulation._after_step.items():
+        if hasattr(step, 'save'):
+            arrays |= {f'{effect}.{name}': array for name, array in step.save().items()}
+    return Checkpoint(
+        time=simulation.time,
+        scene=simulation.scene,
+        effects=simulation.effects,
+        forced=simulation._forced,
+        horizon=simulation._horizon,
+        accuracy=simulation.accuracy,
+        emitted=simulation._emitted_before,
+        since=simulation._vents.since,
+        capacity=simulation._state.capacity,
+        arrays=arrays,
+    )
+
+
+def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
+    """Make a new simulation of a checkpoint's scene, effects and accuracy go on from there.
+
+    Raises:
+        LavaError: An array is missing, or is not of the scene and the effects.
+    """
+    parts: dict[str, dict[str, np.ndarray]] = {}
+    for name, array in checkpoint.arrays.items():
+        owner, _, own_name = name.partition('.')
+        parts.setdefault(owner, {})[own_name] = array
+    state = parts.pop('state', {})
+    # what was written before there was a bound goes on without one
+    state.setdefault('top', np.full_like(simulation._state.top.numpy(), FAR))
+    # and where lava has left was not told apart
+    if np.shape(state.get('left')) == (1,):
+        state['left'] = np.append(state['left'], 0.0)
+    simulation._state.load(state, checkpoint.capacity)
+    vents, shape = parts.pop('vents', {}), (len(checkpoint.scene.vents),)
+    carried = fitting('vents.carried', vents.get('carried'), shape, np.float64)
+    released = fitting('vents.released', vents.get('released'), shape, np.int32)
+    simulation._vents = simulation._vent_set(
+        checkpoint.scene.vents, since=checkpoint.since, carried=carried
+    )
+    simulation._vents.load(released)
+    # the state has the vents' heights; lava that has frozen since may have raised the ground
+    giving = simulation._vents.giving(checkpoint.time, others_than=())
+    simulation._counted = simulation._vents, set(giving)
+    if simulation._notes_arrival:
+        target, times = simulation._state.arrived, parts.pop('arrived')['times']
+        target.assign(fitting('arrived.times', times, target.shape, np.float32))
+    for effect, step in simulation._after_step.items():
+        if hasattr(step, 'load'):
+            step.load(parts.pop(effect, {}))
+    if parts:
+        raise LavaError('checkpoint.arrays', sorted(parts), 'those of the effects that are on')
+    if simulation.time != checkpoint.time:
+        right = f'that of the clock, {simulation.time:g} s'
+        raise LavaError('checkpoint.time', checkpoint.time, right)
+    simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
+    simulation._emitted_before = checkpoint.emitted
+    # it was made without the particles, and knows where vents are only
+    simulation._cover()
+    return simulation

@@ -31,10 +31,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def device_of(name: str | None) -> Any:
-    """Find a Warp device by its name.
-
-    Args:
-        name: Such as ``cpu`` or ``cuda:0``; the first CUDA device, else the CPU, when left out.
+    """Find a Warp device, such as ``cpu`` or ``cuda:0``, by default the first of CUDA or the CPU.
 
     Raises:
         LavaError: There is no such device.

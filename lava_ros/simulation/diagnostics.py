@@ -26,21 +26,10 @@ import numpy as np
 import warp as wp
 
 from lava_ros.scene import Terrain
+from lava_ros.simulation import state as at
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.snapshot import Snapshot, StepReport
-from lava_ros.simulation.state import (
-    BORDER,
-    EVALUATIONS,
-    FULL_STEP,
-    HOLES,
-    LIMIT,
-    NEWCOMERS,
-    PARTICLES,
-    STAGES,
-    State,
-    STEPS,
-    TIME,
-)
+from lava_ros.simulation.state import State
 from lava_ros.simulation.timestep import LIMITS
 from lava_ros.simulation.vents import VentSet
 
@@ -50,27 +39,12 @@ _SUMS = 16384
 
 
 class Moment(NamedTuple):
-    """The numbers of a moment.
-
-    Attributes:
-        time: Simulated time [s].
-        particle_count: Particles there are.
-        steps: The time stepping so far.
-        volume: Sum of the particles' volumes [m3].
-        left: Volume that has left the terrain [m3].
-        in_holes: The part of it that has come onto cells without data [m3].
-        frozen: Volume that has frozen [m3].
-        released: Particles that have come out of each vent, int32.
-    """
+    """The numbers of a moment, as ``Snapshot`` has them."""
 
     time: float
     particle_count: int
     steps: StepReport
-    volume: float
-    left: float
-    in_holes: float
-    frozen: float
-    released: np.ndarray
+    budget: VolumeBudget
 
 
 @lru_cache
@@ -89,13 +63,13 @@ def _kernel(real: Any) -> Any:
     ):
         t = wp.tid()
         total = wp.float64(0.0)
-        for i in range(t, counts[PARTICLES] + counts[NEWCOMERS], wp.static(_SUMS)):
+        for i in range(t, counts[at.PARTICLES] + counts[at.NEWCOMERS], wp.static(_SUMS)):
             total += wp.float64(particle[i][2])
         numbers[t] = total
         if t == 0:
             place = int(wp.static(_SUMS))
-            numbers[place] = left[BORDER]
-            numbers[place + 1] = left[HOLES]
+            numbers[place] = left[at.BORDER]
+            numbers[place + 1] = left[at.HOLES]
             if frozen:
                 numbers[place + 2] = frozen[0]
             place += 3
@@ -130,12 +104,8 @@ class FlowDiagnostics:
             _kernel(state.real),
             dim=_SUMS,
             inputs=[
-                state.particle,
-                state.clock,
-                state.counts,
-                state.left,
-                getattr(state, 'frozen', None),
-                vents.released,
+                state.particle, state.clock, state.counts, state.left,
+                getattr(state, 'frozen', None), vents.released,
             ],
             outputs=[self._numbers],
             device=state.device,
@@ -143,40 +113,34 @@ class FlowDiagnostics:
         return self._numbers
 
 
-def moment_of(numbers: np.ndarray, state: State) -> Moment:
-    """Read a copy of what a census has gathered; of the state only the arrays' sizes are read."""
+def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) -> Moment:
+    """Read a copy of what was gathered.
+
+    Of the state only the arrays' sizes are read; ``before`` [m3] came out before these vents did.
+    """
     ends = np.cumsum([_SUMS, 3, state.clock.size, state.counts.size])
     sums, (border, holes, frozen), clock, places, released = np.split(numbers, ends)
-    counts = places.astype(np.int64)
+    counts, time = places.astype(np.int64), float(clock[at.TIME])
+    pending = float(vents.pending(time, released.astype(np.int32)).sum())
     return Moment(
-        time=float(clock[TIME]),
-        particle_count=int(counts[PARTICLES] + counts[NEWCOMERS]),
+        time=time,
+        particle_count=at.count_in(counts),
         steps=StepReport(
-            count=int(counts[STEPS]),
-            evaluations=int(counts[EVALUATIONS]),
-            stages=int(counts[STAGES]),
-            length=float(clock[FULL_STEP]),
-            limit=LIMITS[int(counts[LIMIT])],
+            count=int(counts[at.STEPS]),
+            evaluations=int(counts[at.EVALUATIONS]),
+            stages=int(counts[at.STAGES]),
+            length=float(clock[at.FULL_STEP]),
+            limit=LIMITS[int(counts[at.LIMIT])],
         ),
-        volume=float(sums.sum()),
-        left=float(border + holes),
-        in_holes=float(holes),
-        frozen=float(frozen),
-        released=released.astype(np.int32),
-    )
-
-
-def budget_of(moment: Moment, vents: VentSet, before: float) -> VolumeBudget:
-    """Account for the volume of a moment; ``before`` [m3] came out before these vents did."""
-    pending = float(vents.pending(moment.time, moment.released).sum())
-    return VolumeBudget(
-        emitted=before + vents.emitted(moment.time),
-        held=moment.volume + pending,
-        pending=pending,
-        left=moment.left,
-        frozen=moment.frozen,
-        late=vents.late(pending),
-        in_holes=moment.in_holes,
+        budget=VolumeBudget(
+            emitted=before + vents.emitted(time),
+            held=float(sums.sum()) + pending,
+            pending=pending,
+            left=float(border + holes),
+            frozen=float(frozen),
+            late=vents.late(pending),
+            in_holes=float(holes),
+        ),
     )
 
 
@@ -187,29 +151,20 @@ def snapshot_of(
     vents: VentSet,
     before: float,
 ) -> Snapshot:
-    """Put together what is shown of a moment.
+    """Put together what is shown of a moment; state, vents and volume as of ``moment_of``.
 
-    Args:
-        copies: The grids, thickness, temperature and, with solidification, what has frozen of
-            it, and where it is noted the arrival; and what a census has gathered.
-        terrain: The ground that the grids lie on.
-        state: The particles; only the arrays' sizes are read.
-        vents: The vents of then.
-        before: Volume that was emitted before these vents [m3].
+    ``copies`` are the grids on the terrain, thickness, temperature and, with solidification, what
+    has frozen of it, and where it is noted the arrival; and what was gathered.
     """
     grids, numbers = copies
-    moment = moment_of(numbers, state)
     arrived = None
     if hasattr(state, 'arrived'):
         arrived, grids = np.where(grids[-1] < 0.0, np.float32(np.nan), grids[-1]), grids[:-1]
     return Snapshot(
-        time=moment.time,
         terrain=terrain,
         thickness=grids[0],
         temperature=grids[1],
-        budget=budget_of(moment, vents, before),
-        particle_count=moment.particle_count,
-        steps=moment.steps,
         frozen=grids[2] if len(grids) > 2 else None,
         arrived=arrived,
+        **moment_of(numbers, state, vents, before)._asdict(),
     )

@@ -26,6 +26,13 @@ depth-averaged velocity is u = -rho g h^2 grad S / (3 mu). The surface gradient 
 * balanced: d + r, r the difference e - d cut down to the length of d. It is e unless the surface
   is nearly level, and 0 where d is. The energy never grows either: where r is cut,
   e . (d + r) >= |d|^2 - (1 + |d| / |e - d|) |d| |e - d| + |d| |e - d| = 0.
+
+The balance has no inertia, so nothing bounds its speed: at a wall, or where lava is thin as water,
+it is that of lava which has fallen for ever. No lava is faster than what it has fallen by can have
+made it. A particle on ground of height H has fallen from the highest ground that lava came from,
+``State.top``, and lies h deep: u^2 <= 2 g (max(top - H, 0) + h). Lava with u^2 <= 2 g h never sees
+the bound. As u^2 / (g h) is the number that calls for inertia above 0.1 (``selection.py``): all
+lava whose balance holds.
 """
 
 from functools import lru_cache
@@ -53,7 +60,6 @@ from lava_ros.simulation.cells import (
     sums_function,
     wide_sums_function,
 )
-from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
@@ -68,6 +74,27 @@ class FlowKernels(NamedTuple):
 
 
 @lru_cache
+def fall_function(real: Any) -> Any:
+    """Return the device function that keeps a velocity at a place to that of free fall."""
+    vec2 = wp.types.vector(2, real)
+    height_at = terrain_functions(real).height_at
+
+    @wp.func
+    def fallen(velocity: vec2, thickness: real, place: vec2, m: arguments_type(real)) -> vec2:
+        square = wp.dot(velocity, velocity)
+        head = square / (real(2.0) * m.constants.gravity) - thickness
+        kept = velocity
+        # hardly any lava is that fast: the others need not know how high they are
+        if head > real(0.0):
+            fall = wp.max(m.top[0] - height_at(m.ground, place[0], place[1]), real(0.0))
+            if head > fall:
+                kept *= wp.sqrt((fall + thickness) / (head + thickness))
+        return kept
+
+    return fallen
+
+
+@lru_cache
 def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     """Return the device function from a surface gradient to velocity, drive and rates."""
     vec2 = wp.types.vector(2, real)
@@ -75,7 +102,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     vec4 = wp.types.vector(4, real)
     store = store4(real)
     viscosity = viscosity_function(wp, real, law_type(real), effects)
-    x_k1 = bessel(real).x_k1
+    _, x_k1 = bessel(real)
     green, helmholtz = 'green' in effects, 'helmholtz' in effects
     steep = load_effect('steep').factor(real) if 'steep' in effects else None
     along = load_effect('steep').along(real) if 'steep' in effects else None
@@ -85,12 +112,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
 
     @wp.func
     def balance(
-        i: int,
-        p: vec4,
-        height: real,
-        surface: vec2,
-        ground: vec2,
-        m: arguments_type(real),
+        i: int, p: vec4, height: real, surface: vec2, ground: vec2, m: arguments_type(real),
         fills_flow: bool,
     ):
         place = vec2(p[0], p[1])
@@ -161,15 +183,8 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
 
 @lru_cache
 def flow_kernels(
-    real: Any,
-    kernel_name: str,
-    ratio: float,
-    gradient: str,
-    effects: Effects,
-    lanes: int = 1,
-    parts: int = 1,
-    is_short: bool = False,
-    is_wide: bool = False,
+    real: Any, kernel_name: str, ratio: float, gradient: str, effects: Effects, lanes: int = 1,
+    parts: int = 1, is_short: bool = False, is_wide: bool = False,
 ) -> FlowKernels:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
 
@@ -196,11 +211,7 @@ def flow_kernels(
 
     @wp.func
     def height_around(
-        part: int,
-        ordered: wp.array(dtype=vec4),
-        cells: cell_frame(real),
-        box: wp.vec4i,
-        p: vec4,
+        part: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
         inverse: real,
     ) -> real:
         height = real(0.0)
@@ -215,14 +226,8 @@ def flow_kernels(
 
     @wp.func
     def differences_around(
-        part: int,
-        ordered: wp.array(dtype=vec4),
-        surface: wp.array(dtype=vec2),
-        cells: cell_frame(real),
-        box: wp.vec4i,
-        p: vec4,
-        own: real,
-        inverse: real,
+        part: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
+        cells: cell_frame(real), box: wp.vec4i, p: vec4, own: real, inverse: real,
     ) -> vec8:
         """Sums over the neighbours' areas: differences, their second moments, and V grad W."""
         rise = vec2()
@@ -346,3 +351,61 @@ def compute_flow(state: State, way: Any, kernels: FlowKernels, *, fills_flow: bo
     if state.has_surface:
         launch_over(state, kernels.elevate, [way], lanes=state.lanes)
     launch_over(state, kernels.flow, [way, fills_flow], lanes=state.lanes)
+
+
+@lru_cache
+def _published_kernel(real: Any) -> Any:
+    """Return the kernel of the velocity as the paper prints it (3.36 to 3.44), for comparison.
+
+    u_i = h_i^3 sum_j K0(r) b_j / sum_j K0(r) over neighbours within l, with
+    b = -h^3 rho g grad S / (f(theta) mu). In it, as printed: the velocity is multiplied by h^3
+    instead of divided by k^2 h^3; the viscosity counts twice, as f(theta) and as mu; K0 is its
+    two-term series of the bare distance r in metres, without k; and K0(0) is K0(0.001). The paper
+    calls the distance |u|; the distance of two particles is what is meant.
+    """
+    vec3 = wp.types.vector(3, real)
+    _, _, cells_around, range_in = cell_functions(real)
+    load = load4(real)
+
+    @wp.func
+    def series(r: real) -> real:
+        log = wp.log(real(2.0) / r) - real(0.577216)
+        return log + real(0.25) * r * r * (log + real(1.0))
+
+    @quick_kernel
+    def published_velocity(i: int, m: arguments_type(real), viscosity: real):
+        if i >= m.counts[PARTICLES]:
+            return
+        p = load(m.ordered, i)
+        height = m.flow[i][0]
+        support = m.constants.radius
+        total = real(0.0)
+        x = real(0.0)
+        y = real(0.0)
+        box = cells_around(m.cells, p[0], p[1], support)
+        for r in range(box[0], box[1]):
+            near = range_in(m.cells, r, box)
+            for j in range(near[0], near[1]):
+                other = load(m.ordered, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                square = dx * dx + dy * dy
+                if square < support * support:
+                    weight = series(wp.max(wp.sqrt(square), real(1.0e-3)))
+                    total += weight
+                    there = load(m.source, j)
+                    x += weight * there[2] / m.area[j]
+                    y += weight * there[3] / m.area[j]
+        # source over area is h u_local = -h^3 rho g grad S / (3 f): b is 3 / mu of it
+        scale = real(3.0) / viscosity * height * height * height / total
+        m.flow[i] = vec3(height, scale * x, scale * y)
+
+    return published_velocity
+
+
+def publish_velocity(state: State, way: Any, viscosity: float) -> None:
+    """Replace the local velocity in ``state.flow`` by that of the printed formulas.
+
+    ``source`` and ``area`` of the state are filled; ``viscosity`` is the constant mu [Pa s].
+    """
+    launch_over(state, _published_kernel(state.real), [way, viscosity])

@@ -57,13 +57,11 @@ def freezing_step(scene: Scene, thickness: float) -> float:
 
 @lru_cache
 def temperature_function(real: Any, effects: Effects) -> Any:
-    """Return the device function that gives the temperature after a step.
+    """Return the device function that gives the temperature after a step, None if it stays.
 
     Its arguments: the constants, thickness [m], temperature [K], age at the start of the step [s],
     height that the surface under the column has fallen by along its way [m], its speed [m/s], and
     the step [s].
-
-    None when no effect moves heat: temperatures then stay.
     """
     constants_type, modules = heat_type(real), effects.having('terms')
     names = without_replaced(modules)
@@ -72,9 +70,25 @@ def temperature_function(real: Any, effects: Effects) -> Any:
     balance, *others = (modules[name].terms(wp, real, constants_type) for name in names)
     for other in others:
         balance = _sum(real, balance, other)
-    relaxed = _relaxed(real)
+
+    @wp.func
+    def relaxation(temperature: real, rate: real, source: real, step: real) -> real:
+        """Solve T' = -rate T + source, both constant."""
+        x = rate * step
+        if x < real(1.0e-6):
+            return temperature + step * (source - rate * temperature)
+        equilibrium = source / rate
+        return equilibrium + (temperature - equilibrium) * wp.exp(-x)
+
+    @wp.func
+    def plain(
+        constants: constants_type, temperature: real, rate: real, source: real, step: real
+    ) -> real:
+        return relaxation(temperature, rate, source, step)
+
+    relaxed = plain
     for module in effects.having('relaxed').values():
-        relaxed = module.relaxed(wp, real, constants_type, relaxation_function(real))
+        relaxed = module.relaxed(wp, real, constants_type, relaxation)
 
     @wp.func
     def mean_age(age: real, span: real) -> real:
@@ -84,13 +98,8 @@ def temperature_function(real: Any, effects: Effects) -> Any:
 
     @wp.func
     def temperature_after(
-        constants: heat_type(real),
-        thickness: real,
-        temperature: real,
-        age: real,
-        drop: real,
-        speed: real,
-        step: real,
+        constants: heat_type(real), thickness: real, temperature: real, age: real, drop: real,
+        speed: real, step: real,
     ) -> real:
         if step <= real(0.0):
             return temperature
@@ -109,11 +118,7 @@ def _sum(real: Any, first: Any, second: Any) -> Any:
 
     @wp.func
     def both(
-        constants: heat_type(real),
-        thickness: real,
-        temperature: real,
-        age: real,
-        drop: real,
+        constants: heat_type(real), thickness: real, temperature: real, age: real, drop: real,
         speed: real,
     ) -> vec2:
         return first(constants, thickness, temperature, age, drop, speed) + second(
@@ -121,31 +126,3 @@ def _sum(real: Any, first: Any, second: Any) -> Any:
         )
 
     return both
-
-
-@lru_cache
-def _relaxed(real: Any) -> Any:
-    relaxation = relaxation_function(real)
-
-    @wp.func
-    def relaxed(
-        constants: heat_type(real), temperature: real, rate: real, source: real, step: real
-    ) -> real:
-        return relaxation(temperature, rate, source, step)
-
-    return relaxed
-
-
-@lru_cache
-def relaxation_function(real: Any) -> Any:
-    """Return the device function that solves T' = -rate T + source, both constant."""
-
-    @wp.func
-    def relaxation(temperature: real, rate: real, source: real, step: real) -> real:
-        x = rate * step
-        if x < real(1.0e-6):
-            return temperature + step * (source - rate * temperature)
-        equilibrium = source / rate
-        return equilibrium + (temperature - equilibrium) * wp.exp(-x)
-
-    return relaxation

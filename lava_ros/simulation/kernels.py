@@ -49,23 +49,14 @@ LEAST_SQUARED = 1.0 / SQUARED_SUPPORT
 #: log2(e^x K0(x)), x = 2 sqrt(s), as a polynomial of log2 s, its highest power first, to 2e-4 for
 #: x from 0.004 to 20.
 _K0 = (
-    -1.2741719e-08,
-    -4.5190392e-07,
-    1.42949739e-06,
-    0.000170826538,
-    -0.00285269651,
-    -0.228058267,
+    -1.2741719e-08, -4.5190392e-07, 1.42949739e-06, 0.000170826538, -0.00285269651, -0.228058267,
     -0.248646405,
 )
 
 #: 2^(t/2) for t from -3.5 to 3.5, to 1.4e-4 2^(0.15 t).
 _ROOT = (
-    4.307390714808505e-05,
-    0.0006464656938273085,
-    0.006940395607739791,
-    0.059848329705461195,
-    0.34654181226319425,
-    1.0001396563621365,
+    4.307390714808505e-05, 0.0006464656938273085, 0.006940395607739791, 0.059848329705461195,
+    0.34654181226319425, 1.0001396563621365,
 )
 
 #: Radii of the support over the thickness that are told apart: with fewer K0 is as good as level,
@@ -74,22 +65,9 @@ _LEAST_RADII, _MOST_RADII = 0.01, 1000.0
 
 #: log2(1.5 + t) and 2^(0.5 + t) for t from -0.5 to 0.5, to 2.4e-6 and 1.1e-7.
 _LOG2 = (
-    -0.0245685347,
-    0.0439074798,
-    -0.07079686,
-    0.141724736,
-    -0.320613035,
-    0.961820821,
-    0.584962501,
+    -0.0245685347, 0.0439074798, -0.07079686, 0.141724736, -0.320613035, 0.961820821, 0.584962501,
 )
-_EXP2 = (
-    0.00189375406,
-    0.0136839756,
-    0.0784939031,
-    0.339723902,
-    0.980258154,
-    1.41421367,
-)
+_EXP2 = 0.00189375406, 0.0136839756, 0.0784939031, 0.339723902, 0.980258154, 1.41421367
 
 
 def _wide_polynomial(name: str, x: str, powers: Sequence[float]) -> str:
@@ -222,16 +200,14 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
     def no_excess(x: real) -> real:
         return real(0.0)
 
-    norms = {'wendland': 7.0, 'poly6': 4.0, 'spiky': 10.0, 'visc': 10.0 / 9.0}
-    functions = {
-        'wendland': (wendland_shape, wendland_slope, 10.18, wendland_excess),
-        'poly6': (poly6_shape, poly6_slope, 6.76, no_excess),
-        'spiky': (spiky_shape, spiky_slope, 10.28, spiky_excess),
-        'visc': (visc_shape, visc_slope, 13.62, no_excess),
+    kernels = {
+        'wendland': (7.0, wendland_shape, wendland_slope, 10.18, wendland_excess),
+        'poly6': (4.0, poly6_shape, poly6_slope, 6.76, no_excess),
+        'spiky': (10.0, spiky_shape, spiky_slope, 10.28, spiky_excess),
+        'visc': (10.0 / 9.0, visc_shape, visc_slope, 13.62, no_excess),
     }
-
+    norm, shape, slope, stiffness, excess = kernels[name]
     vec2 = wp.types.vector(2, real)
-
     what_is_left = one_less(real)
 
     @wp.func
@@ -241,8 +217,6 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
         weight = volume * (square * p)
         return vec2(weight * (square - real(1.25) * p), weight)
 
-    shape, slope, *_ = functions[name]
-
     @wp.func
     def terms(volume: real, distance: real, inverse: real) -> vec2:
         q = distance * inverse
@@ -251,26 +225,15 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
     both: tuple[Any, tuple[float, float], str | None] = (terms, (1.0, 1.0), None)
     if name == 'wendland':
         both = (wendland_terms, (-4.0, -20.0), _WIDE_WENDLAND)
-    norm, (stiffness, excess) = norms[name] / math.pi, functions[name][2:]
-    return SmoothingKernel(norm, shape, slope, *both, stiffness, excess)
-
-
-class Bessel(NamedTuple):
-    """Modified Bessel functions of the second kind as device functions.
-
-    ``k0`` takes s = (x / 2)^2, which squared distances give without a root, ``x_k1`` takes x > 0.
-    """
-
-    k0: Any
-    x_k1: Any
+    return SmoothingKernel(norm / math.pi, shape, slope, *both, stiffness, excess)
 
 
 @lru_cache
-def bessel(real: Any) -> Bessel:
-    """Return K0(2 sqrt(s)) and x K1(x).
+def bessel(real: Any) -> tuple[Any, Any]:
+    """Return the device functions K0(2 sqrt(s)) and x K1(x), of s = (x / 2)^2 and x > 0.
 
-    They are good to 2e-7 absolute: polynomials 9.8.1, 9.8.3 and 9.8.5 to 9.8.8 of Abramowitz &
-    Stegun, Handbook of Mathematical Functions.
+    Squared distances give s without a root. They are good to 2e-7 absolute: polynomials 9.8.1,
+    9.8.3 and 9.8.5 to 9.8.8 of Abramowitz & Stegun, Handbook of Mathematical Functions.
     """
 
     @wp.func
@@ -309,7 +272,7 @@ def bessel(real: Any) -> Bessel:
             real(-0.03655620) + t * (real(0.01504268) + t * (real(-0.00780353) + t * (
                 real(0.00325614) + t * real(-0.00068245)))))))
 
-    return Bessel(k0, x_k1)
+    return k0, x_k1
 
 
 class K0Within(NamedTuple):
@@ -374,7 +337,7 @@ def k0_within(real: Any) -> K0Within:
     and to 2e-3 up to 30, where only a particle's own weight counts.
     """
     if real is wp.float64:
-        k0 = bessel(real).k0
+        k0, _ = bessel(real)
 
         @wp.func
         def quarter_of(x: real) -> real:

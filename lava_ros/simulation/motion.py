@@ -25,33 +25,16 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
+from lava_ros.simulation import state as at
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.backend.compiled import (
-    load2,
-    load4,
-    past_the_cache,
-    quick_kernel,
-    store2,
-    store4,
-    wait_for,
-)
+from lava_ros.simulation.backend import compiled
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.heat import temperature_function
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import bin_function, NeighborGrid
-from lava_ros.simulation.state import (
-    BEFORE_FORMER,
-    CURRENT,
-    FIRST_VELOCITY,
-    FORMER,
-    IS_LAST,
-    PARTICLES,
-    State,
-    STEP,
-    TIME,
-    VELOCITY,
-)
+from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import terrain_functions
 from lava_ros.simulation.timestep import pace_type
 from lava_ros.simulation.vents import Outlets
@@ -123,7 +106,7 @@ def _note_function(real: Any) -> Any:
         north = wp.min(int(wp.floor(y + half)) + 1, m.ground.rows)
         west = wp.max(int(wp.floor(x - half)), 0)
         east = wp.min(int(wp.floor(x + half)) + 1, m.ground.columns)
-        time = wp.float32(m.clock[TIME])
+        time = wp.float32(m.clock[at.TIME])
         for row in range(south, north):
             for column in range(west, east):
                 if m.arrived[row, column] < wp.float32(0.0):
@@ -134,12 +117,7 @@ def _note_function(real: Any) -> Any:
 
 @lru_cache
 def motion_function(
-    real: Any,
-    effects: Effects,
-    is_staged: bool,
-    is_guarded: bool,
-    bins: bool,
-    has_surface: bool,
+    real: Any, effects: Effects, is_staged: bool, is_guarded: bool, bins: bool, has_surface: bool,
     notes_arrival: bool,
 ) -> Any:
     """Return the device function that moves the i-th of the ordered particles.
@@ -151,8 +129,8 @@ def motion_function(
     # differences and lateral stress push lava up slopes that its own surface does not
     guarded = _guard_function(real, has_surface or 'green' in effects or 'helmholtz' in effects)
     place = bin_function(real, False)
-    load, store = load4(real), store4(real)
-    load_pair, store_pair = load2(real), store2(real)
+    load, store = compiled.load4(real), compiled.store4(real)
+    load_pair, store_pair = compiled.load2(real), compiled.store2(real)
     gradient_at, _, height_at, *_ = terrain_functions(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
@@ -166,24 +144,24 @@ def motion_function(
     def move_on(i: int, p: vec4, f: vec3, m: arguments_type(real)):
         x = p[0]
         y = p[1]
-        dx = m.stage[VELOCITY] * f[1]
-        dy = m.stage[VELOCITY] * f[2]
+        dx = m.stage[at.VELOCITY] * f[1]
+        dy = m.stage[at.VELOCITY] * f[2]
         before = vec2()
         start = vec2(f[1], f[2])
         if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
             # displacements, not positions, are combined: a float32 keeps their digits
-            if m.counts[CURRENT] > 1:
+            if m.counts[at.CURRENT] > 1:
                 b = load(m.ordered_base, i)
                 d = load(m.ordered_drift, i)
                 dx += (
-                    m.stage[FORMER] * d[0]
-                    + m.stage[BEFORE_FORMER] * b[2]
-                    + m.stage[FIRST_VELOCITY] * d[2]
+                    m.stage[at.FORMER] * d[0]
+                    + m.stage[at.BEFORE_FORMER] * b[2]
+                    + m.stage[at.FIRST_VELOCITY] * d[2]
                 )
                 dy += (
-                    m.stage[FORMER] * d[1]
-                    + m.stage[BEFORE_FORMER] * b[3]
-                    + m.stage[FIRST_VELOCITY] * d[3]
+                    m.stage[at.FORMER] * d[1]
+                    + m.stage[at.BEFORE_FORMER] * b[3]
+                    + m.stage[at.FIRST_VELOCITY] * d[3]
                 )
                 x = b[0]
                 y = b[1]
@@ -205,8 +183,8 @@ def motion_function(
             time_out = m.ordered_age[i]
             m.age[i] = time_out
         if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
-            if m.counts[IS_LAST] == 1:
-                step = real(m.clock[STEP])
+            if m.counts[at.IS_LAST] == 1:
+                step = real(m.clock[at.STEP])
                 drop = real(0.0)
                 if wp.static(falls):
                     drop = -wp.dot(m.slope[i], vec2(dx, dy))
@@ -225,24 +203,24 @@ def motion_function(
                 if wp.static(has_age):
                     m.age[i] = time_out + step
         if wp.static('solidification' in effects):  # noqa: SIM102, the static test decides
-            if m.counts[IS_LAST] == 1 and temperature < m.heat.solidus:
+            if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
                 m.cold[0] = 1
         if wp.static(real is wp.float32):
             rest = load_pair(m.ordered_remainder, i)
             new = vec2(x, y)
             # past the target nothing moves, not by rounding either
-            if m.counts[CURRENT] > 0:
+            if m.counts[at.CURRENT] > 0:
                 dx += rest[0]
                 dy += rest[1]
                 new = vec2(x + dx, y + dy)
-                if m.counts[IS_LAST] == 1:
+                if m.counts[at.IS_LAST] == 1:
                     rest = vec2(dx - (new[0] - x), dy - (new[1] - y))
             store_pair(m.remainder, i, rest)
             p = vec4(new[0], new[1], p[2], temperature)
         else:
             p = vec4(x + dx, y + dy, p[2], temperature)
         if wp.static(notes_arrival):  # noqa: SIM102, the static test decides
-            if m.counts[IS_LAST] == 1 and f[0] >= real(wp.static(COVERED)):
+            if m.counts[at.IS_LAST] == 1 and f[0] >= real(wp.static(COVERED)):
                 note(p, f[0], m)
         store(m.particle, i, p)
         if wp.static(bins):
@@ -262,14 +240,11 @@ def motion_of(state: State) -> Any:
 @lru_cache
 def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int] | None) -> Any:
     vec3 = wp.types.vector(3, real)
-    load = load4(real)
+    load = compiled.load4(real)
 
     @quick_kernel(bounds=bounds)
     def move(
-        i: int,
-        flow: wp.array(dtype=vec3),
-        pace: pace_type(real),
-        outlets: Outlets,
+        i: int, flow: wp.array(dtype=vec3), pace: pace_type(real), outlets: Outlets,
         m: arguments_type(real),
     ):
         if wp.static(choose_and_emit is not None):
@@ -277,19 +252,17 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
                 choose_and_emit(i, pace, outlets, m)
                 return
             i -= wp.static(DIRECTORS)
-        if i >= past_the_cache(m.counts, PARTICLES):
+        if i >= compiled.past_the_cache(m.counts, at.PARTICLES):
             return
         p, f = load(m.ordered, i), flow[i]
         if wp.static(choose_and_emit is not None):
-            wait_for(pace.chosen)
+            compiled.wait_for(pace.chosen)
         motion(i, p, f, m)
 
     return move
 
 
-def move_particles(
-    state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice
-) -> None:
+def move_particles(state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice) -> None:
     """Move the ordered particles over the stage by the velocity in ``state.flow``."""
     launch_over(
         state,

@@ -31,30 +31,15 @@ import numpy as np
 import warp as wp
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.backend.compiled import (
-    can_count,
-    load2,
-    load4,
-    load_int,
-    quick_kernel,
-    store2,
-    store4,
-)
+from lava_ros.simulation import state as at
+from lava_ros.simulation.backend import compiled
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_frame, cell_functions, cells_to_radius
 from lava_ros.simulation.motion_arguments import arguments_type, motion_arguments
-from lava_ros.simulation.state import (
-    ADVECTION,
-    DIFFUSION,
-    NEAR_BORDER,
-    NEWCOMERS,
-    PARTICLES,
-    SPARE,
-    STAGE,
-    State,
-)
+from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions
 
 #: Cells up to which the whole terrain is covered.
@@ -107,15 +92,15 @@ def bin_function(real: Any, has_empty: bool) -> Any:
         if not (wp.static(has_empty) and p[2] == real(0.0)):
             # between the stages of a step nothing leaves: a stage may overshoot the border
             number = p[0] + p[1] + p[3]
-            if m.counts[STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
+            if m.counts[at.STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
                 c = row_of(m.cells, p[1]) * m.cells.columns + column_of(m.cells, p[0])
                 near = sides_near(m.cells, p[0], p[1])
                 if near != 0:
-                    wp.atomic_or(m.counts, NEAR_BORDER, near)
-            elif can_count():
+                    wp.atomic_or(m.counts, at.NEAR_BORDER, near)
+            elif compiled.can_count():
                 wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
         m.cell[i] = c
-        if can_count():
+        if compiled.can_count():
             m.rank[i] = wp.atomic_add(m.cells.sizes, c, 1)
 
     return place
@@ -136,31 +121,27 @@ def _loss_function(real: Any) -> Any:
 
 @lru_cache
 def _kernels(
-    real: Any,
-    is_staged: bool,
-    has_velocity: bool,
-    has_age: bool,
-    has_empty: bool,
+    real: Any, is_staged: bool, has_velocity: bool, has_age: bool, has_empty: bool,
     is_ranked_again: bool,
 ) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
-    load, store = load4(real), store4(real)
-    load_pair, store_pair = load2(real), store2(real)
+    load, store = compiled.load4(real), compiled.store4(real)
+    load_pair, store_pair = compiled.load2(real), compiled.store2(real)
 
     place, volume_lost = bin_function(real, has_empty), _loss_function(real)
     side_of = terrain_functions(real).side_of
 
     @quick_kernel
     def bin_particles(i: int, m: arguments_type(real)):
-        if i < m.counts[PARTICLES] + m.counts[NEWCOMERS]:
+        if i < m.counts[at.PARTICLES] + m.counts[at.NEWCOMERS]:
             place(i, load(m.particle, i), m)
 
     @quick_kernel
     def rank_particles(i: int, m: arguments_type(real)):
         """Rank particles in their cells in the order of all, one after the other."""
-        if i >= m.counts[PARTICLES] + m.counts[NEWCOMERS]:
+        if i >= m.counts[at.PARTICLES] + m.counts[at.NEWCOMERS]:
             return
-        c = load_int(m.cell, i)
+        c = compiled.load_int(m.cell, i)
         if c == m.cells.rows * m.cells.columns:
             p = m.particle[i]
             if not (wp.static(has_empty) and p[2] == real(0.0)):
@@ -172,14 +153,14 @@ def _kernels(
     @quick_kernel
     def list_members(i: int, m: arguments_type(real)):
         if i < m.cells.starts[m.cells.rows * m.cells.columns + 1]:
-            m.members[load_int(m.cells.starts, m.cell[i]) + m.rank[i]] = i
+            m.members[compiled.load_int(m.cells.starts, m.cell[i]) + m.rank[i]] = i
 
     @wp.func
     def rank_of(i: int, first: int, end: int, members: wp.array(dtype=wp.int32)) -> int:
         """Rank of a particle by its number among those of its cell."""
         before = wp.int32(0)
         for k in range(first, end):
-            if load_int(members, k) < i:
+            if compiled.load_int(members, k) < i:
                 before += 1
         return before
 
@@ -189,25 +170,25 @@ def _kernels(
         starts = m.cells.starts
         last = m.cells.rows * m.cells.columns
         if i == 0:
-            m.counts[PARTICLES] = starts[last]
-            m.counts[NEWCOMERS] = 0
-            m.rates[DIFFUSION] = real(0.0)
-            m.rates[ADVECTION] = real(0.0)
+            m.counts[at.PARTICLES] = starts[last]
+            m.counts[at.NEWCOMERS] = 0
+            m.rates[at.DIFFUSION] = real(0.0)
+            m.rates[at.ADVECTION] = real(0.0)
             m.chosen[0] = 0
         end = starts[last + 1]
         if i >= end:
             # sums go on over the end of the last row, with weights of 0: no nan may be there
-            if i < end + SPARE:
+            if i < end + at.SPARE:
                 store(m.ordered, i, vec4())
             return
-        c = load_int(m.cell, i)
+        c = compiled.load_int(m.cell, i)
         p = load(m.particle, i)
         m.cells.sizes[c] = 0
-        place = load_int(starts, c)
+        place = compiled.load_int(starts, c)
         if wp.static(is_ranked_again):
-            place += rank_of(i, place, load_int(starts, c + 1), m.members)
+            place += rank_of(i, place, compiled.load_int(starts, c + 1), m.members)
         else:
-            place += load_int(m.rank, i)
+            place += compiled.load_int(m.rank, i)
         if c == last:
             # it has left
             p = vec4()
@@ -219,7 +200,7 @@ def _kernels(
         if wp.static(has_age):
             m.ordered_age[place] = m.age[i]
         if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
-            if m.counts[STAGE] > 0:
+            if m.counts[at.STAGE] > 0:
                 store(m.ordered_base, place, load(m.base, i))
                 store(m.ordered_drift, place, load(m.drift, i))
 
@@ -228,11 +209,7 @@ def _kernels(
 
 def _kernels_of(state: State) -> tuple[Any, ...]:
     return _kernels(
-        state.real,
-        state.is_staged,
-        state.has_velocity,
-        state.has_age,
-        state.has_empty,
+        state.real, state.is_staged, state.has_velocity, state.has_age, state.has_empty,
         state.is_ranked_again,
     )
 

@@ -114,8 +114,7 @@ class Resolution:
         # 180 and not 1.8e+02
         width, error = (float(f'{value:.2g}') for value in (self.width, 100.0 * self.error))
         text = f'{self.across:.2g} particles across a flow about {width:g} m wide'
-        text += f' (spacing {self.spacing:.3g} m): expected error of the footprint '
-        text += f'{error:g} %'
+        text += f' (spacing {self.spacing:.3g} m): expected error of the footprint {error:g} %'
         if self.is_coarse:
             text += f'; the flow is under-resolved, below {LEAST_ACROSS:g} particles across'
         if self.limit == 'particles':
@@ -123,15 +122,10 @@ class Resolution:
         return text
 
 
-def resolution_of(
-    scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON
-) -> Resolution:
-    """Find the spacing that an accuracy means in a scene.
+def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON) -> Resolution:
+    """Find the spacing that an accuracy means in a scene; what it has of its own is kept.
 
-    Args:
-        scene: The scene.
-        accuracy: The resolution; a spacing or a thickness that it has is kept.
-        horizon: How far ahead is looked [s]: lava that comes later does not count.
+    Lava that comes after the ``horizon`` [s] does not count.
     """
     thickness = accuracy.thickness or mature_thickness(scene)
     width = flow_width(scene, horizon=horizon)
@@ -152,9 +146,7 @@ def resolution_of(
     return Resolution(spacing, thickness, width, width / spacing, freezes, limit)
 
 
-def resolved_accuracy(
-    accuracy: Accuracy, scene: Scene, *, horizon: float = HORIZON
-) -> Accuracy:
+def resolved_accuracy(accuracy: Accuracy, scene: Scene, *, horizon: float = HORIZON) -> Accuracy:
     """Fill in the automatic values: a spacing and a thickness of the scene's own scales."""
     if accuracy.spacing is not None and accuracy.thickness is not None:
         return accuracy
@@ -164,14 +156,9 @@ def resolved_accuracy(
 
 @lru_cache(maxsize=2)
 def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
-    """Width [m] of the flow, the lower quartile along the way that it takes within a time.
+    """Width [m] of the flow, the lower quartile along the way that it takes up to a horizon [s].
 
-    Args:
-        scene: The scene.
-        horizon: How far ahead is looked [s].
-
-    Returns:
-        The width; NaN where no vent has a discharge.
+    It is NaN where no vent has a discharge.
     """
     vents = [vent for vent in scene.vents if vent.peak > 0.0]
     if not vents:
@@ -227,20 +214,13 @@ def _descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, 
 
 
 def _normal_depth(
-    terrain: Terrain,
-    points: np.ndarray,
-    along: np.ndarray,
-    widest: np.ndarray,
-    flux: np.ndarray,
+    terrain: Terrain, points: np.ndarray, along: np.ndarray, widest: np.ndarray, flux: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Width [m] and area [m2] of the lava in cross-sections of the terrain.
 
-    Args:
-        terrain: The terrain.
-        points: Where they are [m], shape [sections, 2].
-        along: Direction of the path there, shape [sections, 2].
-        widest: Largest width [m], shape [sections].
-        flux: Discharge over mobility [m4], shape [sections]: the integral of depth cubed.
+    They are at ``points`` [m] of the path, which has the direction ``along`` there, both of shape
+    [sections, 2], and no wider than ``widest`` [m]. ``flux`` is the discharge over the mobility
+    [m4]: the integral of depth cubed.
     """
     share = np.linspace(-0.5, 0.5, _SAMPLES)
     offset = widest[:, None] * share

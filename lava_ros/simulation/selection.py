@@ -74,13 +74,7 @@ class Decision:
 def scales_of(
     scene: Scene, *, accuracy: Accuracy | None = None, horizon: float = HORIZON
 ) -> Scales:
-    """Take the scales of a scene.
-
-    Args:
-        scene: The scene.
-        accuracy: The resolution; automatic when left out.
-        horizon: How far ahead is looked [s].
-    """
+    """Take the scales of a scene up to a horizon [s]; the accuracy is automatic when left out."""
     lava, terrain = scene.lava, scene.terrain
     accuracy = accuracy or Accuracy()
     resolution = resolution_of(scene, accuracy, horizon=horizon)

@@ -14,7 +14,7 @@
 
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
@@ -29,36 +29,30 @@ from lava_ros import validation
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
+from lava_ros.simulation import state as at
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import read, Reader
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.batch import at_work, Batch
 from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.checkpoint import Checkpoint, restore, take
 from lava_ros.simulation.defaults import device_of, formulated
-from lava_ros.simulation.diagnostics import budget_of, FlowDiagnostics, moment_of, snapshot_of
+from lava_ros.simulation.diagnostics import FlowDiagnostics, moment_of, snapshot_of
 from lava_ros.simulation.looks import Looks, Seen
 from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.particles import Particles, ParticleSample, rows_of
 from lava_ros.simulation.rasterization import Raster
 from lava_ros.simulation.resolution import Resolution, resolution_of, resolved_accuracy
-from lava_ros.simulation.restoring import restore, take
 from lava_ros.simulation.selection import decide, Decision, effects_for, HORIZON
-from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot
-from lava_ros.simulation.stage import Stage
-from lava_ros.simulation.state import (
-    centre_of,
-    FAR,
-    NEAR_BORDER,
-    NEWCOMERS,
-    PARTICLES,
-    room_for,
-    STAGE,
-    State,
-    STEPS,
-    TIME,
+from lava_ros.simulation.snapshot import (
+    Particles,
+    ParticleSample,
+    PendingSnapshot,
+    rows_of,
+    Snapshot,
 )
+from lava_ros.simulation.stage import Stage
+from lava_ros.simulation.state import centre_of, count_in, room_for, State
 from lava_ros.simulation.terrain import StaggeredTerrain
 from lava_ros.simulation.vents import check_rates, parting, VentSet
 
@@ -73,6 +67,9 @@ _UNDER_WAY = {True: 2, False: 1}
 
 #: Share of what a launch gains that rounding may make of it.
 _ROUNDING = 1e-3
+
+#: Places of no particles.
+_NOWHERE = np.empty((0, 2))
 
 #: Copies of the clock and the counts of a ``State``.
 _Look = tuple[np.ndarray, np.ndarray]
@@ -142,7 +139,7 @@ class Simulation:
         self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
         #: The vents, and the numbers of those that ``_raise_top`` has already counted.
         self._counted: tuple[VentSet, set[int]] = self._vents, set()
-        places = None if particles is None else self._state.read_particles()[:, :2]
+        places = _NOWHERE if particles is None else self._state.read_particles()[:, :2]
         self._raise_top(places, until=0.0)
 
     @property
@@ -153,7 +150,7 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return float(self._state.read_clock()[0][TIME])
+        return float(self._state.read_clock()[0][at.TIME])
 
     @property
     def particle_count(self) -> int:
@@ -168,7 +165,7 @@ class Simulation:
     @property
     def steps(self) -> int:
         """Time steps taken so far."""
-        return int(self._state.read_clock()[1][STEPS])
+        return int(self._state.read_clock()[1][at.STEPS])
 
     def advance(self, until: float, *, wall_limit: float | None = None) -> float:
         """Simulate up to a time.
@@ -202,10 +199,10 @@ class Simulation:
             clock, counts = yield from self._advance_alone(until, deadline)
         else:
             clock, counts = yield from self._advance_in_batch(batch, until, deadline)
-        if clock[TIME] != until:
+        if clock[at.TIME] != until:
             # the stages that the step at hand still needs, and no other
-            self._state.write_target(clock[TIME])
-        while counts[STAGE]:
+            self._state.write_target(clock[at.TIME])
+        while counts[at.STAGE]:
             self._run_stages()
             yield
             _, counts = self._state.read_clock()
@@ -218,20 +215,20 @@ class Simulation:
         # a GPU has the next stages to do while the host looks at what came of the last ones
         under_way: deque[Any] = deque()
         gain = math.inf
-        while clock[TIME] < until and wall_clock.monotonic() < deadline:
+        while clock[at.TIME] < until and wall_clock.monotonic() < deadline:
             is_free = len(under_way) < _UNDER_WAY[self._device.is_cuda]
             # what is under way may get there but for rounding: more of it would idle
-            reached = clock[TIME] + (len(under_way) + _ROUNDING) * gain
+            reached = clock[at.TIME] + (len(under_way) + _ROUNDING) * gain
             if not under_way or (is_free and reached < until):
                 self._run_stages()
                 under_way.append(self._state.begin_readback())
                 yield
                 continue
-            former = clock[TIME]
+            former = clock[at.TIME]
             clock, counts = under_way.popleft()()
-            gain = clock[TIME] - former
-            self._note_size(counts)
-            if self._state.needs_room(counts) or counts[NEAR_BORDER]:
+            gain = clock[at.TIME] - former
+            self._most_particles = max(self._most_particles, count_in(counts))
+            if self._state.needs_room(counts) or counts[at.NEAR_BORDER]:
                 while under_way:
                     clock, counts = under_way.popleft()()
                 self._make_room(counts)
@@ -243,34 +240,29 @@ class Simulation:
         self, batch: Batch, until: float, deadline: float
     ) -> Generator[None, None, _Look]:
         """The same with others: the batch looks at all clocks at once, and this one at none."""
-        take = partial(self._stage.take, self.scene, self._vents)
         while True:
             self._bin()
-            batch.bring(self._state, partial(self._taken_down, take), until)
+            batch.bring(self._state, partial(self._taken_down, self._take), until)
             yield
             clock, counts = batch.seen
-            self._note_size(counts)
-            if clock[TIME] >= until:
+            self._most_particles = max(self._most_particles, count_in(counts))
+            if clock[at.TIME] >= until:
                 return clock, counts
             if wall_clock.monotonic() >= deadline:
                 # stages that were launched meanwhile have gone on
                 return self._state.read_clock()
             self._make_room(counts)
 
-    def _note_size(self, counts: np.ndarray) -> None:
-        count = int(counts[PARTICLES] + counts[NEWCOMERS])
-        self._most_particles = max(self._most_particles, count)
-
     def _make_room(self, counts: np.ndarray) -> None:
         self._state.make_room(counts)
-        if counts[NEAR_BORDER]:
+        if counts[at.NEAR_BORDER]:
             if self._neighbors.is_binned:
                 # what has left is counted as such already
                 self._neighbors.rebuild(self._state)
                 self._state.take_order(within_step=True)
-            self._state.write_count(NEAR_BORDER, 0)
-            self._neighbors.widen(int(counts[NEAR_BORDER]))
-            self._forget_launches()
+            self._state.write_count(at.NEAR_BORDER, 0)
+            self._neighbors.widen(int(counts[at.NEAR_BORDER]))
+            self._state.launches.forget()
 
     def snapshot(self) -> Snapshot:
         """Put the flow on the terrain's cells."""
@@ -312,7 +304,7 @@ class Simulation:
 
     def _looker(self, looks: Looks) -> Callable[[], None]:
         """A stage, which idles at the end of a step, with a look before the motion."""
-        return partial(self._stage.take, self.scene, self._vents, look=partial(self._map, looks))
+        return partial(self._take, look=partial(self._map, looks))
 
     def _map(self, looks: Looks) -> None:
         self._fill_raster()
@@ -328,7 +320,7 @@ class Simulation:
         self._settle()
         self._reader.before_writing()
         numbers = read(self._diagnostics.take(self._state, self._vents))
-        return budget_of(moment_of(numbers, self._state), self._vents, self._emitted_before)
+        return moment_of(numbers, self._state, self._vents, self._emitted_before).budget
 
     def sample(self) -> ParticleSample:
         """Read the particles back, with the thickness and velocity they have now."""
@@ -370,10 +362,9 @@ class Simulation:
         self._settle()
         scene = replace(self.scene, vents=vents)
         now = self.time
-        conduits: dict[Any, float] = {}
+        conduits: dict[Any, float] = defaultdict(float)
         for vent, volume in zip(self._vents.vents, self._vents.pending(now), strict=True):
-            place = (vent.position, vent.end)
-            conduits[place] = conduits.get(place, 0.0) + float(volume)
+            conduits[vent.position, vent.end] += float(volume)
         carried = [conduits.pop((vent.position, vent.end), 0.0) for vent in vents]
         self._emitted_before += self._vents.emitted(now)
         last = [
@@ -383,14 +374,12 @@ class Simulation:
         self.scene = scene
         self._raise_top()
         self._decide()
-        self._append(
-            [
-                (*place, volume, vent.temperature)
-                for vent, waiting in last
-                for place, volume in parting(vent, waiting, self.particle_volume)
-            ]
-        )
-        self._forget_launches()
+        self._append([
+            (*place, volume, vent.temperature)
+            for vent, waiting in last
+            for place, volume in parting(vent, waiting, self.particle_volume)
+        ])
+        self._state.launches.forget()
 
     def set_terrain(self, terrain: Terrain) -> None:
         """Replace the ground under the flow; lava outside the new one has left.
@@ -413,7 +402,7 @@ class Simulation:
         self._vents = self._vent_set(scene.vents, since=self.time, carried=pending)
         self._decide()
         self._sort()
-        self._state.top.fill_(-FAR)
+        self._state.top.fill_(-at.FAR)
         self._raise_top(self._state.read_particles()[:, :2])
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float = HORIZON) -> None:
@@ -448,13 +437,10 @@ class Simulation:
             LavaError: The checkpoint does not fit together, or the device does not exist.
         """
         scene, effects, accuracy = checkpoint.scene, checkpoint.effects, checkpoint.accuracy
+        notes_arrival = 'arrived.times' in checkpoint.arrays
         simulation = cls(
-            scene,
-            effects=effects,
-            accuracy=accuracy,
-            device=device,
-            horizon=checkpoint.horizon,
-            notes_arrival='arrived.times' in checkpoint.arrays,
+            scene, effects=effects, accuracy=accuracy, device=device, horizon=checkpoint.horizon,
+            notes_arrival=notes_arrival,
         )
         return restore(simulation, checkpoint)
 
@@ -497,13 +483,9 @@ class Simulation:
         self._terrain = shared.own() if 'solidification' in self.effects else shared
         self._neighbors = NeighborGrid(self._terrain, self.radius, accuracy.ratio, self._device)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
+        more = ('solidification' in self.effects) + self._notes_arrival
         self._raster = Raster(
-            self._terrain,
-            output_radius,
-            accuracy.kernel,
-            accuracy.ratio,
-            self._device,
-            more=('solidification' in self.effects) + self._notes_arrival,
+            self._terrain, output_radius, accuracy.kernel, accuracy.ratio, self._device, more=more
         )
         self._note_arrival(terrain)
         former = self._after_step
@@ -513,9 +495,7 @@ class Simulation:
         }
         if 'solidification' in former:
             self._after_step['solidification'].take_over(former['solidification'], self._state)
-        self._stage = Stage(
-            self.scene, accuracy, self._state, self._neighbors, self._after_step
-        )
+        self._stage = Stage(self.scene, accuracy, self._state, self._neighbors, self._after_step)
         self._cover()
 
     def _note_arrival(self, terrain: Terrain) -> None:
@@ -540,9 +520,7 @@ class Simulation:
         self._emitted_before = float(self._state.read_particles()[:, 2].sum())
         self._sort()
 
-    def _raise_top(
-        self, places: np.ndarray | None = None, *, until: float | None = None
-    ) -> None:
+    def _raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
         """Update the elevation of the highest ground that lava came from, for places and vents.
 
         ``places`` are relative to the centre [m], shape [count, 2]. Each vent counts once, and
@@ -550,13 +528,12 @@ class Simulation:
         """
         if self._counted[0] is not self._vents:
             self._counted = self._vents, set()
-        new = self._vents.giving(
-            self.time if until is None else until, others_than=self._counted[1]
-        )
-        if places is None and not new:
+        until = self.time if until is None else until
+        new = self._vents.giving(until, others_than=self._counted[1])
+        if not len(places) and not new:
             return
         self._counted[1].update(new)
-        every = [np.empty((0, 2)) if places is None else places]
+        every = [places]
         centre, resolution = centre_of(self.scene.terrain), self.scene.terrain.resolution
         for vent in (self.scene.vents[number] for number in new):
             start, end = np.subtract((vent.position, vent.end or vent.position), centre)
@@ -571,7 +548,7 @@ class Simulation:
         added = np.array(rows, dtype=np.float64)
         added[:, :2] -= centre_of(self.scene.terrain)
         self._state.write_particles(np.concatenate([self._state.read_particles(), added]))
-        self._forget_launches()
+        self._state.launches.forget()
 
     def _vent_set(
         self, vents: tuple[Vent, ...], *, since: float, carried: Iterable[float]
@@ -585,15 +562,16 @@ class Simulation:
         """Take one stage on the CPU, a graph of several on a GPU; past the target they idle."""
         state, is_cuda = self._state, self._device.is_cuda
         if not is_alone(state):
-            self._stage.take(self.scene, self._vents)
+            self._take()
             return
         self._bin()
         if not state.launches.can_replay(state.extent):
             if is_cuda:
-                self._stage.take(self.scene, self._vents)
+                self._take()
             # on a CPU each particle there might be takes time
             extent = min(room_for(state.extent), state.capacity)
-            state.launches.capture(partial(self._take_stages, _GRAPH_STAGES[is_cuda]), extent)
+            take = partial(self._take, stages=_GRAPH_STAGES[is_cuda])
+            state.launches.capture(take, extent)
         state.launches.replay()
 
     def _bin(self) -> None:
@@ -605,22 +583,18 @@ class Simulation:
         """What a stage launches, for who makes it together with others'."""
         return self._state.launches.taken_down(take, self._state.capacity)
 
-    def _take_stages(self, count: int) -> None:
-        for _ in range(count):
-            self._stage.take(self.scene, self._vents)
-
-    def _forget_launches(self) -> None:
-        """What was captured, or packed on a CPU, is of arrays that are others now."""
-        self._state.launches.forget()
+    def _take(self, *, stages: int = 1, look: Callable[[], None] | None = None) -> None:
+        for _ in range(stages):
+            self._stage.take(self.scene, self._vents, look=look)
 
     def _cover(self) -> None:
         """Let the neighbour grid cover the lava and the vents."""
         self._settle()
-        self._state.write_count(NEAR_BORDER, 0)
+        self._state.write_count(at.NEAR_BORDER, 0)
         ends = [end for vent in self.scene.vents for end in (vent.position, vent.end) if end]
         places = np.reshape(ends, (-1, 2)) - centre_of(self.scene.terrain)
         self._neighbors.fit(np.concatenate([self._state.read_particles()[:, :2], places]))
-        self._forget_launches()
+        self._state.launches.forget()
 
     def _settle(self) -> None:
         """Drop what has left and is counted as such already, before anyone looks or changes."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a simulation shows of itself: plain numpy data, free of device arrays."""
+"""What a simulation is given and shows of itself: plain numpy data, free of device arrays."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +20,7 @@ import math
 
 import numpy as np
 
+from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.simulation.budget import VolumeBudget
 
@@ -95,13 +96,108 @@ class PendingSnapshot:
 
     def __init__(self, finish: Callable[[], Snapshot]) -> None:
         """Take what waits for it and makes it, called once."""
-        self._finish: Callable[[], Snapshot] | None = finish
-        self._snapshot: Snapshot | None = None
+        self._finish: Callable[[], Snapshot] = finish
 
     def result(self) -> Snapshot:
         """Wait for it; in any thread, but in one of them only."""
-        if self._finish is not None:
-            self._snapshot = self._finish()
-            self._finish = None
-        assert self._snapshot is not None
-        return self._snapshot
+        snapshot = self._finish()
+        # what it was made of is not kept
+        self._finish = lambda: snapshot
+        return snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class Particles:
+    """Lava given as particles, each a column of constant volume.
+
+    Attributes:
+        position: Positions (x, y) in the map frame [m], shape [count, 2].
+        volume: Volumes [m3], shape [count] or one for all.
+        temperature: Temperatures [K], shape [count] or one for all.
+        velocity: Velocities [m/s], shape [count, 2] or [2] for all; used with inertia.
+    """
+
+    position: np.ndarray
+    volume: np.ndarray | float
+    temperature: np.ndarray | float
+    velocity: np.ndarray | tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Normalise to float64 arrays.
+
+        Raises:
+            LavaError: A shape does not fit, or a value is not finite or not positive.
+        """
+        position = np.array(self.position, dtype=np.float64)
+        is_right = position.ndim == 2 and position.shape[1] == 2
+        self._set('position', position, is_right, 'finite metres, shape [count, 2]')
+        for name in ('volume', 'temperature'):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            if values.ndim == 0:
+                values = np.full(len(position), float(values))
+            is_right = values.shape == (len(position),) and bool((values > 0).all())
+            self._set(name, values, is_right, 'positive, one each')
+        velocity = np.array(self.velocity, dtype=np.float64)
+        if velocity.shape == (2,):
+            velocity = np.tile(velocity, (len(position), 1))
+        is_right = velocity.shape == position.shape
+        self._set('velocity', velocity, is_right, 'finite m/s, shape [count, 2] or [2]')
+
+    def _set(self, name: str, values: np.ndarray, is_right: bool, right: str) -> None:
+        if not (is_right and np.isfinite(values).all()):
+            raise LavaError(f'particles.{name}', f'array of shape {values.shape}', right)
+        object.__setattr__(self, name, values)
+
+
+#: Distance between particles that are given in one place, over the usual one.
+_APART = 1e-3
+
+
+def rows_of(particles: Particles, terrain: Terrain, spacing: float) -> np.ndarray:
+    """Rows of (map x, map y, volume, temperature), no two of them in one place.
+
+    Particles in one place push each other nowhere: they would stay together for ever. All but the
+    first are moved a little, in parts of the usual ``spacing`` [m].
+
+    Raises:
+        LavaError: A particle is not on the terrain.
+    """
+    places = particles.position.copy()
+    for index in np.flatnonzero(~terrain.covered(places))[:1]:
+        where = f'particles.position[{index}]'
+        raise LavaError(where, tuple(places[index]), 'a place on the terrain')
+    # as complex numbers: a sort of rows takes ten times as long
+    _, which = np.unique(places[:, 0] + 1j * places[:, 1], return_inverse=True)
+    if which.size == 0 or which.max() == which.size - 1:
+        return np.column_stack([places, particles.volume, particles.temperature])
+    order = np.argsort(which.ravel(), kind='stable')
+    group = which.ravel()[order]
+    begin = np.flatnonzero(np.diff(group, prepend=-1))
+    number = np.arange(len(order)) - begin[group]
+    # as evenly as the seeds of a sunflower; back towards where there is ground
+    turn = 2.399963 * number
+    way = np.stack([np.cos(turn), np.sin(turn)], axis=1) * np.sqrt(number)[:, None]
+    way *= _APART * spacing
+    copies, way = order[number > 0], way[number > 0]
+    onto = terrain.covered(places[copies] + way)
+    places[copies] += np.where(onto[:, None], way, -way)
+    return np.column_stack([places, particles.volume, particles.temperature])
+
+
+@dataclass(frozen=True, eq=False)
+class ParticleSample:
+    """The particles of a running simulation, as numpy arrays of float64.
+
+    Attributes:
+        position: Positions (x, y) in the map frame [m], shape [count, 2].
+        volume: Volumes [m3], shape [count].
+        temperature: Temperatures [K], shape [count].
+        thickness: Lava thickness at the particles [m], shape [count].
+        velocity: Depth-averaged velocity [m/s], shape [count, 2].
+    """
+
+    position: np.ndarray
+    volume: np.ndarray
+    temperature: np.ndarray
+    thickness: np.ndarray
+    velocity: np.ndarray

@@ -23,8 +23,7 @@ from lava_ros.effects.laws import heat_of, law_of
 from lava_ros.scene import Scene
 from lava_ros.simulation import emission, motion, timestep
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.as_published import publish_velocity
-from lava_ros.simulation.flow import compute_flow, flow_kernels
+from lava_ros.simulation.flow import compute_flow, flow_kernels, publish_velocity
 from lava_ros.simulation.fused_stage import (
     choice_within_motion,
     choose_before_motion,
@@ -38,18 +37,10 @@ from lava_ros.simulation.vents import VentSet
 
 
 class Stage:
-    """The equations of a scene on its terrain, for one set of effects.
-
-    Attributes:
-        constants: The flow's constants (flow.py).
-    """
+    """The equations of a scene on its terrain, for one set of effects; ``constants`` of flow."""
 
     def __init__(
-        self,
-        scene: Scene,
-        accuracy: Accuracy,
-        state: State,
-        neighbors: NeighborGrid,
+        self, scene: Scene, accuracy: Accuracy, state: State, neighbors: NeighborGrid,
         after_step: Mapping[str, Any],
     ) -> None:
         """Collect the constants and the kernels for the effects that are on in ``state``.
@@ -71,17 +62,10 @@ class Stage:
         )
         gradient = accuracy.gradient if state.has_surface else 'energy'
         self._flow_kernels = partial(
-            flow_kernels,
-            state.real,
-            accuracy.kernel,
-            accuracy.ratio,
-            gradient,
-            state.effects,
+            flow_kernels, state.real, accuracy.kernel, accuracy.ratio, gradient, state.effects
         )
         # the pass that ends with the velocity moves the particles too
-        self._moves_at_once = (
-            'green' in state.effects and accuracy.formulation != 'as-published'
-        )
+        self._moves_at_once = 'green' in state.effects and accuracy.formulation != 'as-published'
 
     def take(
         self, scene: Scene, vents: VentSet, *, look: Callable[[], None] | None = None
@@ -123,12 +107,8 @@ class Stage:
     def compute_flow(self, *, fills_flow: bool = True) -> None:
         """Compute thickness and local velocity of the ordered particles."""
         state = self._state
-        compute_flow(
-            state,
-            self._arguments(),
-            self._flow_kernels(state.lanes, state.parts, state.is_short, state.is_wide),
-            fills_flow=fills_flow,
-        )
+        kernels = self._flow_kernels(state.lanes, state.parts, state.is_short, state.is_wide)
+        compute_flow(state, self._arguments(), kernels, fills_flow=fills_flow)
 
     def compute_velocity(self) -> None:
         """Compute thickness and velocity of the ordered particles."""

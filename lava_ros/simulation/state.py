@@ -29,41 +29,24 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import forget_failure, zeros
 from lava_ros.simulation.backend.streams import read, Readback
+from lava_ros.simulation.checkpoint import FAR as FAR
 from lava_ros.simulation.checkpoint import fitting
 
 # Places in State.clock.
-TIME = wp.constant(0)
-STEP = wp.constant(1)
-TARGET = wp.constant(2)
-FULL_STEP = wp.constant(3)
-FORMER_STEP = wp.constant(4)
+TIME, STEP, TARGET, FULL_STEP, FORMER_STEP = range(5)
 
 # Places in State.stage: the weights of the Runge-Kutta stage at hand.
-FORMER = wp.constant(0)
-BEFORE_FORMER = wp.constant(1)
-VELOCITY = wp.constant(2)
-FIRST_VELOCITY = wp.constant(3)
+FORMER, BEFORE_FORMER, VELOCITY, FIRST_VELOCITY = range(4)
 
 # Places in State.counts.
-PARTICLES = wp.constant(0)
-STEPS = wp.constant(1)
-LIMIT = wp.constant(2)
-FULL = wp.constant(3)
-STAGE = wp.constant(4)
-STAGES = wp.constant(5)
-IS_LAST = wp.constant(6)
-EVALUATIONS = wp.constant(7)
-CURRENT = wp.constant(8)
-NEAR_BORDER = wp.constant(9)
-NEWCOMERS = wp.constant(10)
+PARTICLES, STEPS, LIMIT, FULL, STAGE, STAGES, IS_LAST, EVALUATIONS = range(8)
+CURRENT, NEAR_BORDER, NEWCOMERS = range(8, 11)
 
 # Places in State.rates: reciprocals of the longest step each limit allows [1/s].
-DIFFUSION = wp.constant(0)
-ADVECTION = wp.constant(1)
+DIFFUSION, ADVECTION = range(2)
 
 #: Indices into ``left``: over the terrain's border, and onto cells without data.
-BORDER = wp.constant(0)
-HOLES = wp.constant(1)
+BORDER, HOLES = range(2)
 
 #: Threads on a GPU of a kernel that rarely has anything to do: it costs little when it has not.
 RARE_THREADS = 65536
@@ -88,9 +71,6 @@ SHARED_LANES, SHARED_UP_TO = 4, 50_000
 #: processors. With no more of them it is waiting that takes the time: registers are not scarce
 #: then, and launches are dear.
 AT_ONCE = 150_000
-
-#: Elevation above, or below, every other [m]; finite, as a checkpoint's numbers are.
-FAR = 1e30
 
 #: Items behind the last that sums over neighbours may read (cells.py).
 SPARE = 3
@@ -136,25 +116,24 @@ class State:
     and what a step cuts off is carried on to the next.
 
     Attributes:
-        particle: x, y [m], volume [m3], temperature [K] of each particle, shape [capacity].
-        cell, rank: Cell of each particle and its rank there, shape [capacity].
-        members: Only when deterministic on a GPU: the particles of each cell as they came, shape
-            [capacity].
+        particle: x, y [m], volume [m3], temperature [K] of each particle. This and what follows,
+            up to ``surface``, has the shape [capacity].
+        cell, rank: Cell of each particle and its rank there.
+        members: Only when deterministic on a GPU: the particles of each cell as they came.
         ordered: The same as ``particle`` in the order of the neighbour grid's cells.
-        remainder: Only in float32: what rounding cut off each particle's position [m], shape
-            [capacity]. Without it slow lava far from the centre would never move.
-        age: Only where an effect depends on it: time since each particle came out [s], shape
-            [capacity].
+        remainder: Only in float32: what rounding cut off each particle's position [m]. Without it
+            slow lava far from the centre would never move.
+        age: Only where an effect depends on it: time since each particle came out [s].
         base: Position at the start of the step [m] and displacement since then two stages ago [m],
-            of each particle, shape [capacity]; none with the Euler integrator.
+            of each particle; none with the Euler integrator.
         drift: Displacement a stage ago [m] and velocity at the start of the step [m/s], likewise.
-        flow: Thickness [m], velocity x and y [m/s], of each ordered particle, shape [capacity].
+        flow: Thickness [m], velocity x and y [m/s], of each ordered particle.
         share: What each ordered particle gives to a map: to a cell of unit weight before the
-            kernel's [m^(1/2)], or to the one it lies in [m], shape [capacity].
+            kernel's [m^(1/2)], or to the one it lies in [m].
         home: Number of the cell that has all of an ordered particle's volume, -1 where several
-            share it, shape [capacity].
+            share it.
         surface: Only where the gradient takes differences: elevation of the surface [m] and the
-            area V/h [m2] of each ordered particle, shape [capacity].
+            area V/h [m2] of each ordered particle.
         clock: Simulated time, step, target time, latest full step and, with inertia, the step
             before [s], float64.
         counts: Particles, steps, what limited the step, whether the capacity was reached; then the
@@ -181,11 +160,7 @@ class State:
         def __getattr__(self, name: str) -> Any: ...  # noqa: D105
 
     def __init__(
-        self,
-        capacity: int,
-        effects: Effects,
-        accuracy: Accuracy,
-        device: Any,
+        self, capacity: int, effects: Effects, accuracy: Accuracy, device: Any
     ) -> None:
         """Allocate for ``capacity`` particles."""
         forget_failure(device)
@@ -298,38 +273,23 @@ class State:
         return self._readbacks[0].begin()()
 
     def begin_readback(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
-        """Begin to copy them as they are when all that is launched so far is done.
-
-        Returns:
-            What waits for the copies and gives them, before a third is begun.
-        """
+        """Begin to copy them; what is returned waits for the copies, before a third is begun."""
         # page-locked memory is slow to make, and a member of a batch needs none of these
         while len(self._readbacks) < 3:
             self._readbacks.append(Readback((self.clock, self.counts)))
         self._readbacks[1:] = reversed(self._readbacks[1:])
         return self._readbacks[1].begin()
 
-    def make_room(self, counts: np.ndarray) -> bool:
-        """Make more room for particles when it is almost full or a vent found none.
-
-        Args:
-            counts: A copy of ``counts`` as it is.
-
-        Returns:
-            Whether it has: the arrays are others then.
-        """
-        if not self.needs_room(counts):
-            return False
-        count = int(counts[PARTICLES] + counts[NEWCOMERS])
-        # what there is little of costs nothing to have to spare
-        twice = 2 * self.capacity if self.capacity < FEW else 0
-        self.grow(max(room_for(count), room_for(self.capacity), twice))
-        return True
+    def make_room(self, counts: np.ndarray) -> None:
+        """Make more room for particles if a copy of ``counts`` says that it is needed."""
+        if self.needs_room(counts):
+            # what there is little of costs nothing to have to spare
+            twice = 2 * self.capacity if self.capacity < FEW else 0
+            self.grow(max(room_for(count_in(counts)), room_for(self.capacity), twice))
 
     def needs_room(self, counts: np.ndarray) -> bool:
-        """Whether ``make_room`` would make more."""
-        count = int(counts[PARTICLES] + counts[NEWCOMERS])
-        return bool(counts[FULL] or count > FULLEST * self.capacity)
+        """Whether the room is almost full or a vent found none."""
+        return bool(counts[FULL] or count_in(counts) > FULLEST * self.capacity)
 
     def grow(self, capacity: int) -> None:
         """Make room for ``capacity`` particles and keep those there are.
@@ -337,8 +297,7 @@ class State:
         Raises:
             RuntimeError: There is no memory for as many; the state stays as it was.
         """
-        names = ['particle', 'cell', 'rank', *self._carried]
-        names += ['base', 'drift'] if self.is_staged else []
+        names = 'particle', 'cell', 'rank', *self._carried, *self._of_step
         kept = {name: getattr(self, name) for name in names}
         count = min(self.capacity, capacity)
         try:
@@ -358,6 +317,19 @@ class State:
         names += [name for name, array in self.effects.arrays.items() if array.is_carried]
         return names + (['age'] if self.has_age else [])
 
+    @property
+    def _of_step(self) -> tuple[str, ...]:
+        """Names of those that they take along from stage to stage of a step."""
+        return ('base', 'drift') if self.is_staged else ()
+
+    def _put(self, name: str, values: np.ndarray) -> None:
+        """Replace the first items of an array."""
+        # a count of 0 would copy all
+        if len(values):
+            array = getattr(self, name)
+            rows = wp.array(values, dtype=array.dtype, device=self.device)
+            wp.copy(array, rows, count=len(values))
+
     def write_target(self, time: float) -> None:
         """Replace the target time [s] of ``clock``, when all that is launched so far is done."""
         self._target.fill_(time)
@@ -369,8 +341,7 @@ class State:
     @property
     def count(self) -> int:
         """Number of particles (read back from the device)."""
-        _, counts = self.read_clock()
-        return int(counts[PARTICLES] + counts[NEWCOMERS])
+        return count_in(self.read_clock()[1])
 
     def write_particles(self, values: np.ndarray) -> None:
         """Replace all particles by rows of (x, y from the centre, volume, temperature).
@@ -385,16 +356,11 @@ class State:
         }
         if len(values) > FULLEST * self.capacity:
             self._allocate(room_for(len(values)))
-        if len(values):
-            rows = wp.array(values, dtype=self.particle.dtype, device=self.device)
-            wp.copy(self.particle, rows, count=len(values))
+        self._put('particle', values)
         for name in self._carried:
             getattr(self, name).zero_()
         for name, former in kept.items():
-            if count:
-                array = getattr(self, name)
-                rows = wp.array(former, dtype=array.dtype, device=self.device)
-                wp.copy(array, rows, count=count)
+            self._put(name, former)
         self.write_count(PARTICLES, len(values))
         self.write_count(NEWCOMERS, 0)
 
@@ -428,13 +394,10 @@ class State:
         count = len(arrays['particle'])
         self._allocate(capacity)
         for name in ('particle', *self._carried, *self._sums):
-            target = getattr(self, name)
-            template = target.numpy()
+            template = getattr(self, name).numpy()
             shape = template.shape if name in self._sums else (count, *template.shape[1:])
             values = fitting(f'state.{name}', arrays.get(name), shape, template.dtype)
-            if len(values):
-                rows = wp.array(values, dtype=target.dtype, device=self.device)
-                wp.copy(target, rows, count=len(values))
+            self._put(name, values)
         _, counts = self.read_clock()
         if (counts[PARTICLES], counts[NEWCOMERS], counts[STAGE]) != (count, 0, 0):
             right = f'{count} particles, between two steps'
@@ -450,8 +413,7 @@ class State:
     def take_order(self, *, within_step: bool = False) -> None:
         """Let the ordered particles be the particles, between the stages of a step as well."""
         wp.copy(self.particle, self.ordered)
-        of_step = ('base', 'drift') if within_step and self.is_staged else ()
-        for name in (*self._carried, *of_step):
+        for name in (*self._carried, *(self._of_step if within_step else ())):
             wp.copy(getattr(self, name), getattr(self, f'ordered_{name}'))
 
     def read_particles(self) -> np.ndarray:
@@ -460,6 +422,11 @@ class State:
         if not count:
             return np.empty((0, 4))
         return read(self.particle[:count]).astype(np.float64)
+
+
+def count_in(counts: np.ndarray) -> int:
+    """Particles that there are by a copy of ``State.counts``."""
+    return int(counts[PARTICLES] + counts[NEWCOMERS])
 
 
 def room_for(count: int) -> int:

@@ -73,9 +73,7 @@ class StaggeredTerrain:
         self.height = self.bare
         self.known = wp.array(terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=device)
         x0, y0 = np.asarray(terrain.origin) - centre_of(terrain)
-        self.ground, self.exact_ground = (
-            ground_type(real)() for real in (REAL[precision], wp.float64)
-        )
+        self.ground, self.exact_ground = ground_type(REAL[precision])(), ground_type(wp.float64)()
         for ground in (self.ground, self.exact_ground):
             ground.x0, ground.y0 = float(x0), float(y0)
             ground.resolution = terrain.resolution
@@ -102,11 +100,9 @@ class StaggeredTerrain:
         return terrain
 
     def raise_to(self, places: np.ndarray, top: Any) -> None:
-        """Raise a height to that of the highest of some places.
+        """Raise a height [m], shape [1] on the device, to that of the highest of some places.
 
-        Args:
-            places: Positions relative to the terrain's centre [m], shape [count, 2].
-            top: The height [m], shape [1], on the device.
+        They are relative to the terrain's centre [m], shape [count, 2].
         """
         real, device = self.height.dtype, self.height.device
         where = wp.array(places, dtype=wp.types.vector(2, real), device=device)

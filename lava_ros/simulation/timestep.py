@@ -29,30 +29,10 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
+from lava_ros.simulation import state as at
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.heat import freezing_step
-from lava_ros.simulation.state import (
-    ADVECTION,
-    BEFORE_FORMER,
-    CURRENT,
-    DIFFUSION,
-    EVALUATIONS,
-    FIRST_VELOCITY,
-    FORMER,
-    FORMER_STEP,
-    FULL_STEP,
-    IS_LAST,
-    LIMIT,
-    PARTICLES,
-    STAGE,
-    STAGES,
-    State,
-    STEP,
-    STEPS,
-    TARGET,
-    TIME,
-    VELOCITY,
-)
+from lava_ros.simulation.state import State
 from lava_ros.simulation.vents import VentSet
 
 #: What can bound a step, by its number in ``State.counts[LIMIT]``.
@@ -131,27 +111,27 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
     def choose(pace: pace_type(real)):
         one = wp.float64(1.0)
         # all is read before anything is written: after that it would be read again, one by one
-        time = pace.clock[TIME]
-        target = pace.clock[TARGET]
-        step = pace.clock[STEP]
-        j = pace.counts[STAGE] + 1
-        s = pace.counts[STAGES]
-        steps = pace.counts[STEPS]
-        evaluations = pace.counts[EVALUATIONS]
-        particles = pace.counts[PARTICLES]
-        diffusion = wp.float64(pace.rates[DIFFUSION])
-        advection = wp.float64(pace.rates[ADVECTION])
+        time = pace.clock[at.TIME]
+        target = pace.clock[at.TARGET]
+        step = pace.clock[at.STEP]
+        j = pace.counts[at.STAGE] + 1
+        s = pace.counts[at.STAGES]
+        steps = pace.counts[at.STEPS]
+        evaluations = pace.counts[at.EVALUATIONS]
+        particles = pace.counts[at.PARTICLES]
+        diffusion = wp.float64(pace.rates[at.DIFFUSION])
+        advection = wp.float64(pace.rates[at.ADVECTION])
         if wp.static(freezes):
             pace.cold[0] = 0
         if wp.static(has_velocity):
-            pace.clock[FORMER_STEP] = step
+            pace.clock[at.FORMER_STEP] = step
         if j == 1:
             remaining = target - time
             if remaining <= wp.float64(0.0):
-                pace.clock[STEP] = wp.float64(0.0)
-                pace.counts[IS_LAST] = 1
-                pace.counts[CURRENT] = 0
-                pace.stage[VELOCITY] = real(0.0)
+                pace.clock[at.STEP] = wp.float64(0.0)
+                pace.counts[at.IS_LAST] = 1
+                pace.counts[at.CURRENT] = 0
+                pace.stage[at.VELOCITY] = real(0.0)
                 return
             step = pace.longest
             limit = 0
@@ -174,9 +154,9 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
             if pace.fixed > wp.float64(0.0):
                 step = pace.fixed
                 limit = 3
-            pace.clock[FULL_STEP] = step
-            pace.counts[LIMIT] = limit
-            pace.counts[STEPS] = steps + 1
+            pace.clock[at.FULL_STEP] = step
+            pace.counts[at.LIMIT] = limit
+            pace.counts[at.STEPS] = steps + 1
             if remaining <= step:
                 step = remaining
             elif remaining < wp.float64(2.0) * step and pace.fixed == wp.float64(0.0):
@@ -184,38 +164,38 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
                 step = wp.float64(0.5) * remaining
             if pace.fixed == wp.float64(0.0) and particles < pace.few:
                 step = up_to_one(pace.due, time, step)
-            pace.clock[STEP] = step
+            pace.clock[at.STEP] = step
             s = 1
             if wp.static(is_staged):
                 # (s^2 + s - 2) / 4 explicit steps are at least this step
                 root = wp.sqrt(wp.float64(9.0) + wp.float64(16.0) * step / explicit)
                 s = wp.max(2, int(wp.ceil(wp.float64(0.5) * (root - one) - wp.float64(1e-9))))
-            pace.counts[STAGES] = s
-        pace.counts[CURRENT] = j
-        pace.counts[EVALUATIONS] = evaluations + 1
+            pace.counts[at.STAGES] = s
+        pace.counts[at.CURRENT] = j
+        pace.counts[at.EVALUATIONS] = evaluations + 1
         if s == 1:
-            pace.stage[VELOCITY] = real(step)
+            pace.stage[at.VELOCITY] = real(step)
         else:
             w = wp.float64(4.0) / wp.float64(s * s + s - 2)
             if j == 1:
-                pace.stage[VELOCITY] = real(_b(1) * w * step)
+                pace.stage[at.VELOCITY] = real(_b(1) * w * step)
             else:
                 n = wp.float64(j)
                 mu = (wp.float64(2.0) * n - one) / n * _b(j) / _b(j - 1)
-                pace.stage[FORMER] = real(mu)
-                pace.stage[BEFORE_FORMER] = real(-(n - one) / n * _b(j) / _b(j - 2))
-                pace.stage[VELOCITY] = real(mu * w * step)
-                pace.stage[FIRST_VELOCITY] = real(-(one - _b(j - 1)) * mu * w * step)
+                pace.stage[at.FORMER] = real(mu)
+                pace.stage[at.BEFORE_FORMER] = real(-(n - one) / n * _b(j) / _b(j - 2))
+                pace.stage[at.VELOCITY] = real(mu * w * step)
+                pace.stage[at.FIRST_VELOCITY] = real(-(one - _b(j - 1)) * mu * w * step)
         if j == s:
-            pace.counts[IS_LAST] = 1
-            pace.counts[STAGE] = 0
+            pace.counts[at.IS_LAST] = 1
+            pace.counts[at.STAGE] = 0
             time += step
             if wp.abs(target - time) < wp.float64(1e-9) * step:
                 time = target
-            pace.clock[TIME] = time
+            pace.clock[at.TIME] = time
         else:
-            pace.counts[IS_LAST] = 0
-            pace.counts[STAGE] = j
+            pace.counts[at.IS_LAST] = 0
+            pace.counts[at.STAGE] = j
 
     return choose
 

@@ -27,7 +27,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters
 
 from fuzz.messages import messages, TOPICS
-from ros.conftest import wait_until
+from ros.graph_publisher import wait_until
 
 #: Simulated lava keeps the processor of a small machine busy: grids may come late by this [s].
 LATE = 30.0

@@ -12,20 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Thickness, velocity and the limits they set, against sums over all pairs and exact sheets."""
+"""Thickness, velocity, free fall and the limits they set, against sums over all pairs and sheets.
+
+And the printed formulas, against the same written out in numpy, and against the corrected ones;
+and time integration: order, stability and cost of super-time-stepping.
+"""
 
 import math
 
 import numpy as np
 import pytest
+import warp as wp
 
-from lava_ros.scene import Lava, Terrain
-from lava_ros.simulation import Particles
+from lava_ros.scene import Lava, Terrain, Vent
+from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.state import State
+from lava_ros.simulation.state import FAR, State
+from lava_ros.verification.cases import spread_of_fixed_volume
 from lava_ros.verification.cases.case import ISOTHERMAL
 from lava_ros.verification.cases.sheets import GREEN_RADIUS, response, sheet_speed
-from solver import incline, lattice, only, simulated
+from solver import flat, incline, lattice, only, simulated
+
+#: Ten cells by ten, 50 m deep.
+PIT = np.pad(np.zeros((10, 10)), 10, constant_values=50.0)
+
+THIN = Lava(viscosity=100.0, arrhenius=0.0)
 
 
 def scattered(effects, **options):
@@ -43,6 +54,12 @@ def scattered(effects, **options):
     return simulation, particles
 
 
+def wendland(distance, radius):
+    """The smoothing kernel of places at a distance [1/m2]."""
+    q = np.clip(distance / radius, 0, 1)
+    return 7 / (math.pi * radius**2) * (1 - q) ** 4 * (1 + 4 * q)
+
+
 @pytest.mark.parametrize(
     ('gradient', 'effects'),
     [
@@ -56,9 +73,8 @@ def test_sums_in_parts_are_the_same_sums(monkeypatch, gradient, effects):
     """As a GPU adds up those of a batch's members: one thread takes four parts."""
     knobs = {'precision': 'float64', 'gradient': gradient}
     whole = scattered(effects, **knobs)[0].sample()
-    monkeypatch.setattr(State, 'parts', 4)
-    monkeypatch.setattr(State, 'lanes', 1)
-    monkeypatch.setattr(State, 'is_wide', False)
+    for name, value in (('parts', 4), ('lanes', 1), ('is_wide', False)):
+        monkeypatch.setattr(State, name, value)
     parts = scattered(effects, **knobs)[0].sample()
     for name in ('thickness', 'velocity'):
         expected = getattr(whole, name)
@@ -72,9 +88,7 @@ def test_thickness_is_the_sum_over_all_pairs(device, precision):
     simulation, given = scattered(only(), device=device, precision=precision)
     sample = simulation.sample()
     distance = np.linalg.norm(sample.position[:, None] - given.position[None], axis=-1)
-    q = np.clip(distance / simulation.radius, 0, 1)
-    weight = 7 / (math.pi * simulation.radius**2) * (1 - q) ** 4 * (1 + 4 * q)
-    total = (weight * given.volume).sum(axis=1)
+    total = (wendland(distance, simulation.radius) * given.volume).sum(axis=1)
     excess = 1.25 * (sample.volume / (total * simulation.radius**2)) ** 2.5
     tolerance = 1e-5 if precision == 'float32' else 1e-12
     assert len(sample.position) == 500
@@ -83,37 +97,28 @@ def test_thickness_is_the_sum_over_all_pairs(device, precision):
 
 def test_velocity_is_minus_the_gradient_of_the_sum():
     """The SPH gradient is the derivative of the thickness sum with respect to position."""
-    rng = np.random.default_rng(1)
-    places = rng.uniform(20, 80, (60, 2))
+    places = np.random.default_rng(1).uniform(20, 80, (60, 2))
+    simulation = simulated(
+        Terrain(np.zeros((10, 10)), 10.0),
+        Lava(viscosity=1e4),
+        Particles(places, 64.0, 1400.0),
+        effects=only(),
+        spacing=8.0,
+        thickness=1.0,
+        precision='float64',
+    )
+    sample = simulation.sample()
+    first = np.argmin(np.linalg.norm(sample.position - places[0], axis=1))
 
-    def sample(at):
-        simulation = simulated(
-            Terrain(np.zeros((10, 10)), 10.0),
-            Lava(viscosity=1e4),
-            Particles(at, 64.0, 1400.0),
-            effects=only(),
-            spacing=8.0,
-            thickness=1.0,
-            precision='float64',
-        )
-        rows = simulation.sample()
-        index = np.argmin(np.linalg.norm(rows.position - at[0], axis=1))
-        radius = simulation.radius
-        q = np.linalg.norm(at - at[0], axis=1) / radius
-        total = (7 / (math.pi * radius**2) * 64.0 * np.clip(1 - q, 0, 1) ** 4 * (1 + 4 * q)).sum()
-        return rows.thickness[index], rows.velocity[index], total
+    def total(place):
+        distance = np.append(0.0, np.linalg.norm(places[1:] - place, axis=1))
+        return 64.0 * wendland(distance, simulation.radius).sum()
 
-    thickness, velocity, _ = sample(places)
-    slope = []
-    for axis in (0, 1):
-        totals = []
-        for sign in (1, -1):
-            moved = places.copy()
-            moved[0, axis] += sign * 1e-4
-            totals.append(sample(moved)[2])
-        slope.append((totals[0] - totals[1]) / 2e-4)
-    mobility = 2500.0 * 9.81 * thickness**2 / (3 * 1e4)
-    assert velocity == pytest.approx(-mobility * np.array(slope), rel=1e-5)
+    slope = [
+        (total(places[0] + step) - total(places[0] - step)) / 2e-4 for step in 1e-4 * np.eye(2)
+    ]
+    mobility = 2500.0 * 9.81 * sample.thickness[first] ** 2 / (3 * 1e4)
+    assert sample.velocity[first] == pytest.approx(-mobility * np.array(slope), rel=1e-5)
 
 
 @pytest.mark.parametrize('degrees', [2.0, 10.0, 30.0, 45.0])
@@ -131,24 +136,85 @@ def test_green_velocity_has_the_exact_response(device, wavelength):
     assert run.measurements[0].error < 0.02
 
 
+def sheet_velocity(lava, thickness, device='cpu', **options):
+    """Mean velocity in the middle of a uniform sheet on a slope of 0.1 towards +x."""
+    simulation = simulated(
+        incline(0.1, 40, 40, 1.0, origin=(-20.0, -20.0)),
+        lava,
+        Particles(lattice(10.0), thickness, 1400.0),
+        device=device,
+        spacing=1.0,
+        thickness=thickness,
+        **options,
+    )
+    sample = simulation.sample()
+    return sample.velocity[np.abs(sample.position).max(axis=1) < 1.0].mean(axis=0)
+
+
 def test_green_velocity_of_a_uniform_sheet_is_the_local_one(device):
     """On a uniform sheet the Green's function changes nothing."""
-    velocities = []
-    for effects in (only('green'), only()):
-        simulation = simulated(
-            incline(0.1, 40, 40, 1.0, origin=(-20.0, -20.0)),
-            Lava(),
-            Particles(lattice(10.0), 1.0, 1400.0),
-            effects=effects,
-            device=device,
-            spacing=1.0,
-            thickness=1.0,
-            ratio=4.0,
+    green, local = (
+        sheet_velocity(Lava(), 1.0, device, effects=only(*names), ratio=4.0)
+        for names in (('green',), ())
+    )
+    assert green == pytest.approx(local, rel=1e-4, abs=1e-5)
+
+
+def test_published_speed_is_not_that_of_a_sheet():
+    """On a uniform sheet the print is rho g h^6 grad S / mu^2, not rho g h^2 grad S / (3 mu)."""
+    published, corrected = (
+        sheet_velocity(
+            Lava(viscosity=1e4), 2.0, effects=only(), formulation=formulation, precision='float64'
+        )[0]
+        for formulation in ('as-published', 'corrected')
+    )
+    weight = 2500.0 * 9.81 * 0.1
+    assert corrected == pytest.approx(weight * 2.0**2 / 3e4, rel=2e-3)
+    assert published == pytest.approx(weight * 2.0**6 / 1e8, rel=1e-2)
+
+
+def test_published_velocity_is_the_printed_sum(device):
+    """Equations 3.36, 3.40 and 3.44, summed over all pairs."""
+    slope = 0.125
+    simulation = simulated(
+        incline(-slope, 20, 20, 1.0),
+        Lava(viscosity=100.0),
+        Particles(np.random.default_rng(5).uniform(4.0, 16.0, (150, 2)), 0.64, 1423.0),
+        effects=only(),
+        device=device,
+        spacing=0.8,
+        ratio=2.5,
+        thickness=1.0,
+        kernel='poly6',
+        formulation='as-published',
+        precision='float64',
+    )
+    sample, radius = simulation.sample(), simulation.radius
+    offset = sample.position[:, None] - sample.position[None]
+    distance = np.linalg.norm(offset, axis=-1)
+    near = distance < radius
+    height = (0.64 * 4 / (math.pi * radius**8) * near * (radius**2 - distance**2) ** 3).sum(axis=1)
+    pull = -24 / (math.pi * radius**8) * near * (radius**2 - distance**2) ** 2 * 0.64
+    surface = (pull[..., None] * offset).sum(axis=1) + np.array([slope, 0.0])
+    b = -(height**3)[:, None] * 2500.0 * 9.81 * surface / (100.0 * 100.0)
+    r = np.maximum(distance, 1e-3)
+    log = np.log(2 / r) - 0.577216
+    weight = np.where(near, log + 0.25 * r**2 * (log + 1), 0.0)
+    mean = (weight[..., None] * b[None]).sum(axis=1) / weight.sum(axis=1)[:, None]
+    assert sample.thickness == pytest.approx(height, rel=1e-9)
+    assert sample.velocity == pytest.approx((height**3)[:, None] * mean, rel=1e-6, abs=1e-12)
+
+
+def test_fixed_step_is_taken_whatever_the_limits_say():
+    """With the paper's 0.01 s the number of steps is the time over it."""
+    fixed, limited = (
+        spread_of_fixed_volume(
+            200, accuracy=Accuracy(fixed_step=step, integrator='euler'), growth=1.05
         )
-        sample = simulation.sample()
-        middle = np.abs(sample.position).max(axis=1) < 1.0
-        velocities.append(sample.velocity[middle].mean(axis=0))
-    assert velocities[0] == pytest.approx(velocities[1], rel=1e-4, abs=1e-5)
+        for step in (0.05, None)
+    )
+    assert 5.0 < fixed.steps * 0.05 < 60.0
+    assert limited.steps < 0.2 * fixed.steps
 
 
 @pytest.mark.parametrize('integrator', ['euler', 'rkl2'])
@@ -167,3 +233,136 @@ def test_steps_beyond_the_limit_are_not_taken(device, integrator):
         assert steps.length * speed <= 1.001 * reach
         if integrator == 'euler':
             assert steps.length <= 2.0 * simulation.radius**2 / (10.18 * diffusivity)
+
+
+def heads(simulation):
+    """What u^2 / 2g is over the thickness, less the fall from the top, of each particle [m]."""
+    sample = simulation.sample()
+    terrain = simulation.scene.terrain
+    places = sample.position - 0.5 * np.add(terrain.extent[:2], terrain.extent[2:])
+    highest = np.full(len(places), -FAR)
+    for n, place in enumerate(places):
+        height = wp.full(1, -FAR, dtype=simulation._state.real, device=simulation.device)
+        simulation._terrain.raise_to(place[None], height)
+        highest[n] = height.numpy()[0]
+    fall = np.maximum(simulation._state.top.numpy()[0] - highest, 0.0)
+    return (sample.velocity**2).sum(axis=1) / (2.0 * 9.81) - fall - sample.thickness
+
+
+@pytest.mark.parametrize('on', [(), ('helmholtz',), ('green',)])
+def test_no_lava_is_faster_than_its_fall(device, on):
+    """Lava that fills a pit: the balance alone makes it 79 m/s at the wall, 7 m deep."""
+    simulation = simulated(
+        Terrain(PIT, 10.0),
+        THIN,
+        Vent((150.0, 150.0), 200.0, radius=10.0),
+        effects=only('steep', *on),
+        device=device,
+        refinement=0.5,
+    )
+    fastest = 0.0
+    for time in range(50, 201, 50):
+        simulation.advance(time)
+        assert heads(simulation).max() < 1e-3
+        fastest = max(fastest, np.hypot(*simulation.sample().velocity.T).max())
+    # and it is not held back by more than that
+    assert fastest > 5.0
+
+
+def test_slow_lava_is_what_it_was(device):
+    """Lava that creeps down a slope moves as if there were no bound, to the bit."""
+    ground, vent = incline(0.2, 40, 60, 10.0), Vent((100.0, 200.0), 5.0, radius=10.0)
+    samples = []
+    for bound in (True, False):
+        simulation = simulated(
+            ground, Lava(viscosity=1e4), vent, device=device, deterministic=True
+        )
+        if not bound:
+            simulation._state.top.fill_(FAR)
+        simulation.advance(1800.0)
+        samples.append(simulation.sample())
+    assert np.array_equal(samples[0].position, samples[1].position)
+    assert np.array_equal(samples[0].velocity, samples[1].velocity)
+
+
+def test_lava_has_fallen_from_wherever_it_came(device):
+    """From the highest particle and open vent there were; on a new terrain from where it is."""
+    ground = incline(0.2, 20, 50, 10.0, top=100.0)
+    vents = {x: Vent((x, 105.0), 1.0) for x in (105.0, 305.0)}
+    lava = Particles(np.array([[205.0, 105.0]]), 10.0, 1400.0)
+
+    def top(simulation):
+        return float(simulation._state.top.numpy()[0] + simulation.scene.terrain.elevation.mean())
+
+    simulation = simulated(ground, Lava(), vents[305.0], lava, device=device)
+    assert top(simulation) == pytest.approx(60.0)
+    simulation.set_vents((vents[105.0],))
+    assert top(simulation) == pytest.approx(60.0)
+    simulation.advance(1e-3)
+    assert top(simulation) == pytest.approx(80.0)
+    simulation.set_vents((vents[305.0],))
+    assert top(simulation) == pytest.approx(80.0)
+    resumed = Simulation.resume(simulation.checkpoint(), device=device)
+    assert np.array_equal(resumed._state.top.numpy(), simulation._state.top.numpy())
+    simulation.set_effects({'inertia': False, 'crust': True})
+    assert top(simulation) == pytest.approx(80.0)
+    simulation.set_terrain(Terrain(ground.elevation + 500.0, 10.0))
+    # what was in the conduit of the vent that closed came out there
+    assert top(simulation) == pytest.approx(580.0, abs=0.01)
+
+
+def relaxed(longest_step, integrator='rkl2', viscosity=2e4, **options):
+    """Positions of a heap of particles after 20 s, in their first order, and the evaluations."""
+    places = lattice(9.5)
+    places = places[np.hypot(*places.T) < 9.0]
+    # each particle has a temperature of its own, which tells it from the others
+    label = 1000.0 + np.arange(len(places))
+    simulation = simulated(
+        flat(40),
+        Lava(viscosity=viscosity),
+        Particles(places, 0.5 + 0.5 * np.exp(-0.02 * (places**2).sum(axis=1)), label),
+        effects=only(),
+        longest_step=longest_step,
+        integrator=integrator,
+        **{'spacing': 1.0, 'thickness': 1.0, 'precision': 'float64', **options},
+    )
+    simulation.advance(20.0)
+    sample = simulation.sample()
+    steps = simulation.snapshot().steps
+    return sample.position[np.argsort(sample.temperature)], steps
+
+
+def test_order_in_time_is_two():
+    """Halving the step divides the error of RKL2 by four, of Euler by two."""
+    # of second order its own error is a 25th of the smallest that is held against it
+    reference, _ = relaxed(0.01)
+    for integrator, order in (('rkl2', 2.0), ('euler', 1.0)):
+        steps = (0.2, 0.1, 0.05)
+        errors = [
+            np.linalg.norm(relaxed(step, integrator)[0] - reference, axis=1).mean()
+            for step in steps
+        ]
+        measured = [math.log2(errors[0] / errors[1]), math.log2(errors[1] / errors[2])]
+        assert measured == pytest.approx([order, order], abs=0.2)
+
+
+@pytest.mark.parametrize('precision', ['float32', 'float64'])
+def test_many_stages_stay_stable(device, precision):
+    """Steps of many stages of a stiff heap stay close to small explicit ones: no noise."""
+    reference, _ = relaxed(5.0, 'euler', viscosity=200.0)
+    position, steps = relaxed(5.0, precision=precision, device=device, viscosity=200.0)
+    assert steps.evaluations > 4 * steps.count
+    spread = np.linalg.norm(reference, axis=1).max() - 9.0
+    assert spread > 2.0
+    assert np.linalg.norm(position - reference, axis=1).mean() < 0.03 * spread
+
+
+def test_super_time_steps_are_cheaper_than_explicit_ones():
+    """At no more error, RKL2 evaluates the velocity at least three times less than Euler."""
+    euler = spread_of_fixed_volume(
+        8000, accuracy=Accuracy(integrator='euler', diffusion_number=2.0, courant_number=0.5)
+    )
+    rkl2 = spread_of_fixed_volume(8000, accuracy=Accuracy(diffusion_number=2.0))
+    for quantity in ('radius', 'profile'):
+        assert rkl2.errors[quantity] <= euler.errors[quantity]
+    assert euler.evaluations >= 3 * rkl2.evaluations

@@ -12,15 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Presets are points on the measured front, and their evidence is the committed file's."""
+"""The accuracy knobs; presets are points on the measured front, by the committed evidence."""
 
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict, expected_thickness
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy, PRESETS
 from lava_ros.verification.rows import points, read_csv
 
@@ -35,6 +37,38 @@ POINTS = [item for item in points(ROWS) if item.case == CASE]
 LADDER = ('draft', 'standard', 'fine', 'reference')
 
 
+@pytest.mark.parametrize(
+    'knob',
+    [
+        {'spacing': 0.0}, {'thickness': -1.0}, {'ratio': 1.0}, {'kernel': 'gauss'},
+        {'diffusion_number': 3.0}, {'courant_number': 0.0}, {'longest_step': 0.0},
+        {'precision': 'float16'},
+    ],
+    ids=''.join,
+)
+def test_knobs_are_checked_by_name(knob):
+    """Each unusable knob raises an error that names it."""
+    with pytest.raises(LavaError, match=rf'^accuracy\.{"".join(knob)}'):
+        accuracy_from_dict(knob)
+
+
+def test_unknown_knob_is_refused():
+    """A misspelt key is named with the allowed ones, and none gives the defaults."""
+    assert accuracy_from_dict({}) == Accuracy()
+    with pytest.raises(LavaError, match=r'accuracy\.spaceing.*one of spacing'):
+        accuracy_from_dict({'spaceing': 3})
+
+
+def test_expected_thickness_is_the_scale_of_a_point_source():
+    """(3 mu Q / (rho g))^(1/4) with the largest discharge; 1 m3/s where no vent flows."""
+    terrain = Terrain(np.zeros((10, 10)), 10.0)
+    lava = Lava(viscosity=1e4, density=2600.0)
+    vents = (Vent((5.0, 5.0), 10.0), Vent((50.0, 50.0), [(0.0, 4.0), (5.0, 160.0)]))
+    assert expected_thickness(Scene(terrain, vents, lava)) == pytest.approx(3.703, abs=1e-3)
+    assert expected_thickness(Scene(terrain, vents[:1], lava)) == pytest.approx(1.852, abs=1e-3)
+    assert expected_thickness(Scene(terrain, (), lava)) == pytest.approx(1.041, abs=1e-3)
+
+
 def point(preset):
     """The preset's point."""
     (found,) = (item for item in POINTS if item.preset == preset)
@@ -47,6 +81,8 @@ def test_names():
     assert PRESETS[DEFAULT].accuracy.refinement == Accuracy().refinement
     wide = [name for name, item in PRESETS.items() if item.accuracy.precision == 'float64']
     assert wide == ['reference']
+    with pytest.raises(LavaError, match='one of draft, standard, fine, reference, as-published'):
+        preset_accuracy('best')
 
 
 def test_spacing_takes_the_place_of_the_automatic_one():
@@ -55,12 +91,6 @@ def test_spacing_takes_the_place_of_the_automatic_one():
     chosen = preset_accuracy('draft', spacing=12.0)
     assert chosen.spacing == 12.0
     assert chosen.ratio == PRESETS['draft'].accuracy.ratio
-
-
-def test_unknown_preset():
-    """Another name is refused with those there are."""
-    with pytest.raises(LavaError, match='one of draft, standard, fine, reference, as-published'):
-        preset_accuracy('best')
 
 
 def test_the_evidence_was_made_as_it_says():

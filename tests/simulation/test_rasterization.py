@@ -31,7 +31,7 @@ TIME = DOME.time_of_radius(RADIUS)
 
 
 def mapped(count, ratio, device='cpu', cells=300):
-    """The map of Huppert's profile given as particles, and the area of its cells [m2]."""
+    """The map of Huppert's profile given as particles, on cells of a square of 400 m."""
     simulation = simulated(
         flat(cells, 400.0 / cells),
         Lava(),
@@ -42,28 +42,31 @@ def mapped(count, ratio, device='cpu', cells=300):
         thickness=VOLUME / (math.pi * RADIUS**2),
         ratio=ratio,
     )
-    return simulation.snapshot(), (400.0 / cells) ** 2
+    return simulation.snapshot().thickness
+
+
+def exact_means(cells, parts=8):
+    """Huppert's profile, its mean over each of the cells."""
+    places = (np.arange(cells * parts) + 0.5) * 400.0 / (cells * parts) - 200.0
+    distance = np.minimum(np.hypot(places, places[:, None]), RADIUS)
+    exact = DOME.thickness(distance, TIME)
+    return exact.reshape(cells, parts, cells, parts).mean(axis=(1, 3))
 
 
 @pytest.mark.parametrize('count', [500, 2000, 8000])
 @pytest.mark.parametrize('ratio', [2.5, 3.0, 3.5])
 def test_footprint_does_not_swell_with_the_kernel(device, count, ratio):
     """The radius where cells hold over 10 cm is right within 1 %; a bare sum is 1 to 5 % out."""
-    snapshot, area = mapped(count, ratio, device)
-    side, parts = math.sqrt(area), 8
-    places = (np.arange(300 * parts) + 0.5) * side / parts - 150.0 * side
-    exact = DOME.thickness(np.hypot(places, places[:, None]), TIME)
-    means = exact.reshape(300, parts, 300, parts).mean(axis=(1, 3))
-    wet = [np.count_nonzero(item > 0.1) for item in (snapshot.thickness, means)]
+    maps = mapped(count, ratio, device), exact_means(300)
+    wet = [np.count_nonzero(item > 0.1) for item in maps]
     assert math.sqrt(wet[0]) == pytest.approx(math.sqrt(wet[1]), rel=0.01)
 
 
 def test_a_cell_at_the_border_holds_its_mean(device):
     """Whatever the cells, they hold the means of a finer map of the same particles."""
-    fine, _ = mapped(2000, 3.5, device, cells=400)
-    coarse, _ = mapped(2000, 3.5, device, cells=80)
-    means = fine.thickness.reshape(80, 5, 80, 5).mean(axis=(1, 3))
-    error = np.abs(coarse.thickness - means).sum() / means.sum()
+    fine, coarse = (mapped(2000, 3.5, device, cells=cells) for cells in (400, 80))
+    means = fine.reshape(80, 5, 80, 5).mean(axis=(1, 3))
+    error = np.abs(coarse - means).sum() / means.sum()
     # cells that hold lava or none: 1.7 %
     assert error < 0.004
 
@@ -123,16 +126,9 @@ def test_map_holds_the_volume(device, scene, preset):
 @pytest.mark.parametrize('place', [(60.0, 60.0), (60.1, 71.3), (0.2, 119.9)])
 def test_a_lone_particle_keeps_its_volume(device, cell, place):
     """On cells finer and coarser than it, in their corners and beside the border."""
-    count = round(120.0 / cell)
-    simulation = simulated(
-        Terrain(np.zeros((count, count)), cell),
-        Lava(),
-        Particles([place], 16.0, 1400.0),
-        device=device,
-        spacing=4.0,
-        thickness=1.0,
-    )
-    snapshot = simulation.snapshot()
+    ground, lone = Terrain(np.zeros((round(120.0 / cell),) * 2), cell), [place]
+    knobs = {'device': device, 'spacing': 4.0, 'thickness': 1.0}
+    snapshot = simulated(ground, Lava(), Particles(lone, 16.0, 1400.0), **knobs).snapshot()
     assert snapshot.thickness.sum() * cell**2 == pytest.approx(16.0, rel=1e-5)
     assert snapshot.temperature[snapshot.thickness > 0.0] == pytest.approx(1400.0, rel=1e-6)
 
@@ -140,14 +136,9 @@ def test_a_lone_particle_keeps_its_volume(device, cell, place):
 def test_a_stream_narrower_than_half_a_cell_is_in_the_cells_it_lies_in(device):
     """No cell is covered by more than half, so each holds what lies in it."""
     x = np.arange(1.0, 119.0, 2.0)
-    simulation = simulated(
-        Terrain(np.zeros((6, 6)), 20.0),
-        Lava(),
-        Particles(np.column_stack([x, np.full_like(x, 47.0)]), 4.0, 1400.0),
-        device=device,
-        spacing=2.0,
-        thickness=1.0,
-    )
+    lava = Particles(np.column_stack([x, np.full_like(x, 47.0)]), 4.0, 1400.0)
+    knobs = {'device': device, 'spacing': 2.0, 'thickness': 1.0}
+    simulation = simulated(Terrain(np.zeros((6, 6)), 20.0), Lava(), lava, **knobs)
     exact = np.zeros((6, 6))
     exact[2] = np.bincount((x / 20.0).astype(int), minlength=6) * 4.0 / 400.0
     assert simulation.snapshot().thickness == pytest.approx(exact, rel=1e-5)
@@ -159,12 +150,8 @@ def test_a_stream_narrower_than_half_a_cell_is_in_the_cells_it_lies_in(device):
 )
 def test_map_has_the_thickness_of_its_cells(count, cells, error):
     """Volume in wrong cells; sums of V W over their cover had 4.5, 4.2, 1.9, 1.6 and 0.9 %."""
-    snapshot, area = mapped(count, 3.5, cells=cells)
-    parts = 8
-    x = (np.arange(cells * parts) + 0.5) * 400.0 / (cells * parts) - 200.0
-    distance = np.minimum(np.hypot(x, x[:, None]), RADIUS)
-    exact = DOME.thickness(distance, TIME).reshape(cells, parts, cells, parts).mean(axis=(1, 3))
-    assert np.abs(snapshot.thickness - exact).sum() * area < error * VOLUME
+    wrong = np.abs(mapped(count, 3.5, cells=cells) - exact_means(cells)).sum()
+    assert wrong * (400.0 / cells) ** 2 < error * VOLUME
 
 
 @pytest.mark.parametrize('wavelength', [2.4, 3.0])

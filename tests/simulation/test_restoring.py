@@ -26,6 +26,7 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import neighbors, Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.state import FAR
 
 #: The moment a run is stopped at, and the end [s].
 STOP, END = 200.0, 400.0
@@ -92,12 +93,15 @@ def equal(one, other):
         or np.array_equal(getattr(first, name), getattr(second, name), equal_nan=True)
         for name in ('thickness', 'temperature', 'frozen')
     )
-    return (
-        same_maps
-        and first.budget == second.budget
-        and first.steps == second.steps
-        and one.checkpoint().to_bytes() == other.checkpoint().to_bytes()
-    )
+    same_numbers = (first.budget, first.steps) == (second.budget, second.steps)
+    same_state = one.checkpoint().to_bytes() == other.checkpoint().to_bytes()
+    return same_maps and same_numbers and same_state
+
+
+def resumed_from(simulation):
+    """One that goes on from the bytes of a checkpoint, on the same device."""
+    data = simulation.checkpoint().to_bytes()
+    return Simulation.resume(from_bytes(data), device=simulation.device)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +110,7 @@ def equal(one, other):
 def test_going_on_equals_never_having_stopped(name, precision, device):
     """Vents that change in time, two sets of them, lava that leaves: bit for bit the same."""
     simulation = stopped(name, device, precision)
-    resumed = Simulation.resume(from_bytes(simulation.checkpoint().to_bytes()), device=device)
+    resumed = resumed_from(simulation)
     assert resumed.time == STOP
     for run in (simulation, resumed):
         run.advance(END)
@@ -128,7 +132,7 @@ def test_what_is_chosen_and_changed_later_is_the_same(device):
         horizon=7200.0,
     )
     simulation.advance(STOP)
-    resumed = Simulation.resume(from_bytes(simulation.checkpoint().to_bytes()), device=device)
+    resumed = resumed_from(simulation)
     assert resumed.decisions() == simulation.decisions()
     ground = hill()
     raised = replace(ground, elevation=ground.elevation + np.linspace(0.0, 5.0, 28))
@@ -159,6 +163,19 @@ def test_room_that_was_made_is_kept(device):
     assert equal(simulation, resumed)
 
 
+def test_older_checkpoints_go_on():
+    """Before there were two sums lava left over the border; before a bound there was none."""
+    checkpoint, run = taken('bare')
+    left = checkpoint.arrays['state.left']
+    arrays = {**checkpoint.arrays, 'state.left': left.sum(keepdims=True)}
+    del arrays['state.top']
+    resumed = Simulation.resume(replace(checkpoint, arrays=arrays), device='cpu')
+    assert resumed._state.top.numpy()[0] == np.float32(FAR)
+    budget = resumed.budget()
+    assert (budget.over_border, budget.in_holes) == (left.sum(), 0.0)
+    assert run.budget().left >= left.sum()
+
+
 def test_lava_far_from_its_vents_is_found(device, monkeypatch):
     """The neighbour grid of a large terrain covers the lava at once, not only the vents."""
     ground = Terrain(np.zeros((300, 300)), 10.0)
@@ -177,30 +194,15 @@ def test_lava_far_from_its_vents_is_found(device, monkeypatch):
     assert (snapshots[0].thickness == snapshots[1].thickness).all()
 
 
-def test_a_checkpoint_that_does_not_say_where_lava_has_left():
-    """What was written before there were two sums goes on, all of it over the border."""
-    checkpoint, run = taken('bare')
-    left = checkpoint.arrays['state.left']
-    arrays = {**checkpoint.arrays, 'state.left': left.sum(keepdims=True)}
-    budget = Simulation.resume(replace(checkpoint, arrays=arrays), device='cpu').budget()
-    assert (budget.over_border, budget.in_holes) == (left.sum(), 0.0)
-    assert run.budget().left >= left.sum()
-
-
 @pytest.mark.parametrize(
     ('scene', 'array'),
     [
-        ('bare', 'state.particle'),
-        ('bare', 'state.remainder'),
-        ('bare', 'state.left'),
-        ('bare', 'vents.carried'),
-        ('bare', 'vents.released'),
+        *(('bare', f'state.{name}') for name in ('particle', 'remainder', 'left')),
+        *(('bare', f'vents.{name}') for name in ('carried', 'released')),
         ('freezing', 'solidification.deposit'),
         ('freezing', 'state.frozen'),
-        ('inertia', 'state.velocity'),
-        ('inertia', 'state.clock'),
-        ('crust', 'state.age'),
-        ('crust', 'state.waited'),
+        *(('inertia', f'state.{name}') for name in ('velocity', 'clock')),
+        *(('crust', f'state.{name}') for name in ('age', 'waited')),
         ('merging', 'state.moved'),
     ],
 )
@@ -227,19 +229,19 @@ def test_each_array_is_needed(scene, array):
 def test_arrays_of_another_scene_are_refused():
     """A state that does not belong to the effects and the terrain is named."""
     checkpoint, _ = taken('freezing')
-    with pytest.raises(LavaError, match=r'checkpoint\.arrays is \[.solidification.\]'):
-        Simulation.resume(replace(checkpoint, effects=Effects(yielding=True)), device='cpu')
-    small = replace(checkpoint.scene.terrain, elevation=checkpoint.scene.terrain.elevation[:-1])
-    with pytest.raises(LavaError, match=r'checkpoint\.solidification\.deposit'):
-        Simulation.resume(
-            replace(checkpoint, scene=replace(checkpoint.scene, terrain=small)), device='cpu'
-        )
-    with pytest.raises(LavaError, match=r'checkpoint\.time'):
-        Simulation.resume(replace(checkpoint, time=1.0), device='cpu')
-    wide = {**checkpoint.arrays, 'state.particle': checkpoint.arrays['state.particle'] * 1.0}
-    wide['state.particle'] = wide['state.particle'].astype(np.float64)
-    with pytest.raises(LavaError, match=r'checkpoint\.state\.particle is .*float64'):
-        Simulation.resume(replace(checkpoint, arrays=wide), device='cpu')
+    terrain, particle = checkpoint.scene.terrain, checkpoint.arrays['state.particle']
+    small = replace(terrain, elevation=terrain.elevation[:-1])
+    for match, change in (
+        (r'arrays is \[.solidification.\]', {'effects': Effects(yielding=True)}),
+        (r'solidification\.deposit', {'scene': replace(checkpoint.scene, terrain=small)}),
+        ('time', {'time': 1.0}),
+        (
+            r'state\.particle is .*float64',
+            {'arrays': {**checkpoint.arrays, 'state.particle': particle.astype(np.float64)}},
+        ),
+    ):
+        with pytest.raises(LavaError, match=rf'checkpoint\.{match}'):
+            Simulation.resume(replace(checkpoint, **change), device='cpu')
 
 
 def test_a_checkpoint_changes_nothing(device):

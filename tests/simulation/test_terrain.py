@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The staggered terrain grid."""
+"""The staggered terrain grid, and the order of the particles by their cells."""
 
 import itertools
 
@@ -21,7 +21,14 @@ import pytest
 import warp as wp
 
 from lava_ros.scene import Terrain
+from lava_ros.simulation.cells import cell_frame
+from lava_ros.simulation.motion_arguments import arguments_type
+from lava_ros.simulation.neighbors import _kernels
+from lava_ros.simulation.state import PARTICLES, REAL, SPARE
 from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
+
+#: Cells, the particles in them, and those that have left.
+CELLS, COUNT, LEFT = 12, 40, 5
 
 
 def sampled(terrain, points, device='cpu', *, of='gradient_at', kind=wp.vec2d):
@@ -68,25 +75,20 @@ def test_gradient_of_a_plane_is_exact_everywhere(device):
 
 
 def test_gradient_at_corners_is_the_papers():
-    """At a corner the gradient differences the half-heights around it (3.21)."""
+    """At a corner the gradient differences the half-heights around it (3.21).
+
+    So a spike tilts its four corners outwards, which the plain central difference misses.
+    """
     elevation = np.random.default_rng(3).normal(size=(6, 7)).astype(np.float32)
-    terrain = Terrain(elevation, 10.0)
-    corner = np.array([[3.0, 2.0]]) * 10.0 - [35.0, 30.0]
+    elevation[2, 2] += 8.0
+    i, j = (index.ravel() for index in np.mgrid[1:6, 1:7])
+    corners = np.stack([j, i], axis=1) * 10.0 - [35.0, 30.0]
     h = elevation.astype(float)
-    expected = [
-        (h[1, 3] + h[2, 3] - h[1, 2] - h[2, 2]) / 20.0,
-        (h[2, 2] + h[2, 3] - h[1, 2] - h[1, 3]) / 20.0,
-    ]
-    assert sampled(terrain, corner)[0] == pytest.approx(expected)
-
-
-def test_spike_tilts_its_corners():
-    """A spike tilts its four corners outwards, which the plain central difference misses."""
-    elevation = np.zeros((5, 5))
-    elevation[2, 2] = 8.0
-    corners = np.array([[-1.0, -1.0], [1.0, 1.0]])
-    gradient = sampled(Terrain(elevation, 2.0), corners)
-    assert gradient == pytest.approx(np.array([[2.0, 2.0], [-2.0, -2.0]]))
+    rise = np.stack([
+        h[i - 1, j] + h[i, j] - h[i - 1, j - 1] - h[i, j - 1],
+        h[i, j - 1] + h[i, j] - h[i - 1, j - 1] - h[i - 1, j],
+    ])
+    assert sampled(Terrain(elevation, 10.0), corners) == pytest.approx(rise.T / 20.0)
 
 
 def test_gradient_is_curl_free_and_continuous():
@@ -134,3 +136,75 @@ def test_bend_is_the_largest_curvature_of_the_surface(device):
     bends = sampled(terrain, points, device, of='bend_at', kind=wp.float64)
     assert bends == pytest.approx(np.maximum(largest, 0.0), rel=1e-6, abs=1e-9)
     assert (bends == 0.0).any() and (bends > 0.0).any()
+
+
+def ordered(device, real, cell, rank, *, again):
+    """Volumes of particles 1, 2, ... as they are ordered, and how many there are said to be."""
+    *_, order_particles, _, list_members = _kernels(
+        real, False, False, False, False, again
+    )
+    count = len(cell)
+    sizes = np.bincount(cell, minlength=CELLS + 1)
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    rows = np.ones((count + SPARE, 4))
+    rows[:count, 2] = 1 + np.arange(count)
+    # what has left may be no number any more
+    rows[:count][cell == CELLS] = np.nan
+    way, cells = arguments_type(real)(), cell_frame(real)()
+    cells.rows, cells.columns = 1, CELLS
+    for name, values in (('starts', starts), ('sizes', np.append(sizes, 0))):
+        setattr(cells, name, wp.array(values, dtype=wp.int32, device=device))
+    way.cells = cells
+    for name, values in (
+        ('particle', rows),
+        ('ordered', np.full((count + SPARE, 4), np.nan)),
+        ('cell', np.append(cell, np.zeros(SPARE))),
+        ('rank', rank),
+        ('members', np.zeros(count)),
+        ('counts', [count, *[0] * 10]),
+        ('rates', np.zeros(2)),
+        ('chosen', np.ones(1)),
+        ('remainder', np.zeros((count, 2))),
+        ('ordered_remainder', np.zeros((count, 2))),
+    ):
+        dtype = arguments_type(real).vars[name].type.dtype
+        setattr(way, name, wp.array(np.asarray(values), dtype=dtype, device=device))
+    launches = [(list_members, count)] if again else []
+    for kernel, threads in (*launches, (order_particles, count + SPARE)):
+        wp.launch(kernel, threads, inputs=[way, 0], device=device)
+    counts, found = way.counts, way.ordered
+    return found.numpy()[:, 2], int(counts.numpy()[PARTICLES])
+
+
+def some_cells(seed):
+    """Cells of particles, some of which have left, and ranks in them in any order."""
+    random = np.random.default_rng(seed)
+    cell = random.integers(0, CELLS, COUNT)
+    cell[random.permutation(COUNT)[:LEFT]] = CELLS
+    rank = np.zeros(COUNT, int)
+    for one in range(CELLS + 1):
+        (inside,) = np.nonzero(cell == one)
+        rank[inside] = random.permutation(len(inside))
+    return cell, rank
+
+
+@pytest.mark.parametrize('real', REAL.values(), ids=REAL)
+def test_particles_rank_by_their_numbers(device, real):
+    """However they came into their cells, in a deterministic run on a GPU."""
+    for seed in range(10):
+        cell, rank = some_cells(seed)
+        volumes, count = ordered(device, real, cell, rank, again=True)
+        assert count == COUNT - LEFT
+        expected = 1 + np.argsort(cell, kind='stable')[:count]
+        np.testing.assert_array_equal(volumes[:count], expected)
+
+
+def test_what_has_left_leaves_no_numbers_behind(device):
+    """Sums go on over the end of the last row: there are zeros, whatever was there."""
+    for again in (False, True):
+        cell, rank = some_cells(3)
+        volumes, count = ordered(device, wp.float32, cell, rank, again=again)
+        (inside,) = np.nonzero(cell == 4)
+        first = int((cell < 4).sum())
+        assert set(volumes[first : first + len(inside)]) == set(1.0 + inside)
+        np.testing.assert_array_equal(volumes[count:], np.zeros(LEFT + SPARE))

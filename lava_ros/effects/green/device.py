@@ -48,7 +48,7 @@ from lava_ros.simulation.backend.compiled import (
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, LEAST_SUMS
 from lava_ros.simulation.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
-from lava_ros.simulation.fall import fall_function
+from lava_ros.simulation.flow import fall_function
 from lava_ros.simulation.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.kernels import (
     bessel,
@@ -180,7 +180,7 @@ def _velocity_function(
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     cells_around = cell_functions(real).cells_around
-    x_k1 = bessel(real).x_k1
+    _, x_k1 = bessel(real)
     within = k0_within(real)
     powers_of, k0 = within.powers_of, within.at
     sum_up = sum_over(real, lanes)

@@ -49,7 +49,7 @@ from lava_ros.simulation.backend.compiled import (
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_frame, cell_functions
-from lava_ros.simulation.fall import fall_function
+from lava_ros.simulation.flow import fall_function
 from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
 from lava_ros.simulation.motion_arguments import arguments_type, THICKEST
 from lava_ros.simulation.state import ADVECTION, PARTICLES, State

@@ -154,13 +154,11 @@ def quick_kernel(
     bounds: tuple[int, int] | None = None,
     fast_math: bool = True,
 ) -> Any:
-    """Make a kernel of a function of one thread a particle; a decorator.
+    """Make a kernel of a function of the thread's number and more arguments; a decorator.
 
-    Args:
-        function: The function, of the thread's number and the kernel's arguments. The kernel takes
-            the number of its first thread on a CPU (threads.py) as one more, the last.
-        bounds: Threads of a block, and blocks that a processor of a GPU must have registers for.
-        fast_math: Whether CUDA computes float32 by the hardware's own functions.
+    The kernel takes the number of its first thread on a CPU (threads.py) as one more, the last.
+    ``bounds`` are the threads of a block, and the blocks that a processor of a GPU must have
+    registers for; ``fast_math`` lets CUDA compute float32 by the hardware's own functions.
     """
     if function is None:
         return partial(quick_kernel, bounds=bounds, fast_math=fast_math)
@@ -181,20 +179,12 @@ def _for_many(
     write: Callable[..., Any], function: Callable[..., None], types: Mapping[str, Any],
     size: int, takes_turns: bool,
 ) -> tuple[Any, Any]:
-    """Make what launches a function for many members at once.
+    """Return the Warp struct of a member's arguments, and the kernel for many members at once.
 
-    Args:
-        write: Writes the kernel.
-        function: The function.
-        types: What it takes, by name.
-        size: Threads of a block.
-        takes_turns: Whether a block may have more threads than these, which take turns. A large
-            function needs more registers then.
-
-    Returns:
-        The Warp struct of the arguments of a member; and the kernel. It takes an array of them,
-        and for each block the number of its member, its first thread and the end of its threads,
-        each -1 where there is none.
+    The kernel takes an array of them, and for each block of ``size`` threads the number of its
+    member, its first thread and the end of its threads, each -1 where there is none. Where it
+    ``takes_turns`` a block may have more threads than these: a large function needs more registers
+    then.
     """
     kind = type(function.__name__, (), {
         '__annotations__': dict(types), '__module__': function.__module__,
@@ -249,7 +239,6 @@ def _on_cuda(snippet: str, otherwise: str) -> str:
 @wp.func_native(_WAIT)
 def after_the_former():
     """Wait for the kernels that this one comes after, and for what they have written."""
-    ...
 
 
 @lru_cache
@@ -321,7 +310,6 @@ def past_the_cache(values: wp.array(dtype=wp.int32), i: int) -> int:
 
     What lies beside it is not kept in the cache as it is now.
     """
-    ...
 
 
 @wp.func_native(
@@ -332,31 +320,26 @@ def counted_from(first: int, i: int) -> int:
 
     On CUDA it counts itself: Warp's number is looked up as that of an array of any shape.
     """
-    ...
 
 
 @wp.func_native(_on_cuda('return blockIdx.x;', 'return i / size;'))
 def block_number(size: int, i: int) -> int:
     """Return the number of the block of the thread i, of blocks of a size."""
-    ...
 
 
 @wp.func_native(_on_cuda('return threadIdx.x;', 'return i % size;'))
 def number_in_block(size: int, i: int) -> int:
     """Return the number of the thread i in its block."""
-    ...
 
 
 @wp.func_native(_on_cuda('return blockDim.y;', 'return 1;'))
 def unseen_one() -> int:
     """Return 1, which the compiler cannot know: it would unroll what is unrolled already."""
-    ...
 
 
 @wp.func_native(_on_cuda('return true;', 'return false;'))
 def can_count() -> bool:
     """Whether many threads may count together: on the CPU Warp's atomics are none."""
-    ...
 
 
 @wp.func_native(_on_cuda('return __syncthreads_or(value);', 'return value;'))
@@ -385,7 +368,6 @@ def announce(flag: wp.array(dtype=wp.int32)):
 
     All threads of the first block have to come here. ``flag`` is 0 before and 1 after.
     """
-    ...
 
 
 @wp.func_native(_WAIT_FOR)
@@ -394,19 +376,16 @@ def wait_for(flag: wp.array(dtype=wp.int32)):
 
     What was announced must not have been read before but by ``past_the_cache``.
     """
-    ...
 
 
 @wp.func_native(_on_cuda('return cospi(x);', 'return wp::cos(3.141592653589793 * x);'))
 def cos_pi(x: wp.float64) -> wp.float64:
     """Return cos(pi x); a device function."""
-    ...
 
 
 @wp.func_native(_on_cuda('return sinpi(x);', 'return wp::sin(3.141592653589793 * x);'))
 def sin_pi(x: wp.float64) -> wp.float64:
     """Return sin(pi x); a device function."""
-    ...
 
 
 @lru_cache

@@ -76,11 +76,8 @@ class Launches:
     def capture(self, launch: Callable[[], None], extent: int) -> None:
         """Take down what a function launches, in place of launching it, for ``replay``.
 
-        On a GPU that is all that it does there, on a CPU all that goes through here.
-
-        Args:
-            launch: The function.
-            extent: Particles that it takes at most.
+        On a GPU that is all that it does there, on a CPU all that goes through here. It takes
+        ``extent`` particles at most.
         """
         self._again, self.extent = None, extent
         if self._device.is_cuda:
@@ -90,12 +87,11 @@ class Launches:
             overlap(capture.graph, self._captured)
             self._again = partial(wp.capture_launch, capture.graph)
             return
-        commands = [
-            self._record(one.kernel, one.dim, [*one.arguments, 0])
+        self._again = partial(_call, [
+            _compiled(self._record(one.kernel, one.dim, [*one.arguments, 0]))
             for one in self.taken_down(launch, extent)
             if one.dim > 0
-        ]
-        self._again = partial(_call, [_compiled(command) for command in commands])
+        ])
 
     def taken_down(self, launch: Callable[[], None], extent: int) -> list[Launch]:
         """What a function launches through here for ``extent`` particles, and is not launched."""
@@ -121,23 +117,17 @@ class Launches:
         block_dim: int | None = None,
         is_over_particles: bool = False,
     ) -> None:
-        """Launch a kernel from its first thread on.
+        """Launch some threads of a ``compiled.quick_kernel``, from its first one on.
 
-        Args:
-            kernel: A ``compiled.quick_kernel``.
-            arguments: Its arguments.
-            dim: Threads.
-            block_dim: Threads to a block of a GPU; Warp's own number when left out.
-            is_over_particles: Whether the last threads have no particle yet, and nothing to do.
+        ``block_dim`` is the threads to a block of a GPU, Warp's own number when left out.
+        ``is_over_particles`` says that the last threads have no particle yet, and nothing to do.
         """
         if self._taken_down is not None:
             launch = Launch(kernel, dim, block_dim, is_over_particles, [*arguments])
             self._taken_down.append(launch)
         elif self._device.is_cuda:
             self._captured.add(kernel)
-            wp.launch(
-                kernel, dim, [*arguments, 0], device=self._device, block_dim=block_dim
-            )
+            wp.launch(kernel, dim, [*arguments, 0], device=self._device, block_dim=block_dim)
         elif dim > 0:
             self.packed(kernel, [*arguments, 0], dim=dim).launch()
 
@@ -148,26 +138,22 @@ class Launches:
         if kept is None:
             if len(self._kept) >= MOST:
                 self._kept.clear()
-            command = self._record(kernel, dim, arguments)
             # as long as they are here nothing else has their numbers
-            self._kept[key] = [dim, command, kernel, arguments]
-            return command
+            kept = [dim, self._record(kernel, dim, arguments), kernel, arguments]
+            self._kept[key] = kept
         if kept[0] != dim:
             kept[1].set_dim(dim)
             kept[0] = dim
         return kept[1]
 
     def forget(self) -> None:
-        """Keep none any more, nor their arrays."""
+        """Keep none any more, nor their arrays: those that are there now may be others."""
         self._kept.clear()
         self._again = None
         self.forgotten += 1
 
     def _record(self, kernel: Any, dim: int, arguments: list[Any]) -> Any:
-        command: Any = wp.launch(
-            kernel, dim=dim, inputs=arguments, device=self._device, record_cmd=True
-        )
-        return command
+        return wp.launch(kernel, dim=dim, inputs=arguments, device=self._device, record_cmd=True)
 
 
 @lru_cache

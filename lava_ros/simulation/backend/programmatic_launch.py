@@ -25,6 +25,7 @@ replaced by such. Graphs that allocate memory cannot be changed and stay as they
 from collections.abc import Collection
 import ctypes
 from functools import lru_cache
+from itertools import chain
 from typing import Any
 
 #: Compute capability from which on GPUs know it.
@@ -67,10 +68,8 @@ class _KernelParams(ctypes.Structure):
 def overlap(graph: Any, kernels: Collection[Any]) -> int:
     """Let kernels of a captured graph start before those that they come after have ended.
 
-    Args:
-        graph: Warp's graph, which has not been launched yet.
-        kernels: Those made by ``compiled.quick_kernel``. Others wait for the end of what is before
-            them.
+    They are those of ``compiled.quick_kernel``; others wait for the end of what is before them.
+    Warp's ``graph`` has not been launched yet.
 
     Returns:
         How many edges of the graph were replaced; 0 where the GPU or its driver cannot do it.
@@ -82,13 +81,11 @@ def overlap(graph: Any, kernels: Collection[Any]) -> int:
     if driver is None or graph.device.arch < _LEAST_ARCH:
         return 0
     names = {kernel.get_mangled_name() for kernel in kernels}
-    waits: dict[int, bool] = {}
-    replaced = 0
-    for before, after in _edges(driver, graph.graph):
-        if after not in waits:
-            name = _kernel_name(driver, after)
-            waits[after] = name is not None and name.removesuffix(_ENDING) in names
-        if not waits[after] or _kernel_name(driver, before) is None:
+    edges, replaced = _edges(driver, graph.graph), 0
+    found = {node: _kernel_name(driver, node) for node in chain.from_iterable(edges)}
+    for before, after in edges:
+        name = found[after]
+        if found[before] is None or name is None or name.removesuffix(_ENDING) not in names:
             continue
         plain = _EdgeData()
         if not _change(driver, 'Remove', graph.graph, before, after, plain):

@@ -154,11 +154,7 @@ def _kernel(fours: int) -> Any:
 
 
 class Scan:
-    """Sums what is before each item of arrays of one length.
-
-    Attributes:
-        length: The length.
-    """
+    """Sums what is before each item of arrays of one ``length``."""
 
     def __init__(self, length: int, device: Any) -> None:
         """Make ready for arrays of a length, which is a multiple of 4."""

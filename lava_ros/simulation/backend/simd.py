@@ -65,13 +65,10 @@ def over_neighbors(each: str) -> str:
     """Return the C++ of a device function of float32 that makes three sums over neighbours.
 
     It has among its arguments ``values``, an array of vec4, and ``cells`` and ``box`` as of
-    ``cells.cell_functions``, and returns a vec3.
-
-    Args:
-        each: C++ that adds to ``sum_0``, ``sum_1`` and ``sum_2`` what eight neighbours have.
-            ``other_0`` to ``other_3`` are the components of their values, ``place`` is the first
-            one's place in the array and ``is_in`` says which of them count; what the others have
-            is any number or none. ``wide`` is a vector of eight floats, ``whole`` of integers,
-            ``none`` is 0.
+    ``cells.cell_functions``, and returns a vec3. ``each`` is C++ that adds to ``sum_0``, ``sum_1``
+    and ``sum_2`` what eight neighbours have. ``other_0`` to ``other_3`` are the components of
+    their values, ``place`` is the first one's place in the array and ``is_in`` says which of them
+    count; what the others have is any number or none. ``wide`` is a vector of eight floats,
+    ``whole`` of integers, ``none`` is 0.
     """
     return _AROUND.replace('EACH', each)

@@ -30,7 +30,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from functools import lru_cache, partial
-from itertools import product
+from itertools import pairwise, product
 import math
 import os
 from pathlib import Path
@@ -98,14 +98,10 @@ def usable_cores(root: Path = _ROOT) -> int:
     A container started with ``--cpus=2`` sees all cores of its host, and is stopped for the rest
     of each tenth of a second in which it has used them. Linux keeps such a share in control groups
     (``cpu.max`` of version 2, ``cpu.cfs_quota_us`` of version 1). Part of a core counts as one.
-
-    Args:
-        root: Where /proc and /sys are.
+    ``root`` has /proc and /sys.
     """
-    if hasattr(os, 'sched_getaffinity'):
-        cores = len(os.sched_getaffinity(0))
-    else:
-        cores = os.cpu_count() or 1
+    has_affinity = hasattr(os, 'sched_getaffinity')
+    cores = len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
     return max(1, min([cores, *map(math.ceil, _shares(root))]))
 
 
@@ -148,48 +144,33 @@ def launch_over(
     ahead: int = 0,
     count: int | None = None,
 ) -> None:
-    """Launch a kernel over the particles of a state, or over as many other items.
+    """Launch a kernel over the particles of a state, or ``count`` other items, such as cells.
 
-    Args:
-        state: The particles.
-        kernel: The kernel.
-        arguments: Its arguments.
-        least: Fewest particles that are worth a part.
-        lanes: Threads that share a particle.
-        ahead: Threads that come before those of the particles, on a GPU only, and are a block.
-        count: Items, cells of a grid for instance, in place of particles.
+    ``least`` is the fewest particles that are worth a part, ``lanes`` the threads that share a
+    particle, and ``ahead`` those before the particles', on a GPU only, which are a block.
     """
     is_over_particles = count is None
     if count is None:
         # the first one does what is done once, even if it has no particle
         count = ahead + max(1, state.extent) * lanes
-    # what is captured is one thread's
-    workers = 1 if state.launches.is_capturing else _workers(state.device, count, least * lanes)
+    # what is captured is one thread's, and a GPU has its own
+    is_whole = state.launches.is_capturing or state.device.is_cuda
+    workers = 1 if is_whole else min(threads(), count // (least * lanes))
     if workers < 2:
         state.launches(
             kernel, arguments, dim=count, block_dim=ahead or None,
             is_over_particles=is_over_particles,
         )
         return
+    parts = min(PARTS * workers, count // least)
+    ends = [count * n // parts for n in range(parts + 1)]
     record = partial(state.launches.packed, kernel, [*arguments, 0], dim=1)
-    _Job(record, _parts(count, workers, least)).compute(workers - 1)
+    _Job(record, pairwise(ends)).compute(workers - 1)
 
 
 def is_alone(state: 'State') -> bool:
     """Whether one thread does all of a stage: what it launches can be captured."""
     return state.device.is_cuda or state.extent < 2 * LEAST_SUMS or threads() < 2
-
-
-def _workers(device: Any, count: int, least: int) -> int:
-    """Threads that so many items are worth."""
-    return 1 if device.is_cuda else min(threads(), count // least)
-
-
-def _parts(count: int, workers: int, least: int) -> Iterable[tuple[int, int]]:
-    """First item and end of each part."""
-    parts = min(PARTS * workers, count // least)
-    ends = [count * (n + 1) // parts for n in range(parts)]
-    return zip([0, *ends], ends, strict=False)
 
 
 class _Job:

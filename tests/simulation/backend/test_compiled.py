@@ -20,7 +20,7 @@ that is no longer the hardware's changes no result, and takes up to twice the ti
 
 from collections import Counter
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 import re
 import struct
 from types import SimpleNamespace
@@ -154,22 +154,21 @@ def launched(name, lanes=1, integrator='euler', is_short=None, directs=None, par
 
 
 @pytest.fixture(scope='module')
-def folder(tmp_path_factory):
-    """Where everything is compiled once."""
-    return tmp_path_factory.mktemp('compiled')
+def compiled(tmp_path_factory):
+    """Compiles kernels, all or those of some names, for an architecture."""
+    folder = tmp_path_factory.mktemp('compiled')
+
+    def of(kernels, names=None, arch=90):
+        codes = [Code(kernel, arch, folder) for kernel in kernels]
+        return [code for code in codes if names is None or code.name in names]
+
+    return of
 
 
 @pytest.fixture(scope='module')
-def stage(folder):
+def stage(compiled):
     """The kernels of a stage, compiled for sm_90, those of a set once."""
-    known = {}
-
-    def of(name):
-        if name not in known:
-            known[name] = [Code(kernel, 90, folder) for kernel in launched(name)]
-        return known[name]
-
-    return of
+    return lru_cache(lambda name: compiled(launched(name)))
 
 
 def check_sum(code):
@@ -240,13 +239,11 @@ def test_particles_are_carried_at_once(stage, name):
 
 
 @pytest.mark.nightly
-def test_stages_are_carried_at_once(folder):
+def test_stages_are_carried_at_once(compiled):
     """So are the start and the displacement of a step of several stages."""
-    kernels = launched('bare', integrator='rkl2')
-    kernels = [kernel for kernel in kernels if kernel.key.endswith(CARRIERS)]
-    assert len(kernels) == CARRIED_BY
-    for kernel in kernels:
-        code = Code(kernel, 90, folder)
+    codes = compiled(launched('bare', integrator='rkl2'), CARRIERS)
+    assert len(codes) == CARRIED_BY
+    for code in codes:
         check_carrier(code, 3)
         check_local(code)
         check_arithmetic(code)
@@ -278,14 +275,9 @@ def test_k0_is_one_logarithm_and_power(stage, name):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(('arch', 'lanes'), [(80, 1), (80, 4), (90, 4)])
-def test_sums_on_other_hardware_and_shared(folder, arch, lanes):
+def test_sums_on_other_hardware_and_shared(compiled, arch, lanes):
     """The same holds for the former architecture, and for threads that share a particle."""
-    kernels = launched('green', lanes=lanes)
-    codes = [
-        Code(kernel, arch, folder)
-        for kernel in kernels
-        if kernel.key.rpartition('__')[2] in SUMS
-    ]
+    codes = compiled(launched('green', lanes=lanes), SUMS, arch)
     assert len(codes) == 2
     for code in codes:
         check_sum(code)
@@ -295,40 +287,31 @@ def test_sums_on_other_hardware_and_shared(folder, arch, lanes):
 
 
 @pytest.mark.nightly
-def test_sums_of_differences(folder):
+def test_sums_of_differences(compiled):
     """The other gradient's two sums are as lean."""
-    kernels = flow.flow_kernels(
-        wp.float32, 'wendland', 3.0, 'balanced', effect_sets()['everything with green']
-    )
-    for kernel in (kernels.elevate, kernels.flow):
-        code = Code(kernel, 90, folder)
+    effects = effect_sets()['everything with green']
+    for code in compiled(flow.flow_kernels(wp.float32, 'wendland', 3.0, 'balanced', effects)):
         check_sum(code)
         check_local(code)
         check_arithmetic(code)
 
 
 @pytest.mark.nightly
-def test_deterministic_order(folder):
+def test_deterministic_order(compiled):
     """What only a deterministic run on a GPU launches is as lean."""
-    *_, order, _, members = neighbors._kernels(wp.float32, True, False, True, False, True)
-    for kernel in (order, members):
-        code = Code(kernel, 90, folder)
-        check_local(code)
-        if kernel is order:
-            check_carrier(code, 3)
+    kernels = neighbors._kernels(wp.float32, True, False, True, False, True)
+    order, members = compiled(kernels, ('order_particles', 'list_members'))
+    check_local(order)
+    check_local(members)
+    check_carrier(order, 3)
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize('lanes', [1, 4])
 @pytest.mark.parametrize('name', SETS)
-def test_few_particles_are_loaded_at_once(folder, name, lanes):
+def test_few_particles_are_loaded_at_once(compiled, name, lanes):
     """With few particles the compiler spares no registers, and does not wait for each load."""
-    kernels = launched(name, lanes=lanes, is_short=True)
-    codes = [
-        Code(kernel, 90, folder)
-        for kernel in kernels
-        if kernel.key.rpartition('__')[2] in (*SUMS, 'move')
-    ]
+    codes = compiled(launched(name, lanes=lanes, is_short=True), (*SUMS, 'move'))
     assert len(codes) == 2
     for code in codes:
         assert FOUR_AT_ONCE <= code.needs[1] <= 65536 // FEW_THREADS[0] // FEW_THREADS[1]
@@ -337,7 +320,7 @@ def test_few_particles_are_loaded_at_once(folder, name, lanes):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize('name', SETS)
-def test_members_of_a_batch_fill_a_processor(folder, name):
+def test_members_of_a_batch_fill_a_processor(compiled, name):
     """Four blocks have registers; what lies in memory is the first block's, and little else.
 
     Three blocks of ``move`` are quicker with few particles than four that keep numbers in memory.
@@ -346,7 +329,8 @@ def test_members_of_a_batch_fill_a_processor(folder, name):
         what = kernel.key.rpartition('__')[2]
         if what in (*SUMS, 'move'):
             one = kernel.for_many(FEW_THREADS[0], what != 'green_motion')[1]
-            stack, registers = Code(one, 90, folder).needs
+            (code,) = compiled([one])
+            stack, registers = code.needs
             blocks = 3 if what == 'move' else FEW_THREADS[1]
             assert registers <= 65536 // FEW_THREADS[0] // blocks, what
             assert stack <= (MEMBERS_STACK if what == 'green_motion' else 32), what
@@ -354,14 +338,14 @@ def test_members_of_a_batch_fill_a_processor(folder, name):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize('name', ['green', 'everything with green'])
-def test_what_directs_takes_no_registers_of_others(folder, name):
+def test_what_directs_takes_no_registers_of_others(compiled, name):
     """Only the first block keeps numbers in memory: without it the same registers are enough."""
     motions = [
         next(kernel for kernel in kernels if kernel.key.endswith('green_motion'))
         for kernels in (launched(name), launched(name, directs=True))
     ]
     assert motions[1].options['launch_bounds'] == BOUNDS[False]
-    alone, directed = (Code(kernel, 90, folder) for kernel in motions)
+    alone, directed = compiled(motions)
     assert alone.needs[1] >= directed.needs[1] == 65536 // BOUNDS[False][0] // 8 // 6 * 8
     assert alone.needs[0] == 0 < directed.needs[0] <= DIRECTORS_STACK
     check_sum(directed)
@@ -371,19 +355,18 @@ def test_what_directs_takes_no_registers_of_others(folder, name):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize('is_short', [False, True])
-def test_effects_compile_without_local_memory(folder, is_short):
+def test_effects_compile_without_local_memory(compiled, is_short):
     """No effect, alone or with others, makes a kernel spill on the hardware with least room."""
     kernels = {
         kernel.module.name: kernel
         for name in effect_sets()
         for kernel in launched(name, is_short=is_short)
     }
-    found = {kernel.key.rpartition('__')[2] for kernel in kernels.values()}
-    assert found >= {
-        'accelerate', 'exchange_heat', 'freeze', 'merge', 'emit', 'sweep', *CARRIERS
-    }
-    for kernel in kernels.values():
-        assert Code(kernel, 80, folder).needs[0] == 0, kernel.key
+    codes = compiled(kernels.values(), arch=80)
+    others = {'accelerate', 'exchange_heat', 'freeze', 'merge', 'emit', 'sweep'}
+    assert {code.name for code in codes} >= others.union(CARRIERS)
+    for code in codes:
+        assert code.needs[0] == 0, code.name
 
 
 vec64 = wp.types.vector(64, float)
@@ -398,9 +381,9 @@ def indexed_at_run_time(values: wp.array(dtype=float)):
     values[0] = kept[values.shape[0] % 64]
 
 
-def test_checks_see_local_memory(folder):
+def test_checks_see_local_memory(compiled):
     """An array that is indexed at run time is in local memory."""
-    code = Code(indexed_at_run_time, 90, folder)
+    (code,) = compiled([indexed_at_run_time])
     assert code.needs[0] > 0
     with pytest.raises(AssertionError):
         check_local(code)
@@ -422,7 +405,7 @@ def plain_load(width):
 
 
 @pytest.mark.nightly
-def test_checks_see_plain_reads(folder, monkeypatch):
+def test_checks_see_plain_reads(compiled, monkeypatch):
     """Without the loads of compiled.py no sum passes."""
     for module in (cells, flow, green):
         for width in (1, 2, 4):
@@ -440,18 +423,19 @@ def test_checks_see_plain_reads(folder, monkeypatch):
             wp.float32, lanes=1, parts=1, is_short=False, is_wide=False
         ),
     ]
-    for kernel in kernels:
+    for code in compiled(kernels):
         with pytest.raises(AssertionError):
-            check_sum(Code(kernel, 90, folder))
+            check_sum(code)
 
 
 @pytest.mark.nightly
-def test_checks_see_slow_arithmetic(folder, monkeypatch):
+def test_checks_see_slow_arithmetic(compiled, monkeypatch):
     """Without the hardware's own arithmetic the flow does not pass."""
     assert flow.quick_kernel is quick_kernel
     monkeypatch.setattr(flow, 'quick_kernel', partial(quick_kernel, fast_math=False))
     kernels = flow.flow_kernels.__wrapped__(
         wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare']
     )
+    (code,) = compiled([kernels.flow])
     with pytest.raises(AssertionError):
-        check_arithmetic(Code(kernels.flow, 90, folder))
+        check_arithmetic(code)

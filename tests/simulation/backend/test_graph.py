@@ -12,10 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Launches that are made again: packed once, and never with what they were not given."""
+"""Launches that are made again: packed once, and never with what they were not given.
 
+On a GPU they are a graph, whose kernels begin before those they come after have ended.
+"""
+
+import ctypes
 from dataclasses import replace
 import gc
+from types import SimpleNamespace
 import weakref
 
 import numpy as np
@@ -25,9 +30,14 @@ import warp as wp
 from lava_ros.simulation import Simulation
 from lava_ros.simulation import simulation as simulation_module
 from lava_ros.simulation.backend import graph as launches_module
+from lava_ros.simulation.backend import programmatic_launch
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launches, MOST
+from lava_ros.simulation.backend.programmatic_launch import overlap
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
+
+#: The set of effects that goes through most kernels.
+ALL = 'everything with green'
 
 
 @quick_kernel
@@ -41,9 +51,20 @@ def zeros(count=6):
     return wp.zeros(count, dtype=float, device='cpu')
 
 
-def test_each_launch_has_its_own_arguments():
+def and_nightly(*names):
+    """A set of effects for every run, and others for nightly ones."""
+    nightly = (pytest.param(name, marks=pytest.mark.nightly) for name in names if name != ALL)
+    return pytest.mark.parametrize('name', [ALL, *nightly])
+
+
+@pytest.fixture
+def launches():
+    """Launches on the CPU."""
+    return Launches(wp.get_device('cpu'))
+
+
+def test_each_launch_has_its_own_arguments(launches):
     """Other arrays, numbers and sizes are told from those of before, and from each other."""
-    launches = Launches(wp.get_device('cpu'))
     one, other = zeros(), zeros()
     for array, by, dim in (
         (one, 1.0, 6), (one, 1.0, 2), (other, 1.0, 3), (one, 10.0, 1), (one, 1.0, 6), (one, 1.0, 0)
@@ -53,21 +74,29 @@ def test_each_launch_has_its_own_arguments():
     np.testing.assert_array_equal(other.numpy(), [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
 
-def test_arrays_are_kept_until_they_are_forgotten():
-    """What lies where an array was is no longer found by what was launched with that."""
-    launches = Launches(wp.get_device('cpu'))
-    array = zeros()
-    gone = weakref.ref(array)
-    launches(add, [1.0, array], dim=6)
-    del array
+@pytest.mark.parametrize('captures', [False, True])
+def test_arrays_are_kept_until_they_are_forgotten(launches, captures):
+    """What lies where an array was is not found by what was launched with that, or captured."""
+    arrays = [zeros()]
+    gone = weakref.ref(arrays[0])
+
+    def launch():
+        launches(add, [1.0, *arrays], dim=6)
+
+    if captures:
+        launches.capture(launch, 6)
+        arrays.clear()
+        launches.replay()
+    else:
+        launch()
+        arrays.clear()
     assert gone() is not None
     launches.forget()
-    assert gone() is None
+    assert gone() is None and not launches.can_replay(0)
 
 
-def test_launches_that_never_come_again_do_not_pile_up():
+def test_launches_that_never_come_again_do_not_pile_up(launches):
     """Their arrays are given back, and those that do come again go on."""
-    launches = Launches(wp.get_device('cpu'))
     kept, gone = zeros(), []
     for _ in range(2 * MOST):
         array = zeros()
@@ -79,16 +108,7 @@ def test_launches_that_never_come_again_do_not_pile_up():
     assert (kept.numpy() == 2 * MOST).all()
 
 
-@pytest.mark.parametrize(
-    'name',
-    [
-        'everything with green',
-        *(
-            pytest.param(name, marks=pytest.mark.nightly)
-            for name in ('helmholtz', 'everything with inertia')
-        ),
-    ],
-)
+@and_nightly('helmholtz', 'everything with inertia')
 def test_a_step_packs_nothing_anew(monkeypatch, name):
     """Every argument of a stage is the same object as before, as long as nothing changes."""
     simulation = lava_field(100, effect_sets()[name], 'cpu')
@@ -126,9 +146,8 @@ def test_a_terrain_that_is_replaced_is_given_back():
         assert [item() for item in gone] == [None, None]
 
 
-def test_captured_launches_wait_for_their_replay():
+def test_captured_launches_wait_for_their_replay(launches):
     """They are not made when they are taken down, and all together each time after that."""
-    launches = Launches(wp.get_device('cpu'))
     one, other = zeros(), zeros()
 
     def launch():
@@ -149,22 +168,9 @@ def test_captured_launches_wait_for_their_replay():
     np.testing.assert_array_equal(other.numpy(), [3.0, 2.0, 2.0, 0.0, 0.0, 0.0])
 
 
-def test_captured_arrays_are_kept_until_they_are_forgotten():
-    """Nothing else comes to lie where a captured launch writes."""
-    launches = Launches(wp.get_device('cpu'))
-    arrays = [zeros()]
-    gone = weakref.ref(arrays[0])
-    launches.capture(lambda: launches(add, [1.0, *arrays], dim=6), 6)
-    arrays.clear()
-    launches.replay()
-    assert gone() is not None
-    launches.forget()
-    assert gone() is None and not launches.can_replay(0)
-
-
-def test_a_capture_that_fails_leaves_nothing():
+def test_a_capture_that_fails_leaves_nothing(launches):
     """Launches are made again as before."""
-    launches, values = Launches(wp.get_device('cpu')), zeros()
+    values = zeros()
 
     def launch():
         launches(add, [1.0, values], dim=6)
@@ -177,12 +183,19 @@ def test_a_capture_that_fails_leaves_nothing():
     assert values.numpy().sum() == 1.0
 
 
-def test_another_warp_launches_itself(monkeypatch):
-    """What a launch has is not public: without it a replay is slower, and the same."""
-    launches, values = Launches(wp.get_device('cpu')), zeros()
+def test_the_compiled_functions_are_called_at_once(monkeypatch, launches):
+    """What a launch has is not public: without it, in another Warp, a replay is slower."""
+    values = zeros()
+
+    def capture():
+        launches.capture(lambda: launches(add, [1.0, values], dim=6), 6)
+        ((function, arguments, command),) = launches._again.args[0]
+        return function, arguments, command
+
+    function, arguments, command = capture()
+    assert function is command.hooks.forward and len(arguments) == 2
     monkeypatch.setattr(launches_module.ctypes, 'byref', None)
-    launches.capture(lambda: launches(add, [1.0, values], dim=6), 6)
-    ((function, arguments, _),) = launches._again.args[0]
+    function, arguments, _ = capture()
     assert function.__name__ == 'launch' and not arguments
     monkeypatch.undo()
     launches.replay()
@@ -190,26 +203,8 @@ def test_another_warp_launches_itself(monkeypatch):
     assert (values.numpy() == 2.0).all()
 
 
-def test_this_warp_is_called_at_once():
-    """The compiled functions themselves are called, or replays would be no faster."""
-    launches = Launches(wp.get_device('cpu'))
-    launches.capture(lambda: launches(add, [1.0, zeros()], dim=6), 6)
-    ((function, arguments, command),) = launches._again.args[0]
-    assert function is command.hooks.forward and len(arguments) == 2
-
-
 @pytest.mark.parametrize('is_deterministic', [False, True])
-@pytest.mark.parametrize(
-    'name',
-    [
-        'everything with green',
-        *(
-            pytest.param(name, marks=pytest.mark.nightly)
-            for name in effect_sets()
-            if name != 'everything with green'
-        ),
-    ],
-)
+@and_nightly(*effect_sets())
 def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
     """The same bits as launch by launch: nothing of a stage goes another way."""
     ends = []
@@ -226,3 +221,132 @@ def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
         assert simulation._state.launches.can_replay(0) == is_alone
         ends.append(simulation.checkpoint().to_bytes())
     assert ends[0] == ends[1]
+
+
+KERNEL, COPY = 0, 1
+
+#: What the driver answers to a graph that cannot be changed, and to an edge it does not take.
+NOT_SUPPORTED, INVALID = 801, 1
+
+
+def named(name):
+    """A kernel of that name."""
+    return SimpleNamespace(get_mangled_name=lambda: name)
+
+
+class Driver:
+    """A driver with one graph, of numbered nodes, that knows as much as is asked of it."""
+
+    def __init__(self, nodes, edges):
+        """Take kinds and names of the nodes, and the edges with their types."""
+        self.nodes, self.edges = nodes, dict(edges)
+        self.refuses_to_remove = self.refuses_to_add = False
+
+    def cuGraphGetEdges_v2(self, graph, before, after, data, count):  # noqa: N802
+        """Say how many edges there are, or which."""
+        count._obj.value = len(self.edges)
+        for n, ((one, other), kind) in enumerate(self.edges.items() if before else ()):
+            before[n], after[n], data[n].type = one, other, kind
+        return 0
+
+    def cuGraphNodeGetType(self, node, kind):  # noqa: N802
+        """Say what a node is."""
+        kind._obj.value = self.nodes[node.value][0]
+        return 0
+
+    def cuGraphKernelNodeGetParams_v2(self, node, params):  # noqa: N802
+        """Say what a node launches: here it is the node itself."""
+        params._obj.function = node.value
+        return 0
+
+    def cuFuncGetName(self, name, function):  # noqa: N802
+        """Say what that is called."""
+        name._obj.value = f'{self.nodes[function.value][1]}_cuda_kernel_forward'.encode()
+        return 0
+
+    def cuGraphRemoveDependencies_v2(self, graph, before, after, data, count):  # noqa: N802
+        """Remove an edge."""
+        if self.refuses_to_remove:
+            return NOT_SUPPORTED
+        assert self.edges.pop((before[0], after[0])) == data._obj.type
+        return 0
+
+    def cuGraphAddDependencies_v2(self, graph, before, after, data, count):  # noqa: N802
+        """Add an edge."""
+        edge = data._obj
+        if self.refuses_to_add and edge.type:
+            return INVALID
+        assert edge.from_port == edge.type
+        assert (before[0], after[0]) not in self.edges
+        self.edges[before[0], after[0]] = edge.type
+        return 0
+
+
+NODES = {1: (KERNEL, 'first'), 2: (KERNEL, 'second'), 3: (KERNEL, 'sort'), 4: (COPY, '')}
+EDGES = {(1, 2): 0, (2, 3): 0, (3, 1): 0, (4, 2): 0, (2, 4): 0}
+WAITING = [named('first'), named('second')]
+
+
+@pytest.fixture
+def driver(monkeypatch):
+    """A driver in place of CUDA's."""
+    driver = Driver(NODES, EDGES)
+    monkeypatch.setattr(programmatic_launch, '_driver', lambda: driver)
+    return driver
+
+
+def graph(arch=90):
+    """A graph of a GPU."""
+    return SimpleNamespace(graph=ctypes.c_void_p(7), device=SimpleNamespace(arch=arch))
+
+
+def test_kernels_that_wait_may_begin_early(driver):
+    """Those that do not wait, and what comes after a copy, wait for the end of all before."""
+    assert overlap(graph(), WAITING) == 2
+    assert driver.edges == {(1, 2): 1, (3, 1): 1, (2, 3): 0, (4, 2): 0, (2, 4): 0}
+    assert overlap(graph(), WAITING) == 0
+
+
+def test_where_it_is_unknown_the_graph_stays(driver, monkeypatch):
+    """An older GPU, an older driver, a graph that cannot be changed, an edge that is refused."""
+    assert overlap(graph(arch=80), WAITING) == 0
+    driver.refuses_to_remove = True
+    assert overlap(graph(), WAITING) == 0
+    driver.refuses_to_remove, driver.refuses_to_add = False, True
+    assert overlap(graph(), WAITING) == 0
+    assert driver.edges == EDGES
+    monkeypatch.setattr(programmatic_launch, '_driver', lambda: None)
+    assert overlap(graph(), WAITING) == 0
+
+
+def test_an_edge_that_is_lost_is_said(driver, monkeypatch):
+    """A graph without an edge would give wrong results."""
+    monkeypatch.setattr(driver, 'cuGraphAddDependencies_v2', lambda *_: INVALID)
+    with pytest.raises(RuntimeError, match='an edge of a CUDA graph is lost'):
+        overlap(graph(), WAITING)
+
+
+@pytest.mark.parametrize('name', ['bare', 'green', 'everything with green'])
+def test_a_run_with_it_is_one_without(device, name, monkeypatch):
+    """What is read early would be what was there a step ago."""
+    found = []
+    # a CPU has no graph in which a kernel could begin early
+    particles, steps = (3000, 400) if wp.get_device(device).is_cuda else (100, 4)
+    for is_on in (True, False):
+        counts = []
+        with monkeypatch.context() as patch:
+
+            def count(*arguments, is_on=is_on, counts=counts):
+                counts.append(overlap(*arguments) if is_on else 0)
+
+            patch.setattr(launches_module, 'overlap', count)
+            simulation = lava_field(particles, effect_sets()[name], device)
+            simulation.advance(steps * STEP)
+            found.append(simulation.snapshot())
+        is_new = wp.get_device(device).is_cuda and wp.get_device(device).arch >= 90
+        assert bool(sum(counts)) == (is_on and is_new)
+    one, other = found
+    assert one.steps.count == other.steps.count
+    assert one.particle_count == other.particle_count
+    assert float(np.abs(one.thickness - other.thickness).max()) < 1e-3
+    assert one.budget.error == pytest.approx(other.budget.error, abs=1e-6)

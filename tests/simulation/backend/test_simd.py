@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sums that take eight neighbours at a time on a CPU, against those that take one."""
+"""Sums that take eight neighbours at a time on a CPU, against those that take one; and a scan."""
 
 import numpy as np
 import pytest
@@ -20,6 +20,8 @@ import warp as wp
 
 from lava_ros.effects.green import device as green
 from lava_ros.effects.helmholtz import device as helmholtz
+from lava_ros.simulation.backend.graph import Launches
+from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.backend.simd import WIDTH
 from lava_ros.simulation.cells import cell_frame, sums_function, wide_sums_function
 from lava_ros.simulation.kernels import k0_within, smoothing_kernel
@@ -156,3 +158,16 @@ def test_wide_sums_over_nothing(name):
     expected = plain_sums(plain, sizes)
     assert np.abs(expected).max() > 0.01
     assert sums_of(wide, sizes) == pytest.approx(expected, rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize('length', [4, 4096, 4100, 100_000, 600_000, 3_000_000])
+def test_what_is_before_each_item(device, length):
+    """Of one tile and of many, and again with the same words."""
+    rng = np.random.default_rng(length)
+    starts = wp.full(length, -1, dtype=wp.int32, device=device)
+    scan, launches = Scan(length, wp.get_device(device)), Launches(wp.get_device(device))
+    for most in (1, 700):
+        sizes = rng.integers(0, most + 1, length)
+        for _ in range(3):
+            scan(launches, wp.array(sizes, dtype=wp.int32, device=device), starts)
+            assert (starts.numpy() == np.cumsum(sizes) - sizes).all()

@@ -215,75 +215,63 @@ def test_a_number_of_threads_that_is_none(monkeypatch, text):
         threads.use_threads(0)
 
 
-@pytest.fixture
-def many(monkeypatch):
-    """A host of 64 cores."""
-    monkeypatch.setattr(os, 'sched_getaffinity', lambda _: set(range(64)), raising=False)
-
-
-#: Where control groups are.
-GROUPS = 'sys/fs/cgroup'
-
-
-def put(root, files):
-    """Write files below a root, by their paths."""
-    for name, text in files.items():
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding='utf-8')
-
-
 def test_here():
     """At least one, and no more than the process is bound to."""
     assert 1 <= usable_cores() <= len(os.sched_getaffinity(0))
 
 
-def test_without_groups(many, tmp_path):
-    """Where nothing says otherwise it is the cores that the process is bound to."""
-    assert usable_cores(tmp_path) == 64
+def share(quota):
+    """A container's files (``docker run --cpus``): of its group it sees the top."""
+    return {'proc/self/cgroup': '0::/\n', f'{GROUPS}/cpu.max': f'{quota} 100000\n'}
+
+
+def first_version(quota):
+    """Its files: of its controllers that of the CPU counts; a container's path is its host's."""
+    return {
+        'proc/self/cgroup': '5:memory:/docker/1f\n4:cpu,cpuacct:/docker/1f\n0::/\n',
+        f'{GROUPS}/cpu,cpuacct/cpu.cfs_quota_us': f'{quota}\n',
+        f'{GROUPS}/cpu,cpuacct/cpu.cfs_period_us': '100000\n',
+    }
+
+
+#: Where control groups are.
+GROUPS = 'sys/fs/cgroup'
+
+#: A service in a slice, which has no more than the slice.
+SLICE = {
+    'proc/self/cgroup': '0::/lava.slice/node.service\n',
+    f'{GROUPS}/lava.slice/cpu.max': '300000 100000\n',
+    f'{GROUPS}/lava.slice/node.service/cpu.max': '800000 100000\n',
+    f'{GROUPS}/other.slice/cpu.max': '100000 100000\n',
+}
+
+#: Half a file, and no text at all.
+HALF = {'proc/self/cgroup': '0::/\nnonsense\n', f'{GROUPS}/cpu.max': '100000\n'}
+BYTES = {**HALF, 'proc/self/cgroup': b'\xff\xfe'}
 
 
 @pytest.mark.parametrize(
-    ('quota', 'expected'),
-    [('max', 64), ('200000', 2), ('150000', 2), ('5000', 1), ('9900000', 64), ('nonsense', 64)],
+    ('files', 'expected'),
+    [
+        ({}, 64),
+        (share('max'), 64),
+        (share(200_000), 2),
+        (share(150_000), 2),
+        (share(5000), 1),
+        (share(9_900_000), 64),
+        (share('nonsense'), 64),
+        (SLICE, 3),
+        (first_version(-1), 64),
+        (first_version(400_000), 4),
+        (HALF, 64),
+        (BYTES, 64),
+    ],
 )
-def test_a_container(many, tmp_path, quota, expected):
-    """``docker run --cpus``: of its group it sees the top."""
-    put(tmp_path, {'proc/self/cgroup': '0::/\n', f'{GROUPS}/cpu.max': f'{quota} 100000\n'})
+def test_cores_of_control_groups(monkeypatch, tmp_path, files, expected):
+    """The least share of all groups of a host of 64 cores; what cannot be read says nothing."""
+    monkeypatch.setattr(os, 'sched_getaffinity', lambda _: set(range(64)), raising=False)
+    for name, text in files.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
     assert usable_cores(tmp_path) == expected
-
-
-def test_the_least_share_of_all_groups_holds(many, tmp_path):
-    """A service in a slice has no more than the slice."""
-    put(
-        tmp_path,
-        {
-            'proc/self/cgroup': '0::/lava.slice/node.service\n',
-            f'{GROUPS}/lava.slice/cpu.max': '300000 100000\n',
-            f'{GROUPS}/lava.slice/node.service/cpu.max': '800000 100000\n',
-            f'{GROUPS}/other.slice/cpu.max': '100000 100000\n',
-        },
-    )
-    assert usable_cores(tmp_path) == 3
-
-
-@pytest.mark.parametrize(('quota', 'expected'), [('-1', 64), ('400000', 4)])
-def test_the_first_version(many, tmp_path, quota, expected):
-    """Of its controllers that of the CPU counts; a container's path is its host's."""
-    put(
-        tmp_path,
-        {
-            'proc/self/cgroup': '5:memory:/docker/1f\n4:cpu,cpuacct:/docker/1f\n0::/\n',
-            f'{GROUPS}/cpu,cpuacct/cpu.cfs_quota_us': f'{quota}\n',
-            f'{GROUPS}/cpu,cpuacct/cpu.cfs_period_us': '100000\n',
-        },
-    )
-    assert usable_cores(tmp_path) == expected
-
-
-def test_what_cannot_be_read_says_nothing(many, tmp_path):
-    """Half a file, or no text at all."""
-    put(tmp_path, {'proc/self/cgroup': '0::/\nnonsense\n', f'{GROUPS}/cpu.max': '100000\n'})
-    assert usable_cores(tmp_path) == 64
-    (tmp_path / 'proc/self/cgroup').write_bytes(b'\xff\xfe')
-    assert usable_cores(tmp_path) == 64

@@ -1,0 +1,218 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The solver prefers no direction and no place on a large map, and lava comes to rest.
+
+In a rough bowl the scheme has an energy, and it never grows.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import preset_accuracy
+from lava_ros.verification.cases.confined import ground_at, LEVEL, pond, rough_bowl, stillness
+from solver import incline, only, simulated
+
+SIDE = 40
+BUMPS = np.random.default_rng(8).normal(size=(SIDE, SIDE))
+
+
+def smooth_hills():
+    """Gentle bumps on cells of 5 m, shape [SIDE, SIDE]."""
+    hills = BUMPS
+    for _ in range(6):
+        hills = 0.2 * (
+            hills + sum(np.roll(hills, shift, axis) for shift in (1, -1) for axis in (0, 1))
+        )
+    return 20.0 * hills
+
+
+def flow(elevation, places, effects, *, origin=None, time=120.0, **options):
+    """A blob of lava on a terrain after a while, and its particles."""
+    simulation = simulated(
+        Terrain(elevation, 5.0, origin=origin or (-2.5 * SIDE,) * 2),
+        Lava(viscosity=2e3),
+        Particles(places, 32.0, 1400.0),
+        effects=effects,
+        spacing=4.0,
+        thickness=2.0,
+        **options,
+    )
+    simulation.advance(time)
+    return simulation.snapshot(), simulation.sample()
+
+
+def check_symmetry(thickness, elevation):
+    """Mirrored and turned scenes give mirrored and turned grids to rounding noise.
+
+    ``thickness`` makes a map of a flow of the ground and of a function that moves places on it.
+    """
+    plain = thickness(elevation, lambda places: places)
+    mirrored = thickness(elevation[:, ::-1], lambda places: places * [-1.0, 1.0])
+    # rows run with y: a quarter turn anticlockwise takes (x, y) to (-y, x)
+    turned = thickness(np.rot90(elevation, -1), lambda places: places[..., ::-1] * [-1.0, 1.0])
+    for other in (mirrored[:, ::-1], np.rot90(turned)):
+        assert np.abs(other - plain).max() < 1e-6 * plain.max()
+
+
+@pytest.mark.parametrize('kind', ['local', 'green', 'helmholtz'])
+def test_mirrored_and_rotated_scenes_give_mirrored_and_rotated_grids(device, kind):
+    """At double precision the grids agree to rounding noise, whatever the lateral stress."""
+    effects = Effects(green=kind == 'green', helmholtz=kind == 'helmholtz')
+    places = np.random.default_rng(9).uniform(-20.0, 20.0, (100, 2))
+
+    def thickness(elevation, moved):
+        begin = moved(places)
+        snapshot, sample = flow(
+            elevation, begin, effects, time=40.0, precision='float64', device=device
+        )
+        # it has gone on its way, and still goes
+        assert np.linalg.norm(np.sort(sample.position, axis=0) - np.sort(begin, axis=0)) > 20.0
+        assert np.linalg.norm(sample.velocity, axis=1).max() > 1e-3
+        return snapshot.thickness
+
+    check_symmetry(thickness, smooth_hills())
+
+
+@pytest.mark.parametrize('kind', ['disc', 'fissure'])
+def test_mirrored_and_rotated_vents_give_mirrored_and_rotated_grids(device, kind):
+    """At the reference preset's knobs a vent's particles have the symmetries of the grid."""
+
+    def thickness(elevation, moved):
+        place, end = moved(np.array([[17.0, -9.0], [38.0, 12.0]])).tolist()
+        vent = Vent(tuple(place), 0.3, radius=6.0, end=tuple(end) if kind == 'fissure' else None)
+        simulation = Simulation(
+            Scene(Terrain(elevation, 5.0, (-2.5 * SIDE,) * 2), (vent,), Lava(viscosity=2e3)),
+            accuracy=replace(preset_accuracy('reference'), spacing=3.0, thickness=0.5),
+            device=device,
+        )
+        simulation.advance(900.0)
+        assert simulation.particle_count >= 32
+        grid = simulation.snapshot().thickness
+        assert grid.max() > 0.3
+        return grid
+
+    check_symmetry(thickness, smooth_hills())
+
+
+def test_map_coordinates_do_not_matter():
+    """Far from the map's origin the same flow comes out to the bit of the relative positions."""
+    hills, shift = smooth_hills(), np.array([500_000.0, 4_100_000.0])
+    places = np.random.default_rng(9).integers(-40, 40, (400, 2)) + 0.25
+    here, _ = flow(hills, places, Effects())
+    there, sample = flow(hills, places + shift, Effects(), origin=tuple(shift - 2.5 * SIDE))
+    assert np.array_equal(here.thickness, there.thickness)
+    assert np.abs(sample.position.mean(axis=0) - shift).max() < 100.0
+
+
+@pytest.mark.parametrize('speed', [1e-1, 1e-4])
+def test_a_sheet_far_out_on_a_20_km_map_keeps_its_speed(speed):
+    """10 km from the centre, where a float32 holds millimetres, slow lava still moves right."""
+    slope = 0.1
+    terrain = incline(slope, 60, 2000, 10.0, origin=(-10_000.0, -300.0))
+    places = np.stack(np.meshgrid(np.arange(9000.0, 9600.0, 10.0), np.arange(-200.0, 200.0, 10.0)))
+    places = places.reshape(2, -1).T
+    viscosity = 2500.0 * 9.81 * slope / (3.0 * speed)
+    simulation = simulated(
+        terrain,
+        Lava(viscosity=viscosity, arrhenius=0.0),
+        # a temperature of its own tells each particle from the others
+        Particles(places, 100.0, 1000.0 + np.arange(len(places))),
+        effects=only(),
+        spacing=10.0,
+        thickness=1.0,
+        longest_step=1.0,
+    )
+
+    def in_first_order():
+        sample = simulation.sample()
+        return sample.position[np.argsort(sample.temperature)]
+
+    before = in_first_order()
+    simulation.advance(100.0)
+    moved = in_first_order() - before
+    middle = (np.abs(before - [9300.0, 0.0]) < 100.0).all(axis=1)
+    assert moved[middle, 0].mean() == pytest.approx(100.0 * speed, rel=0.1)
+
+
+def test_the_ground_is_the_surface_whose_gradient_is_sampled():
+    """At a corner of cells it has the four heights' mean, and the slope of equation 3.21."""
+    terrain = rough_bowl()
+    elevation, cell = terrain.elevation, terrain.resolution
+    corner = np.array(terrain.origin) + np.array([20.0, 30.0]) * cell
+    quarter = elevation[29:31, 19:21].mean()
+    assert np.allclose(ground_at(terrain, corner[None]), quarter)
+    step = 1e-4
+    rise = ground_at(terrain, corner[None] + [[step, 0.0]]) - ground_at(
+        terrain, corner[None] - [[step, 0.0]]
+    )
+    slope = np.diff(elevation[29:31, 19:21], axis=1).mean() / cell
+    assert np.allclose(rise / (2.0 * step), slope, rtol=1e-6)
+
+
+def test_pond_comes_to_rest_and_stays_flat(device):
+    """The surface stays level within 1 % of the depth while the motion dies away."""
+    trial = pond(Accuracy(precision='float64'), device)
+    means = []
+    for time in (60.0, 600.0, 6000.0):
+        trial.advance(time)
+        sample = trial.simulation.sample()
+        means.append(np.linalg.norm(sample.velocity, axis=1).mean())
+        speed, flatness = stillness(trial)
+        assert speed.measured >= means[-1]
+        assert flatness.error < 0.01
+    assert means[1] < 0.5 * means[0]
+    assert means[2] < 0.2 * means[1]
+
+
+def test_energy_never_grows():
+    """Sum V (h / 2 + H), whose gradient drives the particles, falls from frame to frame."""
+    trial = pond(Accuracy(precision='float64'))
+    simulation, terrain = trial.simulation, rough_bowl()
+
+    def energy():
+        sample = simulation.sample()
+        offset = sample.position[:, None] - sample.position[None]
+        q = np.clip(np.linalg.norm(offset, axis=-1) / simulation.radius, 0.0, 1.0)
+        weight = 7.0 / np.pi / simulation.radius**2 * (1.0 - q) ** 4 * (1.0 + 4.0 * q)
+        height = weight @ sample.volume
+        return float(sample.volume @ (0.5 * height + ground_at(terrain, sample.position)))
+
+    energies = [energy()]
+    for time in np.geomspace(10.0, 3000.0, 12):
+        trial.advance(float(time))
+        energies.append(energy())
+    drops = -np.diff(energies)
+    assert (drops > -1e-9 * abs(energies[0])).all()
+    assert drops.sum() > 0.0
+
+
+def test_the_bowl_is_rough_and_holds_the_pond():
+    """Bumps of decimetres, the same in every run, and a rim that is above the surface."""
+    terrain = rough_bowl()
+    x0, y0, x1, y1 = terrain.extent
+    rows, columns = terrain.shape
+    x = x0 + (np.arange(columns) + 0.5) * (x1 - x0) / columns
+    y = y0 + (np.arange(rows) + 0.5) * (y1 - y0) / rows
+    bumps = terrain.elevation - 0.003 * (x[None, :] ** 2 + y[:, None] ** 2)
+    assert 0.1 < bumps.std() < 0.3
+    assert bumps[0, 0] == rough_bowl().elevation[0, 0] - 0.003 * (x[0] ** 2 + y[0] ** 2)
+    outside = np.hypot(x[None, :], y[:, None]) > 40.0
+    assert terrain.elevation[outside].min() > LEVEL
