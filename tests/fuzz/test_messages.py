@@ -64,13 +64,13 @@ def test_the_node_goes_on(graph, figures):
     before = listener.wait_for_status('inputs', lambda _: True)
     assert before['rejected'] == '0'
     memory = _memory(node)
-    ways = publisher._publishers
+    ways = publisher.publishers
     wait_until(lambda: all(ways[topic].get_subscription_count() for topic in TOPICS))
     kinds, bad, longest = Counter(), Counter(), 0.0
     for item in itertools.islice(messages(seed), count):
         ways[item.topic].publish(item.data)
         start = time.monotonic()
-        publisher._ask(GetParameters, '/lava/get_parameters', names=['time_scale'])
+        publisher.ask(GetParameters, '/lava/get_parameters', names=['time_scale'])
         longest = max(longest, time.monotonic() - start)
         kinds[item.kind] += 1
         # the middleware fills messages up to a multiple of four bytes

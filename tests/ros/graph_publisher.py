@@ -204,7 +204,7 @@ class Publisher:
         self.node = Node('test_publisher', context=self._context, cli_args=words)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
-        self._publishers = {
+        self.publishers = {
             topic: self.node.create_publisher(kind, topic, qos)
             for topic, (kind, qos) in TYPES.items()
         }
@@ -232,7 +232,7 @@ class Publisher:
         """Send messages by their names in ``CASES`` once somebody hears them."""
         for case in cases:
             topic, make = CASES[case]
-            publisher = self._publishers[topic]
+            publisher = self.publishers[topic]
             wait_until(publisher.get_subscription_count, lambda: f'nobody hears {topic}')  # noqa: B023
             publisher.publish(make())
 
@@ -243,7 +243,7 @@ class Publisher:
         start = time.monotonic()
         for index, message in enumerate(messages):
             time.sleep(max(0.0, start + index / rate - time.monotonic()))
-            self._publishers['vents'].publish(message)
+            self.publishers['vents'].publish(message)
 
     def clock(self, seconds):
         """Send a time on /clock."""

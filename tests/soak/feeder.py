@@ -72,28 +72,28 @@ class Feeder(graph_publisher.Publisher):
             name: [self.chance.uniform(*limits) for _ in range(count)]
             for name, limits in LIMITS.items()
         }
-        self._publishers['vents'].publish(cloud({**columns, **changes}))
+        self.publishers['vents'].publish(cloud({**columns, **changes}))
 
     def terrain(self):
         """The ground with every height changed by up to half a metre."""
         random = np.random.default_rng(self.chance.randrange(10**9))
         ground = elevation() + random.uniform(-0.5, 0.5, elevation().shape)
-        self._publishers['terrain_info'].publish(info())
-        self._publishers['terrain'].publish(image(ground.astype(np.float32)))
+        self.publishers['terrain_info'].publish(info())
+        self.publishers['terrain'].publish(image(ground.astype(np.float32)))
 
     def subscriber(self):
         """One more subscriber, or one less."""
         if self.subscriptions and self.chance.random() < 0.5:
             leaving = self.subscriptions.pop(self.chance.randrange(len(self.subscriptions)))
-            self._node.destroy_subscription(leaving)
+            self.node.destroy_subscription(leaving)
         elif len(self.subscriptions) < 8:
             topic = self.chance.choice(GRIDS)
-            more = self._node.create_subscription(OccupancyGrid, topic, self._hear, LATCHED)
+            more = self.node.create_subscription(OccupancyGrid, topic, self._hear, LATCHED)
             self.subscriptions.append(more)
 
     def bad_message(self):
         """Something that the node has to refuse."""
-        self._publishers['vents'].publish(b'\0\1\0\0' + self.chance.randbytes(40))
+        self.publishers['vents'].publish(b'\0\1\0\0' + self.chance.randbytes(40))
 
     def reset(self):
         """The scene again from time 0."""
