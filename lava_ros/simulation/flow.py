@@ -248,7 +248,7 @@ def flow_kernels(
             rise.x, rise.y, moment[0, 0], moment[0, 1], moment[1, 0], moment[1, 1], push.x, push.y
         )
 
-    @quick_kernel(bounds=FEW_THREADS if is_short or parts > lanes else None)
+    @quick_kernel(bounds=FEW_THREADS if is_short else None)
     def thickness_and_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
