@@ -142,8 +142,8 @@ def _flow(
     """
     from lava_ros.ros.monitor import Monitor
 
-    heard_at, heard = time.monotonic(), (0.0, '')
     with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
+        heard_at, heard = time.monotonic(), (0.0, '')
         with Progress() as progress:
             is_finished = False
             while not is_finished:

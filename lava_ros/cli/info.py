@@ -121,11 +121,10 @@ def _lines(bag: BagReader, told: dict[str, Any], refused: list[LavaError]) -> li
         lines.append(f'resumed    at {resumed["time"]:.3f} s simulated, from {resumed["bag"]}')
     if (simulation := told['simulation']) is not None:
         lines.append(f'simulated  {simulation["time"]:.3f} s')
-        known = {name: value for name, value in simulation.items() if value == value}
-        budget = VolumeBudget.from_texts(known)
+        budget = VolumeBudget.from_texts(simulation)
         if budget is not None:
             lines += ['volumes', *(f'  {name:30} {value}' for name, value in budget.rows())]
-            lines += [f'  warning: {item}' for item in budget.warnings()]
+        lines += [f'  warning: {item}' for item in simulation['warnings']]
     if bag.topics:
         rows = [('topic', 'type', 'count', 'reliability', 'durability')]
         for topic in bag.topics.values():

@@ -83,7 +83,7 @@ class Child:
             raise ChildError(self.failure(f'ended with status {status}'))
 
     def end(self, timeout: float = 10.0) -> int | None:
-        """Ask the process to end, and kill it after a time [s]: its status, None if killed."""
+        """Ask the process to end, kill it after a time [s]; return its status, None if killed."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
         try:

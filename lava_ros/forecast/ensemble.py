@@ -116,7 +116,7 @@ class Store:
             stored = read_arrays('member', self._path(index))
             look, millimetres = stored['look'], stored['millimetres']
             (row, column), (left,) = map(int, stored['corner']), map(float, stored['left'])
-        except (LavaError, KeyError, TypeError, ValueError):
+        except (LavaError, KeyError, TypeError, ValueError, OverflowError):
             return None
         is_whole = look.dtype == np.uint16 and millimetres.dtype == np.uint32
         if not is_whole or look.shape != millimetres.shape:

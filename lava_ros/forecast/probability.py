@@ -111,9 +111,10 @@ class Tally:
         rows, columns = footprint.look.shape
         row, column = footprint.corner
         shape = self._plan.scene.terrain.shape
-        if row + rows > shape[0] or column + columns > shape[1]:
+        if min(row, column) < 0 or row + rows > shape[0] or column + columns > shape[1]:
             right = f'a member on a terrain of {shape} cells'
-            raise LavaError(f'member {footprint.index}', (row + rows, column + columns), right)
+            found = f'{rows} x {columns} cells from {footprint.corner} on'
+            raise LavaError(f'member {footprint.index}', found, right)
         self._added.add(footprint.index)
         self._beyond += footprint.left > GONE
         self._total += weight

@@ -67,7 +67,7 @@ class ActiveNode:
     ) -> None:
         """Create publishers, subscriptions and services, and load ``sources``; time stands still.
 
-        ``values`` returns the node's parameters; LavaError where a file that one names is no good.
+        ``values`` returns the node's parameters; LavaError where a file cannot be used.
         """
         self._node = node
         self._settings = settings

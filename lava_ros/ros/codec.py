@@ -114,7 +114,7 @@ def serialise(message: Any) -> bytes:
 
 
 def message_class(message_type: str) -> Any:
-    """Import the class of a type such as ``nav_msgs/msg/OccupancyGrid``; LavaError without it."""
+    """Import the class of a type such as ``nav_msgs/msg/OccupancyGrid``; LavaError if missing."""
     package, _, name = message_type.partition('/msg/')
     if not package.isidentifier() or not name.isidentifier():
         raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')

@@ -105,7 +105,7 @@ class ForecastTopics:
             self._ensembles.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh members by where lava was observed at ``clock`` [s]; LavaError while inactive."""
+        """Weigh members by the lava observed at ``clock`` [s]; LavaError without ensembles."""
         if not self._forecaster.is_wanted:
             raise LavaError('observed_outline', 'no ensemble', 'an active node that makes them')
         return self._forecaster.ensembles.observe(mask, clock)

@@ -55,7 +55,7 @@ def published_layers(
     """
     known: list[Layer] = []
     for path, is_forecast, right in (
-        (config, False, 'one of now; those of a forecast are in another file, forecast_config'),
+        (config, False, 'one of now; those of a forecast are in forecast_config'),
         (forecast, True, 'one of a forecast'),
     ):
         for layer in load_layers(path) if path is not None else ():

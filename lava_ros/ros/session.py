@@ -42,7 +42,7 @@ class SimulationError(Exception):
 class Origin(NamedTuple):
     """The checkpoint that a simulation has gone on from.
 
-    It is in a bag, of a simulated time [s], and was taken at a ROS time, ``stamp_ns`` [ns].
+    Its bag, its simulated time [s], and the ROS time at which it was taken, ``stamp_ns`` [ns].
     """
 
     bag: str
@@ -217,7 +217,10 @@ class Eruption:
         self.changes += 1
 
     def renew_snapshot(self) -> bool:
-        """Bring ``latest`` up to date, and say whether it changed; SimulationError for a flaw."""
+        """Bring ``latest`` up to date, and say whether it changed.
+
+        SimulationError where the flow is no map; ``latest`` stays then.
+        """
         if self.simulation is None or not self._is_changed:
             return False
         self._take(self.simulation.snapshot(), next(self._numbers))

@@ -179,7 +179,8 @@ def _follow(thread: int, threads: int, clock: wp.array(dtype=wp.float64), looks:
     any_in_block(False)
     first_row = looks.look.shape[0] - looks.count[_ROWS_ON]
     first_column = looks.look.shape[1] - looks.count[_COLUMNS_ON]
-    columns = looks.count[_COLUMNS] - first_column
+    # none where nothing has been wet: a negative number of both would count cells
+    columns = wp.max(looks.count[_COLUMNS] - first_column, 0)
     count = (looks.count[_ROWS] - first_row) * columns
     number = looks.count[_LOOKS] + 1
     has_changed = wp.bool(True)

@@ -14,7 +14,9 @@
 
 """`lava info` and `lava recover`, as the command line calls them."""
 
+from dataclasses import replace
 import json
+import math
 from pathlib import Path
 import subprocess
 import sys
@@ -25,7 +27,9 @@ import pytest
 from cli.calls import done, refused
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
+from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.checkpoint import MEDIA_TYPE
+import recording
 from small_checkpoint import small_checkpoint
 
 SCENE = {
@@ -99,6 +103,17 @@ def test_checkpoints_are_listed(tmp_path):
     stored = told['checkpoints']
     assert [item['time'] for item in stored] == [100.0 * count for count in range(7)]
     assert stored[6]['size'] == len(checkpoint.to_bytes())
+
+
+def test_volume_that_is_no_number_is_told(tmp_path, monkeypatch):
+    """It is in the table, with a warning: as much is not accounted for."""
+    lost = VolumeBudget(10.0, math.nan, 0.0, 0.0)
+    made = recording.snapshot_at
+    monkeypatch.setattr(recording, 'snapshot_at', lambda *of: replace(made(*of), budget=lost))
+    lines, told = info(recording.record(tmp_path / 'bag'))
+    assert 'volumes' in lines
+    assert any(line.startswith('  warning: volume is not conserved: nan') for line in lines)
+    assert len(told['simulation']['warnings']) == 1
 
 
 CHANGES = [

@@ -102,9 +102,9 @@ def test_maps_are_there_while_members_run(tmp_path: Path) -> None:
     assert same(seen[0], run(tmp_path / 'b', count=16).maps)
 
 
-def _replaced_by_others(path: Path) -> None:
+def _replaced_by_others(path: Path, corner: float = 0.0) -> None:
     with path.open('wb') as file:
-        np.savez(file, look=np.zeros(3), millimetres=np.zeros(3), corner=np.zeros(2))
+        np.savez(file, look=np.zeros(3), millimetres=np.zeros(3), corner=np.full(2, corner))
 
 
 DAMAGES: dict[str, Callable[[Path], object]] = {
@@ -114,6 +114,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
     ),
     'empty': lambda path: path.write_bytes(b''),
     'other': _replaced_by_others,
+    'far': lambda path: _replaced_by_others(path, np.inf),
     'partial': lambda path: path.rename(path.with_suffix('.123.partial')),
 }
 

@@ -142,8 +142,9 @@ def test_members_that_do_not_fit_are_refused() -> None:
         tally.add(footprint_of(disc_fields(4, 1.0), PLAN))
     cells = np.full((3, 3), NEVER, np.uint16)
     beyond = Footprint(5, (22, 0), cells, cells.astype(np.uint32))
-    with pytest.raises(LavaError, match='member 5'):
-        tally.add(beyond)
+    for corner in ((22, 0), (-1, 0)):
+        with pytest.raises(LavaError, match='member 5'):
+            tally.add(replace(beyond, corner=corner))
     assert tally.count == 1
 
 

@@ -25,9 +25,10 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.ros import worker_status as speed
 from lava_ros.ros.session import effect_table, is_on, Origin
-from lava_ros.ros.worker import MAX_LAG
+from lava_ros.ros.worker import MAX_LAG, SimulationWorker
 from lava_ros.ros.worker_status import LONGEST_TURN, SpeedMeter, WorkerState
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
 from lava_ros.simulation.selection import decide, effects_for, HORIZON
 from worker_bench import OUTSIDE, TERRAIN, VENT
 
@@ -341,3 +342,41 @@ def test_every_effect_has_a_text():
     known = effect_table(frozen, decide(_scene(solidus=1200.0), horizon=1.0))
     assert known['solidification'].startswith('on: share of the way to the solidus = ')
     assert known['solidification'].endswith(', but what has frozen stays')
+
+
+def test_frames_keep_coming_while_effects_change():
+    """With the solver: while they are compiled and after that, and time goes on."""
+    x = 10.0 * np.arange(40)
+    scene = Scene(
+        Terrain(np.tile(300.0 - 0.3 * x, (30, 1)), 10.0), (Vent((60.0, 150.0), 20.0),), lava=Lava()
+    )
+    frames = []
+    worker = SimulationWorker(
+        lambda scene: Simulation(scene, device='cpu'),
+        clock=time.monotonic,
+        time_scale=60.0,
+        on_snapshot=lambda: frames.append(worker.latest),
+    )
+    worker.start()
+    worker.set_scene(scene).result(timeout=60.0)
+
+    def show_frames(count):
+        end, first = time.monotonic() + 60.0, len(frames)
+        while len(frames) - first < count:
+            assert time.monotonic() < end, worker.status
+            worker.request_snapshot()
+            time.sleep(0.1)
+
+    show_frames(3)
+    for forced in ({'helmholtz': True}, {'inertia': True}, {'steep': False}, {}):
+        change = worker.set_effects(forced, horizon=HORIZON)
+        show_frames(3)
+        change.result(timeout=60.0)
+        assert {name: worker.eruption.effects[name] for name in forced} == {
+            name: f'{"on" if is_on else "off"}: forced' for name, is_on in forced.items()
+        }
+    assert worker.stop(60.0)
+    times = [snapshot.time for snapshot in frames]
+    assert times == sorted(times) and times[0] < times[-1]
+    assert worker.status.error == ''
+    assert frames[-1].budget.error < 1e-5

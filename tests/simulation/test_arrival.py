@@ -15,6 +15,9 @@
 """When lava comes: as looks tell it, between two of which fronts run evenly, and by each step."""
 
 from dataclasses import replace
+from pathlib import Path
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -107,6 +110,19 @@ def test_lava_out_of_nowhere_comes_at_once(device):
     """What no lava leads to may have come right after the look before: the safe side."""
     times = seen_of([(5.0, strip(0)), (15.0, strip(3))], device).arrival
     np.testing.assert_array_equal(times[0, :3], 5.0)
+
+
+@pytest.mark.nightly
+def test_a_look_without_lava_stays_on_the_map(monkeypatch):
+    """Warp checks each index in its debug mode, in a process of its own."""
+    code = 'import warp; warp.config.mode = "debug"; from simulation import test_arrival as here; '
+    code += 'looks = [(time, here.strip(cells, 8)) for time, cells in ((5, 0), (9, 0), (15, 3))]; '
+    code += 'assert (here.seen_of(looks, "cpu").arrival[:, :3] == 9.0).all()'
+    folder = Path(__file__).parents[1]
+    monkeypatch.setenv('PYTHONPATH', f'{folder.parent}:{folder}')
+    words = [sys.executable, '-c', code]
+    ended = subprocess.run(words, capture_output=True, text=True, timeout=300)
+    assert ended.returncode == 0, ended.stderr
 
 
 def test_peaks_and_first_times_stay(device):

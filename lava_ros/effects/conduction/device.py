@@ -168,6 +168,8 @@ class AfterStep:
         longest = accuracy.fixed_step or accuracy.longest_step
         self._rate = LARGEST_RATE * diffusivity / square
         self._sweeps = min(MOST_SWEEPS, max(1, math.ceil(longest * self._rate)))
+        # launches are known by their arguments: a new number would be another launch
+        self._share = 1.0 / self._sweeps
 
     def apply(self, state: State, way: Any) -> None:
         """Let neighbours exchange heat at the end of a step, if enough time has passed."""
@@ -178,5 +180,4 @@ class AfterStep:
         for sweep in range(self._sweeps):
             if sweep:
                 state.launches(keep, [way], dim=threads)
-            arguments = [way, self._factor, 1.0 / self._sweeps]
-            state.launches(exchange_heat, arguments, dim=threads)
+            state.launches(exchange_heat, [way, self._factor, self._share], dim=threads)

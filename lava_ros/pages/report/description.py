@@ -15,6 +15,7 @@
 """What a bag says about its recording in ``custom_data``, as far as it can be read."""
 
 from collections.abc import Callable, Mapping
+import math
 from typing import Any
 
 from lava_ros.errors import LavaError
@@ -47,7 +48,8 @@ def _has(value: object, **types: Any) -> bool:
 
 def _are_changes(value: object) -> bool:
     return isinstance(value, list) and all(
-        _has(entry, time=int | float, effects=dict) for entry in value
+        _has(entry, time=int | float, effects=dict) and math.isfinite(entry['time'])
+        for entry in value
     )
 
 
