@@ -251,6 +251,21 @@ def test_lava_that_comes_out_and_is_gone_within_a_frame() -> None:
     assert 0.1 < watch.largest['cost'] < 0.5
 
 
+def test_lava_that_was_gone_before_anyone_looked() -> None:
+    """Other lava was taken for too fast: no frame had lava of the high vent, which had been."""
+    high = Vent((10.0, 35.0), ((0.0, 20.0), (1.0, 0.0)), radius=1.0)
+    low = Vent((10.0, 10.0), ((100.0, 20.0),), radius=1.0)
+    slope = np.add.outer(3.0 * np.arange(40.0), np.zeros(20))
+    simulation, watch = flow(slope, Lava(viscosity=1.0), high, low, spacing=1.0, thickness=1.0)
+    simulation.advance(100.0)
+    assert not len(simulation.sample().volume)
+    watch.check()
+    simulation.advance(101.0)
+    watch.check()
+    # the fall from the low vent is 30 m
+    assert (simulation.sample().velocity ** 2).sum(axis=1).max() / 19.62 > 35.0
+
+
 @pytest.mark.parametrize('steep', ['steep', ''])
 def test_a_jet_climbs_with_its_head(steep: str) -> None:
     """It was taken for too high: frames had not seen how fast it was, nor what is left of g."""

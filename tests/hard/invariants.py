@@ -114,8 +114,9 @@ class Heights:
     def check(self, moment: Moment) -> Iterator[Bound]:
         """Hold the lava of a frame's end against all that was before."""
         yield from self._placed(moment)
+        # what came out may have left the map within the frame
+        self.look(moment)
         if len(moment.lava.volume):
-            self.look(moment)
             yield from self._raised(moment)
         self._since = moment.time
 
@@ -298,8 +299,8 @@ class Watch:
     def look(self) -> None:
         """Take note of how high and thick the lava is at a moment between two checks."""
         moment = Moment(self._simulation)
+        self._heights.look(moment)
         if len(moment.lava.volume):
-            self._heights.look(moment)
             self._temperature.look(moment)
 
     def check(self, snapshot: Snapshot | None = None) -> None:
