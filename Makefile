@@ -48,7 +48,7 @@ nightly: $(STAMP)  ## Try 2,000 random scenes, messages, files and command lines
 	PYTHONPATH=tests $(VENV)/bin/python tests/install/installed_node.py || failed="$$failed install"; \
 	$(VENV)/bin/python tests/install/image.py || failed="$$failed image"; \
 	make --no-print-directory audit || failed="$$failed audit"; \
-	$(VENV)/bin/python tests/fuzz/table.py build/fuzz.json; \
+	$(VENV)/bin/python tests/fuzz/table.py build/fuzz.json || failed="$$failed table"; \
 	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
 
 audit:  ## Look up known weaknesses of what constraints.txt names; fails where one cannot be looked up

@@ -12,13 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How much is tried: a little in every test run, a lot in `make nightly`."""
+"""How much is tried: a little in every test run, a lot in `make nightly`.
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
-import resource
-import signal
+Nothing may import this file: the profile of every test run would be loaded once more.
+"""
+
+from collections.abc import Callable
 from typing import Any
 
 from hypothesis import given, HealthCheck, seed, settings
@@ -55,25 +54,6 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         count = 1 if settings().derandomize else SHARES
         metafunc.parametrize('in_share', [(part, count) for part in range(count)], indirect=True,
                              ids=lambda part: str(part[0]))
-
-
-@contextmanager
-def bounded(memory: int, patience: int = 120) -> Iterator[None]:
-    """End what takes more memory [bytes] than this process has and so much, or too long [s]."""
-
-    def end(*_: object) -> None:
-        raise TimeoutError
-
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    now = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
-    signal.signal(signal.SIGALRM, end)
-    signal.alarm(patience)
-    resource.setrlimit(resource.RLIMIT_AS, (now + memory, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, before)
-        signal.alarm(0)
 
 
 @pytest.fixture

@@ -12,7 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Prints what a run of `make nightly` has tried: python tests/fuzz/table.py build/fuzz.json."""
+"""Prints what a run of `make nightly` has tried: python tests/fuzz/table.py build/fuzz.json.
+
+Fails where a kind was tried less often than it should be.
+"""
 
 import json
 from pathlib import Path
@@ -20,8 +23,11 @@ import sys
 
 COLUMNS = ('tried', 'refused', 'failed', 'longest_s')
 
-#: What every night tries; a row is empty where a part has not come to that.
-KINDS = ('scenes', 'messages', 'files', 'command lines', 'kills', 'flips')
+#: What every night tries, and how often at least.
+KINDS = {
+    'scenes': 2000, 'messages': 2000, 'files': 2000, 'command lines': 2000, 'kills': 20,
+    'flips': 1500,
+}
 
 
 def main() -> None:
@@ -34,6 +40,9 @@ def main() -> None:
         cells = [row.get(name, '-') for name in COLUMNS]
         shown = [f'{cell:.2f}' if isinstance(cell, float) else str(cell) for cell in cells]
         print(f'{kind:14}' + ''.join(f'{cell:>11}' for cell in shown))
+    few = [kind for kind, least in KINDS.items() if figures.get(kind, {}).get('tried', 0) < least]
+    if few:
+        sys.exit(f'tried too rarely: {", ".join(few)}')
 
 
 if __name__ == '__main__':

@@ -26,8 +26,8 @@ from hypothesis import strategies as st
 import pytest
 
 from command_line import lava
-from fuzz.conftest import bounded
 from fuzz.files import hostile_bag, hostile_case, hostile_raster, hostile_scene
+from fuzz.limits import bounded
 from lava_ros.bag.replay import schedule
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case

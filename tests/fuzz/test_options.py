@@ -29,7 +29,7 @@ import yaml
 
 from command_line import lava
 from eruption import write_case
-from fuzz.conftest import bounded
+from fuzz.limits import bounded
 from lava_ros.cli import manual, scenes
 from lava_ros.scene import scene as scene_module
 from lava_ros.scene import terrain_files
