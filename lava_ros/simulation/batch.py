@@ -25,12 +25,13 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain, islice
 from threading import local
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from lava_ros.simulation.backend.batched_launches import BatchedLaunches, kind_of
+from lava_ros.simulation.backend.batched_launches import BatchedLaunches, BLOCK, kind_of
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import Readback
@@ -49,11 +50,8 @@ _UNDER_WAY = {True: 2, False: 1}
 #: launch costs as much for one as for many, and so does a new list of who takes part.
 _IDLE = 0.125
 
-#: Members that begin between two rounds.
-_STARTS = 4
-
-#: Threads of a member for particles to come, and one for eight that it has.
-_SPARE = 64
+#: Time for members to begin in between two rounds [s]; one begins in any case.
+_BEGINNING = 0.01
 
 _END = object()
 
@@ -96,12 +94,15 @@ class _Group:
         self._copies = deque(Readback((self._clocks, self._counts)) for _ in range(3))
         self._until = np.full(rows, np.inf)
         self._room = np.zeros(rows)
-        #: Particles of each row when it was last looked at, and threads that they have.
+        #: Particles of each row when it was last looked at, threads that they have, and whether
+        #: nobody has looked yet.
         self._particles = np.zeros(rows, dtype=np.int64)
         self._threads = np.zeros(rows, dtype=np.int64)
+        self._is_guess = np.zeros(rows, dtype=bool)
         #: How often a row was asked for: what a round has found before is of no use.
         self._asked = np.zeros(rows, dtype=np.int64)
         self._selected: set[int] = set()
+        self._has_new_looks = False
         #: Of each row the state that it was put of, and how often that had forgotten launches.
         self._put: dict[int, tuple[State, int]] = {}
         self.under_way: dict[int, Iterator[None]] = {}
@@ -114,11 +115,12 @@ class _Group:
     def put(self, row: int, launches: Sequence[Launch], state: State) -> None:
         """Let a row be a member."""
         self._stages.put(row, launches)
-        self._looks.put(row, self._look_of(row, state))
         self._room[row] = FULLEST * state.capacity
         if self._put.get(row, (None, 0))[0] is not state:
             # as many as there may be, before anyone has looked
-            self._particles[row] = state.capacity
+            self._particles[row], self._is_guess[row] = state.capacity, True
+            self._looks.put(row, self._look_of(row, state))
+            self._has_new_looks = True
         self._put[row] = state, state.launches.forgotten
         # it may have more threads than the one before
         self._selected.clear()
@@ -146,9 +148,14 @@ class _Group:
         if not (is_in and are_as_put and len(others) <= idle * len(self._selected)):
             self._selected = set(self.under_way)
             rows = np.array(sorted(self._selected), dtype=np.int64)
-            self._threads = self._particles + self._particles // 8 + _SPARE
+            # room for particles to come: one for eight that it has, and whole blocks
+            self._threads = BLOCK * -(-(self._particles + self._particles // 8) // BLOCK)
             self._stages.select(rows, self._threads[rows])
+        if self._has_new_looks:
+            # at those that do not take part as well: another list costs more
+            rows = np.array(sorted(self._put), dtype=np.int64)
             self._looks.select(rows, self._threads[rows])
+            self._has_new_looks = False
 
     def launch_once(self) -> list[_Ready]:
         """Make the launches of those that are under way, and give their routes."""
@@ -174,9 +181,10 @@ class _Group:
             is_due |= (counts[:, FULL] != 0) | (counts[:, NEAR_BORDER] != 0)
             is_current = asked == self._asked
             self._particles[is_current] = particles[is_current]
-            if (self._particles > self._threads).any():
-                # the last block of a member does what others should
+            if (self._particles > self._threads).any() or (self._is_guess & is_current).any():
+                # the last block of a member does what others should, or others have nothing to do
                 self._selected.clear()
+            self._is_guess[is_current] = False
             rows = np.flatnonzero(is_due & is_current).tolist()
             return [
                 (self.under_way.pop(row), (clocks[row], counts[row]))
@@ -276,12 +284,15 @@ class Batch:
         ready = deque[_Ready]()
         rounds = deque[tuple[_Group, Callable[[], list[_Ready]]]]()
         while True:
-            # the others are not kept waiting by all that begin
-            new = list(islice(waiting, min(self._at_once - begun, _STARTS)))
-            ready.extend((route, None) for route in new)
-            begun += len(new)
             while ready:
                 begun -= self._has_ended(*ready.popleft(), ready)
+            # the others are not kept waiting by all that begin
+            new, end = False, perf_counter() + _BEGINNING
+            for route in islice(waiting, self._at_once - begun):
+                new = True
+                begun += 1 - self._has_ended(route, None, ready)
+                if perf_counter() > end:
+                    break
             stages = [group for (is_stage, _), group in self._groups.items() if is_stage]
             is_at_work = any(group.under_way for group in stages)
             for (is_stage, _), group in self._groups.items():

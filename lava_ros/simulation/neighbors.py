@@ -47,7 +47,7 @@ WHOLE = 2**14
 
 #: What a window has on each side of the lava at first, and a further piece at least [radii]; and
 #: the share of its length that a piece has if that is more: each stage goes over all of its cells.
-MARGIN, PIECE, GROWTH = 16.0, 12.0, 0.5
+MARGIN, PIECE, GROWTH = 16.0, 12.0, 1.0
 
 #: How near to the window's border lava is when more is asked for [radii]: it goes on for some
 #: steps until then. What is beyond the window counts as on its border: its sums are rounded

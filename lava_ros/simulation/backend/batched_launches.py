@@ -33,7 +33,7 @@ from lava_ros.simulation.backend.programmatic_launch import overlap
 from lava_ros.simulation.backend.streams import capture_lock
 
 #: Threads of a block where a launch does not say, and where it has one thread.
-_BLOCK, _WARP = 256, 32
+BLOCK, _WARP = 192, 32
 
 #: Times that a graph makes all launches: to capture one takes as long as to launch it many times,
 #: and members that grow need another one often.
@@ -52,8 +52,8 @@ def kind_of(launches: Sequence[Launch]) -> tuple[Any, ...]:
 
 
 def _rounded(count: int) -> int:
-    """A number that is no less, by a quarter at most, of which there are few."""
-    step = 1 << max(count.bit_length() - 3, 0)
+    """A number that is no less, by a half at most, of which there are few."""
+    step = 1 << max(count.bit_length() - 2, 0)
     return -(-count // step) * step
 
 
@@ -190,7 +190,7 @@ class _Table:
     """
 
     def __init__(self, launch: Launch, rows: int, first: int) -> None:
-        self._size = launch.block_dim or (_BLOCK if launch.dim > 1 else _WARP)
+        self._size = launch.block_dim or (BLOCK if launch.dim > 1 else _WARP)
         # blocks are fewer where the last threads have no particle yet
         self._takes_turns = launch.is_over_particles and launch.block_dim is None
         self._arguments, self.kernel = launch.kernel.for_many(self._size, self._takes_turns)

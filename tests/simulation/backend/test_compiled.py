@@ -31,6 +31,7 @@ import warp as wp
 from lava_ros.effects.green import device as green
 from lava_ros.simulation import cells, flow, neighbors, Simulation
 from lava_ros.simulation import stage as stages
+from lava_ros.simulation.backend.batched_launches import BLOCK
 from lava_ros.simulation.backend.compiled import FEW_THREADS, quick_kernel
 from lava_ros.simulation.fused_stage import BOUNDS
 from lava_ros.simulation.state import State
@@ -326,11 +327,11 @@ def test_members_of_a_batch_fill_a_processor(compiled, name):
         what = kernel.key.rpartition('__')[2]
         if what in (*SUMS, 'move'):
             directs = what == 'green_motion'
-            one = kernel.for_many(FEW_THREADS[0], not directs)[1]
-            (code,) = compiled([one])
+            threads = FEW_THREADS[0] if directs else BLOCK
+            (code,) = compiled([kernel.for_many(threads, not directs)[1]])
             stack, registers = code.needs
-            blocks = FEW_THREADS[1] if directs else 3 - (name not in ('bare', 'green'))
-            assert registers <= 65536 // FEW_THREADS[0] // blocks, what
+            blocks = FEW_THREADS[1] if directs else 4 - (name not in ('bare', 'green'))
+            assert registers <= 65536 // threads // blocks, what
             assert stack <= (MEMBERS_STACK if directs else 0), what
 
 
