@@ -94,7 +94,7 @@ class StaggeredTerrain:
         """The same with a ``height`` that may be written to."""
         terrain = copy(self)
         # as long as this one is there others find it
-        terrain._origin = self
+        terrain._source = self
         terrain.height = wp.clone(self.bare)
         terrain.ground = ground_type(self.height.dtype)()
         terrain.ground.assign(self.ground)

@@ -176,6 +176,15 @@ def ordered(device, real, cell, rank, *, again):
     return found.numpy()[:, 2], int(counts.numpy()[PARTICLES])
 
 
+def test_members_whose_lava_freezes_share_the_ground_below(device):
+    """Each has heights of its own on top; what was there before is on the device once."""
+    terrain = plane()
+    one, other = (StaggeredTerrain.shared(terrain, 'float32', device).own() for _ in range(2))
+    assert one.bare is other.bare
+    assert one.known is other.known
+    assert one.height.ptr != other.height.ptr
+
+
 def some_cells(seed):
     """Cells of particles, some of which have left, and ranks in them in any order."""
     random = np.random.default_rng(seed)
