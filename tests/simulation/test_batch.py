@@ -87,7 +87,9 @@ def test_members_of_several_kinds_and_sizes(device, name, monkeypatch):
         vent = Vent((400.0, 400.0), (20.0, 60.0, 4000.0)[number], 1400.0)
         knobs = {'spacing': 1.0, 'thickness': 0.4, 'deterministic': True, 'device': device}
         ground = incline(0.2, 400, 400, 2.0)
-        return simulated(ground, Lava(), vent, effects=chosen[number == 1], **knobs)
+        # without a number for vft it would be as thin as water
+        lava = Lava(vft_a=2.0)
+        return simulated(ground, lava, vent, effects=chosen[number == 1], **knobs)
 
     def route(number):
         simulation = begun(number)
