@@ -28,7 +28,7 @@ from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.ros.forecast_topics import _threshold
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import published_layers
-from ros.graph_publisher import elevation
+from ros.graph_publisher import elevation, outline
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
 
@@ -38,7 +38,7 @@ SCALE = 20.0
 HORIZON = 400.0
 
 #: Simulated time after which members have lava to be told apart by [s].
-FLOWN = 50.0
+FLOWN = 100.0
 
 MEMBERS = 5
 
@@ -141,11 +141,19 @@ def test_ensembles(listener, node, publisher):
         assert found[name]['shape'] == [30, 40]
         assert name not in IMAGES or found[name]['encoding'] == '32FC1'
 
-    # in the ensemble of now and the next
-    listener.wait_for_status(
-        'ensemble', lambda item: float(item['start_time_s']) > FLOWN, timeout=120.0
+    # the first ensemble of a scene: the lava of later ones is mostly the same for all members
+    begun = time.time_ns()
+    assert publisher.call('reset')['success']
+    first = listener.wait_for_status(
+        'ensemble',
+        lambda item: (
+            item.get('members') == str(MEMBERS) and int(item['frame_stamp_ns']) > begun
+        ),
+        timeout=120.0,
     )
-    publisher.publish('outline')
+    stamp = 1e-9 * int(first['frame_stamp_ns']) + FLOWN / SCALE
+    time.sleep(max(stamp - time.time(), 0.0))
+    publisher.publishers['observed_outline'].publish(outline(late=stamp - time.time()))
     sharper = listener.wait_for_status(
         'ensemble', lambda item: item['outlines'] == '1', timeout=120.0
     )
