@@ -247,9 +247,16 @@ def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Plac
     """Write features in longitude and latitude, as RFC 7946 demands."""
     from rasterio.warp import transform_geom
 
+    geometries = [item['geometry'] for item in features]
+    try:
+        geometries = transform_geom(place.crs, 'EPSG:4326', geometries, precision=7)
+    # what GDAL says of places has no public class
+    except Exception as error:
+        right = f'easting and northing that have a longitude and latitude ({error})'
+        raise LavaError('the corner of the map', place.corner, right) from error
     turned = [
-        {**item, 'geometry': transform_geom(place.crs, 'EPSG:4326', item['geometry'], precision=7)}
-        for item in features
+        {**item, 'geometry': geometry}
+        for item, geometry in zip(features, geometries, strict=True)
     ]
     text = json.dumps({'type': 'FeatureCollection', 'features': turned})
     write_output('output', path, text + '\n')

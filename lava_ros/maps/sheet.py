@@ -33,6 +33,7 @@ from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.plot import halo, INK, Scale, Window
 from lava_ros.scene.features import Feature
+from lava_ros.scene.projection import transformed
 
 _LOG = logging.getLogger(__name__)
 
@@ -333,11 +334,6 @@ def _warn_of_hidden(overlays: Mapping[str, Sequence[Feature]], seen: Window) -> 
 
 def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], epsg: int) -> None:
     """Longitudes along the upper edge, latitudes along the right one, inside the map."""
-    try:
-        from rasterio.errors import RasterioError
-        from rasterio.warp import transform
-    except ImportError:
-        return
     from matplotlib.ticker import MaxNLocator
 
     steps = np.linspace(0.0, 1.0, 9)
@@ -346,11 +342,13 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], epsg: 
         x = x0 + steps * (x1 - x0) if axis == 0 else np.full(9, x1)
         y = np.full(9, y1) if axis == 0 else y0 + steps * (y1 - y0)
         try:
-            degrees = transform(f'EPSG:{epsg}', 'EPSG:4326', x + offset[0], y + offset[1])[axis]
-        except RasterioError:
+            easting, northing = x + offset[0], y + offset[1]
+            degrees = transformed(f'EPSG:{epsg}', 'EPSG:4326', easting, northing)[axis]
+        except (LavaError, ValueError):
+            # without rasterio, or outside the projection
             return
         low, high = degrees[0], degrees[-1]
-        if not (math.isfinite(low + high) and low < high):
+        if not low < high:
             return
         ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
         digits = max(0, math.ceil(-math.log10(ticks[1] - ticks[0]) - 1e-9))

@@ -27,6 +27,7 @@ from lava_ros.files import open_input
 from lava_ros.files.csv import read_table
 from lava_ros.files.optional import require
 from lava_ros.files.yaml import parse_json
+from lava_ros.scene.projection import transformed
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
 #: Ends of the names of files that can be read.
@@ -114,15 +115,9 @@ def _on(terrain: Terrain, places: np.ndarray, system: str | None, where: str) ->
     if terrain.epsg is None:
         right = 'coordinates of the terrain, which has no coordinate system'
         raise LavaError(where, f'coordinates of {system}', right)
-    from rasterio.warp import transform
-
     try:
-        found = np.transpose(transform(system, f'EPSG:{terrain.epsg}', *places.T))
-        if not np.isfinite(found).all():
-            raise ValueError('it is not there')
-        return found
-    except Exception as error:
-        # what GDAL says of systems and of places has no class in common
+        return transformed(system, f'EPSG:{terrain.epsg}', *places.T).T
+    except ValueError as error:
         right = f'places of a coordinate system that GDAL knows ({error})'
         raise LavaError(where, f'places of {system}', right) from error
 

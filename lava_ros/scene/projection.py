@@ -126,7 +126,6 @@ def _crs(raster: Raster) -> Any:
 
 def _target_epsg(raster: Raster) -> int | None:
     """EPSG code of the coordinates the terrain shall have: the UTM zone for degrees."""
-    rasterio = rasterio_for('coordinate systems')
     crs = _crs(raster)
     if crs.is_projected and not math.isclose(crs.linear_units_factor[1], 1.0, rel_tol=1e-9):
         right = f'coordinates in metres, such as UTM, not {crs.linear_units}'
@@ -135,9 +134,8 @@ def _target_epsg(raster: Raster) -> int | None:
     x = raster.corner[0] + 0.5 * columns * raster.dx
     y = raster.corner[1] + 0.5 * rows * raster.dy
     try:
-        (longitude,), (latitude,) = rasterio.warp.transform(crs, f'EPSG:{WGS84}', [x], [y])
-    # what GDAL says of a place outside the projection's domain has no public class
-    except Exception as error:
+        (longitude,), (latitude,) = transformed(crs, f'EPSG:{WGS84}', [x], [y])
+    except ValueError as error:
         if crs.is_projected:
             return raster.epsg
         right = f'a place on Earth in EPSG:{raster.epsg} ({error})'
@@ -151,7 +149,10 @@ def _target_epsg(raster: Raster) -> int | None:
     zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
     utm = int((32600 if latitude >= 0.0 else 32700) + zone)
     if crs.is_projected:
-        places = rasterio.warp.transform(crs, f'EPSG:{utm}', [x, x + raster.dx], [y, y])
+        try:
+            places = transformed(crs, f'EPSG:{utm}', [x, x + raster.dx], [y, y])
+        except ValueError:
+            return raster.epsg
         true = math.hypot(*(ends[1] - ends[0] for ends in places))
         if true == 0.0:
             right = f'at least {SMALLEST_CELL:g} m'
@@ -248,10 +249,29 @@ def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[floa
     if terrain.epsg is None:
         right = 'easting and northing: the terrain has no coordinate system'
         raise LavaError('longitude, latitude', (longitude, latitude), right)
-    rasterio = rasterio_for('coordinate systems')
     target = f'EPSG:{terrain.epsg}'
-    (x,), (y,) = rasterio.warp.transform(f'EPSG:{WGS84}', target, [longitude], [latitude])
-    return (x, y)
+    try:
+        (x,), (y,) = transformed(f'EPSG:{WGS84}', target, [longitude], [latitude])
+    except ValueError as error:
+        right = f'a place in the domain of {target} ({error})'
+        raise LavaError('longitude, latitude', (longitude, latitude), right) from error
+    return (float(x), float(y))
+
+
+def transformed(source: Any, target: Any, x: Any, y: Any) -> np.ndarray:
+    """Coordinates of places in another system, float64, shape [2, count].
+
+    ValueError where a place is outside the domain of a system, or a system is unknown.
+    """
+    rasterio = rasterio_for('coordinate systems')
+    try:
+        found = np.array(rasterio.warp.transform(source, target, x, y))
+    # what GDAL says of systems and of places has no public class
+    except Exception as error:
+        raise ValueError(str(error)) from error
+    if not np.isfinite(found).all():
+        raise ValueError('a place is outside the domain of the projection')
+    return found
 
 
 def rasterio_for(reason: object) -> Any:

@@ -229,6 +229,15 @@ def test_outline_and_isochrones(floats, tmp_path):
     assert [item['properties']['time'] for item in isochrones] == ['5 min', '10 min', '15 min']
 
 
+def test_places_outside_the_projection(tmp_path):
+    """They have no longitude and latitude: it was an error of GDAL's own."""
+    place = gis.Place((1e8, 4e6), 10.0, gis.coordinate_system(32633))
+    features = gis.area(np.ones((2, 2), dtype=bool), place)
+    with pytest.raises(LavaError, match='corner of the map') as caught:
+        gis.write_geojson(tmp_path / 'outline.geojson', features, place)
+    assert caught.value.value == place.corner
+
+
 def test_areas():
     """Ground that lava flows around is not in its outline.
 

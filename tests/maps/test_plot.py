@@ -116,6 +116,11 @@ def test_what_a_published_map_has(frame, texts):
     texts.clear()
     plot_frame(replace(frame, scene={}), Path('all.png'))
     assert 'x [m], map frame' in texts and not any('° E' in item for item in texts)
+    # one outside the domain of its projection has no degrees
+    texts.clear()
+    scene = {'terrain': {'epsg': 32633, 'offset': [1e8, 4_180_000.0]}}
+    plot_frame(replace(frame, scene=scene), Path('all.png'))
+    assert 'easting [m]' in texts and not any('° E' in item for item in texts)
 
 
 def test_several_terrains_show_the_same_place(frame, tmp_path, monkeypatch):

@@ -30,6 +30,8 @@ from rasterio.transform import Affine, from_origin
 from rasterio.warp import transform as transform_points
 
 from lava_ros.errors import LavaError
+from lava_ros.scene import Terrain
+from lava_ros.scene.projection import projected
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain, ridge_terrain
 
 ETNA = Path(__file__).parents[3] / 'shared/data/etna2001/elevation.asc'
@@ -503,3 +505,10 @@ def test_holes_and_pits_inside_are_warned_of_and_filled(
     np.testing.assert_array_equal(filled.elevation[untouched], holed.elevation[untouched])
 
 
+
+
+@pytest.mark.parametrize('place', [(15.0, 95.0), (1000.0, 10.0)])
+def test_places_that_are_nowhere_in_a_projection(place):
+    """What GDAL raises for them has no class that anyone could name."""
+    with pytest.raises(LavaError, match='longitude, latitude is .* in the domain of EPSG:32633'):
+        projected(Terrain(np.zeros((2, 2)), 10.0, epsg=32633), *place)
