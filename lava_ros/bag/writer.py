@@ -72,13 +72,16 @@ class _Directory:
 
         If one was removed, moved or replaced, what is written next is lost to readers.
         """
-        for path, opened in ((self._path, self._number), (self._path / file.name, file.fileno())):
+        gone = None
+        # the directory last: where it is gone its file is, too
+        for path, opened in ((self._path / file.name, file.fileno()), (self._path, self._number)):
             is_same = False
             with suppress(OSError):
                 there = os.stat(path, follow_symlinks=False)
                 is_same = os.path.samestat(there, os.fstat(opened))
-            if not is_same:
-                raise OSError(f'{path} was removed, moved or replaced')
+            gone = gone if is_same else path
+        if gone is not None:
+            raise OSError(f'{gone} was removed, moved or replaced')
 
     def close(self) -> None:
         os.close(self._number)

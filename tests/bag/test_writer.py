@@ -15,7 +15,9 @@
 """The bags we write, of one file or several, as readers that are not ours see them."""
 
 from collections.abc import Callable
+import os
 from pathlib import Path
+from typing import Any
 
 from mcap.reader import make_reader
 from mcap.records import Metadata
@@ -32,6 +34,7 @@ from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
 from lava_ros.bag.recovery import recover
 from lava_ros.bag.replay import schedule
 from lava_ros.bag.schemas import message_schema
+from lava_ros.bag.writer import _Directory
 from lava_ros.errors import LavaError
 
 
@@ -420,3 +423,22 @@ def test_an_error_between_two_files_leaves_the_finished_ones(
     writer.close()
     with Reader(tmp_path / 'bag') as reader:
         assert reader.message_count == 1
+
+
+def test_a_directory_that_is_moved_within_a_check(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is named, and not the file that went with it."""
+    directory, stat = _Directory(tmp_path / 'bag'), os.stat
+
+    def moved_then(path: Path, **options: Any) -> os.stat_result:
+        found = stat(path, **options)
+        if (tmp_path / 'bag').is_dir():
+            (tmp_path / 'bag').rename(tmp_path / 'moved')
+        return found
+
+    with directory.create('bag_0.mcap') as file, monkeypatch.context() as patch:
+        patch.setattr('lava_ros.bag.writer.os.stat', moved_then)
+        with pytest.raises(OSError, match='bag was removed, moved or replaced'):
+            directory.check(file)
+    directory.close()
