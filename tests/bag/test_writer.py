@@ -429,12 +429,13 @@ def test_a_directory_that_is_moved_within_a_check(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is named, and not the file that went with it."""
-    directory, stat = _Directory(tmp_path / 'bag'), os.stat
+    directory, stat, asked = _Directory(tmp_path / 'bag'), os.stat, list[Path]()
 
     def moved_then(path: Path, **options: Any) -> os.stat_result:
         found = stat(path, **options)
-        if (tmp_path / 'bag').is_dir():
-            (tmp_path / 'bag').rename(tmp_path / 'moved')
+        if not asked:
+            os.rename(tmp_path / 'bag', tmp_path / 'moved')
+        asked.append(path)
         return found
 
     with directory.create('bag_0.mcap') as file, monkeypatch.context() as patch:
