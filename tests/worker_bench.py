@@ -14,6 +14,7 @@
 
 """A worker thread on the bench: a simulation that only keeps time, and a clock moved by hand."""
 
+from dataclasses import replace
 import threading
 import time
 
@@ -102,12 +103,12 @@ class KeepsTime:
         return PendingSnapshot(finish)
 
     def set_vents(self, vents):
-        scene = Scene(self.scene.terrain, check_vents(vents, self.scene.terrain), lava=Lava())
+        scene = replace(self.scene, vents=check_vents(vents, self.scene.terrain))
         self.emitted_before, self.changed_at = self.emitted(), self.time
         self.scene = scene
 
     def set_terrain(self, terrain):
-        self.scene = Scene(terrain, self.scene.vents, lava=Lava())
+        self.scene = replace(self.scene, terrain=terrain)
 
 
 class Bench:

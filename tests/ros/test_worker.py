@@ -206,6 +206,45 @@ def test_first_vents_start_again(bench):
     assert bench.worker.eruption.scene.vents == bench.simulation.scene.vents == (VENT,)
 
 
+@pytest.mark.parametrize(
+    ('kind', 'noise', 'change'),
+    [
+        ('vents', [replace(VENT, discharge=VENT.peak * 1.01)], [replace(VENT, discharge=9.0)]),
+        ('vents', [replace(VENT, temperature=VENT.temperature + 1.0)], []),
+        ('vents', [VENT], [VENT, VENT]),
+        (
+            'terrain',
+            replace(TERRAIN, elevation=TERRAIN.elevation + 0.05),
+            replace(TERRAIN, elevation=TERRAIN.elevation + 0.2),
+        ),
+    ],
+)
+def test_noise_of_an_input_outdates_no_forecast(bench, kind, noise, change):
+    """The simulation takes it; ``changes``, by which forecasts are dropped, counts the rest."""
+    session, put = bench.worker.eruption, getattr(bench.worker, f'set_{kind}')
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(bench.worker.set_vents([VENT]))
+    before = session.changes
+    bench.run(put(noise))
+    assert session.changes == before
+    given = bench.simulation.scene
+    assert (given.terrain if kind == 'terrain' else list(given.vents)) == noise
+    bench.run(put(change))
+    assert session.changes == before + 1
+
+
+def test_slow_drift_outdates_forecasts(bench):
+    """Each step of it is noise, and all of them together are not."""
+    session = bench.worker.eruption
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(bench.worker.set_vents([VENT]))
+    before = session.changes
+    for step in range(1, 11):
+        discharge = VENT.peak * (1.0 + 0.02 * step)
+        bench.run(bench.worker.set_vents([replace(VENT, discharge=discharge)]))
+    assert before < session.changes < before + 10
+
+
 def test_what_a_simulation_goes_on_from_is_known_until_it_starts_anew(bench):
     """The origin, and what vents have emitted: closed ones, and those it was resumed with."""
     assert bench.worker.eruption.origin is None
