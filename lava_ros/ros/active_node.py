@@ -308,8 +308,7 @@ class ActiveNode:
     def _publish(self, *, repeat: bool = False) -> None:
         """Publish the layers that are due and have something new; all of them at rest."""
         snapshot, scene = self._worker.latest, self._worker.eruption.scene
-        if scene is not None:
-            self._log.scene(scene, snapshot, self._worker.eruption.effects)
+        self._log.scene(self._worker.eruption, snapshot)
         if snapshot is None or not self.is_active:
             return
         stamp_ns = now_ns(self._node)

@@ -25,10 +25,10 @@ import numpy as np
 from lava_ros.ros.ensemble_forecasts import AheadStatus, Live
 from lava_ros.ros.recorder import Recorder, RecorderStatus
 from lava_ros.ros.recording import LastCheckpoint
-from lava_ros.ros.session import is_on
+from lava_ros.ros.session import Eruption, is_on
 from lava_ros.ros.sources import DeadlineChoice
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
-from lava_ros.scene import Scene, temperature_doubts, Terrain
+from lava_ros.scene import temperature_doubts, Terrain
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.snapshot import Snapshot
@@ -266,9 +266,16 @@ class NodeLog:
         self._logger = logger
         self._told: dict[str, object] = {'state': WorkerState.WAITING}
 
-    def scene(self, scene: Scene, snapshot: Snapshot | None, effects: Mapping[str, str]) -> None:
-        """Log changes of terrain, vents and effects, as of the newest snapshot."""
-        terrain, vents = scene.terrain, scene.vents
+    def scene(self, session: Eruption, snapshot: Snapshot | None) -> None:
+        """Log changes of terrain, vents and effects, as of the newest snapshot.
+
+        Noise of an input (``Eruption.changes``) is not logged.
+        """
+        scene = session.scene
+        if scene is None or self._told.get('changes') == session.changes:
+            return
+        self._told['changes'] = session.changes
+        terrain, vents, effects = scene.terrain, scene.vents, session.effects
         self._tell('terrain', terrain, lambda: _terrain_text(terrain))
         # not the discharge: that of a feed changes all the time
         now = snapshot.time if snapshot is not None else 0.0
@@ -296,7 +303,7 @@ class NodeLog:
         self._tell('state', state, lambda: text, 'error' if failed else 'info')
         if resolution is not None:
             severity = 'warning' if resolution.is_coarse else 'info'
-            self._tell('resolution', resolution, resolution.text, severity)
+            self._tell('resolution', resolution.text(), resolution.text, severity)
         # how long it has been so is part of the text
         self._tell('clock', bool(clock), lambda: clock, 'warning')
         self._tell('hold-up', bool(worker.hold_up), lambda: worker.hold_up, 'warning')
