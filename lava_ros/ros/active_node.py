@@ -333,7 +333,9 @@ class ActiveNode:
         snapshot = self._layers.shown
         stamp_ns = now_ns(self._node)
         is_simulated = self._node.get_clock().ros_time_is_active
-        clock = self._clock_watch.look(stamp_ns, time.monotonic()) if is_simulated else ''
+        clock = self._clock_watch.look(
+            stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
+        )
         resolution = self._worker.eruption.resolution
         self._log.worker(worker, resolution, clock, is_paused=self._is_paused)
         message = DiagnosticArray(
