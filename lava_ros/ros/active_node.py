@@ -25,7 +25,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from lava_ros.errors import LavaError
-from lava_ros.files.resources import find_file
+from lava_ros.maps.layer_files import find_config
 from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.forecast_topics import ForecastTopics
 from lava_ros.ros.input_topics import InputTopics
@@ -75,9 +75,8 @@ class ActiveNode:
         self._bag_folder = BagFolder(
             settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
         )
-        configs = {'msg_config': find_file(settings.msg_config, 'msg_configs')}
-        if settings.forecast_horizon:
-            configs['forecast_config'] = find_file(settings.forecast_config, 'msg_configs')
+        names = ['msg_config', 'forecast_config'][: 2 if settings.forecast_horizon else 1]
+        configs = {name: find_config(getattr(settings, name), field=name) for name in names}
         layers = published_layers(*configs.values(), settings=settings)
         self.is_active = self._is_paused = False
         self._is_recording_wanted = settings.record

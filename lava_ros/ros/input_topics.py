@@ -178,8 +178,9 @@ class InputTopics:
         self.wanted = f'waiting for terrain on {", ".join(terrains)}'
         commands: dict[str, tuple[Any, Callable[[Any], None]]] = {
             'vents': (PointCloud2, self._on_vents),
-            'clicked_point': (PointStamped, self._on_clicked_point),
         }
+        if self.settings().clicked_point_enabled:
+            commands['clicked_point'] = PointStamped, self._on_clicked_point
         if self.observe is not None:
             commands[_OUTLINE] = OccupancyGrid, self._on_outline
         # a subscription that asks for latched messages does not hear a volatile publisher
