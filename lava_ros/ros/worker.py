@@ -195,7 +195,7 @@ class SimulationWorker:
 
     def pause(self, paused: bool) -> 'Future[None]':
         """Hold simulated time, also in the middle of a step, or let it go on."""
-        return self._put(lambda: self._pause(paused))
+        return self._put(lambda: self._pause(paused), kind='pause')
 
     def reset(self) -> 'Future[None]':
         """Start the scene again at time 0, also after a failure; a pause stays."""
@@ -203,7 +203,7 @@ class SimulationWorker:
 
     def step(self, duration: float) -> 'Future[None]':
         """Advance a paused simulation by a duration [s]."""
-        return self._put(lambda: self._begin_step(duration))
+        return self._put(lambda: self._begin_step(duration), kind='step')
 
     def request_snapshot(self) -> None:
         """Ask for ``latest`` to be renewed when the slice at hand is done, if anything changed.
