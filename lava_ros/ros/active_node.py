@@ -54,7 +54,7 @@ HEARTBEAT = 1.0
 class ActiveNode:
     """A configured node: it takes inputs and, while ``is_active``, lets time pass and publishes.
 
-    ``failure`` says why the node has to end, empty as long as it has not.
+    ``failure`` is why the node cannot resume and has to end, None as long as it has not.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class ActiveNode:
         """
         self._node = node
         self._settings = settings
-        self.failure = ''
+        self.failure: BaseException | None = None
         self._bag_folder = BagFolder(
             settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
         )
@@ -300,8 +300,8 @@ class ActiveNode:
 
     def _note_failure(self, going_on: 'Future[None]') -> None:
         # starting anew in its place would look like the eruption that was to go on
-        if not going_on.cancelled() and going_on.exception() is not None:
-            self.failure = f'cannot resume: {going_on.exception()}'
+        if not going_on.cancelled():
+            self.failure = going_on.exception()
 
     # outputs
 

@@ -87,9 +87,9 @@ class LavaNode(LifecycleNode):
         self.add_post_set_parameters_callback(self._apply_parameters)
 
     @property
-    def failure(self) -> str:
-        """Why the node has to end, empty as long as it has not."""
-        return self._active.failure if self._active is not None else ''
+    def failure(self) -> BaseException | None:
+        """Why the node has to end, None as long as it has not."""
+        return self._active.failure if self._active is not None else None
 
     def autostart(self) -> bool:
         """Configure and activate unless told not to; whether it went well (``refusal``)."""
@@ -315,17 +315,18 @@ def _run(node: LavaNode, is_stopping: Callable[[], bool]) -> tuple[bool, int]:
     try:
         spin(
             executor,
-            until=lambda: is_stopping() or bool(node.failure),
+            until=lambda: is_stopping() or node.failure is not None,
             on_error=node.report_callback,
         )
     finally:
         failure = node.failure
         ended = node.close()
-    if failure:
-        node.get_logger().error(failure)
+    if failure is not None:
+        node.get_logger().error(f'cannot resume: {failure}')
     node.get_logger().info('stopped' if ended else 'stopped; a step of the simulation was cut off')
     executor.shutdown()
-    return ended, 1 if failure else 0
+    status = 0 if failure is None else USAGE_ERROR if isinstance(failure, LavaError) else 1
+    return ended, status
 
 
 if __name__ == '__main__':
