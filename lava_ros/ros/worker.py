@@ -380,6 +380,8 @@ class SimulationWorker:
             finishing.add_done_callback(lambda _: again())
             return
         self._snapshot_asked = False
+        # Maps are due when the clock has moved: they show where it is, not its step before.
+        self._guard(self._advance)
         rest = self.eruption.begin_snapshot()
         if rest is not None:
             simulation = self.eruption.simulation

@@ -70,6 +70,22 @@ def look(bench, now):
     bench.wait(lambda: bench.worker._clock._now == now)
 
 
+@pytest.mark.parametrize('step', [0.01, 5.0, 30.0])
+def test_maps_show_where_the_clock_is(bench, step):
+    """A snapshot that is asked for at a step of the clock is of its end."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    for count in range(1, 4):
+        # Held, the worker looks at neither before both have come.
+        bench.simulation.is_compiled.clear()
+        held = bench.worker.set_effects({}, horizon=float(count))
+        bench.wait(lambda: bench.worker.status.doing == 'effects')
+        bench.now += step
+        bench.worker.request_snapshot()
+        bench.simulation.is_compiled.set()
+        bench.run(held)
+        bench.wait(lambda: bench.shown[-1].time == pytest.approx(count * step))  # noqa: B023
+
+
 @pytest.mark.parametrize('jump', [2.0 * MAX_LAG, 3600.0, 1e6, -2.0, -30.0, -1e6])
 @pytest.mark.parametrize('bench', [{'time_scale': 1.0}, {'time_scale': 1e5}], indirect=True)
 def test_jumps_of_the_clock_are_counted_and_not_followed(bench, jump):

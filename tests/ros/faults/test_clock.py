@@ -148,6 +148,19 @@ def test_the_clock_of_a_replay(clocked, tmp_path):
     assert listener.wait_for_status('effects')['cooling'] == 'off: forced'
 
 
+@pytest.mark.parametrize('step', [2.0, 5.0, 30.0])
+def test_a_coarse_clock(clocked, step):
+    """Simulated time follows steps above a second, as of `ros2 bag play --clock 1 --rate 5`."""
+    clocked.run(2.0)
+    before, count = clocked.simulated(), 4
+    for _ in range(count):
+        clocked.jump(clocked.now + step)
+        time.sleep(0.3)
+    after = clocked.simulated()
+    # on a busy machine the map shown last may be of the step before
+    assert before + SCALE * (count - 1) * step <= after <= before + SCALE * (count * step + BEHIND)
+
+
 def test_a_clock_that_jumps(clocked):
     """Ahead, back and to 0: no leap, no way back, and a warning; stamps as the clock has them."""
     before = clocked.simulated()
