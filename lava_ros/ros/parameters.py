@@ -127,7 +127,11 @@ LIFECYCLE = (
 
 #: What says where terrain and lava come from; the defaults of ``lava.*`` depend on it.
 SOURCES = (
-    _FixedSpec('scene', '', 'Scene file (YAML) to start with; empty: none'),
+    _FixedSpec(
+        'scene',
+        '',
+        'Scene file (YAML) to start with: a path, or the name of a file in examples/; empty: none',
+    ),
     _FixedSpec(
         'terrain_file',
         '',
