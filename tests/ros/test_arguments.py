@@ -15,6 +15,7 @@
 """Mistakes in the arguments for ROS: one sentence, and the status of a wrong argument."""
 
 import logging
+from pathlib import Path
 import signal
 
 import pytest
@@ -25,6 +26,8 @@ from lava_ros.errors import LavaError
 from lava_ros.ros import node
 from lava_ros.ros.arguments import start_ros
 from ros_domain import own_domain
+
+BAG = Path(__file__).parents[2] / 'bags/sample'
 
 FILES = {
     'null.yaml': '/**: {ros__parameters: {scene: }}',
@@ -129,8 +132,12 @@ def test_other_commands_take_no_arguments_for_ros(command):
     assert 'Traceback' not in err and err.count('\n') == 1
 
 
-def test_an_environment_that_ros_cannot_use(monkeypatch):
+@pytest.mark.parametrize('domain', ['one', '-1', '1.5', '233', '9999'])
+def test_a_domain_that_ros_cannot_use(monkeypatch, domain):
     """What every command of ROS starts with names the variable."""
-    monkeypatch.setenv('ROS_DOMAIN_ID', 'one')
-    with pytest.raises(LavaError, match='ROS_DOMAIN_ID is not an integral number'):
+    monkeypatch.setenv('ROS_DOMAIN_ID', domain)
+    with pytest.raises(LavaError, match='^ROS_DOMAIN_ID is .*, expected a whole number from 0 to'):
         start_ros([])
+    status, out, err = lava('replay', BAG)
+    assert (status, out) == (2, '')
+    assert err.startswith('lava replay: ROS_DOMAIN_ID is ')
