@@ -125,11 +125,12 @@ def test_words_for_nobody_are_refused(run, words):
 @pytest.mark.parametrize(
     'command', [name for group in GROUPS.values() for name in group if name != 'node']
 )
-def test_other_commands_take_no_arguments_for_ros(command):
-    """They say so as of any other argument."""
-    status, out, err = lava(command, '--ros-args', '-r', '__ns:=/fleet')
+def test_other_commands_refuse_mistakes_too(command):
+    """Those that take no arguments for ROS say so as of any other argument."""
+    status, out, err = lava(command, '--ros-args', '-r', '__ns:=/fleet-1')
     assert (status, out) == (2, '')
-    assert 'Traceback' not in err and err.count('\n') == 1
+    assert err.splitlines()[-1].startswith(f'lava {command}: ')
+    assert 'Traceback' not in err
 
 
 @pytest.mark.parametrize('domain', ['one', '-1', '1.5', '233', '9999'])
