@@ -150,8 +150,8 @@ class Bench:
         """Start a scene with a vent."""
         self.run(self.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
 
-    def go_on(self, seconds=0.5):
+    def go_on(self, seconds=0.5, scale=1.0):
         """Move the clock, and let simulated time follow by as much."""
-        until = self.simulation.time + seconds
+        until = self.simulation.time + seconds * scale
         self.now += seconds
         self.wait(lambda: abs(self.simulation.time - until) < 1e-6)

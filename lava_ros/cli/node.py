@@ -59,14 +59,14 @@ def feed(args: argparse.Namespace) -> int:
     scene = scene_from_arguments(args)
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
-    from rclpy.signals import SignalHandlerOptions
 
+    from lava_ros.ros.arguments import start_ros
     from lava_ros.ros.monitor import SceneFeed
 
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopping.append(number))
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    start_ros()
     publisher = SceneFeed(scene, frame_id=args.frame)
     publisher.get_logger().info(
         f'publishing terrain of {scene.terrain.shape[1]} x {scene.terrain.shape[0]} cells '

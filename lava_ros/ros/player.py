@@ -32,6 +32,7 @@ from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.replay import Transport
 from lava_ros.errors import LavaError
+from lava_ros.ros.arguments import start_ros
 from lava_ros.ros.codec import message_class, time_message
 from lava_ros.ros.qos import ros_profile
 
@@ -85,7 +86,7 @@ def play(
     if transport is not None:
         now, wait = transport.now, partial(transport.wait, stop=stop)
     first_ns: int | None = None
-    with _set_on_signals(stop), Context() as context:
+    with _set_on_signals(stop), _started() as context:
         node = Node('lava_player', context=context, start_parameter_services=False)
         try:
             player = _Player(node, bag, clock=clock)
@@ -110,6 +111,16 @@ def play(
         finally:
             node.destroy_node()
         return player.published
+
+
+@contextmanager
+def _started() -> Iterator[Context]:
+    context = Context()
+    start_ros(context=context)
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
 
 
 class _Player:

@@ -36,6 +36,7 @@ from lava_ros.scene import (
     vents_from_list,
 )
 from lava_ros.scene.materials import DEFAULT, material_named, materials
+from lava_ros.scene.terrain_files import terrain_path
 from lava_ros.scene.uncertainty import Uncertainty
 from lava_ros.scene.vents import are_alike, match_vents, schedule
 
@@ -204,6 +205,23 @@ def test_scene_from_yaml_refuses_by_name(tmp_path, text, field):
     """A wrong scene file is refused with the key that is wrong."""
     with pytest.raises(LavaError, match=f'^{field}'):
         scene_from_yaml(scene_file(tmp_path, text))
+
+
+def test_scenes_of_the_package_are_found_anywhere(tmp_path, monkeypatch):
+    """By their names, with their terrain, unless there is such a file."""
+    monkeypatch.chdir(tmp_path)
+    scene = scene_from_yaml('etna.yaml')
+    assert scene.vents[0].name == 'crater'
+    assert terrain_path('st_helens.npz').is_file()
+    (tmp_path / 'etna.yaml').write_text('vents: here')
+    (tmp_path / 'st_helens.npz').write_text('')
+    with pytest.raises(LavaError, match='scene.terrain is missing'):
+        scene_from_yaml('etna.yaml')
+    assert terrain_path('st_helens.npz') == Path('st_helens.npz')
+    with pytest.raises(LavaError, match='looked for') as caught:
+        scene_from_yaml('nothing.yaml')
+    for place in (tmp_path / 'nothing.yaml', 'examples/nothing.yaml'):
+        assert str(place) in str(caught.value)
 
 
 @pytest.mark.parametrize('name', ['etna', 'uncertain'])
