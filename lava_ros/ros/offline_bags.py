@@ -49,7 +49,11 @@ class _Bag(BagWriter):
     """A bag that is written without a node."""
 
     def __init__(self, path: Path, namespace: str, scene: Scene, data: Mapping[str, str]) -> None:
-        described = {'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False), **data}
+        described = {
+            'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),
+            'namespace': namespace or '/',
+            **data,
+        }
         super().__init__(path, custom_data=described)
         self._namespace = namespace
         self._messages = outputs.SceneMessages(_FRAME)

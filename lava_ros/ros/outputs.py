@@ -124,9 +124,9 @@ PLACES, LABELS, ELEVATIONS = 'vents', 'vent labels', 'vent elevations'
 #: RViz draws a translucent map over a translucent marker.
 OPEN, CLOSED, WORDS = (1.0, 0.35, 0.0, 1.0), (0.4, 0.65, 1.0, 1.0), (1.0, 1.0, 1.0, 1.0)
 
-#: Height of the letters over the terrain's shorter side, and the thickness of a vent's disc and
-#: the width of its line to the ground over the width of the vent.
-LETTERS, THICKNESS = 0.028, 0.1
+#: Height of the letters over the terrain's shorter side, and the thickness of a vent's disc over
+#: its width, but at most so much [m].
+LETTERS, THICKNESS, MAX_THICKNESS = 0.028, 0.1, 1.0
 
 
 def vent_markers(
@@ -150,6 +150,7 @@ def vent_markers(
     for index, vent in enumerate(vents):
         discharge = vent.discharge_at(time)
         width = max(2.0 * vent.radius, letters)
+        thickness = min(THICKNESS * width, MAX_THICKNESS)
         ends = [vent.position] if vent.end is None else [vent.position, vent.end]
         on_map = [Point(x=x, y=y) for x, y in ends]
         on_ground = [Point(x=x, y=y, z=_elevation(terrain, x, y)) for x, y in ends]
@@ -162,13 +163,13 @@ def vent_markers(
         if vent.end is None:
             place.type = Marker.CYLINDER
             place.pose.position = on_map[0]
-            place.scale.y, place.scale.z = width, THICKNESS * width
+            place.scale.y, place.scale.z = width, thickness
         else:
             place.type = Marker.LINE_STRIP
             place.points = on_map
         label.type = Marker.TEXT_VIEW_FACING
         x, y = max(ends, key=lambda end: end[1])
-        label.pose.position = Point(x=x, y=y + 0.5 * width + letters, z=THICKNESS * width)
+        label.pose.position = Point(x=x, y=y + 0.5 * width + letters, z=thickness)
         label.scale.z = letters
         label.color = _color(*WORDS)
         celsius = vent.temperature - ZERO_CELSIUS

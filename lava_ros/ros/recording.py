@@ -123,6 +123,7 @@ class SceneRecording:
             'effects': json.dumps(self._history),
             **resumed,
             **self.configs,
+            'namespace': self.node.get_namespace(),
             'version': lava_ros.__version__,
             'device': eruption.device,
         }
