@@ -31,7 +31,14 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.outputs import (
-    CLOSED, ELEVATIONS, LABELS, LETTERS, OPEN, PLACES, SceneMessages, vent_markers
+    CLOSED,
+    ELEVATIONS,
+    LABELS,
+    LETTERS,
+    OPEN,
+    PLACES,
+    SceneMessages,
+    vent_markers,
 )
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import LayerPublishers
