@@ -59,16 +59,14 @@ def feed(args: argparse.Namespace) -> int:
     scene = scene_from_arguments(args)
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
-    from rclpy.signals import SignalHandlerOptions
 
+    from lava_ros.ros.arguments import start_ros
     from lava_ros.ros.monitor import SceneFeed
-    from lava_ros.ros.spinning import refuses_ros_arguments
 
+    start_ros(args.ros_args)
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopping.append(number))
-    with refuses_ros_arguments(args.ros_args):
-        rclpy.init(args=args.ros_args, signal_handler_options=SignalHandlerOptions.NO)
     publisher = SceneFeed(scene, frame_id=args.frame)
     publisher.get_logger().info(
         f'publishing terrain of {scene.terrain.shape[1]} x {scene.terrain.shape[0]} cells '

@@ -32,9 +32,9 @@ from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.replay import Transport
 from lava_ros.errors import LavaError
+from lava_ros.ros.arguments import start_ros
 from lava_ros.ros.codec import message_class, time_message
 from lava_ros.ros.qos import ros_profile
-from lava_ros.ros.spinning import refuses_ros_arguments
 
 CLOCK_TOPIC = '/clock'
 
@@ -192,8 +192,7 @@ def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
 def _joined(arguments: Sequence[str]) -> Iterator[Context]:
     """Join the graph in a context of its own."""
     context = Context()
-    with refuses_ros_arguments(arguments):
-        context.init(list(arguments))
+    start_ros(arguments, context=context)
     try:
         yield context
     finally:

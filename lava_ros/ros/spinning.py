@@ -14,7 +14,7 @@
 
 """Runs the callbacks of a node; one that fails does not end it. What nodes have in the graph."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import signal
 import threading
@@ -25,8 +25,6 @@ import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-
-from lava_ros.errors import LavaError
 
 #: Wait after a callback that failed: one that always does must not take the processor [s].
 PAUSE = 0.01
@@ -51,18 +49,6 @@ def spin(
         except Exception as error:
             on_error(error)
             time.sleep(PAUSE)
-
-
-@contextmanager
-def refuses_ros_arguments(words: Sequence[str]) -> Iterator[None]:
-    """Raise LavaError where ROS cannot read ``--ros-args`` and the words after it."""
-    try:
-        yield
-    except RuntimeError as error:
-        # beyond it there is a place in a source file of ROS
-        reason = str(error).removeprefix('failed to initialize rcl: ').partition(', at /')[0]
-        right = f'arguments as ROS takes them: -r __ns:=/etna ({reason})'
-        raise LavaError('--ros-args', ' '.join(words[1:]), right) from error
 
 
 @contextmanager

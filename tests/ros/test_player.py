@@ -244,6 +244,5 @@ def test_what_ros_cannot_read_is_refused(bag: tuple[BagReader, Written], words: 
     """By the word, before anything is published."""
     with pytest.raises(LavaError) as raised:
         play(bag[0], ros_arguments=['--ros-args', *words])
-    assert raised.value.field == '--ros-args'
-    assert raised.value.value == ' '.join(words)
-    assert words[-1] in str(raised.value)
+    assert raised.value.field in ('--ros-args', '-r')
+    assert raised.value.value == words[-1]
