@@ -16,6 +16,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+import os
 import re
 from typing import Any
 
@@ -24,7 +25,11 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from lava_ros import validation
 from lava_ros.errors import LavaError
+
+#: Largest domain that has ports.
+MAX_DOMAIN = 232
 
 #: What would be right behind a flag, by what rcl calls its value.
 _RIGHT = {
@@ -53,6 +58,11 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
         LavaError: An argument, or a variable of the environment, cannot be used.
     """
     words = None if args is None else list(args)
+    domain = os.environ.get('ROS_DOMAIN_ID', '')
+    if domain:
+        number = int(domain) if domain.isdecimal() else domain
+        # Fast DDS ends the process where there is no port for a domain
+        validation.whole('ROS_DOMAIN_ID', number, at_least=0, at_most=MAX_DOMAIN)
     try:
         with _rcl_is_quiet():
             rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO, **options)

@@ -210,22 +210,24 @@ class SceneMessages:
 
         Returns:
             Messages by topic: ``terrain``, ``terrain_info`` and ``relief`` for new ground,
-            ``vents`` and ``vents_markers`` for new ground or changed vents.
+            ``vents`` and ``vents_markers`` for new ground or changed vents. Those that the node
+            also takes come first.
         """
         options: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
         ground = scene.terrain if ground is None else ground
-        messages: dict[str, Any] = {}
+        inputs: dict[str, Any] = {}
+        pictures: dict[str, Any] = {}
         if ground is not self._ground:
-            messages |= terrain_messages(ground, **options)
-            messages['relief'] = relief_message(ground, **options)
+            inputs |= terrain_messages(ground, **options)
+            pictures['relief'] = relief_message(ground, **options)
             self._ground, self._vents = ground, None
         rows = vent_rows(scene.vents, time)
         shown = rows, [vent.name for vent in scene.vents]
         if shown != self._vents:
-            messages['vents'] = vents_message(rows, scene.terrain, **options)
-            messages['vents_markers'] = vent_markers(scene.vents, time, scene.terrain, **options)
+            inputs['vents'] = vents_message(rows, scene.terrain, **options)
+            pictures['vents_markers'] = vent_markers(scene.vents, time, scene.terrain, **options)
             self._vents = shown
-        return messages
+        return inputs | pictures
 
 
 def _elevation(terrain: Terrain, x: float, y: float) -> float:

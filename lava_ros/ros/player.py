@@ -94,7 +94,7 @@ def play(
     if transport is not None:
         now, wait = transport.now, partial(transport.wait, stop=stop)
     first_ns: int | None = None
-    with _set_on_signals(stop), _joined(ros_arguments) as context:
+    with _set_on_signals(stop), _started(ros_arguments) as context:
         node = Node('lava_player', context=context, start_parameter_services=False)
         try:
             player = _Player(node, bag, clock=clock)
@@ -119,6 +119,16 @@ def play(
         finally:
             node.destroy_node()
         return player.published
+
+
+@contextmanager
+def _started(arguments: Sequence[str]) -> Iterator[Context]:
+    context = Context()
+    start_ros(arguments, context=context)
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
 
 
 class _Player:
@@ -186,17 +196,6 @@ def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
         return topic
     recorded = bag.custom_data.get('namespace', '/')
     return topic.removeprefix(f'{recorded.rstrip("/")}/')
-
-
-@contextmanager
-def _joined(arguments: Sequence[str]) -> Iterator[Context]:
-    """Join the graph in a context of its own."""
-    context = Context()
-    start_ros(arguments, context=context)
-    try:
-        yield context
-    finally:
-        context.try_shutdown()
 
 
 @contextmanager
