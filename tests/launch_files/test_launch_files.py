@@ -90,6 +90,9 @@ def test_a_replay_takes_the_place_of_the_node(monkeypatch):
         ['rviz2:rviz2', '-d', str(ROOT / 'rviz/lava.rviz')],
     ]
     assert processes[1].parameters == {}
+    assert [process.namespace for process in processes] == ['', '']
+    processes, _ = start(monkeypatch, LAVA, replay='bags/demo', rviz='true', namespace='etna')
+    assert [process.namespace for process in processes] == ['etna', 'etna']
     (_, viewer), _ = start(monkeypatch, LAVA, rviz='true', use_sim_time='true')
     assert viewer.parameters == {'use_sim_time': True}
 
