@@ -27,6 +27,7 @@ import time
 import pytest
 
 from ros.graph_publisher import PATIENCE, Publisher
+from ros.hearing import Hearing
 from ros_domain import own_domain
 
 HERE = Path(__file__).parent
@@ -131,76 +132,16 @@ def _ros_arguments(remap, **parameters):
     return ['--ros-args', *(word for pair in words for word in pair)]
 
 
-class Listener(Process):
+class Listener(Process, Hearing):
     """A process that reports what the node publishes."""
 
     def __init__(self, directory, *topics):
         super().__init__(directory, [str(HERE / 'graph_listener.py'), *topics])
         self.seen = []
 
-    def wait(self, condition, timeout=PATIENCE):
-        """Read messages until one fulfils a condition, and return it."""
-        end = time.monotonic() + timeout
-        while True:
-            try:
-                message = json.loads(self.line(end - time.monotonic()))
-            except AssertionError as error:
-                what = f'nothing in {timeout} s fulfilled the condition; last: {self.seen[-3:]}'
-                raise AssertionError(what) from error
-            self.seen.append(message)
-            if condition(message):
-                return message
-
-    def wait_for_topic(self, topic, condition=lambda _: True, timeout=PATIENCE):
-        """Read messages until one of a topic fulfils a condition."""
-        return self.wait(
-            lambda message: message['topic'] == topic and condition(message), timeout
-        )
-
-    def wait_for_status(
-        self, task, condition=lambda _: True, timeout=PATIENCE, node='lava', since_ns=0
-    ):
-        """Read diagnostics until a task's status fulfils a condition, and return that status."""
-        name = f'{node}: {task}'
-        message = self.wait_for_topic(
-            'diagnostics',
-            lambda item: (
-                item['stamp_ns'] >= since_ns
-                and name in item['status']
-                and condition(item['status'][name])
-            ),
-            timeout,
-        )
-        return message['status'][name]
-
-    def status_now(self, task, condition=lambda _: True, node='lava'):
-        """The same of diagnostics that are told from now on: what waits to be read is older."""
-        return self.wait_for_status(task, condition, node=node, since_ns=time.time_ns())
-
-    def newest(self, *topics, condition=lambda _: True):
-        """The newest message of each topic once all are there, in whatever order they come."""
-
-        def is_there(_=None):
-            found.update({item['topic']: item for item in self.seen if item['topic'] in topics})
-            return len(found) == len(topics) and condition(found)
-
-        found = {}
-        self.hear()
-        if not is_there():
-            self.wait(is_there)
-        return found
-
-    def at_rest(self, *topics):
-        """The same once time stands still and diagnostics tell of these messages."""
-
-        def is_last(newest):
-            status = newest['diagnostics']['status']['lava: simulation']
-            stamp = int(status.get('frame_stamp_ns', 0))
-            is_whole = all(newest[topic]['stamp_ns'] == stamp for topic in topics)
-            return is_whole and status['state'] != 'running'
-
-        found = self.newest(*topics, 'diagnostics', condition=is_last)
-        return {topic: found[topic] for topic in topics}
+    def next(self, timeout):
+        """Return the next message, AssertionError where none comes in time [s]."""
+        return json.loads(self.line(timeout))
 
     def hear(self):
         """Read everything that has come so far, and return how much that is in all."""
@@ -299,3 +240,26 @@ def graph(tmp_path_factory):
         result = Graph(tmp_path_factory.mktemp('graph'))
         yield result
         result.close()
+
+
+@pytest.fixture
+def alone(graph):
+    """Ends what a test has started in the graph, so that no other test hears it."""
+    yield
+    graph.close()
+
+
+@pytest.fixture
+def local(tmp_path, monkeypatch):
+    """Starts nodes in the process of the test."""
+    from ros.local_node import LocalNode
+
+    nodes = []
+
+    def start(**options):
+        nodes.append(LocalNode(tmp_path, monkeypatch, **options))
+        return nodes[-1]
+
+    yield start
+    for node in nodes:
+        node.close()

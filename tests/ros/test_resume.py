@@ -38,12 +38,7 @@ from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import HORIZON
 from ros.conftest import QUICK_MODULE
 
-
-@pytest.fixture(autouse=True)
-def alone(graph):
-    """No process of one test is heard by the next."""
-    yield
-    graph.close()
+pytestmark = pytest.mark.usefixtures('alone')
 
 
 def numbers(status):

@@ -21,7 +21,7 @@ The first argument is the file, the others are the node's. While the file names 
 - ``broken``: a particle's position becomes NaN in the next step, once;
 - ``slow``: a step of the simulation takes as long as the fault, and says so by a file ``.slow``;
 - ``map``: the map that the simulation shows has one NaN in it;
-- ``configure``, ``activate``, ``deactivate``, ``cleanup``: that transition raises in its middle.
+- ``configure``: configuring raises in its middle.
 """
 
 from dataclasses import replace
@@ -44,6 +44,7 @@ FAULT = Path(sys.argv.pop(1))
 NO_MEMORY = "Failed to allocate 1342177280 bytes on device 'cpu'"
 
 advance, result, allocate = Simulation.advance, PendingSnapshot.result, State._allocate
+begin = ActiveNode._begin
 
 
 def fault():
@@ -86,27 +87,17 @@ def faulty_allocate(state, capacity):
     allocate(state, capacity)
 
 
-def breaking(name, method):
-    """A method that raises while the fault has its name."""
-
-    def run(*arguments, **options):
-        if fault() == name:
-            raise RuntimeError(f'{name} went wrong')
-        return method(*arguments, **options)
-
-    return run
+def faulty_begin(active_node, sources):
+    """Begin, or fail at it."""
+    if fault() == 'configure':
+        raise RuntimeError('configure went wrong')
+    begin(active_node, sources)
 
 
 if __name__ == '__main__':
     active.STOP_TIMEOUT = active.CHECKPOINT_TIMEOUT = 1.0
     active.HEARTBEAT = 0.2
-    for name, method in (
-        ('configure', '_begin'),
-        ('activate', '_publish'),
-        ('deactivate', 'deactivate'),
-        ('cleanup', '_close_bag'),
-    ):
-        setattr(ActiveNode, method, breaking(name, getattr(ActiveNode, method)))
+    ActiveNode._begin = faulty_begin
     Simulation.advance = faulty_advance
     PendingSnapshot.result = faulty_result
     State._allocate = faulty_allocate

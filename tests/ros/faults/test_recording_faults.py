@@ -31,11 +31,7 @@ KILLS = int(os.environ.get('LAVA_KILLS', '1'))
 GRIDS = ('height', 'temperature', 'hazard')
 
 
-@pytest.fixture(autouse=True)
-def alone(graph):
-    """No process of one test is heard by the next."""
-    yield
-    graph.close()
+pytestmark = pytest.mark.usefixtures('alone')
 
 
 def wait_for_messages(listener):
