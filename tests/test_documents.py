@@ -170,7 +170,7 @@ def _environment(folder: Path) -> dict[str, str]:
         'PATH': f'{programs}{os.pathsep}{os.environ["PATH"]}',
         'PYTHONPATH': os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')])),
         'MPLBACKEND': 'Agg',
-        'ROS_DOMAIN_ID': str(own_domain('documents')),
+        'ROS_DOMAIN_ID': str(own_domain()),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
 

@@ -260,9 +260,9 @@ class Eruption:
 
 
 def _is_same(one: Terrain, other: Terrain) -> bool:
+    names = ('resolution', 'origin', 'epsg', 'offset')
     return (
-        one.resolution == other.resolution
-        and one.origin == other.origin
+        all(getattr(one, name) == getattr(other, name) for name in names)
         and np.array_equal(one.elevation, other.elevation, equal_nan=True)
     )
 

@@ -61,7 +61,7 @@ def run(directory: Path, *words: str, command: str = 'demo') -> tuple[str, dict[
 
 def test_a_domain_in_use_is_not_free(monkeypatch):
     """Whoever is in it would hear the demo, and the demo whoever is in it."""
-    busy = own_domain('busy')
+    busy = own_domain()
     chosen = SimpleNamespace(sample=lambda *_: [busy])
     monkeypatch.setattr(ros.random, 'SystemRandom', lambda: chosen)
     with pytest.raises(LavaError, match='--domain'):

@@ -136,7 +136,7 @@ class Heard(Watcher):
 @pytest.fixture
 def heard(monkeypatch):
     """A listener in a domain of this test process's own."""
-    domain = own_domain('keys')
+    domain = own_domain()
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     result = Heard(domain)

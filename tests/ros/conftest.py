@@ -176,7 +176,7 @@ class Graph:
 
     def publisher(self, *, remap=()):
         """Join the graph with what publishes as it is told to."""
-        self._publishers.append(Publisher(own_domain('graph'), remap))
+        self._publishers.append(Publisher(own_domain(), remap))
         return self._publishers[-1]
 
     def listener(self, *topics):
