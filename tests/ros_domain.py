@@ -14,21 +14,19 @@
 
 """ROS domains that nobody else on this machine has: tests side by side hear only their own."""
 
-from functools import lru_cache
+from functools import cache
 import os
 import socket
 
 #: Domains whose ports are free everywhere.
 _DOMAINS = range(1, 102)
 
-_kept = []
-
-
 #: Participants of a domain whose ports are looked at.
 _PARTICIPANTS = 10
 
+_kept = []
 
-@lru_cache
+
 def own_domain(name: str = 'graph') -> int:
     """A domain of this process, one for each name, that is its own until it ends.
 
@@ -36,6 +34,11 @@ def own_domain(name: str = 'graph') -> int:
     `lava demo` too, takes another; participants take the next ports. A domain where one of those
     is in use has participants that somebody left behind.
     """
+    return _claim(name)
+
+
+@cache
+def _claim(name: str) -> int:
     first = os.getpid() % len(_DOMAINS)
     for domain in (*_DOMAINS[first:], *_DOMAINS[:first]):
         kept, *others = ports = [

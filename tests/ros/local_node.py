@@ -18,6 +18,7 @@ Nothing crosses the middleware, so that nothing has to be discovered and no mess
 """
 
 from collections import deque
+import gc
 from pathlib import Path
 import time
 
@@ -30,6 +31,7 @@ from rosgraph_msgs.msg import Clock
 
 from lava_ros.ros import active_node, codec, diagnostics
 from lava_ros.ros.node import LavaNode
+from lava_ros.ros.worker_status import WorkerState
 from ros.graph_listener import line_of
 from ros.graph_publisher import Asking, CASES, PATIENCE
 from ros.hearing import Hearing
@@ -144,6 +146,9 @@ class LocalNode(Asking, Hearing):
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.shutdown()
+        # the node's state machine keeps the participant in the graph, and is in cycles
+        del self.node, self._executor, self._context
+        gc.collect()
 
     # the clock
 
@@ -153,16 +158,19 @@ class LocalNode(Asking, Hearing):
         self.deliver('/clock', Clock(clock=codec.time_message(round(to * 1e9))))
 
     def run(self, seconds):
-        """Let a time pass, which the simulation makes up for [s]."""
-        end = self.now + seconds
+        """Let a time pass, which the simulation follows unless it ends [s]."""
+        end, worker = self.now + seconds, self.worker
+        reached = worker.eruption.time
         while self.now < end:
-            self.jump(min(self.now + STEP, end))
-            self.wait_until(self._has_made_up)
-
-    def _has_made_up(self):
-        worker = self.worker
-        is_seen = abs(worker._last_clock - self.now) < 1e-6
-        return is_seen and worker._target <= worker.eruption.time
+            step = min(STEP, end - self.now)
+            reached += step * worker.time_scale
+            self.jump(self.now + step)
+            self.wait_until(
+                lambda: (
+                    worker.eruption.time > reached - 1e-6  # noqa: B023
+                    or worker.status.state is WorkerState.FINISHED
+                )
+            )
 
     def run_commands(self):
         """Wait until the simulation's thread has done all that it was told to so far."""
