@@ -187,17 +187,6 @@ class Graph:
         """Start any other Python process."""
         return self._start(Process, arguments, aside)
 
-    def faulty_node(self, **parameters):
-        """Start a node that has the fault of the file ``fault`` (``faults/faulty_node.py``)."""
-        program = (str(HERE / 'faults/faulty_node.py'), str(self.directory / 'fault'))
-        return self.node(program=program, **parameters)
-
-    def fault(self, name=''):
-        """Switch a fault on, or off without a name."""
-        partial = self.directory / 'fault.partial'
-        partial.write_text(name, encoding='utf-8')
-        partial.replace(self.directory / 'fault')
-
     @property
     def logs(self):
         """The ends of what the processes have written to stderr, with what they run."""
@@ -263,3 +252,21 @@ def local(tmp_path, monkeypatch):
     yield start
     for node in nodes:
         node.close()
+
+
+@pytest.fixture
+def flowing(local):
+    """Starts an active node with a slope and a vent, and lets time pass until there is lava."""
+
+    def start(**parameters):
+        node = local(**parameters)
+        assert node.change('configure') and node.change('activate'), node.log
+        # the vents come first: they wait for the terrain
+        node.publish('vents', 'terrain_info', 'terrain')
+        node.status_now('inputs', lambda item: item['accepted'] == '3')
+        node.status_now('simulation', lambda item: item['state'] == 'running')
+        node.run(2.0)
+        node.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
+        return node
+
+    return start

@@ -31,6 +31,16 @@ GRIDS = {'/hazard', '/height', '/temperature'}
 #: Names of a configured node.
 CONFIGURED = {*GRIDS, '/terrain', '/diagnostics', '/lava/step'}
 
+#: A node that cannot be configured, for no reason that it knows.
+FAULTY = """
+from lava_ros.ros.active_node import ActiveNode
+from lava_ros.ros.node import main
+def fail(*_):
+    raise RuntimeError('configure went wrong')
+ActiveNode._begin = fail
+raise SystemExit(main())
+"""
+
 #: Transitions to a state.
 PATHS = {
     'unconfigured': (),
@@ -348,8 +358,7 @@ def test_shutdown_is_final_from_each_state(start, tmp_path, state):
 
 def test_an_error_at_the_start_ends_the_process(graph):
     """With autostart nobody would see a node that waits unconfigured: 1, and the reason."""
-    graph.fault('configure')
-    node = graph.faulty_node(device='cpu')
+    node = graph.node(program=('-c', FAULTY), device='cpu')
     assert node.wait_for_end() == 1
     reason = 'lava_node cannot start: RuntimeError: configure went wrong'
     assert node.log.splitlines()[-1] == reason

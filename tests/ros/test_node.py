@@ -30,33 +30,14 @@ GRIDS = ('height', 'temperature', 'hazard')
 
 
 @pytest.fixture
-def start(local):
-    """Starts an active node with terrain and a vent; there is lava after a while."""
-
-    def start_node(**parameters):
-        node = local(**parameters)
-        assert node.change('configure') and node.change('activate'), node.log
-        # the vents come first: they wait for the terrain
-        node.publish('vents', 'terrain_info', 'terrain')
-        node.status_now('inputs', lambda item: item['accepted'] == '3')
-        node.status_now('simulation', lambda item: item['state'] == 'running')
-        return node
-
-    return start_node
+def running(flowing):
+    """A node whose lava flows."""
+    return flowing()
 
 
-@pytest.fixture
-def running(start):
-    """The same, with lava."""
-    node = start()
-    node.run(2.0)
-    node.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
-    return node
-
-
-def test_the_log_says_what_the_node_does(start):
+def test_the_log_says_what_the_node_does(flowing):
     """What it waits for, takes, chooses and records, each in one line."""
-    node = start(record=True, bag_directory='bag')
+    node = flowing(record=True, bag_directory='bag')
     node.wait_for_log('recording to')
     node.wait_for_log('simulation running')
     lines = re.findall(r'^\[INFO\] \[[\d.]+\] \[lava\]: (.*)$', node.log, re.MULTILINE)
@@ -194,10 +175,9 @@ def test_reset(running):
     running.wait_for_topic('height', lambda grid: grid['wet'] > 0)
 
 
-def test_the_bag_describes_itself(start, tmp_path):
+def test_the_bag_describes_itself(flowing, tmp_path):
     """It begins with the inputs, and has the scene, parameters and effects of the run."""
-    node = start(record=True, bag_directory='bag')
-    node.run(2.0)
+    node = flowing(record=True, bag_directory='bag')
     node.publish('click')
     assert node.set(effects_on=['helmholtz'])['success']
     node.status_now('effects', lambda status: status['helmholtz'] == 'on: forced')
