@@ -48,9 +48,6 @@ STEP = 0.5
 COARSE = {'device': 'cpu', 'preset': 'draft', 'spacing': 4.0, 'time_scale': 20.0}
 
 
-#: Topics that rclpy keeps to itself.
-OF_THE_LIBRARY = {'/rosout', '/lava/transition_event'}
-
 
 class _Log:
     """Keeps what a node logs, in the form that it has on stderr, and passes it on."""
@@ -222,7 +219,9 @@ class LocalNode(Asking, Hearing):
         )
 
         def found():
-            return {item for way in ways for item, _ in way(name, space)} - OF_THE_LIBRARY
+            names = {item for way in ways for item, _ in way(name, space)}
+            # those that rclpy keeps to itself
+            return names - {'/rosout', f'{space.rstrip("/")}/{name}/transition_event'}
 
         # the middleware learns of them one by one, in threads of its own
         self.wait_until(lambda: found() == made)
