@@ -39,7 +39,7 @@ from std_srvs.srv import SetBool, Trigger
 from lava_ros.ros import codec
 
 #: How long to wait for what has to come, on a busy machine too [s].
-PATIENCE = 20.0
+PATIENCE = 60.0
 
 
 def wait_until(condition, what=lambda: '', pause=0.01):

@@ -125,7 +125,7 @@ class LocalNode(Asking, Hearing):
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
         self._context = context
-        self.jump(1000.0)
+        self.jump(10_000.0)
 
     @property
     def log(self):
@@ -197,10 +197,14 @@ class LocalNode(Asking, Hearing):
         taker.callback(serialize_message(message) if taker.raw else message)
 
     def publish(self, *cases):
-        """Hand messages to the node by their names in ``CASES``."""
+        """Hand messages to the node by their names in ``CASES``, with stamps of its clock."""
         for case in cases:
             topic, make = CASES[case]
-            self.deliver(self.node.resolve_topic_name(topic), make())
+            message, since_ns = make(), round(self.now * 1e9) - time.time_ns()
+            stamp_ns = codec.nanoseconds(message.header.stamp) if hasattr(message, 'header') else 0
+            if stamp_ns:
+                message.header.stamp = codec.time_message(max(0, stamp_ns + since_ns))
+            self.deliver(self.node.resolve_topic_name(topic), message)
 
     def request(self, kind, name, timeout, **fields):
         """Call a service and return its answer."""
