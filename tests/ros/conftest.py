@@ -45,7 +45,6 @@ QUICK = QUICK_MODULE.format('ros.node')
 def _environment(aside):
     environment = dict(os.environ)
     environment['ROS_DOMAIN_ID'] = str(own_domain('aside' if aside else 'graph'))
-    environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     environment['PYTHONPATH'] = os.pathsep.join(
         [str(ROOT), *filter(None, [environment.get('PYTHONPATH')])]
     )
@@ -224,11 +223,9 @@ def bench(request):
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory):
     """The graph of a module's tests."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-        result = Graph(tmp_path_factory.mktemp('graph'))
-        yield result
-        result.close()
+    result = Graph(tmp_path_factory.mktemp('graph'))
+    yield result
+    result.close()
 
 
 @pytest.fixture

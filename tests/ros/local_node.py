@@ -105,7 +105,6 @@ class LocalNode(Asking, Hearing):
         patch.setattr(active_node, 'HEARTBEAT', HEARTBEAT)
         # a clock that stands still is what a test wants
         patch.setattr(diagnostics, 'PATIENCE', float('inf'))
-        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
         patch.chdir(directory)
         self.directory, self.seen, self.now = Path(directory), [], 0.0
         self._log, self._sent, self._ended = _Log(), deque(), False

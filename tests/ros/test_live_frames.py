@@ -86,9 +86,8 @@ def until(condition: Callable[[], bool], poll: Callable[[], None] = lambda: None
 
 
 @pytest.fixture
-def live(monkeypatch: pytest.MonkeyPatch) -> Iterator[LiveFrames]:
+def live() -> Iterator[LiveFrames]:
     """What listens in /etna."""
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     frames = LiveFrames('/etna', own_domain())
     yield frames
     frames.close()

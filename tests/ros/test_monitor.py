@@ -68,9 +68,8 @@ class Echo(Watcher):
 
 
 @pytest.fixture
-def echo(monkeypatch: pytest.MonkeyPatch) -> Iterator[Echo]:
+def echo() -> Iterator[Echo]:
     """A watcher that hears what it says, in a domain of this test run."""
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     echo = Echo()
     yield echo
     echo.close()
@@ -158,9 +157,8 @@ class Graph:
 
 
 @pytest.fixture
-def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
+def graph() -> Iterator[Graph]:
     """A graph in a domain of this test run."""
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     rclpy.init(
         args=[], domain_id=own_domain(), signal_handler_options=SignalHandlerOptions.NO
     )
