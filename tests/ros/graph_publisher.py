@@ -15,7 +15,6 @@
 """Messages for nodes, sound and malformed, and what sends them and asks a node of this or that."""
 
 from abc import ABC, abstractmethod
-from contextlib import suppress
 import hashlib
 import time
 
@@ -28,10 +27,9 @@ import numpy as np
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
@@ -39,7 +37,7 @@ from std_srvs.srv import SetBool, Trigger
 from lava_ros.ros import codec
 
 #: How long to wait for what has to come, on a busy machine too [s].
-PATIENCE = 60.0
+PATIENCE = 180.0
 
 
 def wait_until(condition, what=lambda: '', pause=0.01):
@@ -320,44 +318,6 @@ class Publisher(Asking):
             wait_until(publisher.get_subscription_count, lambda: f'nobody hears {topic}')  # noqa: B023
             publisher.publish(make())
 
-    def flood(self, count, rate, last):
-        """Send vents of ever another discharge up to a last one, so many a second."""
-        discharges = [*np.linspace(1.0, 40.0, count - 1), last]
-        messages = [serialize_message(vents(discharge=float(value))) for value in discharges]
-        start = time.monotonic()
-        for index, message in enumerate(messages):
-            time.sleep(max(0.0, start + index / rate - time.monotonic()))
-            self.publishers['vents'].publish(message)
-
     def clock(self, seconds):
         """Send a time on /clock."""
         self._clock.publish(Clock(clock=codec.time_message(round(seconds * 1e9))))
-
-    def names(self, expected=(), only=False, node='/lava'):
-        """Topics and services of a node, sorted, once those that are expected are there.
-
-        With ``only`` there must be no others. Without any that are expected they have to stay for
-        two seconds: a busy machine learns of them one by one.
-        """
-        space, _, name = node.rpartition('/')
-        ways = (
-            self.node.get_publisher_names_and_types_by_node,
-            self.node.get_subscriber_names_and_types_by_node,
-            self.node.get_service_names_and_types_by_node,
-        )
-        found, since, end = [], 0.0, time.monotonic() + PATIENCE
-        while time.monotonic() < end:
-            time.sleep(0.05)
-            before, found = found, []
-            with suppress(NodeNameNonExistentError):
-                found = sorted({item for way in ways for item, _ in way(name, space or '/')})
-            since = since if found == before else time.monotonic()
-            if only:
-                is_there = found == expected
-            elif expected:
-                is_there = set(expected) <= set(found)
-            else:
-                is_there = f'{node}/get_state' in found and time.monotonic() - since > 2.0
-            if is_there:
-                break
-        return found
