@@ -26,15 +26,19 @@ from typing import Any
 
 import pytest
 
+from ros_domain import own_domain
+
 #: Takes the name of a kind, and is a context in which one of it is tried; gives its figures.
 Trial = Callable[[str], AbstractContextManager[dict[str, Any]]]
 
 
 def pytest_configure() -> None:
-    """Let Ctrl+C reach the programs that tests start.
+    """Let Ctrl+C reach the programs that tests start, and nobody else's ROS graph.
 
     A shell without job control has what it starts with ``&`` ignore it, and so would they.
     """
+    os.environ['ROS_DOMAIN_ID'] = str(own_domain())
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if 'PYTEST_XDIST_WORKER' in os.environ:

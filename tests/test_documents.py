@@ -51,7 +51,6 @@ import yaml
 from command_line import lava
 from eruption import write_case, write_grid
 from lava_ros.scene import scene_from_yaml
-from ros_domain import own_domain
 
 ROOT = Path(__file__).parents[1]
 
@@ -170,8 +169,6 @@ def _environment(folder: Path) -> dict[str, str]:
         'PATH': f'{programs}{os.pathsep}{os.environ["PATH"]}',
         'PYTHONPATH': os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')])),
         'MPLBACKEND': 'Agg',
-        'ROS_DOMAIN_ID': str(own_domain('documents')),
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
 
 

@@ -143,7 +143,7 @@ def test_ros2_run_finds_the_commands(tmp_path: Path) -> None:
         child = subprocess.Popen(
             [starter, '--ros-args', '-p', 'a:=two words'], stdout=subprocess.PIPE, text=True
         )
-        output, _ = child.communicate(timeout=30.0)
+        output, _ = child.communicate(timeout=120.0)
         path, process, words = output.strip().split(' ', 2)
         assert Path(path).resolve() == program
         assert (int(process), words) == (child.pid, '--ros-args -p a:=two words')

@@ -78,7 +78,7 @@ def served(frames: Growing) -> Iterator[str]:
 
     thread = threading.Thread(target=run)
     thread.start()
-    assert ready.wait(30.0)
+    assert ready.wait(120.0)
     try:
         yield f'http://127.0.0.1:{servers[0].port}/'
     finally:

@@ -31,7 +31,7 @@ from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot, StepReport
 TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
 VENT = Vent((25.0, 15.0), 2.0, 1360.0, name='one')
 #: How long to wait for what has to come, on a busy machine too [s].
-PATIENCE = 60.0
+PATIENCE = 180.0
 
 OUTSIDE = Vent((500.0, 0.0), 2.0, 1360.0, name='far')
 

@@ -283,10 +283,9 @@ class Eruption:
 
 def _is_same(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
     """Return True if two terrains have the same cells and elevations, within some metres."""
+    names = ('shape', 'resolution', 'origin', 'epsg', 'offset')
     return (
-        one.resolution == other.resolution
-        and one.origin == other.origin
-        and one.shape == other.shape
+        all(getattr(one, name) == getattr(other, name) for name in names)
         and np.allclose(one.elevation, other.elevation, rtol=0.0, atol=within, equal_nan=True)
     )
 

@@ -61,7 +61,7 @@ def run(directory: Path, *words: str, command: str = 'demo') -> tuple[str, dict[
 
 def test_a_domain_in_use_is_not_free(monkeypatch):
     """Whoever is in it would hear the demo, and the demo whoever is in it."""
-    busy = own_domain('busy')
+    busy = own_domain()
     chosen = SimpleNamespace(sample=lambda *_: [busy])
     monkeypatch.setattr(ros.random, 'SystemRandom', lambda: chosen)
     with pytest.raises(LavaError, match='--domain'):
@@ -120,7 +120,7 @@ def test_what_no_demo_made_is_not_touched(tmp_path, monkeypatch):
 def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path):
     """A device that does not exist ends the demo with status 1 and the node's own words."""
     demo = start(tmp_path, '--device', 'cuda:77', '--duration', '600')
-    _, errors = demo.communicate(timeout=60)
+    _, errors = demo.communicate(timeout=300)
     assert demo.returncode == 1
     assert 'the node' in errors
     assert 'cuda:77' in errors
@@ -132,12 +132,12 @@ def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
     demo = start(tmp_path, '--duration', '7200')
     assert demo.stdout is not None
     line = ''
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + 300.0
     while 'particles' not in line and time.monotonic() < deadline:
         line = demo.stdout.readline()
     assert 'particles' in line
     demo.send_signal(signal.SIGINT)
-    _, errors = demo.communicate(timeout=40)
+    _, errors = demo.communicate(timeout=300)
     assert demo.returncode == 130, errors
     assert 'Traceback' not in errors
     assert (tmp_path / 'bags/demo/demo.json').is_file()
@@ -182,7 +182,7 @@ def child_of(tmp_path):
         log = tmp_path / 'a.log'
         env = os.environ | {'PYTHONPATH': str(tmp_path)}
         child = Child('program', 'a_program', log=log, env=env)
-        end = time.monotonic() + 30.0
+        end = time.monotonic() + 120.0
         while not log.read_text():
             assert time.monotonic() < end
             time.sleep(0.01)
@@ -249,7 +249,7 @@ def test_children_end_with_their_command(tmp_path, name):
         env=env,
         stdout=subprocess.PIPE,
         text=True,
-        timeout=50.0,
+        timeout=300.0,
         check=False,
     )
     assert ended.stdout == 'child 0\n'

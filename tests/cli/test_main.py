@@ -315,7 +315,7 @@ def _completions(script, words):
         'printf "%s\\n" "${COMPREPLY[@]}"\n'
     )
     ended = subprocess.run(
-        ['bash', '--norc', '-c', code], capture_output=True, text=True, timeout=20, check=True
+        ['bash', '--norc', '-c', code], capture_output=True, text=True, timeout=120, check=True
     )
     return set(ended.stdout.split())
 
@@ -388,7 +388,7 @@ def test_a_terminal_has_a_bar(word, shown):
         # how the end of a terminal's last program is told
         pass
     os.close(outside)
-    assert process.wait(30.0) == 0, seen
+    assert process.wait(120.0) == 0, seen
     text = seen.decode()
     assert shown in text
     assert 'counting' in text

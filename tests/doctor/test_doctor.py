@@ -285,9 +285,8 @@ def test_layers_that_do_not_reach_robots():
     }
 
 
-def test_a_round_trip(monkeypatch):
+def test_a_round_trip():
     """A latched message and twenty others go through the middleware, with their times."""
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     found = one(doctor.check_round_trip())
     assert found.level in (OK, WARN), found.text
     assert found.text.startswith('rmw_fastrtps_cpp: found after ')
@@ -376,7 +375,7 @@ def test_every_check_is_made_without_ros_and_gpu(tmp_path):
         env={'PATH': '/usr/bin', 'HOME': str(tmp_path), 'CUDA_VISIBLE_DEVICES': ''},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert ended.returncode == 1, ended.stderr

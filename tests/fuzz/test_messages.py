@@ -60,7 +60,7 @@ def test_the_node_goes_on(graph, figures):
     publisher = graph.publisher()
     listener = graph.listener('height')
     publisher.publish('vents', 'terrain_info', 'terrain')
-    listener.wait_for_topic('height', lambda grid: grid['wet'] > 0, timeout=90.0)
+    listener.wait_for_topic('height', lambda grid: grid['wet'] > 0)
     before = listener.wait_for_status('inputs', lambda _: True)
     assert before['rejected'] == '0'
     memory = _memory(node)

@@ -52,7 +52,7 @@ def launched(tmp_path, monkeypatch):
     (libexec / 'lava_node').chmod(0o755)
     prefixes = [str(tmp_path), *filter(None, [os.environ.get('AMENT_PREFIX_PATH')])]
     monkeypatch.setenv('AMENT_PREFIX_PATH', os.pathsep.join(prefixes))
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(own_domain('launch')))
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(own_domain()))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'log'))
 

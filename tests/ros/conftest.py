@@ -27,6 +27,7 @@ import time
 import pytest
 
 from ros.graph_publisher import PATIENCE, Publisher
+from ros.hearing import Hearing
 from ros_domain import own_domain
 
 HERE = Path(__file__).parent
@@ -44,7 +45,6 @@ QUICK = QUICK_MODULE.format('ros.node')
 def _environment(aside):
     environment = dict(os.environ)
     environment['ROS_DOMAIN_ID'] = str(own_domain('aside' if aside else 'graph'))
-    environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     environment['PYTHONPATH'] = os.pathsep.join(
         [str(ROOT), *filter(None, [environment.get('PYTHONPATH')])]
     )
@@ -131,76 +131,16 @@ def _ros_arguments(remap, **parameters):
     return ['--ros-args', *(word for pair in words for word in pair)]
 
 
-class Listener(Process):
+class Listener(Process, Hearing):
     """A process that reports what the node publishes."""
 
     def __init__(self, directory, *topics):
         super().__init__(directory, [str(HERE / 'graph_listener.py'), *topics])
         self.seen = []
 
-    def wait(self, condition, timeout=PATIENCE):
-        """Read messages until one fulfils a condition, and return it."""
-        end = time.monotonic() + timeout
-        while True:
-            try:
-                message = json.loads(self.line(end - time.monotonic()))
-            except AssertionError as error:
-                what = f'nothing in {timeout} s fulfilled the condition; last: {self.seen[-3:]}'
-                raise AssertionError(what) from error
-            self.seen.append(message)
-            if condition(message):
-                return message
-
-    def wait_for_topic(self, topic, condition=lambda _: True, timeout=PATIENCE):
-        """Read messages until one of a topic fulfils a condition."""
-        return self.wait(
-            lambda message: message['topic'] == topic and condition(message), timeout
-        )
-
-    def wait_for_status(
-        self, task, condition=lambda _: True, timeout=PATIENCE, node='lava', since_ns=0
-    ):
-        """Read diagnostics until a task's status fulfils a condition, and return that status."""
-        name = f'{node}: {task}'
-        message = self.wait_for_topic(
-            'diagnostics',
-            lambda item: (
-                item['stamp_ns'] >= since_ns
-                and name in item['status']
-                and condition(item['status'][name])
-            ),
-            timeout,
-        )
-        return message['status'][name]
-
-    def status_now(self, task, condition=lambda _: True, node='lava'):
-        """The same of diagnostics that are told from now on: what waits to be read is older."""
-        return self.wait_for_status(task, condition, node=node, since_ns=time.time_ns())
-
-    def newest(self, *topics, condition=lambda _: True):
-        """The newest message of each topic once all are there, in whatever order they come."""
-
-        def is_there(_=None):
-            found.update({item['topic']: item for item in self.seen if item['topic'] in topics})
-            return len(found) == len(topics) and condition(found)
-
-        found = {}
-        self.hear()
-        if not is_there():
-            self.wait(is_there)
-        return found
-
-    def at_rest(self, *topics):
-        """The same once time stands still and diagnostics tell of these messages."""
-
-        def is_last(newest):
-            status = newest['diagnostics']['status']['lava: simulation']
-            stamp = int(status.get('frame_stamp_ns', 0))
-            is_whole = all(newest[topic]['stamp_ns'] == stamp for topic in topics)
-            return is_whole and status['state'] != 'running'
-
-        found = self.newest(*topics, 'diagnostics', condition=is_last)
-        return {topic: found[topic] for topic in topics}
+    def next(self, timeout):
+        """Return the next message, AssertionError where none comes in time [s]."""
+        return json.loads(self.line(timeout))
 
     def hear(self):
         """Read everything that has come so far, and return how much that is in all."""
@@ -235,7 +175,7 @@ class Graph:
 
     def publisher(self, *, remap=()):
         """Join the graph with what publishes as it is told to."""
-        self._publishers.append(Publisher(own_domain('graph'), remap))
+        self._publishers.append(Publisher(own_domain(), remap))
         return self._publishers[-1]
 
     def listener(self, *topics):
@@ -245,17 +185,6 @@ class Graph:
     def process(self, *arguments, aside=False):
         """Start any other Python process."""
         return self._start(Process, arguments, aside)
-
-    def faulty_node(self, **parameters):
-        """Start a node that has the fault of the file ``fault`` (``faults/faulty_node.py``)."""
-        program = (str(HERE / 'faults/faulty_node.py'), str(self.directory / 'fault'))
-        return self.node(program=program, **parameters)
-
-    def fault(self, name=''):
-        """Switch a fault on, or off without a name."""
-        partial = self.directory / 'fault.partial'
-        partial.write_text(name, encoding='utf-8')
-        partial.replace(self.directory / 'fault')
 
     @property
     def logs(self):
@@ -294,8 +223,47 @@ def bench(request):
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory):
     """The graph of a module's tests."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-        result = Graph(tmp_path_factory.mktemp('graph'))
-        yield result
-        result.close()
+    result = Graph(tmp_path_factory.mktemp('graph'))
+    yield result
+    result.close()
+
+
+@pytest.fixture
+def alone(graph):
+    """Ends what a test has started in the graph, so that no other test hears it."""
+    yield
+    graph.close()
+
+
+@pytest.fixture
+def local(tmp_path, monkeypatch):
+    """Starts nodes in the process of the test."""
+    from ros.local_node import LocalNode
+
+    nodes = []
+
+    def start(**options):
+        nodes.append(LocalNode(tmp_path, monkeypatch, **options))
+        return nodes[-1]
+
+    yield start
+    for node in nodes:
+        node.close()
+
+
+@pytest.fixture
+def flowing(local):
+    """Starts an active node with a slope and a vent, and lets time pass until there is lava."""
+
+    def start(**parameters):
+        node = local(**parameters)
+        assert node.change('configure') and node.change('activate'), node.log
+        # the vents come first: they wait for the terrain
+        node.publish('vents', 'terrain_info', 'terrain')
+        node.status_now('inputs', lambda item: item['accepted'] == '3')
+        node.status_now('simulation', lambda item: item['state'] == 'running')
+        node.run(2.0)
+        node.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
+        return node
+
+    return start

@@ -34,6 +34,55 @@ from visualization_msgs.msg import MarkerArray
 KINDS = {'': OccupancyGrid, 'image': Image, 'cloud': PointCloud2, 'markers': MarkerArray}
 
 
+def line_of(topic, kind, data):
+    """Describe a serialised message of a topic."""
+    message = deserialize_message(data, kind)
+    # what clears the markers comes first and is always there
+    header = message.markers[0].header if kind is MarkerArray else message.header
+    stamp = header.stamp
+    line = {
+        'topic': topic,
+        'stamp_ns': stamp.sec * 10**9 + stamp.nanosec,
+        'frame_id': header.frame_id,
+        'sha256': hashlib.sha256(data).hexdigest(),
+    }
+    if kind is OccupancyGrid:
+        values = np.frombuffer(message.data, np.int8)
+        line['shape'] = [message.info.height, message.info.width]
+        line['resolution'] = message.info.resolution
+        line['origin'] = [message.info.origin.position.x, message.info.origin.position.y]
+        line['min'], line['max'] = int(values.min()), int(values.max())
+        line['wet'] = int((values > 0).sum())
+        line['cells'] = hashlib.sha256(message.data).hexdigest()
+    elif kind is Image:
+        values = np.frombuffer(message.data, np.float32)
+        line['shape'], line['encoding'] = [message.height, message.width], message.encoding
+        line['max'] = float(np.fmax.reduce(values))
+    elif kind is PointCloud2:
+        names = [field.name for field in message.fields]
+        values = np.frombuffer(message.data, np.float32).reshape(-1, len(names))
+        line['points'] = message.width
+        line['mean'] = {
+            name: float(values[:, index].mean()) if message.width else 0.0
+            for index, name in enumerate(names)
+        }
+    elif kind is MarkerArray:
+        line['markers'] = [
+            {'action': item.action, 'text': item.text, 'z': item.pose.position.z}
+            for item in message.markers
+        ]
+    else:
+        line['status'] = {
+            item.name: {
+                'level': item.level[0],
+                'message': item.message,
+                **{pair.key: pair.value for pair in item.values},
+            }
+            for item in message.status
+        }
+    return line
+
+
 def main():
     """Print until the process is ended."""
     rclpy.init()
@@ -42,51 +91,7 @@ def main():
 
     def show(topic, kind):
         def take(data):
-            message = deserialize_message(data, kind)
-            # what clears the markers comes first and is always there
-            header = message.markers[0].header if kind is MarkerArray else message.header
-            stamp = header.stamp
-            line = {
-                'topic': topic,
-                'stamp_ns': stamp.sec * 10**9 + stamp.nanosec,
-                'frame_id': header.frame_id,
-                'sha256': hashlib.sha256(data).hexdigest(),
-            }
-            if kind is OccupancyGrid:
-                values = np.frombuffer(message.data, np.int8)
-                line['shape'] = [message.info.height, message.info.width]
-                line['resolution'] = message.info.resolution
-                line['origin'] = [message.info.origin.position.x, message.info.origin.position.y]
-                line['min'], line['max'] = int(values.min()), int(values.max())
-                line['wet'] = int((values > 0).sum())
-                line['cells'] = hashlib.sha256(message.data).hexdigest()
-            elif kind is Image:
-                values = np.frombuffer(message.data, np.float32)
-                line['shape'], line['encoding'] = [message.height, message.width], message.encoding
-                line['max'] = float(np.nanmax(values))
-            elif kind is PointCloud2:
-                names = [field.name for field in message.fields]
-                values = np.frombuffer(message.data, np.float32).reshape(-1, len(names))
-                line['points'] = message.width
-                line['mean'] = {
-                    name: float(values[:, index].mean()) if message.width else 0.0
-                    for index, name in enumerate(names)
-                }
-            elif kind is MarkerArray:
-                line['markers'] = [
-                    {'action': item.action, 'text': item.text, 'z': item.pose.position.z}
-                    for item in message.markers
-                ]
-            else:
-                line['status'] = {
-                    item.name: {
-                        'level': item.level[0],
-                        'message': item.message,
-                        **{pair.key: pair.value for pair in item.values},
-                    }
-                    for item in message.status
-                }
-            print(json.dumps(line), flush=True)
+            print(json.dumps(line_of(topic, kind, data)), flush=True)
 
         return take
 

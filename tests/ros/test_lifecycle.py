@@ -12,225 +12,252 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The managed node in a real graph: transitions, those that fail, and what a state holds."""
+"""The managed node: transitions, those that fail, and what a state holds."""
 
 from pathlib import Path
-import time
+import threading
 
 import numpy as np
 import pytest
 
 from lava_ros.bag import BagReader
-from ros.graph_publisher import wait_until
+from lava_ros.ros import active_node
+from lava_ros.ros.active_node import ActiveNode
+from lava_ros.simulation import Simulation
 
-GRIDS = ('/hazard', '/height', '/temperature')
-SCALE = 20.0
+pytestmark = pytest.mark.usefixtures('alone')
 
+GRIDS = {'/hazard', '/height', '/temperature'}
+#: Names of a configured node.
+CONFIGURED = {*GRIDS, '/terrain', '/diagnostics', '/lava/step'}
 
-class Managed:
-    """A node that waits for its manager, that manager, someone who feeds it and a listener."""
+#: A node that cannot be configured, for no reason that it knows.
+FAULTY = """
+from lava_ros.ros.active_node import ActiveNode
+from lava_ros.ros.node import main
+def fail(*_):
+    raise RuntimeError('configure went wrong')
+ActiveNode._begin = fail
+raise SystemExit(main())
+"""
 
-    def __init__(self, graph):
-        self.graph, self.directory = graph, graph.directory
-        self.terrain = graph.directory / 'slope.npz'
-        (graph.directory / 'bags' / 'there').mkdir(parents=True)
-        self.node = graph.faulty_node(
-            autostart=False,
-            device='cpu',
-            time_scale=SCALE,
-            terrain_file=str(self.terrain),
-            record=True,
-            bag_root=str(graph.directory / 'bags'),
-            bag_directory=str(graph.directory / 'bags' / 'there'),
-        )
-        self.publisher = graph.publisher()
-        self.listener = graph.listener('height')
-
-    def change(self, *names, state):
-        """Make transitions that go well, and see where they lead."""
-        for name in names:
-            assert self.publisher.change(name), self.node.log
-        assert self.publisher.state() == state
-
-    def refuse(self, name, *, state, words):
-        """Ask for a transition that goes wrong; the log says why."""
-        before = len(self.node.log)
-        assert not self.publisher.change(name)
-        assert self.publisher.state() == state
-        self.node.wait_for_log(words, after=before)
-        self.node.wait_for_log('[ERROR]', after=before)
-
-    def status(self, condition=lambda _: True):
-        """The simulation's status that is told from now on and fulfils a condition."""
-        return self.listener.status_now('simulation', condition)
-
-    def is_alone(self):
-        """Whether nothing is left in the graph but what the node has unconfigured."""
-        return self.publisher.names(self.alone, only=True) == self.alone
-
-    def activate(self):
-        """Activate, and wait for the map that comes then."""
-        since_ns = time.time_ns()
-        self.change('activate', state='active')
-        return self.listener.wait_for_topic(
-            'height', lambda grid: grid['stamp_ns'] >= since_ns
-        )
-
-    def use_bag(self, name):
-        """Name the next bag."""
-        bag = self.directory / 'bags' / name
-        assert self.publisher.set(bag_directory=str(bag) if name else '')['success']
-        return bag
-
-    def resources(self):
-        """Threads, and resident memory [MiB]."""
-        status = Path(f'/proc/{self.node.child.pid}/status').read_text(encoding='utf-8')
-        values = dict(line.split(':') for line in status.splitlines())
-        return int(values['Threads']), int(values['VmRSS'].split()[0]) / 1024.0
+#: Transitions to a state.
+PATHS = {
+    'unconfigured': (),
+    'inactive': ('configure',),
+    'active': ('configure', 'activate'),
+}
 
 
-@pytest.fixture(scope='module')
-def managed(graph):
-    """One node for all tests here, one after the other."""
-    result = Managed(graph)
-    result.alone = result.publisher.names()
-    return result
+def change(node, *names):
+    """Make transitions that go well."""
+    for name in names:
+        assert node.change(name), node.log
 
 
-def test_unconfigured(managed):
-    """There is nothing of the simulation; what the state does not have is refused.
+def refuse(node, name, words, state):
+    """Ask for a transition that goes wrong; the log says why, and the node is in a state."""
+    before = len(node.log)
+    assert not node.change(name)
+    assert node.state() == state
+    assert words in node.log[before:]
+    assert '[ERROR]' in node.log[before:]
 
-    Configuring fails by a missing file, or an error nobody expected: nothing stays, and it can be
-    tried again.
-    """
-    assert managed.publisher.state() == 'unconfigured'
-    assert '/lava/change_state' in managed.alone
-    expected = {*GRIDS, '/terrain', '/diagnostics', '/lava/step'}
-    assert not expected & {*managed.alone}
-    for name in ('activate', 'deactivate', 'cleanup'):
-        managed.refuse(name, state='unconfigured', words='no transition of id')
-    managed.refuse('configure', state='unconfigured', words='slope.npz')
+
+def breaking(patch, name):
+    """Make a transition raise in its middle, until the patch is undone."""
+    method = {
+        'configure': '_begin', 'activate': '_publish', 'deactivate': 'deactivate',
+        'cleanup': '_close_bag',
+    }[name]
+
+    def run(*_, **__):
+        raise RuntimeError(f'{name} went wrong')
+
+    patch.setattr(ActiveNode, method, run)
+
+
+@pytest.fixture
+def start(local, tmp_path):
+    """Starts a node with a slope and a vent on it, and takes it to a state."""
     _, x = np.mgrid[0:30, 0:40]
-    np.savez(managed.terrain, elevation=(300.0 - x).astype(np.float32), resolution=10.0)
-    threads, _ = managed.resources()
-    managed.graph.fault('configure')
-    managed.refuse('configure', state='unconfigured', words='RuntimeError: configure went wrong')
-    wait_until(lambda: managed.resources()[0] <= threads)
-    assert managed.is_alone()
-    managed.graph.fault()
-    managed.change('configure', state='inactive')
-    assert expected < {*managed.publisher.names(expected)}
+    np.savez(tmp_path / 'slope.npz', elevation=(300.0 - x).astype(np.float32), resolution=10.0)
+
+    def start_node(state, **parameters):
+        node = local(terrain_file='slope.npz', bag_root=str(tmp_path), **parameters)
+        change(node, *PATHS[state])
+        if state != 'unconfigured':
+            node.publish('vents')
+            # an input is taken when the simulation has been made
+            node.status_now('inputs', lambda item: item['accepted'] == '2')
+        return node
+
+    return start_node
 
 
-def test_inactive(managed):
-    """Inputs are taken and diagnostics told, a pause is remembered; no map, no step, no bag."""
-    managed.publisher.publish('vents', 'click')
-    inputs = managed.listener.wait_for_status('inputs', lambda item: int(item['accepted']) >= 3)
+def has_lava(grid):
+    """Return True if there is lava on a map."""
+    return grid['wet'] > 0
+
+
+def test_an_unconfigured_node_has_nothing_of_the_simulation(start):
+    """What the state does not have is refused."""
+    node = start('unconfigured')
+    assert node.state() == 'unconfigured'
+    alone = node.names()
+    assert '/lava/change_state' in alone
+    assert not CONFIGURED & alone
+    for name in ('activate', 'deactivate', 'cleanup'):
+        refuse(node, name, 'no transition of id', 'unconfigured')
+    change(node, 'configure')
+    assert node.names() > CONFIGURED
+    refuse(node, 'configure', 'no transition of id 1 from', 'inactive')
+
+
+@pytest.mark.parametrize('words', ['gone.npz', 'RuntimeError: configure went wrong'])
+def test_configuring_that_fails_leaves_nothing_behind(start, monkeypatch, words):
+    """By a missing file, or an error nobody expected; then it can be tried again."""
+    node = start('unconfigured')
+    alone, threads = node.names(), set(threading.enumerate())
+    with monkeypatch.context() as patch:
+        if words == 'gone.npz':
+            assert node.set(terrain_file=words)['success']
+        else:
+            breaking(patch, 'configure')
+        refuse(node, 'configure', words, 'unconfigured')
+    assert node.names() == alone
+    node.wait_until(lambda: set(threading.enumerate()) <= threads)
+    assert node.set(terrain_file='slope.npz')['success']
+    change(node, 'configure')
+
+
+def test_an_inactive_node_takes_inputs_and_publishes_no_maps(start):
+    """Diagnostics are told and a pause is remembered; no map, no step, no bag."""
+    node = start('inactive')
+    node.publish('click')
+    inputs = node.status_now('inputs', lambda item: item['accepted'] == '3')
     assert inputs['rejected'] == '0'
-    # as soon as nothing is compiled any more; no lava has come to a border, or anywhere
-    status = managed.status(lambda item: item['message'] == 'inactive: paused')
+    status = node.status_now('simulation')
+    assert status['message'] == 'inactive: paused'
     assert (status['lifecycle'], status['state']) == ('inactive', 'paused')
     for name, data in (('step', False), ('save', False), ('record', True)):
-        answer = managed.publisher.call(name, data)
+        answer = node.call(name, data)
         assert not answer['success']
         assert f"{name} is 'inactive', expected an active node" in answer['message']
-    assert managed.publisher.call('pause', True)['success']
-    assert not [item for item in managed.listener.seen if item['topic'] == 'height']
-    managed.refuse('configure', state='inactive', words='no transition of id 1 from')
-
-
-def test_activating_that_fails(managed):
-    """A bag that is there already: inactive as before; another bag, and it goes."""
-    managed.refuse('activate', state='inactive', words='a folder that does not exist yet')
-    assert managed.status()['lifecycle'] == 'inactive'
-    managed.first_bag = managed.use_bag('first')
-    assert managed.activate()['wet'] == 0
+    assert node.call('pause', True)['success']
+    node.jump(node.now + 100.0)
+    node.status_now('simulation')
+    assert node.worker.eruption.time == 0.0
+    assert {item['topic'] for item in node.seen} == {'diagnostics'}
+    change(node, 'activate')
+    assert node.wait_for_topic('height')['wet'] == 0
+    status = node.status_now('simulation')
     # the pause of before
-    status = managed.status()
     assert (status['lifecycle'], status['state']) == ('active', 'paused')
-    assert float(status['simulated_time_s']) == 0.0
-    assert managed.publisher.call('pause', False)['success']
-    managed.listener.wait_for_topic('height', lambda grid: grid['wet'] > 0)
+    assert node.call('pause', False)['success']
+    node.status_now('simulation', lambda item: item['state'] == 'running')
+    node.run(2.0)
+    node.wait_for_topic('height', has_lava)
 
 
-def test_time_stands_still_while_inactive(managed):
-    """Deactivated there is no map and no time; active again it goes on with no leap."""
-    # The map of a pause is that of its moment: diagnostics tell the time of the last map.
-    assert managed.publisher.call('pause', True)['success']
-    managed.listener.at_rest('height')
-    managed.change('deactivate', state='inactive')
-    assert managed.publisher.call('pause', False)['success']
-    since = managed.listener.hear()
-    paused, before = managed.status(), managed.status()
-    assert before['lifecycle'] == 'inactive'
-    assert before['simulated_time_s'] == paused['simulated_time_s']
-    assert 'height' not in {item['topic'] for item in managed.listener.seen[since:]}
-    recorder = managed.listener.seen[-1]['status']['lava: recorder']
-    assert (recorder['state'], recorder['bag']) == ('recording', str(managed.first_bag))
-    start = time.monotonic()
-    managed.activate()
-    after = managed.status(lambda item: item['simulated_time_s'] != before['simulated_time_s'])
-    passed = float(after['simulated_time_s']) - float(before['simulated_time_s'])
-    assert 0.0 < passed <= SCALE * (time.monotonic() - start)
+def test_activating_fails_where_the_bag_is_already_there(start, tmp_path):
+    """The node stays inactive; with another bag it is activated."""
+    (tmp_path / 'there').mkdir()
+    node = start('inactive', record=True, bag_directory='there')
+    refuse(node, 'activate', 'a folder that does not exist yet', 'inactive')
+    assert node.status_now('simulation')['lifecycle'] == 'inactive'
+    assert node.set(bag_directory='other')['success']
+    change(node, 'activate')
 
 
-def test_a_step_ends_with_the_deactivation(managed):
+def test_time_stands_still_while_inactive(start):
+    """Deactivated there is no map and no time; active again it continues with no leap."""
+    node = start('active', record=True, bag_directory='bag')
+    node.run(2.0)
+    change(node, 'deactivate')
+    assert node.call('pause', True)['success']
+    assert node.call('pause', False)['success']
+    before = node.status_now('simulation', lambda item: item['state'] == 'paused')
+    since = len(node.seen)
+    node.jump(node.now + 100.0)
+    after = node.status_now('simulation')
+    assert after['lifecycle'] == 'inactive'
+    assert after['simulated_time_s'] == before['simulated_time_s']
+    assert {item['topic'] for item in node.seen[since:]} == {'diagnostics'}
+    recorder = node.status_now('recorder')
+    assert (recorder['state'], recorder['bag']) == ('recording', 'bag')
+    simulated = node.worker.eruption.time
+    change(node, 'activate')
+    node.wait_for_topic('height', lambda grid: grid['stamp_ns'] == round(node.now * 1e9))
+    node.status_now('simulation', lambda item: item['state'] == 'running')
+    node.run(0.5)
+    # half a second of the clock at 20 times its speed
+    assert node.worker.eruption.time - simulated == pytest.approx(10.0)
+
+
+def test_a_step_ends_with_the_deactivation(start):
     """Inactive means that time stands still, also in the middle of a step."""
-    assert managed.publisher.call('pause', True)['success']
-    before = managed.listener.at_rest('height')
-    # longer than any machine takes to hear of the deactivation
-    assert managed.publisher.set(time_scale=1e6)['success']
-    assert managed.publisher.call('step')['success']
-    managed.change('deactivate', state='inactive')
-    assert managed.publisher.set(time_scale=SCALE)['success']
-    assert managed.activate()['stamp_ns'] > before['height']['stamp_ns']
-    told = []
-
-    def stands(status):
-        told.append(float(status['simulated_time_s']))
-        return len(told) > 5 and told[-5:] == 5 * told[-1:]
-
-    assert float(managed.status(stands)['simulated_time_s']) < 1e6
-    assert managed.publisher.call('pause', False)['success']
+    node = start('active')
+    assert node.call('pause', True)['success']
+    node.status_now('simulation', lambda item: item['state'] == 'paused')
+    # longer than any machine takes to learn of the deactivation
+    assert node.set(time_scale=1e6)['success']
+    node.run_commands()
+    assert node.call('step')['success']
+    node.wait_until(lambda: node.worker.eruption.time > 0.0)
+    change(node, 'deactivate')
+    node.run_commands()
+    reached = node.worker.eruption.time
+    for _ in range(3):
+        assert float(node.status_now('simulation')['simulated_time_s']) <= reached < 1e6
+    assert node.worker.eruption.time == reached
 
 
-def test_a_failed_simulation_is_not_activated(managed):
+def test_a_failed_simulation_is_not_activated(start, monkeypatch):
     """It says so until a reset, which an inactive node takes."""
-    managed.graph.fault('raise')
-    managed.status(lambda item: item['state'] == 'failed')
-    managed.change('deactivate', state='inactive')
-    managed.refuse('activate', state='inactive', words='device lost')
-    managed.graph.fault()
-    assert managed.publisher.call('reset')['success']
-    status = managed.status(lambda item: item['state'] == 'paused')
+    node = start('active')
+
+    def fail(*_, **__):
+        raise RuntimeError('device lost')
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Simulation, 'advance', fail)
+        node.jump(node.now + 0.5)
+        node.status_now('simulation', lambda item: item['state'] == 'failed')
+        change(node, 'deactivate')
+        refuse(node, 'activate', 'device lost', 'inactive')
+    assert node.call('reset')['success']
+    status = node.status_now('simulation', lambda item: item['state'] == 'paused')
     # not what it says of the last map, where lava may have reached the border
     assert status['message'].startswith('inactive: ')
     assert 'device lost' not in status['message']
-    managed.change('activate', state='active')
-    managed.status(lambda item: item['state'] == 'running')
+    change(node, 'activate')
+    node.status_now('simulation', lambda item: item['state'] == 'running')
 
 
-def test_cleaning_up(managed):
-    """The bag is finished, and nothing is left in the graph; it can be configured again."""
-    managed.change('deactivate', 'cleanup', state='unconfigured')
-    assert managed.is_alone()
-    bag = BagReader(managed.first_bag)
+def test_cleaning_up_finishes_the_bag_and_leaves_the_graph(start, tmp_path):
+    """It can be configured again, but not record into the same bag."""
+    node = start('unconfigured', record=True, bag_directory='bag')
+    alone = node.names()
+    change(node, 'configure', 'activate')
+    node.newest('height')
+    node.status_now('recorder', lambda item: item['state'] == 'recording')
+    change(node, 'deactivate', 'cleanup')
+    assert node.names() == alone
+    bag = BagReader(tmp_path / 'bag')
     assert not bag.recovered
-    assert {*GRIDS, '/vents', '/diagnostics'} < set(bag.topics)
-    managed.change('configure', state='inactive')
-    managed.refuse('activate', state='inactive', words='a folder that does not exist yet')
+    assert {*GRIDS, '/terrain', '/diagnostics'} < set(bag.topics)
+    change(node, 'configure')
+    refuse(node, 'activate', 'a folder that does not exist yet', 'inactive')
 
 
-def test_a_recording_that_was_ended_does_not_begin_again(managed):
+def test_a_recording_that_was_ended_does_not_begin_again(start, tmp_path):
     """The bag that is there must not keep the node inactive."""
-    bag = managed.use_bag('second')
-    managed.activate()
-    answer = managed.publisher.call('record', False)
-    assert answer == {'success': True, 'message': f'recorded {bag}'}
-    managed.change('deactivate', state='inactive')
-    managed.change('activate', state='active')
-    managed.change('deactivate', state='inactive')
-    assert not BagReader(bag).recovered
+    node = start('active', record=True, bag_directory='bag')
+    node.newest('height')
+    assert node.call('record', False) == {'success': True, 'message': 'recorded bag'}
+    change(node, 'deactivate', 'activate', 'deactivate')
+    assert not BagReader(tmp_path / 'bag').recovered
 
 
 @pytest.mark.parametrize(
@@ -241,96 +268,110 @@ def test_a_recording_that_was_ended_does_not_begin_again(managed):
         ('cleanup', ('activate', 'deactivate', 'cleanup')),
     ],
 )
-def test_an_error_nobody_expected(managed, name, path):
-    """It leads to where one can begin anew: unconfigured, with nothing left in the graph."""
-    managed.use_bag(name)
-    managed.change(*path[:-1], state='active' if len(path) == 2 else 'inactive')
-    managed.graph.fault(name)
-    managed.refuse(path[-1], state='unconfigured', words=f'RuntimeError: {name} went wrong')
-    managed.graph.fault()
-    assert managed.is_alone()
-    # a step that compiles outlasts the cleanup
-    wait_until(lambda: managed.publisher.change('configure'))
-    assert managed.publisher.state() == 'inactive'
+def test_an_error_nobody_expected_leaves_the_node_unconfigured(start, monkeypatch, name, path):
+    """Nothing is left in the graph, and one can begin anew."""
+    node = start('unconfigured', record=True, bag_directory='bag')
+    alone = node.names()
+    change(node, 'configure', *path[:-1])
+    with monkeypatch.context() as patch:
+        breaking(patch, name)
+        refuse(node, path[-1], f'RuntimeError: {name} went wrong', 'unconfigured')
+    assert node.names() == alone
+    change(node, 'configure')
 
 
-def test_a_step_that_outlasts_the_cleanup(managed):
+def test_a_step_that_outlasts_the_cleanup_holds_up_the_next_configuration(start, monkeypatch):
     """No two simulations run beside each other: the next waits until the last is gone."""
-    managed.use_bag('slow')
-    managed.activate()
-    managed.status(lambda status: status['state'] == 'running')
-    managed.graph.fault('slow')
-    wait_until((managed.directory / 'fault.slow').exists)
-    managed.change('deactivate', 'cleanup', state='unconfigured')
-    assert managed.is_alone()
-    managed.refuse('configure', state='unconfigured', words='configure again in a while')
-    managed.graph.fault()
+    monkeypatch.setattr(active_node, 'STOP_TIMEOUT', 0.1)
+    node = start('active')
+    begun, may_end, advance = threading.Event(), threading.Event(), Simulation.advance
+
+    def advance_slowly(*arguments, **options):
+        begun.set()
+        may_end.wait()
+        return advance(*arguments, **options)
+
+    monkeypatch.setattr(Simulation, 'advance', advance_slowly)
+    try:
+        node.jump(node.now + 0.5)
+        node.wait_until(begun.is_set)
+        change(node, 'deactivate', 'cleanup')
+        assert not node.names() & CONFIGURED
+        refuse(node, 'configure', 'configure again in a while', 'unconfigured')
+    finally:
+        may_end.set()
     # the step ends when it next looks, on a busy machine later
-    wait_until(lambda: managed.publisher.change('configure'))
-    assert managed.publisher.state() == 'inactive'
+    node.wait_until(lambda: node.change('configure'))
 
 
-def test_many_cycles_leave_nothing_behind(managed):
+def test_many_cycles_leave_nothing_behind(start):
     """Threads and memory are given back, and bags named by the time do not meet."""
-    managed.use_bag('')
-    managed.change('cleanup', state='unconfigured')
-    used = []
+
+    def resources():
+        status = Path('/proc/self/status').read_text(encoding='utf-8')
+        values = dict(line.split(':') for line in status.splitlines())
+        return int(values['Threads']), int(values['VmRSS'].split()[0]) / 1024.0
+
+    node = start('unconfigured', record=True)
+    alone, used = node.names(), []
     for _ in range(12):
-        managed.change('configure', state='inactive')
-        managed.activate()
-        managed.change('deactivate', 'cleanup', state='unconfigured')
-        used.append(managed.resources())
+        change(node, 'configure', 'activate')
+        node.wait_for_topic('height')
+        change(node, 'deactivate', 'cleanup')
+        used.append(resources())
     threads, memory = zip(*used, strict=True)
     # those of the middleware end a moment later
-    wait_until(lambda: managed.resources()[0] <= threads[1])
+    node.wait_until(lambda: resources()[0] <= threads[1])
     assert memory[-1] - memory[1] < 8.0, memory
-    assert managed.is_alone()
+    assert node.names() == alone
 
 
-def test_an_error_at_the_start_ends_the_process(managed, graph):
+def test_what_is_read_when_configured_may_be_set_before(local):
+    """Unconfigured, before and after: tools choose scene and device without a restart."""
+    node = local()
+    assert node.set(scene='missing.yaml', frame_id='world')['success']
+    refuse(node, 'configure', 'missing.yaml', 'unconfigured')
+    assert node.set(scene='')['success']
+    change(node, 'configure')
+    answer = node.set(frame_id='map')
+    assert not answer['success']
+    assert 'read-only' in answer['message']
+    change(node, 'cleanup')
+    assert node.set(frame_id='map')['success']
+    assert not node.set(autostart=True)['success']
+    change(node, 'configure')
+
+
+@pytest.mark.parametrize('state', PATHS)
+def test_shutdown_is_final_from_each_state(start, tmp_path, state):
+    """The bag is finished, and nothing else can be asked for."""
+    node = start(state, record=True, bag_directory='bag')
+    if state == 'active':
+        node.newest('height')
+    change(node, 'shutdown')
+    assert (tmp_path / 'bag').exists() is (state == 'active')
+    if state == 'active':
+        assert not BagReader(tmp_path / 'bag').recovered
+    assert not node.names() & CONFIGURED
+    refuse(node, 'configure', 'no transition of id 1 from', 'finalized')
+
+
+def test_an_error_at_the_start_ends_the_process(graph):
     """With autostart nobody would see a node that waits unconfigured: 1, and the reason."""
-    managed.graph.fault('configure')
-    node = graph.faulty_node(aside=True, device='cpu')
+    node = graph.node(program=('-c', FAULTY), device='cpu')
     assert node.wait_for_end() == 1
-    managed.graph.fault()
     reason = 'lava_node cannot start: RuntimeError: configure went wrong'
     assert node.log.splitlines()[-1] == reason
 
 
-def test_what_is_read_when_configured_may_be_set_before(managed, graph):
-    """Unconfigured, before and after: tools choose scene and device without a restart."""
-    managed.other = graph.node(remap=['__node:=other'], device='cpu', autostart=False)
-    client, other = managed.publisher, {'node': '/other'}
-    answer = client.set(scene='missing.yaml', frame_id='world', **other)
-    assert answer['success'], answer
-    assert not client.change('configure', **other)
-    managed.other.wait_for_log('missing.yaml')
-    assert client.set(scene='', **other)['success']
-    assert client.change('configure', **other), managed.other.log
-    answer = client.set(frame_id='map', **other)
-    assert not answer['success']
-    assert 'read-only' in answer['message']
-    assert client.change('cleanup', **other), managed.other.log
-    assert client.set(frame_id='map', **other)['success']
-    assert not client.set(autostart=True, **other)['success']
-    assert client.change('configure', **other), managed.other.log
-
-
-def test_shutdown(managed, graph):
-    """From each state it is final, the bag is finished, and SIGTERM ends the process with 0."""
-    new = graph.node(remap=['__node:=new'], autostart=False, device='cpu')
-    bag = managed.use_bag('last')
-    managed.change('configure', state='inactive')
-    managed.activate()
-    managed.change('shutdown', state='finalized')
-    assert not BagReader(bag).recovered
-    assert managed.is_alone()
-    managed.refuse('configure', state='finalized', words='no transition of id 1 from')
-    for name, state in (('/other', 'inactive'), ('/new', 'unconfigured')):
-        assert managed.publisher.state(node=name) == state
-        assert managed.publisher.change('shutdown', node=name)
-        assert managed.publisher.state(node=name) == 'finalized'
-    for node in (managed.node, managed.other, new):
-        assert node.end() == 0
-        assert 'stopped' in node.log.splitlines()[-1]
-    assert 'Traceback' not in managed.other.log + new.log
+@pytest.mark.parametrize('path', [(), ('configure', 'activate', 'shutdown')])
+def test_a_managed_process_ends_with_0(graph, path):
+    """In a real graph: one that waits for its manager, and one that is shut down, by SIGTERM."""
+    node = graph.node(remap=['__ns:=/managed'], device='cpu', autostart=False)
+    publisher, name = graph.publisher(), '/managed/lava'
+    assert publisher.state(name) == 'unconfigured'
+    for transition in path:
+        assert publisher.change(transition, name), node.log
+    assert node.end() == 0
+    assert 'stopped' in node.log.splitlines()[-1]
+    assert 'Traceback' not in node.log

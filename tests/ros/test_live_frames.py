@@ -41,7 +41,7 @@ class Speaker(Watcher):
     """Says what a node in /etna would."""
 
     def __init__(self) -> None:
-        super().__init__('speaker', own_domain('live'), 'etna')
+        super().__init__('speaker', own_domain(), 'etna')
         self._publishers: dict[str, Any] = {}
 
     def say(self, topic: str, message: Any) -> None:
@@ -86,10 +86,9 @@ def until(condition: Callable[[], bool], poll: Callable[[], None] = lambda: None
 
 
 @pytest.fixture
-def live(monkeypatch: pytest.MonkeyPatch) -> Iterator[LiveFrames]:
+def live() -> Iterator[LiveFrames]:
     """What listens in /etna."""
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    frames = LiveFrames('/etna', own_domain('live'))
+    frames = LiveFrames('/etna', own_domain())
     yield frames
     frames.close()
 

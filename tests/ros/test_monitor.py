@@ -52,7 +52,7 @@ class Echo(Watcher):
     """Hears what it says."""
 
     def __init__(self) -> None:
-        super().__init__('lava_echo', own_domain('watcher'))
+        super().__init__('lava_echo', own_domain())
         profile = qos.ros_profile(qos.LATCHED)
         self.heard: list[DiagnosticArray] = []
         self._node.create_subscription(DiagnosticArray, 'echo', self.heard.append, profile)
@@ -68,9 +68,8 @@ class Echo(Watcher):
 
 
 @pytest.fixture
-def echo(monkeypatch: pytest.MonkeyPatch) -> Iterator[Echo]:
+def echo() -> Iterator[Echo]:
     """A watcher that hears what it says, in a domain of this test run."""
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     echo = Echo()
     yield echo
     echo.close()
@@ -158,11 +157,10 @@ class Graph:
 
 
 @pytest.fixture
-def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
+def graph() -> Iterator[Graph]:
     """A graph in a domain of this test run."""
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     rclpy.init(
-        args=[], domain_id=own_domain('feed'), signal_handler_options=SignalHandlerOptions.NO
+        args=[], domain_id=own_domain(), signal_handler_options=SignalHandlerOptions.NO
     )
     graph = Graph()
     yield graph

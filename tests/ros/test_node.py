@@ -12,9 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node in a real graph: itself, a publisher and subscribers, each a process of its own."""
+"""The node: what it takes, says, publishes and records, in process and in a real graph."""
 
-from collections import Counter
 import hashlib
 import json
 import re
@@ -24,77 +23,39 @@ import yaml
 
 from lava_ros.bag import BagReader
 
+pytestmark = pytest.mark.usefixtures('alone')
+
+#: Topics of the grids that are published by default.
 GRIDS = ('height', 'temperature', 'hazard')
 
 
-class Running:
-    """A node that simulates and records, with someone who feeds it and someone who listens."""
-
-    def __init__(self, graph):
-        self.graph = graph
-        self.bag = graph.directory / 'bag'
-        self.node = graph.node(
-            time_scale=60.0,
-            device='cpu',
-            record=True,
-            bag_directory=str(self.bag),
-        )
-        self.publisher = graph.publisher()
-        self.listener = graph.listener(*GRIDS)
-        # The vents come first: they wait for the terrain.
-        self.publisher.publish('vents', 'terrain_info', 'terrain')
-        self.listener.wait_for_topic('height', lambda grid: grid['wet'] > 0, timeout=90.0)
-
-    def inputs(self):
-        """The state of the inputs, of which nothing is on its way."""
-        return self.listener.newest('diagnostics')['diagnostics']['status']['lava: inputs']
-
-    def refusals(self):
-        """What the log has of messages that were refused."""
-        return [line for line in self.node.log.splitlines() if 'refused' in line]
+@pytest.fixture
+def running(flowing):
+    """A node whose lava flows."""
+    return flowing()
 
 
-@pytest.fixture(scope='module')
-def running(graph):
-    """One node for all tests of this module that do not need one of their own."""
-    return Running(graph)
-
-
-def test_grids_arrive(running):
-    """All three grids come, of the terrain's size and place, and lava flows."""
-    for topic in GRIDS:
-        grid = running.listener.wait_for_topic(topic, lambda grid: grid['wet'] > 0)
-        place = {name: grid[name] for name in ('frame_id', 'shape', 'resolution', 'origin')}
-        assert list(place.values()) == ['map', [30, 40], 10.0, [0.0, 0.0]]
-        assert grid['min'] == 0 and grid['max'] <= 100
-
-
-def test_the_log_says_what_the_node_does(running):
+def test_the_log_says_what_the_node_does(flowing):
     """What it waits for, takes, chooses and records, each in one line."""
-    running.node.wait_for_log('recording to')
-    lines = re.findall(r'^\[INFO\] \[[\d.]+\] \[lava\]: (.*)$', running.node.log, re.MULTILINE)
+    node = flowing(record=True, bag_directory='bag')
+    node.wait_for_log('recording to')
+    node.wait_for_log('simulation running')
+    lines = re.findall(r'^\[INFO\] \[[\d.]+\] \[lava\]: (.*)$', node.log, re.MULTILINE)
     waiting = 'waiting for terrain on terrain, terrain_info, terrain_cloud'
     assert lines[0].startswith(waiting)
     assert lines[1:3] == ['configured', 'active']
-    for expected in (
-        'terrain: 40 x 30 cells of 10 m',
-        'vents: 1, 20 m3/s',
-        f'recording to {running.bag}',
-    ):
+    for expected in ('terrain: 40 x 30 cells of 10 m', 'vents: 1, 20 m3/s'):
         assert lines.count(expected) == 1, (expected, lines)
-    assert [line for line in lines if line.startswith('effects: ')], lines
-    # where there is no GPU Warp says so
-    assert not [line for line in running.node.log.splitlines() if line.startswith('Warp ')]
+    for start_of_line in ('effects: ', 'recording to '):
+        assert [line.startswith(start_of_line) for line in lines].count(True) >= 1, lines
 
 
 def test_diagnostics(running):
     """The diagnostics tell the state, the speed and the volume budget of a published frame."""
-    status = running.listener.wait_for_status(
-        'simulation',
-        lambda status: float(status['speed']) > 0.0 and int(status['wet_cells']) > 0,
-    )
+    status = running.status_now('simulation')
     assert status['state'] == 'running'
     assert status['device'] == 'cpu'
+    assert float(status['speed']) > 0.0 and int(status['wet_cells']) > 0
     assert float(status['simulated_time_s']) > 0.0
     assert int(status['particles']) > 0
     assert float(status['volume_error']) < 1e-5
@@ -103,10 +64,7 @@ def test_diagnostics(running):
     kept = float(status['volume_held_m3']) + float(status['volume_left_m3'])
     assert kept == pytest.approx(emitted, rel=1e-5)
     stamp = int(status['frame_stamp_ns'])
-    # the frame that they are of may come after them
-    running.listener.newest(*GRIDS, condition=lambda newest: newest['hazard']['stamp_ns'] >= stamp)
-    frames = [item for item in running.listener.seen if item['topic'] in GRIDS]
-    assert stamp in {item['stamp_ns'] for item in frames}
+    assert stamp in {item['stamp_ns'] for item in running.seen if item['topic'] in GRIDS}
 
 
 #: Messages that are refused, some of each topic, whose fault that is, and what is said of them.
@@ -122,73 +80,54 @@ MALFORMED = (
 )
 
 
-def test_malformed_input(running):
-    """One clear error in the log for each, all in the diagnostics; the flow goes on as it was."""
-    before = running.inputs()
-    for case, topic, words in MALFORMED:
-        length = len(running.node.log)
-        running.publisher.publish(case)
-        running.node.wait_for_log(words, after=length)
-        (error,) = [line for line in running.node.log[length:].splitlines() if 'refused' in line]
-        assert '[ERROR]' in error and f'{topic} refused: ' in error, case
-    rejected = int(before['rejected']) + len(MALFORMED)
-    after = running.listener.wait_for_status(
-        'inputs', lambda status: int(status['rejected']) >= rejected
-    )
-    assert (int(after['rejected']), after['level']) == (rejected, 2)
-    for topic, count in Counter(topic for _, topic, _ in MALFORMED).items():
-        assert int(after[f'rejected.{topic}']) == count
-    assert words in after['last_error'] and after['last_error'] in after['message']
-    since = running.listener.seen[-1]['stamp_ns']
-    grid = running.listener.wait_for_topic('height', lambda grid: grid['stamp_ns'] > since)
-    assert grid['wet'] > 0
+@pytest.mark.parametrize(('case', 'topic', 'words'), MALFORMED)
+def test_malformed_input(running, case, topic, words):
+    """One clear error in the log, all in the diagnostics; the flow continues as it was."""
+    length = len(running.log)
+    running.publish(case)
+    running.wait_for_log(words, after=length)
+    (error,) = [line for line in running.log[length:].splitlines() if 'refused' in line]
+    assert '[ERROR]' in error and f'{topic} refused: ' in error
+    status = running.status_now('inputs')
+    assert (status['rejected'], status[f'rejected.{topic}'], status['level']) == ('1', '1', 2)
+    assert words in status['last_error'] and status['last_error'] in status['message']
+    before = running.worker.eruption.time
+    running.run(1.0)
+    assert running.worker.eruption.time > before
+    running.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
 
 
 def test_good_input_after_bad(running):
     """A bad message repeated is logged once; good ones end the error, the count stays."""
-    before = running.inputs()
-    running.publisher.publish('vents')
-    running.listener.wait_for_status(
-        'inputs', lambda status: int(status['accepted']) > int(before['accepted'])
-    )
-    logged = len(running.refusals())
-    running.publisher.publish(*['vents_wrong_frame'] * 3)
-    rejected = int(before['rejected']) + 3
-    status = running.listener.wait_for_status(
-        'inputs', lambda status: int(status['rejected']) == rejected
-    )
-    assert status['level'] == 2
-    running.publisher.publish('terrain', 'terrain_info', 'terrain_cloud', 'vents', 'click')
-    running.listener.wait_for_status('inputs', lambda status: status['level'] == 1)
-    assert len(running.refusals()) == logged + 1
-    running.publisher.publish('terrain', 'terrain_info', 'vents')
+    running.publish(*['vents_wrong_frame'] * 3)
+    status = running.status_now('inputs')
+    assert (status['level'], status['rejected']) == (2, '3')
+    running.publish('terrain', 'terrain_info', 'terrain_cloud', 'vents', 'click')
+    status = running.status_now('inputs', lambda status: status['level'] == 1)
+    assert status['rejected'] == '3'
+    assert len([line for line in running.log.splitlines() if 'refused' in line]) == 1
 
 
-def test_a_late_subscriber_gets_all_grids(running):
-    """After a pause nothing is published, and a new subscriber gets the last of all three."""
-    assert running.publisher.call('pause', True) == {'success': True, 'message': 'pausing'}
-    last = running.listener.at_rest(*GRIDS)
-    seen = len(running.listener.seen)
-    assert running.graph.listener(*GRIDS).newest(*GRIDS) == last
-    status = running.listener.status_now('simulation')
-    published = {item['topic'] for item in running.listener.seen[seen:]}
-    assert published == {'diagnostics'}
+def test_a_pause_and_a_step(running):
+    """After a pause nothing is published; a step is a second of the clock at the newest scale."""
+    assert running.call('pause', True) == {'success': True, 'message': 'pausing'}
+    running.at_rest(*GRIDS)
+    seen = len(running.seen)
+    running.jump(running.now + 10.0)
+    status = running.status_now('simulation')
     assert status['state'] == 'paused'
-
-    # a step is a second of the clock, so as long as the scale that was set last
-    assert running.publisher.set(time_scale=30.0)['success']
-    answer = running.publisher.call('step')
-    assert answer == {'success': True, 'message': 'advancing 30 s'}
+    assert {item['topic'] for item in running.seen[seen:]} == {'diagnostics'}
+    assert running.set(time_scale=30.0)['success']
+    assert running.call('step') == {'success': True, 'message': 'advancing 30 s'}
     target = float(status['simulated_time_s']) + 30.0
-    stepped = running.listener.wait_for_status(
+    stepped = running.status_now(
         'simulation', lambda status: float(status['simulated_time_s']) > target - 1e-3
     )
     assert float(stepped['simulated_time_s']) == pytest.approx(target, abs=1e-3)
     assert stepped['state'] == 'paused'
-    assert running.publisher.set(time_scale=60.0)['success']
-    assert running.publisher.call('pause', False)['success']
-    running.listener.wait_for_status('simulation', lambda status: status['state'] == 'running')
-    assert not running.publisher.call('step')['success']
+    assert running.call('pause', False)['success']
+    running.status_now('simulation', lambda status: status['state'] == 'running')
+    assert not running.call('step')['success']
 
 
 def test_parameters(running):
@@ -199,67 +138,58 @@ def test_parameters(running):
         ({'device': 'cuda:0'}, 'read-only'),
         ({'effects_on': ['lava']}, "effects_on is 'lava', expected one of"),
     ):
-        assert said in running.publisher.set(**values)['message']
-    for name, values in (('preset', ('draft', 'standard')), ('lava.viscosity', (50.0, 100.0))):
-        for value in values:
-            assert running.publisher.set(**{name: value})['success']
-        running.node.wait_for_log(f'{name}: the new value is used from the next start or reset on')
+        assert said in running.set(**values)['message']
+    for name, value in (('preset', 'standard'), ('lava.viscosity', 50.0)):
+        assert running.set(**{name: value})['success']
+        running.wait_for_log(f'{name}: the new value is used from the next start or reset on')
 
 
 def test_changing_effects_does_not_stop_publishing(running):
-    """Effects go on and off in a flow that goes on, with reasons; after each, lava is shown."""
-    status = running.listener.status_now('simulation')
+    """Effects go on and off in a flow that continues, with reasons; after each, lava is shown."""
     for values, effect, text in (
         ({'effects_on': ['helmholtz']}, 'helmholtz', 'on: forced'),
         ({'effects_on': [], 'effects_off': ['cover']}, 'cover', 'off: forced'),
         ({'effects_off': [''], 'horizon': 1e-3}, 'cover', 'off: heat lost = '),
         ({'horizon': 24.0}, 'cover', 'on: heat lost = '),
     ):
-        assert running.publisher.set(**values)['success']
-        running.listener.wait_for_status(
-            'effects', lambda status: status[effect].startswith(text)  # noqa: B023
-        )
-        changed = running.listener.seen[-1]['stamp_ns']
-        grid = running.listener.wait_for_topic(
-            'height', lambda grid: grid['stamp_ns'] > changed  # noqa: B023
-        )
+        assert running.set(**values)['success']
+        running.status_now('effects', lambda status: status[effect].startswith(text))  # noqa: B023
+        changed, before = running.now, running.worker.eruption.time
+        running.run(1.0)
+        assert running.worker.eruption.time > before
+        grid = running.wait_for_topic('height', lambda grid: grid['stamp_ns'] > changed * 1e9)  # noqa: B023
         assert grid['wet'] > 0
-    before = float(status['simulated_time_s'])
-    running.listener.wait_for_status(
-        'simulation', lambda status: float(status['simulated_time_s']) > before
-    )
 
 
 def test_reset(running):
     """A reset starts again at time 0 with the same terrain and vents; a pause stays."""
-    assert running.publisher.call('pause', True)['success']
-    answer = running.publisher.call('reset')
+    assert running.call('pause', True)['success']
+    answer = running.call('reset')
     assert answer == {'success': True, 'message': 'starting again at time 0'}
-    running.listener.wait_for_status(
-        'simulation', lambda status: status['simulated_time_s'] == '0.0'
-    )
-    running.node.wait_for_log('reset: starting again at time 0')
-    assert running.publisher.call('pause', False)['success']
-    running.listener.wait_for_topic('height', lambda grid: grid['wet'] > 0)
+    status = running.status_now('simulation', lambda status: status['simulated_time_s'] == '0.0')
+    assert status['state'] == 'paused'
+    assert 'reset: starting again at time 0' in running.log
+    assert running.call('pause', False)['success']
+    running.status_now('simulation', lambda status: status['state'] == 'running')
+    running.run(2.0)
+    running.wait_for_topic('height', lambda grid: grid['wet'] > 0)
 
 
-def test_recording_ends_and_matches_the_wire(running):
-    """The bag starts with the inputs, holds the bytes of the wire, and describes itself."""
-    answer = running.publisher.call('record', False)
-    assert answer == {'success': True, 'message': f'recorded {running.bag}'}
-    status = running.listener.wait_for_status(
-        'recorder', lambda status: status['state'] == 'off'
-    )
-    assert status['level'] == 0
-    bag = BagReader(running.bag)
-    messages = [(item.topic, bytes(item.data)) for item in bag.messages()]
-    assert [topic for topic, _ in messages[:3]] == ['/terrain', '/terrain_info', '/vents']
-    recorded = {(topic, hashlib.sha256(data).hexdigest()) for topic, data in messages}
-    heard = [item for item in running.listener.seen if item['topic'] in GRIDS]
-    end = bag.end_ns
-    heard = [('/' + item['topic'], item['sha256']) for item in heard if item['stamp_ns'] <= end]
-    assert {f'/{topic}' for topic in GRIDS} == {topic for topic, _ in heard}
-    assert set(heard) <= recorded
+def test_the_bag_describes_itself(flowing, tmp_path):
+    """It begins with the inputs, and has the scene, parameters and effects of the run."""
+    node = flowing(record=True, bag_directory='bag')
+    node.publish('click')
+    assert node.set(effects_on=['helmholtz'])['success']
+    node.status_now('effects', lambda status: status['helmholtz'] == 'on: forced')
+    node.run(1.0)
+    node.publish('vents')
+    node.run_commands()
+    assert node.call('record', False) == {'success': True, 'message': 'recorded bag'}
+    status = node.status_now('recorder')
+    assert (status['state'], status['level']) == ('off', 0)
+    bag = BagReader(tmp_path / 'bag')
+    topics = [item.topic for item in bag.messages()]
+    assert {'/terrain', '/terrain_info', '/vents'} <= set(topics[:topics.index('/height')])
     for topic in GRIDS:
         assert bag.topics[f'/{topic}'].qos.durability == 'transient_local'
     scene = yaml.safe_load(bag.custom_data['scene'])
@@ -274,9 +204,42 @@ def test_recording_ends_and_matches_the_wire(running):
     assert any(entry['effects'].get('helmholtz') == 'on: forced' for entry in effects[1:])
     assert bag.custom_data['device'] == 'cpu'
     assert bag.custom_data['version']
-    refused = running.publisher.call('record', True)
+    refused = node.call('record', True)
     assert not refused['success']
     assert 'does not exist yet' in refused['message']
+
+
+def test_subscribers_of_a_real_graph(graph):
+    """All grids come, to who is late the last ones; the bag has the bytes of the wire."""
+    bag = graph.directory / 'bag'
+    node = graph.node(time_scale=60.0, device='cpu', record=True, bag_directory=str(bag))
+    publisher, listener = graph.publisher(), graph.listener(*GRIDS)
+    publisher.publish('vents', 'terrain_info', 'terrain')
+    for topic in GRIDS:
+        grid = listener.newest(topic, condition=lambda newest: newest[topic]['wet'] > 0)[topic]  # noqa: B023
+        place = {name: grid[name] for name in ('frame_id', 'shape', 'resolution', 'origin')}
+        assert list(place.values()) == ['map', [30, 40], 10.0, [0.0, 0.0]]
+        assert grid['min'] == 0 and grid['max'] <= 100
+    # where there is no GPU Warp says so
+    assert not [line for line in node.log.splitlines() if line.startswith('Warp ')]
+    assert publisher.call('pause', True)['success']
+    last = listener.at_rest(*GRIDS)
+    assert graph.listener(*GRIDS).newest(*GRIDS) == last
+    assert publisher.call('record', False) == {'success': True, 'message': f'recorded {bag}'}
+    listener.hear()
+    reader = BagReader(bag)
+    recorded = {
+        (item.topic, hashlib.sha256(bytes(item.data)).hexdigest()) for item in reader.messages()
+    }
+    heard = [item for item in listener.seen if item['topic'] in GRIDS]
+    heard = {
+        (f'/{item["topic"]}', item['sha256'])
+        for item in heard
+        if item['stamp_ns'] <= reader.end_ns
+    }
+    assert {f'/{topic}' for topic in GRIDS} == {topic for topic, _ in heard}
+    assert heard <= recorded
+    assert node.end() == 0
 
 
 def test_parameters_without_effect_are_warned_of(graph):

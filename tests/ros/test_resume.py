@@ -38,12 +38,7 @@ from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import HORIZON
 from ros.conftest import QUICK_MODULE
 
-
-@pytest.fixture(autouse=True)
-def alone(graph):
-    """No process of one test is heard by the next."""
-    yield
-    graph.close()
+pytestmark = pytest.mark.usefixtures('alone')
 
 
 def numbers(status):
@@ -81,7 +76,7 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
     killed_ns = 0
 
     def heard(task, condition=lambda _: True):
-        return listener.wait_for_status(task, condition, timeout=120.0, since_ns=killed_ns)
+        return listener.wait_for_status(task, condition, since_ns=killed_ns)
 
     publisher.publish('vents', 'terrain_info', 'terrain')
     recorder = heard('recorder', lambda item: float(item.get('checkpoint_time_s', 0.0)) > 100.0)
@@ -105,7 +100,7 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
         record=True,
         bag_directory=str(second_bag),
     )
-    node.wait_for_log(f'going on at {checkpoint.time:.3f} s simulated', timeout=120.0)
+    node.wait_for_log(f'going on at {checkpoint.time:.3f} s simulated')
     reached = heard('simulation', lambda item: has_lava(item) and int(item['steps']) > steps)
     # both halves of the terrain, and the vents
     accepted = 0

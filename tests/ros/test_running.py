@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Services, optional layers, markers and parameters of a node that runs in a real graph."""
+"""Services, optional layers, markers and parameters of a running node."""
 
 import numpy as np
 import pytest
@@ -21,14 +21,10 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from ros.graph_publisher import elevation
 
-GRIDS = ('height', 'temperature', 'hazard')
+#: Those that are off unless they are named.
 OPTIONAL = ('height_raw', 'temperature_raw', 'lava_points')
-
-#: visualization_msgs/Marker actions.
+#: Actions of a marker.
 ADD, DELETEALL = 0, 3
-
-#: Simulated seconds in a second.
-SCALE = 20.0
 
 SCENE = """
 terrain: {file: slope.npz}
@@ -41,86 +37,75 @@ lava: {viscosity: 1.0e4}
 """
 
 
-class Running:
-    """A node with the optional layers, which waits to be activated."""
+@pytest.fixture
+def start(local, tmp_path):
+    """Starts a node with a scene of a vent, and activates it; ``pause`` holds time then."""
+    np.savez(tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0)
+    (tmp_path / 'scene.yaml').write_text(SCENE, encoding='utf-8')
 
-    def __init__(self, graph):
-        self.graph = graph
-        self.bags = graph.directory / 'bags'
-        np.savez(graph.directory / 'slope.npz', elevation=elevation(), resolution=10.0)
-        (graph.directory / 'scene.yaml').write_text(SCENE, encoding='utf-8')
-        self.node = graph.node(
-            autostart=False,
-            device='cpu',
-            time_scale=SCALE,
-            scene='scene.yaml',
-            layers_on=list(OPTIONAL),
-            layers_off=['temperature'],
-            checkpoint_period=0.0,
-            bag_root=str(self.bags),
-        )
-        self.publisher = graph.publisher()
-        self.listener = graph.listener(
-            *GRIDS, 'height_raw:image', 'temperature_raw:image', 'lava_points:cloud',
-            'vents_markers:markers',
-        )
+    def start_node(*, pause=False, **parameters):
+        node = local(scene='scene.yaml', checkpoint_period=0.0, **parameters)
+        assert node.change('configure'), node.log
+        if pause:
+            assert node.call('pause', True)['success']
+        assert node.change('activate'), node.log
+        node.run_commands()
+        node.newest('height')
+        return node
 
-    def recorder(self, condition=lambda _: True):
-        """The recorder's status that is told from now on and fulfils a condition."""
-        return self.listener.status_now('recorder', condition)
-
-    def labels(self, condition):
-        """What is written beside the vents once that fulfils a condition."""
-
-        def texts(message):
-            return [item['text'] for item in message['markers'] if item['text']]
-
-        message = self.listener.wait_for_topic(
-            'vents_markers', lambda message: condition(texts(message))
-        )
-        assert message['markers'][0]['action'] == DELETEALL
-        assert {item['action'] for item in message['markers'][1:]} <= {ADD}
-        return texts(message)
+    return start_node
 
 
-@pytest.fixture(scope='module')
-def running(graph):
-    """One node for all tests here, one after the other."""
-    return Running(graph)
+def labels(node, condition=bool):
+    """What is written beside the vents once that fulfils a condition."""
+
+    def texts(newest):
+        return [item['text'] for item in newest['vents_markers']['markers'] if item['text']]
+
+    newest = node.newest('vents_markers', condition=lambda newest: condition(texts(newest)))
+    markers = newest['vents_markers']['markers']
+    assert markers[0]['action'] == DELETEALL
+    assert {item['action'] for item in markers[1:]} <= {ADD}
+    return texts(newest)
 
 
-def test_services_of_an_inactive_node(running):
-    """Before it is active a node has no map to give and nothing to save, and says so."""
-    assert running.publisher.change('configure'), running.node.log
-    assert running.publisher.map('height')['shape'] == [0, 0]
-    for service in ('save', 'step'):
-        answer = running.publisher.call(service)
-        assert not answer['success']
-        assert answer['message'].startswith(f"{service} is 'inactive', expected an active node")
+def saved(answer):
+    """The bag that an answer of ~/save names."""
+    assert answer['success'], answer
+    assert answer['message'].startswith('saved in ')
+    return answer['message'].removeprefix('saved in ')
 
 
-def test_markers_follow_the_discharge(running):
+def test_an_inactive_node_has_no_map_to_give(local):
+    """It says so by a map without cells."""
+    node = local()
+    assert node.change('configure')
+    assert node.map('height')['shape'] == [0, 0]
+
+
+def test_markers_follow_the_discharge(start):
     """Markers are there from the start, and told again when the discharge of a vent changes."""
-    # who listens hears the first of them only when it is there before
-    running.listener.wait_for_topic('diagnostics')
-    assert running.publisher.change('activate'), running.node.log
-    assert running.labels(bool) == ['north: 20 m3/s, 1087 C']
-    assert running.labels(lambda texts: ' 0 m3/s' in texts[0]) == ['north: 0 m3/s, 1087 C']
-    heard = [item for item in running.listener.seen if item['topic'] == 'vents_markers']
+    node = start()
+    assert labels(node) == ['north: 20 m3/s, 1087 C']
+    node.run(3.0)
+    assert labels(node, lambda texts: ' 0 m3/s' in texts[0]) == ['north: 0 m3/s, 1087 C']
+    told = [item for item in node.seen if item['topic'] == 'vents_markers']
     # once for each discharge, not with every map
-    assert len(heard) == 2
+    assert len(told) == 2
     # an inactive node holds time: nobody has paused it
-    assert running.publisher.change('deactivate'), running.node.log
-    running.listener.status_now('simulation', lambda status: status['state'] == 'paused')
-    running.node.wait_for_log('inactive')
-    assert running.publisher.change('activate'), running.node.log
-    running.node.wait_for_log('simulation running')
-    assert 'paused' not in running.node.log
+    assert node.change('deactivate')
+    node.status_now('simulation', lambda status: status['state'] == 'paused')
+    node.wait_for_log('inactive')
+    assert node.change('activate')
+    node.wait_for_log('simulation running')
+    assert 'paused' not in node.log
 
 
-def test_optional_layers_are_switched_on_and_off(running):
+def test_optional_layers_are_switched_on_and_off(start):
     """Named layers are published beside those of the file, and others are not."""
-    newest = running.listener.newest(
+    node = start(layers_on=list(OPTIONAL), layers_off=['temperature'])
+    node.run(2.0)
+    newest = node.newest(
         *OPTIONAL,
         condition=lambda newest: (
             newest['height_raw']['max'] > 0.0 and newest['lava_points']['points'] > 3
@@ -135,207 +120,197 @@ def test_optional_layers_are_switched_on_and_off(running):
     assert 460.0 < mean['z'] - mean['thickness'] < 512.0
     assert 0.0 < mean['x'] < 400.0
     assert 100.0 < mean['y'] < 200.0
-    assert 'temperature' not in {item['topic'] for item in running.listener.seen}
+    assert 'temperature' not in {item['topic'] for item in node.seen}
 
 
-def test_get_map_gives_what_is_published(running):
+def test_get_map_gives_what_is_published(start):
     """A latecomer gets the newest map, cell for cell the one on the topic."""
-    assert running.publisher.call('pause', True)['success']
-    for topic, published in running.listener.at_rest('height', 'hazard').items():
-        answer = running.publisher.map(topic)
+    node = start()
+    node.run(2.0)
+    assert node.call('pause', True)['success']
+    for topic, published in node.at_rest('height', 'hazard').items():
+        answer = node.map(topic)
         names = ('stamp_ns', 'shape', 'cells')
         assert answer == {name: published[name] for name in names}
 
 
-def saved(answer):
-    """The bag that an answer of ~/save names."""
-    assert answer['success'], answer
-    assert answer['message'].startswith('saved in ')
-    return answer['message'].removeprefix('saved in ')
-
-
-def test_save_makes_a_bag_of_this_moment(running):
+def test_save_makes_a_bag_of_this_moment(start, tmp_path):
     """The bag has terrain, vents, maps and a checkpoint, and each call makes another."""
-    first, second = (saved(running.publisher.call('save')) for _ in range(2))
+    node = start(layers_on=list(OPTIONAL))
+    node.run(1.0)
+    first, second = (saved(node.call('save')) for _ in range(2))
     assert first != second
-    status = running.listener.status_now('simulation')
     for name in (first, second):
-        bag = BagReader(running.graph.directory / name)
+        bag = BagReader(tmp_path / name)
         assert not bag.recovered
         topics = [message.topic for message in bag.messages()]
-        assert topics[:3] == ['/terrain', '/terrain_info', '/vents']
+        scene = topics[: topics.index('/height')]
+        assert {'/terrain', '/terrain_info', '/vents'} <= set(scene)
         assert {f'/{topic}' for topic in ('height', 'hazard', *OPTIONAL)} <= set(topics)
         # checkpoint_period is 0 here: this one was asked for
-        found = newest_checkpoint(running.graph.directory / name).checkpoint
-        assert found.time == pytest.approx(float(status['simulated_time_s']))
+        found = newest_checkpoint(tmp_path / name).checkpoint
+        assert found.time == node.worker.eruption.time
         assert found.scene.vents[0].name == 'north'
-    state = running.recorder()
+    state = node.status_now('recorder')
     assert (state['state'], state['level']) == ('off', 0)
 
 
-def test_save_while_recording_goes_into_that_bag(running):
-    """The recording has maps and a checkpoint of that moment, and goes on until it is ended."""
-    bag = running.bags / 'run'
-    assert running.publisher.set(bag_directory=str(bag))['success']
-    assert running.publisher.call('record', True)['success']
-    assert saved(running.publisher.call('save')) == str(bag)
+def test_save_while_recording_goes_into_that_bag(start, tmp_path):
+    """The recording has maps and a checkpoint of that moment, and continues until it is ended."""
+    node = start(pause=True, bag_directory='run')
+    assert node.call('record', True)['success']
+    assert saved(node.call('save')) == 'run'
     # a killed node would leave what was saved
-    assert newest_checkpoint(bag).checkpoint.particle_count > 0
-    before = running.recorder()
+    assert newest_checkpoint(tmp_path / 'run').checkpoint.time == 0.0
+    before = node.status_now('recorder')
     assert (before['state'], before['checkpoints']) == ('recording', '1')
-    assert running.publisher.call('record', False)['message'] == f'recorded {bag}'
-    topics = [message.topic for message in BagReader(bag).messages()]
+    assert node.call('record', False)['message'] == 'recorded run'
+    topics = [message.topic for message in BagReader(tmp_path / 'run').messages()]
     # at the start of the recording, and when it was saved
-    assert topics.count('/height') == topics.count('/lava_points') == 2
+    assert topics.count('/height') == topics.count('/hazard') == 2
     # a bag that exists is not written into
-    answer = running.publisher.call('save')
+    answer = node.call('save')
     assert not answer['success']
     assert "run', expected a folder that does not exist yet" in answer['message']
 
 
-def test_a_bag_that_is_gone_while_it_is_recorded(running):
+def test_a_bag_that_is_gone_while_it_is_recorded(start, tmp_path):
     """Diagnostics, log and the service say so; nothing goes where a link in its place leads."""
-    bag, outside = running.bags / 'gone', running.graph.directory / 'outside'
+    node = start(bag_directory='gone')
+    bag, outside = tmp_path / 'gone', tmp_path / 'outside'
     outside.mkdir()
-    assert running.publisher.set(bag_directory=str(bag))['success']
-    assert running.publisher.call('record', True)['success']
-    bag.rename(running.bags / 'moved')
+    assert node.call('record', True)['success']
+    bag.rename(tmp_path / 'moved')
     bag.symlink_to(outside)
-    status = running.recorder(lambda status: status['level'] == 2)
+    status = node.status_now('recorder', lambda status: status['level'] == 2)
     assert status['state'] == 'off'
-    reason = f'recording to {bag} stopped: {bag} was removed, moved or replaced'
+    reason = f'recording to gone stopped: {bag} was removed, moved or replaced'
     assert status['message'] == reason
-    answer = running.publisher.call('record', False)
+    answer = node.call('record', False)
     assert not answer['success']
     assert reason in answer['message']
-    running.node.wait_for_log(reason)
-    said = [line for line in running.node.log.splitlines() if reason in line]
+    said = [line for line in node.log.splitlines() if reason in line]
     assert len(said) == 1 and '[ERROR]' in said[0], said
     assert list(outside.iterdir()) == []
-    assert running.publisher.set(bag_directory='')['success']
 
 
-def test_markers_go_with_their_vents(running):
+def test_markers_go_with_their_vents(start):
     """Vents that open, change and are removed are told, in a paused simulation too."""
-    running.publisher.publish('click')
-    assert len(running.labels(lambda texts: len(texts) == 2)) == 2
-    running.publisher.flood(2, 10.0, 33.0)
-    assert running.labels(lambda texts: '33' in texts[0]) == ['vent 0: 33 m3/s, 1100 C']
-    running.publisher.publish('no_vents')
-    message = running.listener.wait_for_topic(
-        'vents_markers', lambda message: len(message['markers']) == 1
-    )
-    assert message['markers'][0]['action'] == DELETEALL
+    node = start(pause=True)
+    node.publish('click')
+    assert len(labels(node, lambda texts: len(texts) == 2)) == 2
+    node.publish('vents')
+    assert labels(node, lambda texts: len(texts) == 1) == ['vent 0: 20 m3/s, 1100 C']
+    node.publish('no_vents')
+    assert labels(node, lambda texts: not texts) == []
 
 
-def test_what_a_click_opens_can_be_changed(running):
-    """The next click opens a vent as the parameters say then."""
+def test_the_vent_that_a_click_opens_is_as_the_parameters_say(start):
+    """Also after they have been changed."""
+    node = start(pause=True)
+    node.publish('no_vents')
     values = {'default_discharge': 7.0, 'default_temperature': 900.0, 'default_radius': 25.0}
-    assert running.publisher.set(**values)['success']
-    running.publisher.publish('click')
-    (text,) = running.labels(lambda texts: len(texts) == 1)
+    assert node.set(**values)['success']
+    node.publish('click')
+    (text,) = labels(node, lambda texts: len(texts) == 1 and 'click' in texts[0])
     assert text.endswith(': 7 m3/s, 900 C')
     # kelvin in place of Celsius does not go unnoticed
-    assert 'Celsius' not in running.node.log
-    running.publisher.publish('kelvin_vents')
-    running.node.wait_for_log('vents[0].temperature is 1360 Celsius, 273 K above lava.reference_')
-    assert '1360 K would be 1086.85 Celsius' in running.node.log
+    assert 'Celsius' not in node.log
+    node.publish('kelvin_vents')
+    node.wait_for_log('vents[0].temperature is 1360 Celsius, 273 K above lava.reference_')
+    assert '1360 K would be 1086.85 Celsius' in node.log
 
 
-def test_how_inputs_are_read_can_be_changed(running):
-    """What is beyond a limit that has just been set is refused, and taken again after that.
-
-    Holes of the next terrain, and cells of the next cloud, are as the parameters say then.
-    """
-
-    def is_refused(*words):
-        running.listener.wait_for_status(
-            'inputs', lambda status: all(word in status['last_error'] for word in words)
-        )
-
-    for name, limit, case, words in (
+@pytest.mark.parametrize(
+    ('name', 'limit', 'case', 'words'),
+    [
         ('max_vents', 1, 'click', 'one more vent'),
         ('max_terrain_cells', 1199, 'terrain', '40 x 30'),
         ('max_input_bytes', 4799, 'terrain', '4800 bytes'),
-    ):
-        assert running.publisher.set(**{name: limit})['success']
-        running.publisher.publish(case)
-        is_refused(words, name)
-        assert running.publisher.set(**{name: 100_000})['success']
-    # the marker of the click before stays until something else is taken
-    newest = running.listener.newest('vents_markers')['vents_markers']
-    assert len([item for item in newest['markers'] if item['text']]) == 1
-    running.publisher.publish('vents', 'nan_hole')
-    is_refused('cells without data')
+    ],
+)
+def test_limits_of_inputs_can_be_changed(start, name, limit, case, words):
+    """What is beyond a limit that has just been set is refused, and taken again after that."""
+    node = start(pause=True)
+    before = node.status_now('inputs')
+    assert node.set(**{name: limit})['success']
+    node.publish(case)
+    status = node.status_now('inputs')
+    assert words in status['last_error'] and name in status['last_error']
+    assert node.set(**{name: 100_000})['success']
+    node.publish(case, 'terrain_info')
+    node.status_now('inputs', lambda item: int(item['accepted']) > int(before['accepted']))
+
+
+def test_how_terrain_is_read_can_be_changed(start):
+    """Holes of the next terrain, and cells of the next cloud, are as the parameters say then."""
+    node = start(pause=True)
+    node.publish('terrain_info', 'nan_hole')
+    assert 'cells without data' in node.status_now('inputs')['last_error']
     values = {'terrain_allow_holes': True, 'terrain_cloud_resolution': 20.0}
-    assert running.publisher.set(**values)['success']
-    running.publisher.publish('terrain_info', 'nan_hole')
-    running.listener.wait_for_topic('height', lambda grid: grid['min'] == -1)
-    running.publisher.publish('terrain_cloud')
-    grid = running.listener.wait_for_topic('height', lambda grid: grid['resolution'] == 20.0)
+    assert node.set(**values)['success']
+    node.publish('terrain_info', 'nan_hole')
+    node.wait_for_topic('height', lambda grid: grid['min'] == -1)
+    node.publish('terrain_cloud')
+    grid = node.wait_for_topic('height', lambda grid: grid['resolution'] == 20.0)
     assert grid['shape'] == [16, 21]
 
 
-def test_accuracy_material_and_place_can_be_changed(running):
+def test_accuracy_material_and_place_can_be_changed(start, tmp_path):
     """Spacing and lava are those of the next reset, the projected system of the next terrain."""
-    values = {'lava__density': 2000.0, 'preset': 'draft', 'spacing': 4.0}
-    assert running.publisher.set(**values)['success']
+    node = start(pause=True)
+    values = {'lava__density': 2000.0, 'preset': 'draft', 'spacing': 5.0}
+    assert node.set(**values)['success']
     place = {'epsg': 32633, 'offset_easting': 499000.0, 'offset_northing': 4180000.0}
-    assert running.publisher.set(**place)['success']
-    running.publisher.publish('terrain_info', 'terrain')
-    assert running.publisher.call('reset')['success']
-    running.listener.wait_for_topic('height', lambda grid: grid['shape'] == [30, 40])
-    found = newest_checkpoint(running.graph.directory / saved(running.publisher.call('save')))
-    checkpoint = found.checkpoint
-    assert checkpoint.accuracy.spacing == 4.0
+    assert node.set(**place)['success']
+    node.publish('terrain_info', 'terrain')
+    assert node.call('reset')['success']
+    node.run_commands()
+    checkpoint = newest_checkpoint(tmp_path / saved(node.call('save'))).checkpoint
+    assert checkpoint.accuracy.spacing == 5.0
     assert checkpoint.scene.lava.density == 2000.0
     terrain = checkpoint.scene.terrain
     assert (terrain.epsg, terrain.offset) == (32633, (499000.0, 4180000.0))
 
 
-def test_the_end_can_be_changed(running):
-    """A simulation ends at a time that is set while it runs, and goes on when that is lifted."""
-    assert running.publisher.set(end_time=10.0)['success']
-    assert running.publisher.call('pause', False)['success']
-    status = running.listener.wait_for_status(
-        'simulation', lambda status: status['state'] == 'finished'
-    )
+def test_the_end_can_be_changed(start):
+    """A simulation ends at a time that is set while it runs, and continues when it is lifted."""
+    node = start()
+    assert node.set(end_time=10.0)['success']
+    node.run_commands()
+    node.run(1.0)
+    status = node.status_now('simulation', lambda status: status['state'] == 'finished')
     assert float(status['simulated_time_s']) == 10.0
-    assert running.publisher.set(end_time=0.0)['success']
-    running.listener.wait_for_status(
-        'simulation', lambda status: float(status['simulated_time_s']) > 10.0
-    )
+    assert node.set(end_time=0.0)['success']
+    node.status_now('simulation', lambda status: status['state'] == 'running')
+    node.run(0.5)
+    assert node.worker.eruption.time == pytest.approx(20.0)
 
 
-def test_how_bags_are_written_can_be_changed(running):
+def test_how_bags_are_written_can_be_changed(start, tmp_path):
     """Limits of a bag's files hold for the next one, the period of checkpoints at once."""
-    bag = running.bags / 'split'
-    values = {'bag_directory': str(bag), 'bag_max_duration': 0.1}
-    assert running.publisher.set(**values)['success']
-    assert running.publisher.call('record', True)['success']
-    status = running.recorder(lambda item: int(item['files']) > 1)
+    node = start()
+    values = {'bag_directory': 'bags/split', 'bag_max_duration': 0.4}
+    assert node.set(**values)['success']
+    assert node.call('record', True)['success']
+    node.run(1.0)
+    status = node.status_now('recorder', lambda item: int(item['files']) > 1)
     assert 'checkpoints' not in status
-    assert running.publisher.set(checkpoint_period=0.1)['success']
-    running.recorder(lambda item: 'checkpoints' in item)
-    assert running.publisher.call('record', False)['success']
-    assert len(BagReader(bag).topics) > 5
+    assert node.set(checkpoint_period=0.1)['success']
+    node.status_now('recorder', lambda item: 'checkpoints' in item)
+    assert node.call('record', False)['success']
+    assert len(BagReader(tmp_path / 'bags/split').topics) > 5
 
 
-def test_a_storm_of_saves_is_bounded(running):
-    """What comes too often is refused with the reason, and makes no bag.
-
-    It is the last test of this node: it leaves nothing of the allowance to others, whose five
-    saves fit into it at whatever speed they come.
-    """
-    assert running.publisher.set(bag_directory='', bag_max_duration=0.0)['success']
-    before = set(running.graph.directory.rglob('*.mcap'))
-    answers = [running.publisher.call('save')]
+def test_a_storm_of_saves_is_bounded(start, tmp_path):
+    """What comes too often is refused with the reason, and makes no bag."""
+    node = start()
+    answers = [node.call('save')]
     # where saves are slow their allowance grows meanwhile, and less than they take of it
     while len(answers) < 30 and answers[-1]['success']:
-        answers.append(running.publisher.call('save'))
+        answers.append(node.call('save'))
     assert 'one more each' in answers[-1]['message'], answers[-1]
-    made = set(running.graph.directory.rglob('*.mcap')) - before
-    assert len(made) == len(answers) - 1
-    status = running.recorder()
+    assert len(list(tmp_path.rglob('*.mcap'))) == len(answers) - 1
+    status = node.status_now('recorder')
     assert (status['state'], status['level']) == ('off', 0)
-    assert 'Traceback' not in running.node.log
+    assert 'Traceback' not in node.log

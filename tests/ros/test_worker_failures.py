@@ -17,14 +17,13 @@
 from concurrent.futures import Future
 import queue
 import threading
-import time
 
 import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.ros.worker_status import Command, CommandQueue, WorkerState
 from lava_ros.scene import Vent
-from worker_bench import Bench, TERRAIN, VENT
+from worker_bench import Bench, PATIENCE, TERRAIN, VENT
 
 
 @pytest.mark.parametrize(
@@ -127,7 +126,8 @@ def test_snapshots_come_on_request(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.wait(lambda: len(bench.shown) == 1)
     bench.worker.request_snapshot()
-    time.sleep(0.25)
+    # whatever was asked for before this is done then
+    bench.run(bench.worker.pause(False))
     assert len(bench.shown) == 1
     bench.go_on()
     assert len(bench.shown) == 1
@@ -231,7 +231,9 @@ def test_a_flaw_of_the_former_simulation_is_none_of_the_next(bench):
     bench.wait(lambda: len(bench.made) == 2)
     former.is_copied.set()
     bench.run(reset)
-    time.sleep(0.1)
+    # what follows from the former one is a command that comes before this one
+    bench.worker._finisher.submit(int).result(PATIENCE)
+    bench.run(bench.worker.pause(False))
     bench.wait_for_state(WorkerState.RUNNING)
     assert bench.worker.latest.time == 0.0
 
@@ -240,7 +242,8 @@ def test_what_is_at_rest_has_been_waited_for(copying):
     """A pause shows the state that stands still, not the one that was on its way."""
     copying.go_on()
     copying.worker.pause(True)
-    time.sleep(0.1)
+    # the pause has begun to wait for it
+    copying.wait(lambda: copying.worker._finishing is None)
     assert copying.worker.latest.time == 0.0
     copying.simulation.is_copied.set()
     copying.wait_for_state(WorkerState.PAUSED)

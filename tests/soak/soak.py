@@ -125,7 +125,7 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
     ``seed`` chooses what is done.
     """
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    graph, feeder = Graph(directory), Feeder(own_domain('graph'), seed)
+    graph, feeder = Graph(directory), Feeder(own_domain(), seed)
     bag = directory / 'soak'
     try:
         recording = {'bag_directory': 'soak', 'bag_root': str(directory), 'bag_max_duration': 60.0}

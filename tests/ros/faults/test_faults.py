@@ -17,19 +17,31 @@
 What goes wrong is said, survived, and never shown as a map.
 """
 
+from dataclasses import replace
 from pathlib import Path
 import signal
+import threading
+import time
 
 import numpy as np
 import pytest
 
+from lava_ros.ros import worker_status
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.snapshot import PendingSnapshot
+from lava_ros.simulation.state import State
+from ros.graph_publisher import PATIENCE, vents
+
 GRIDS = ('height', 'temperature', 'hazard')
 ERROR = 2
 
-#: Longest time between two grids or heartbeats under load that passes on a busy machine [s].
-LONGEST_GAP = 30.0
+#: What Warp raises when an allocation fails.
+NO_MEMORY = "Failed to allocate 1342177280 bytes on device 'cpu'"
 
-#: Subscribes to grids, asks for every message, says so once they are published, and reads none.
+#: Memory that a node may take on for good when much is thrown at it [MiB].
+MAX_GROWTH = 64.0
+
+#: A subscriber that takes everything and never reads.
 DEAF = """
 import sys, time
 from nav_msgs.msg import OccupancyGrid
@@ -47,167 +59,184 @@ print('deaf', flush=True)
 time.sleep(600.0)
 """
 
-#: What memory may grow by under load [MiB].
-MOST_GROWTH = 64.0
+
+@pytest.fixture
+def node(flowing):
+    """A node whose lava flows, and which takes terrain of no more than a million cells."""
+    return flowing(max_terrain_cells=1_000_000)
 
 
-class Faulty:
-    """A node that simulates, with a fault to switch on, someone who feeds it and a listener."""
+def lose_device(patch):
+    """Let a step of the simulation raise."""
 
-    def __init__(self, graph):
-        self.graph = graph
-        self.node = graph.faulty_node(time_scale=100.0, device='cpu', max_terrain_cells=1_000_000)
-        self.publisher = graph.publisher()
-        self.listener = graph.listener(*GRIDS)
-        self.publisher.publish('vents', 'terrain_info', 'terrain')
-        self.wait_for_lava()
+    def fail(*_, **__):
+        raise RuntimeError('device lost')
 
-    def wait_for_lava(self):
-        """Wait for a map with lava on it."""
-        self.listener.wait_for_topic('height', lambda grid: grid['wet'] > 0, timeout=90.0)
-
-    def reset(self):
-        """Switch the fault off and start again, until there is lava."""
-        self.graph.fault()
-        assert self.publisher.call('reset')['success']
-        assert self.status(lambda status: status['state'] == 'running')['level'] != ERROR
-        self.wait_for_lava()
-
-    def status(self, condition=lambda _: True, task='simulation'):
-        """The state of a task in diagnostics of now or later that fulfil a condition."""
-        return self.listener.status_now(task, condition)
-
-    def memory(self):
-        """Resident memory of the node [MiB]."""
-        status = Path(f'/proc/{self.node.child.pid}/status').read_text(encoding='utf-8')
-        (line,) = [line for line in status.splitlines() if line.startswith('VmRSS')]
-        return int(line.split()[1]) / 1024.0
-
-    def now(self):
-        """How much has been heard, and the memory of the node."""
-        return self.listener.hear(), self.memory()
-
-    def goes_on(self, before, growth=MOST_GROWTH):
-        """Maps and heartbeats have come from a moment on, and memory has not grown by more."""
-        since, memory = before
-        self.listener.hear()
-        for topic in ('height', 'diagnostics'):
-            seen = [item for item in self.listener.seen[since:] if item['topic'] == topic]
-            assert len(seen) > 2, f'{topic}: {len(seen)} messages'
-            assert np.diff([item['stamp_ns'] for item in seen]).max() < LONGEST_GAP * 1e9
-        assert self.memory() - memory < growth
-
-    def wait_for_discharge(self, expected):
-        """Wait until between two heartbeats the vents give this [m3/s]."""
-        self.listener.hear()
-        points = []
-
-        def is_reached(status):
-            points.append((float(status['simulated_time_s']), float(status['volume_emitted_m3'])))
-            (t0, v0), (t1, v1) = points[-2:] if len(points) > 1 else points * 2
-            return t1 > t0 and (v1 - v0) / (t1 - t0) == pytest.approx(expected, rel=1e-3)
-
-        self.status(is_reached)
+    patch.setattr(Simulation, 'advance', fail)
 
 
-@pytest.fixture(scope='module')
-def faulty(graph):
-    """One node for all faults, one after the other."""
-    return Faulty(graph)
+def refuse_memory(*_):
+    """Find no memory for particles."""
+    raise RuntimeError(NO_MEMORY)
+
+
+def want_memory(patch):
+    """Let a step want more particles, for which there is no memory."""
+    advance = Simulation.advance
+
+    def grow(simulation, *arguments, **options):
+        simulation._state.grow(2 * simulation._state.capacity)
+        return advance(simulation, *arguments, **options)
+
+    patch.setattr(State, '_allocate', refuse_memory)
+    patch.setattr(Simulation, 'advance', grow)
+
+
+def break_position(patch):
+    """Make a particle's position NaN before the next step."""
+    advance = Simulation.advance
+
+    def spoil(simulation, *arguments, **options):
+        rows = simulation._state.particle.numpy()
+        rows[0, 0] = np.nan
+        simulation._state.particle.assign(rows)
+        return advance(simulation, *arguments, **options)
+
+    patch.setattr(Simulation, 'advance', spoil)
+
+
+def break_map(patch):
+    """Put one NaN into the maps that the simulation shows."""
+    result = PendingSnapshot.result
+
+    def spoil(pending):
+        shown = result(pending)
+        thickness = shown.thickness.copy()
+        thickness[15, 6] = np.nan
+        return replace(shown, thickness=thickness)
+
+    patch.setattr(PendingSnapshot, 'result', spoil)
+
+
+def fail(node):
+    """Let time pass until the simulation has failed, and return its status."""
+
+    def has_failed(status):
+        node.jump(node.now + 0.5)
+        return status['state'] == 'failed'
+
+    return node.status_now('simulation', has_failed)
+
+
+def recover(node):
+    """Start again, until there is lava."""
+    assert node.call('reset')['success']
+    node.run_commands()
+    status = node.status_now('simulation', lambda status: status['state'] == 'running')
+    assert status['level'] != ERROR
+    node.run(2.0)
+    node.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
+
+
+def goes_on(node):
+    """Time goes on, and a map with lava comes."""
+    before, now = node.worker.eruption.time, node.now
+    node.run(2.0)
+    assert node.worker.eruption.time > before
+    grid = node.wait_for_topic('height', lambda grid: grid['stamp_ns'] > now * 1e9)
+    assert grid['wet'] > 0 and grid['min'] == 0
+    assert float(node.status_now('simulation')['volume_error']) < 1e-5
+
+
+def memory(process='self'):
+    """Resident memory of a process, this one by default [MiB]."""
+    status = Path(f'/proc/{process}/status').read_text(encoding='utf-8')
+    (line,) = [line for line in status.splitlines() if line.startswith('VmRSS')]
+    return int(line.split()[1]) / 1024.0
 
 
 @pytest.mark.parametrize(
     ('fault', 'words'),
     [
-        ('raise', ['RuntimeError: device lost']),
-        ('memory', ['out of memory', 'particles', 'Failed to allocate 1342', 'larger spacing']),
-        ('broken', ['not a number', 'left=nan']),
-        ('map', ['thickness is not a number of metres in 1 cell']),
+        (lose_device, ['RuntimeError: device lost']),
+        (want_memory, ['out of memory', 'particles', 'Failed to allocate 1342', 'larger spacing']),
+        (break_position, ['not a number', 'left=nan']),
+        (break_map, ['thickness is not a number of metres in 1 cell']),
     ],
 )
-def test_a_fault_is_told_and_the_last_maps_stay(faulty, fault, words):
+def test_a_fault_is_told_and_the_last_maps_stay(node, monkeypatch, fault, words):
     """Error state with the reason, maps of before for who comes late, and a reset helps."""
-    logged = len(faulty.node.log)
-    faulty.graph.fault(fault)
-    status = faulty.status(lambda status: status['state'] == 'failed')
+    with monkeypatch.context() as patch:
+        fault(patch)
+        status = fail(node)
     assert status['level'] == ERROR
     assert all(word in status['message'] for word in words), status['message']
-    # The pipe of the log is another than the graph.
-    faulty.node.wait_for_log('[ERROR]', after=logged)
-    error = [line for line in faulty.node.log.splitlines() if '[ERROR]' in line][-1]
+    (error,) = [line for line in node.log.splitlines() if '[ERROR]' in line]
     assert all(word in error for word in words), error
     assert '~/reset' in error
-
-    # Nothing new is shown, and what was shown is sound.
-    last = faulty.listener.at_rest(*GRIDS)
+    # nothing new is shown, and what was shown is sound, also for who asks late
+    last = node.at_rest(*GRIDS)
     assert last['height']['wet'] > 0
     assert last['height']['min'] == 0
-    if fault == 'raise':
-        # whoever comes late gets the last maps there were
-        assert faulty.graph.listener(*GRIDS).newest(*GRIDS) == last
-
-    faulty.reset()
+    for topic in GRIDS:
+        assert node.map(topic)['cells'] == last[topic]['cells']
+    recover(node)
 
 
-def test_no_memory_to_start_again(faulty):
+def test_no_memory_to_start_again(node, monkeypatch):
     """A reset that finds no memory says so, and works as soon as there is some."""
-    faulty.graph.fault('memory')
-    faulty.status(lambda status: status['state'] == 'failed')
-    assert faulty.publisher.call('reset')['success']
-    status = faulty.status(lambda status: status['state'] == 'failed')
-    assert 'out of memory' in status['message']
-    faulty.reset()
+    with monkeypatch.context() as patch:
+        patch.setattr(State, '_allocate', refuse_memory)
+        assert node.call('reset')['success']
+        status = node.status_now('simulation', lambda status: status['state'] == 'failed')
+        assert 'out of memory' in status['message']
+    recover(node)
 
 
-def test_the_limit_of_particles(faulty):
+def test_the_limit_of_particles(node):
     """Beyond max_particles the simulation stops with the reason; a higher limit lets it go on."""
-    assert not faulty.publisher.set(max_particles=0)['success']
-    assert faulty.publisher.set(max_particles=5)['success']
-    status = faulty.status(lambda status: status['state'] == 'failed')
-    # The last map shows what there was when it stopped.
+    assert not node.set(max_particles=0)['success']
+    assert node.set(max_particles=5)['success']
+    status = fail(node)
+    # the last map shows what there was when it stopped
     count = int(status['particles'])
     assert f'{count} particles, expected at most 5 (max_particles)' in status['message']
     assert count > 5
-    assert faulty.publisher.set(max_particles=100_000)['success']
-    faulty.reset()
+    assert node.set(max_particles=100_000)['success']
+    recover(node)
 
 
-def test_a_step_that_does_not_end_is_told(faulty):
+def test_a_step_that_does_not_end_is_told(node, monkeypatch):
     """In diagnostics, in the log once, and to whoever asks for something; then all goes on."""
-    # where kernels are compiled a step may have taken as long before
-    logged = len(faulty.node.log)
-    faulty.graph.fault('slow')
-    status = faulty.status(lambda status: 'a step takes' in status['message'])
-    assert (status['state'], status['level']) == ('running', 1)
-    answer = faulty.publisher.call('reset')
-    assert answer['success']
-    assert answer['message'].startswith('starting again at time 0, but later: a step takes')
-    faulty.status(lambda status: 'waiting for it: ' in status['message'])
-    faulty.status(lambda status: 'reset' in status['message'])
-    faulty.node.wait_for_log('a step takes', after=logged)
-    said = [line for line in faulty.node.log[logged:].splitlines() if 'a step takes' in line]
-    assert len(said) == 1 and '[WARN]' in said[0], said
-    faulty.reset()
-    faulty.status(lambda status: 'a step takes' not in status['message'])
+    may_end, advance = threading.Event(), Simulation.advance
+
+    def advance_slowly(*arguments, **options):
+        may_end.wait()
+        return advance(*arguments, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(worker_status, 'LONGEST_TURN', 0.1)
+        patch.setattr(Simulation, 'advance', advance_slowly)
+        node.jump(node.now + 0.5)
+        try:
+            status = node.status_now(
+                'simulation', lambda status: 'a step takes' in status['message']
+            )
+            assert (status['state'], status['level']) == ('running', 1)
+            answer = node.call('reset')
+            assert answer['success']
+            words = 'starting again at time 0, but later: a step takes'
+            assert answer['message'].startswith(words)
+            status = node.status_now('simulation')
+            assert 'waiting for it: ' in status['message'] and 'reset' in status['message']
+            said = [line for line in node.log.splitlines() if 'a step takes' in line]
+            assert len(said) == 1 and '[WARN]' in said[0], said
+        finally:
+            may_end.set()
+    recover(node)
+    node.status_now('simulation', lambda status: 'a step takes' not in status['message'])
 
 
-def test_a_flood_of_vents(faulty):
-    """1,000 vents messages a second: time and maps go on, memory stays, the last ones count."""
-    before = float(faulty.status()['simulated_time_s'])
-    accepted = int(faulty.status(task='inputs')['accepted'])
-    since = faulty.now()
-    faulty.publisher.flood(count=1500, rate=1000.0, last=33.0)
-    faulty.status(lambda status: float(status['simulated_time_s']) > before)
-    faulty.wait_for_discharge(33.0)
-    faulty.goes_on(since)
-    inputs = faulty.status(task='inputs')
-    assert inputs['rejected'] == '0'
-    assert int(inputs['accepted']) > accepted
-    assert int(inputs['superseded']) > 0
-    assert float(faulty.status()['volume_error']) < 1e-5
-
-
-#: Messages beyond a limit, or larger by their own word than their data, and what is said of them.
 TOO_LARGE = {
     'huge': "terrain.size is '4000 x 4000', expected at most 1000000 cells (max_terrain_cells)",
     'lying_image': "terrain.size is '30000 x 30000', expected at most 1000000 cells",
@@ -219,55 +248,83 @@ TOO_LARGE = {
 }
 
 
-def test_what_is_too_large_is_refused(faulty):
+@pytest.mark.parametrize(('case', 'words'), TOO_LARGE.items())
+def test_what_is_too_large_is_refused(node, case, words):
     """Each is named, counted and forgotten; maps go on."""
-    since = faulty.now()
-    before = int(faulty.status(task='inputs')['rejected'])
-    for case, words in TOO_LARGE.items():
-        faulty.publisher.publish(case)
-        faulty.node.wait_for_log(words)
-    most = before + len(TOO_LARGE)
-    after = faulty.status(lambda status: int(status['rejected']) >= most, 'inputs')
-    assert int(after['rejected']) == most
-    assert after['level'] == 2
-    faulty.listener.wait_for_topic('diagnostics')
-    # what the message of 64 MB took on its way is kept by the middleware for the next one
-    faulty.goes_on(since, 5 * 64.0)
+    before = memory()
+    node.publish(case)
+    assert words in node.log
+    status = node.status_now('inputs')
+    assert (status['rejected'], status['level']) == ('1', 2)
+    goes_on(node)
+    assert memory() - before < MAX_GROWTH
 
 
-def test_new_terrain_under_a_moving_flow(faulty):
+def test_new_terrain_under_a_moving_flow(node):
     """The flow goes on over another terrain of another size; one without the vents is refused."""
-    before = float(faulty.status()['simulated_time_s'])
-    since = faulty.now()
     for size, names in ((48, ('higher', 'higher_info')), (40, ('terrain', 'terrain_info'))) * 2:
-        faulty.publisher.publish(*names)
-        grid = faulty.listener.wait_for_topic('height', lambda grid: grid['shape'] == [30, size])  # noqa: B023
-        assert grid['wet'] > 0
-        assert grid['min'] == 0
-    refused = faulty.status(task='inputs')['rejected']
-    faulty.publisher.publish('away', 'terrain')
-    status = faulty.status(lambda status: status['rejected'] != refused, 'inputs')
+        node.publish(*names)
+        node.run_commands()
+        goes_on(node)
+        assert node.newest('height')['height']['shape'] == [30, size]
+    node.publish('away', 'terrain')
+    status = node.status_now('inputs', lambda status: status['rejected'] == '1')
     assert 'position' in status['last_error']
-    grid = faulty.listener.wait_for_topic('height')
-    assert grid['origin'] == [0.0, 0.0]
-    status = faulty.status(lambda status: float(status['simulated_time_s']) > before)
-    assert float(status['volume_error']) < 1e-5
-    assert status['state'] == 'running'
-    faulty.goes_on(since)
-    faulty.publisher.publish('terrain_info', 'terrain')
+    goes_on(node)
+    assert node.newest('height')['height']['origin'] == [0.0, 0.0]
 
 
-def test_subscribers_that_never_read(faulty):
+@pytest.fixture
+def served(graph):
+    """A node in a real graph whose lava flows, with what publishes to it and who listens."""
+    node = graph.node(time_scale=100.0, device='cpu', preset='draft', spacing=4.0)
+    publisher, listener = graph.publisher(), graph.listener(*GRIDS)
+    publisher.publish('vents', 'terrain_info', 'terrain')
+    listener.wait_for_topic('height', lambda grid: grid['wet'] > 0)
+    yield node, publisher, listener
+    graph.close()
+
+
+def test_a_flood_of_vents(served):
+    """1,000 messages a second: time, maps and answers go on, memory stays, the last counts."""
+    node, publisher, listener = served
+    before = memory(node.child.pid)
+    # twice the middleware's queue at a time
+    for discharges in np.linspace(1.0, 40.0, 1500).reshape(-1, 20):
+        for discharge in discharges:
+            publisher.publishers['vents'].publish(vents(discharge=float(discharge)))
+        time.sleep(0.02)
+        assert publisher.state() == 'active'
+    for topic in ('diagnostics', 'height'):
+        since_ns = time.time_ns()
+        listener.wait_for_topic(topic, lambda item: item['stamp_ns'] > since_ns)  # noqa: B023
+    points = []
+
+    def is_reached(status):
+        """Whether between two heartbeats the vents give what the last message said."""
+        points.append((float(status['simulated_time_s']), float(status['volume_emitted_m3'])))
+        (t0, v0), (t1, v1) = points[-2:] if len(points) > 1 else points * 2
+        return t1 > t0 and (v1 - v0) / (t1 - t0) == pytest.approx(40.0, rel=1e-3)
+
+    listener.status_now('simulation', is_reached)
+    inputs = listener.status_now('inputs')
+    assert inputs['rejected'] == '0'
+    assert int(inputs['superseded']) > 0
+    assert float(listener.status_now('simulation')['volume_error']) < 1e-5
+    assert memory(node.child.pid) - before < MAX_GROWTH
+
+
+def test_subscribers_that_never_read(graph, served):
     """One that keeps all and reads none, and a process that is stopped: others get their maps."""
-    deaf = faulty.graph.process('-c', DEAF, *GRIDS)
-    assert deaf.line(60.0) == 'deaf'
-    stopped = faulty.graph.listener(*GRIDS)
+    _, _, listener = served
+    deaf = graph.process('-c', DEAF, *GRIDS)
+    stopped = graph.listener(*GRIDS)
+    assert deaf.line(PATIENCE) == 'deaf'
     stopped.wait_for_topic('height')
     stopped.child.send_signal(signal.SIGSTOP)
-    since = faulty.now()
+    listener.hear()
     for topic in (*['height'] * 11, *['diagnostics'] * 2):
-        faulty.listener.wait_for_topic(topic)
-    faulty.goes_on(since)
+        listener.wait_for_topic(topic)
     stopped.child.send_signal(signal.SIGCONT)
     heard = len(stopped.seen)
     stopped.wait(lambda _: len(stopped.seen) > heard + 3)

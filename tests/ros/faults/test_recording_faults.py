@@ -31,11 +31,7 @@ KILLS = int(os.environ.get('LAVA_KILLS', '1'))
 GRIDS = ('height', 'temperature', 'hazard')
 
 
-@pytest.fixture(autouse=True)
-def alone(graph):
-    """No process of one test is heard by the next."""
-    yield
-    graph.close()
+pytestmark = pytest.mark.usefixtures('alone')
 
 
 def wait_for_messages(listener):
@@ -52,7 +48,7 @@ def start(graph, bag):
     node = graph.node(device='cpu', time_scale=20.0, record=True, **where)
     publisher, listener = graph.publisher(), graph.listener(*GRIDS)
     publisher.publish('vents', 'terrain_info', 'terrain')
-    listener.wait_for_topic('height', lambda grid: grid['wet'] > 0, timeout=90.0)
+    listener.wait_for_topic('height', lambda grid: grid['wet'] > 0)
     wait_for_messages(listener)
     return node, publisher, listener
 

@@ -1,0 +1,102 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Waits for what nodes publish, message by message."""
+
+from abc import ABC, abstractmethod
+import time
+
+from ros.graph_publisher import PATIENCE
+
+
+class Hearing(ABC):
+    """Waits for messages that are described as ``graph_listener`` does.
+
+    Attributes:
+        seen: All that have been read so far.
+    """
+
+    seen: list
+
+    @abstractmethod
+    def next(self, timeout):
+        """Return the next message, AssertionError where none comes in time [s]."""
+
+    @abstractmethod
+    def hear(self):
+        """Read everything that has come so far, and return how much that is in all."""
+
+    def wait(self, condition, timeout=PATIENCE):
+        """Read messages until one fulfils a condition, and return it."""
+        end = time.monotonic() + timeout
+        while True:
+            try:
+                message = self.next(end - time.monotonic())
+            except AssertionError as error:
+                what = f'nothing in {timeout} s fulfilled the condition; last: {self.seen[-3:]}'
+                raise AssertionError(what) from error
+            self.seen.append(message)
+            if condition(message):
+                return message
+
+    def wait_for_topic(self, topic, condition=lambda _: True, timeout=PATIENCE):
+        """Read messages until one of a topic fulfils a condition."""
+        return self.wait(
+            lambda message: message['topic'] == topic and condition(message), timeout
+        )
+
+    def wait_for_status(
+        self, task, condition=lambda _: True, timeout=PATIENCE, node='lava', since_ns=0
+    ):
+        """Read diagnostics until a task's status fulfils a condition, and return that status."""
+        name = f'{node}: {task}'
+        message = self.wait_for_topic(
+            'diagnostics',
+            lambda item: (
+                item['stamp_ns'] >= since_ns
+                and name in item['status']
+                and condition(item['status'][name])
+            ),
+            timeout,
+        )
+        return message['status'][name]
+
+    def status_now(self, task, condition=lambda _: True, node='lava'):
+        """The same of diagnostics that are told from now on: what waits to be read is older."""
+        return self.wait_for_status(task, condition, node=node, since_ns=time.time_ns())
+
+    def newest(self, *topics, condition=lambda _: True):
+        """The newest message of each topic once all are there, in whatever order they come."""
+
+        def is_there(_=None):
+            found.update({item['topic']: item for item in self.seen if item['topic'] in topics})
+            return len(found) == len(topics) and condition(found)
+
+        found = {}
+        self.hear()
+        if not is_there():
+            self.wait(is_there)
+        return found
+
+    def at_rest(self, *topics):
+        """The same once time stands still and diagnostics tell of these messages."""
+
+        def is_last(newest):
+            status = newest['diagnostics']['status']['lava: simulation']
+            stamp = int(status.get('frame_stamp_ns', 0))
+            is_whole = all(newest[topic]['stamp_ns'] == stamp for topic in topics)
+            return is_whole and status['state'] != 'running'
+
+        found = self.newest(*topics, 'diagnostics', condition=is_last)
+        return {topic: found[topic] for topic in topics}

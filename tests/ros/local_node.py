@@ -1,0 +1,252 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A node in the process of a test, which calls its callbacks itself and moves its clock.
+
+Nothing crosses the middleware, so that nothing has to be discovered and no message is lost.
+"""
+
+from collections import deque
+import gc
+from pathlib import Path
+import time
+
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.logging import get_logger
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+
+from lava_ros.ros import active_node, codec, diagnostics
+from lava_ros.ros.node import LavaNode
+from lava_ros.ros.worker_status import WorkerState
+from ros.graph_listener import line_of
+from ros.graph_publisher import Asking, CASES, PATIENCE
+from ros.hearing import Hearing
+from ros_domain import own_domain
+
+#: Period of diagnostics [s].
+HEARTBEAT = 0.02
+
+#: Longest step of the clock, which a simulation makes up for [s].
+STEP = 0.5
+
+
+#: There is lava after 2 s of the clock, and a step takes some milliseconds.
+COARSE = {'device': 'cpu', 'preset': 'draft', 'spacing': 4.0, 'time_scale': 20.0}
+
+
+
+class _Log:
+    """Keeps what a node logs, in the form that it has on stderr, and passes it on."""
+
+    def __init__(self):
+        self.lines = []
+        self._passed_on = get_logger('lava')
+
+    def __getattr__(self, name):
+        log = getattr(self._passed_on, name)
+        if name not in ('debug', 'info', 'warning', 'warn', 'error', 'fatal'):
+            return log
+
+        def keep(text, **options):
+            level = {'warning': 'WARN'}.get(name, name.upper())
+            self.lines.append(f'[{level}] [0.0] [lava]: {text}')
+
+        return keep
+
+
+class _Node(LavaNode):
+    """A node whose log and messages are kept."""
+
+    def __init__(self, log, sent, **options):
+        self._kept_log, self._sent = log, sent
+        super().__init__(**options)
+
+    def get_logger(self):
+        return self._kept_log
+
+    def create_publisher(self, kind, topic, *arguments, **options):
+        publisher = super().create_publisher(kind, topic, *arguments, **options)
+        name, publish = publisher.topic_name.removeprefix('/'), publisher.publish
+
+        def keep(message):
+            data = message if isinstance(message, bytes) else serialize_message(message)
+            if hasattr(kind, 'header') or hasattr(kind, 'markers'):
+                self._sent.append((name, kind, data))
+            publish(message)
+
+        publisher.publish = keep
+        return publisher
+
+
+class LocalNode(Asking, Hearing):
+    """A node with the interfaces of ``Publisher`` and ``Listener``; ``change`` starts it.
+
+    Attributes:
+        directory: Where it may put files.
+        now: The time of its clock [s].
+    """
+
+    def __init__(self, directory, patch, *, remap=(), **parameters):
+        """Start a node with parameters (``__`` is a point) and diagnostics many times a second."""
+        patch.setattr(active_node, 'HEARTBEAT', HEARTBEAT)
+        # a clock that stands still is what a test wants
+        patch.setattr(diagnostics, 'PATIENCE', float('inf'))
+        patch.chdir(directory)
+        self.directory, self.seen, self.now = Path(directory), [], 0.0
+        self._log, self._sent, self._ended = _Log(), deque(), False
+        values = {**COARSE, 'use_sim_time': True, 'autostart': False, **parameters}
+        context = Context()
+        context.init(args=[], domain_id=own_domain('local'))
+        self.node = _Node(
+            self._log,
+            self._sent,
+            context=context,
+            use_global_arguments=False,
+            cli_args=['--ros-args', *(word for rule in remap for word in ('-r', rule))],
+            parameter_overrides=[
+                Parameter(name.replace('__', '.'), value=value) for name, value in values.items()
+            ],
+        )
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.node)
+        self._context = context
+        self.jump(10_000.0)
+
+    @property
+    def log(self):
+        """What it has logged, a line each."""
+        return '\n'.join(self._log.lines)
+
+    @property
+    def worker(self):
+        """The thread of its simulation."""
+        return self.node._active._worker
+
+    def close(self):
+        """End the simulation and leave the graph."""
+        self.node.close()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.shutdown()
+        # the node's state machine keeps the participant in the graph, and is in cycles
+        del self.node, self._executor, self._context
+        gc.collect()
+
+    # the clock
+
+    def jump(self, to):
+        """Put the clock to a time [s]."""
+        self.now = to
+        self.deliver('/clock', Clock(clock=codec.time_message(round(to * 1e9))))
+
+    def run(self, seconds):
+        """Let a time pass, which the simulation follows unless it ends [s]."""
+        end, worker = self.now + seconds, self.worker
+        reached = worker.eruption.time
+        while self.now < end:
+            step = min(STEP, end - self.now)
+            reached += step * worker.time_scale
+            self.jump(self.now + step)
+            self.wait_until(
+                lambda: (
+                    worker.eruption.time > reached - 1e-6  # noqa: B023
+                    or worker.status.state is WorkerState.FINISHED
+                )
+            )
+
+    def run_commands(self):
+        """Wait until the simulation's thread has done all that it was told to so far."""
+        self.worker.checkpoint().result(PATIENCE)
+
+    def spin(self):
+        """Run one callback that is due, or wait for one for a moment."""
+        self._executor.spin_once(timeout_sec=0.01)
+
+    def wait_until(self, condition, timeout=PATIENCE):
+        """Run callbacks until a condition holds, and return its value."""
+        end = time.monotonic() + timeout
+        while not (value := condition()):
+            assert time.monotonic() < end, self.log
+            self.spin()
+        return value
+
+    def wait_for_log(self, text, timeout=PATIENCE, *, after=0):
+        """Run callbacks until a text is in the log, beyond so many characters of it."""
+        self.wait_until(lambda: text in self.log[after:], timeout)
+
+    # what it takes and answers
+
+    def deliver(self, topic, message):
+        """Hand a message to the node, as it would come from a topic of a full name."""
+        (taker,) = [item for item in self.node.subscriptions if item.topic_name == topic]
+        taker.callback(serialize_message(message) if taker.raw else message)
+
+    def publish(self, *cases):
+        """Hand messages to the node by their names in ``CASES``, with stamps of its clock."""
+        for case in cases:
+            topic, make = CASES[case]
+            message, since_ns = make(), round(self.now * 1e9) - time.time_ns()
+            stamp_ns = codec.nanoseconds(message.header.stamp) if hasattr(message, 'header') else 0
+            if stamp_ns:
+                message.header.stamp = codec.time_message(max(0, stamp_ns + since_ns))
+            self.deliver(self.node.resolve_topic_name(topic), message)
+
+    def request(self, kind, name, timeout, **fields):
+        """Call a service and return its answer."""
+        (service,) = [item for item in self.node.services if item.service_name == name]
+        return service.callback(kind.Request(**fields), kind.Response())
+
+    def names(self):
+        """Topics and services that it has in the graph, once those are what it has made."""
+        made = {item.topic_name for item in (*self.node.publishers, *self.node.subscriptions)}
+        made |= {item.service_name for item in self.node.services}
+        name, space = self.node.get_name(), self.node.get_namespace()
+        ways = (
+            self.node.get_publisher_names_and_types_by_node,
+            self.node.get_subscriber_names_and_types_by_node,
+            self.node.get_service_names_and_types_by_node,
+        )
+
+        def found():
+            names = {item for way in ways for item, _ in way(name, space)}
+            # those that rclpy keeps to itself
+            return names - {'/rosout', f'{space.rstrip("/")}/{name}/transition_event'}
+
+        # the middleware learns of them one by one, in threads of its own
+        self.wait_until(lambda: found() == made)
+        return made
+
+    # what it says
+
+    def next(self, timeout):
+        """Return the next message, AssertionError where none comes in time [s]."""
+        end = time.monotonic() + timeout
+        while not self._sent:
+            assert time.monotonic() < end, f'nothing in {timeout} s; log:\n{self.log}'
+            self.spin()
+        return line_of(*self._sent.popleft())
+
+    def hear(self):
+        """Read everything that has come so far, and return how much that is in all."""
+        while self._sent:
+            self.seen.append(self.next(0.0))
+        return len(self.seen)
+
+    def status_now(self, task, condition=lambda _: True, node='lava'):
+        """Return a task's status of diagnostics from now on that fulfils a condition."""
+        self.hear()
+        return self.wait_for_status(task, condition, node=node)
