@@ -73,14 +73,17 @@ class ActiveNode:
         self._settings = settings
         self.failure = ''
         self._bag_folder = BagFolder(
-            settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
+            settings.bag_root,
+            settings.bag_directory,
+            node=node.get_fully_qualified_name(),
+            since=settings.resume_since,
         )
         configs = {'msg_config': find_file(settings.msg_config, 'msg_configs')}
         if settings.forecast_horizon:
             configs['forecast_config'] = find_file(settings.forecast_config, 'msg_configs')
         layers = published_layers(*configs.values(), settings=settings)
         self.is_active = self._is_paused = False
-        self._is_recording_wanted = settings.record
+        self._is_recording_wanted = settings.record or sources.was_recording
         self._clock_watch = diagnostics.ClockWatch()
         self._log = diagnostics.NodeLog(node.get_logger())
         self._recorder = Recorder()
@@ -280,6 +283,7 @@ class ActiveNode:
                 checkpoint.scene,
                 sources.origin,
                 sources.before,
+                reached=sources.reached,
             )
             going_on.add_done_callback(self._note_failure)
         elif sources.scene is not None:
@@ -332,6 +336,8 @@ class ActiveNode:
             self._publish()
         snapshot = self._layers.shown
         stamp_ns = now_ns(self._node)
+        if self.is_active:
+            self._layers.publish_heartbeats(stamp_ns)
         is_simulated = self._node.get_clock().ros_time_is_active
         clock = self._clock_watch.look(stamp_ns, time.monotonic()) if is_simulated else ''
         resolution = self._worker.eruption.resolution
