@@ -366,7 +366,8 @@ class ActiveNode:
         self._recorder.write('/diagnostics', kind, data, stamp_ns, qos=qos.DIAGNOSTICS)
         self._recorder.flush()
         period = self._settings.checkpoint_period
-        self._report_checkpoint(self._checkpoints.poll(period, stamp_ns))
+        changes = self._worker.eruption.changes
+        self._report_checkpoint(self._checkpoints.poll(period, stamp_ns, changes=changes))
         self._log.recorder(self._recorder)
 
     # recording

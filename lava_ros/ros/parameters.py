@@ -286,7 +286,8 @@ class Settings:
     checkpoint_period: float = _parameter(
         CHECKPOINT_PERIOD,
         'Wall time from one checkpoint in the bag to the next [s], the most that resuming loses; '
-        'longer while checkpoints take more than half of the bag; 0: none',
+        'a tenth of it after a change of the scene or its effects; longer while checkpoints take '
+        'more than half of the bag; 0: none',
         (0.0, 1e6),
     )
     max_saved_bytes: int = _parameter(
