@@ -64,8 +64,9 @@ ARGUMENTS = (
 def _topics(context):
     """Return the topics of the layers that msg_config publishes, by layer."""
     name = LaunchConfiguration('msg_config').perform(context)
+    # as the node finds it
     shared = Path(_share('msg_configs', name).perform(context))
-    path = shared if shared.is_file() else Path(name)
+    path = Path(name) if Path(name).is_file() else shared
     try:
         layers = yaml.safe_load(path.read_text(encoding='utf-8'))['layers']
         return {
