@@ -20,6 +20,8 @@ from pathlib import Path
 import re
 from textwrap import wrap
 
+import yaml
+
 from lava_ros.ros import parameters
 from lava_ros.scene import constants_of
 
@@ -28,8 +30,20 @@ FILE = PAGE.parents[1] / 'params/lava.yaml'
 BEGIN, END = '<!-- parameters: begin -->\n', '<!-- parameters: end -->\n'
 HEAD = '| parameter | type | default | range | unit | may change | meaning |'
 
+#: The file from which lava.launch.py declares its arguments.
+LAUNCH = PAGE.parents[1] / 'launch/lava_parameters.yaml'
+
 #: What stands in the description of a parameter that is looked at again by a reset.
 LATER = 'from the next start or reset on'
+
+
+def launch_arguments() -> str:
+    """The default and the description of each parameter, for lava.launch.py."""
+    listed = {
+        spec.name: {'default': spec.default, 'description': spec.description} for spec in specs()
+    }
+    text = yaml.safe_dump(listed, sort_keys=False, width=98)
+    return f'# Parameters of the node. Written by docs/parameters.py.\n{text}'
 
 
 def specs() -> Iterator[parameters.ParameterSpec]:
@@ -114,5 +128,6 @@ def file() -> str:
 
 
 if __name__ == '__main__':
+    LAUNCH.write_text(launch_arguments(), encoding='utf-8')
     PAGE.write_text(page(PAGE.read_text(encoding='utf-8')), encoding='utf-8')
     FILE.write_text(file(), encoding='utf-8')

@@ -16,70 +16,150 @@
 
 ros2 launch lava_ros lava.launch.py scene:=etna.yaml time_scale:=60.0 rviz:=true
 ros2 launch lava_ros lava.launch.py scene:=etna.yaml forecast_horizon:=6.0 ensemble_members:=32
+ros2 launch lava_ros lava.launch.py scene:=etna.yaml record:=true
 ros2 launch lava_ros lava.launch.py resume:=bags/etna record:=true
 ros2 launch lava_ros lava.launch.py replay:=bags/demo rviz:=true
 ros2 launch lava_ros lava.launch.py --show-args
+
+Every parameter of the node is an argument. A node that records is restarted when it is killed, and
+resumes from its bag. When it ends by itself, so does everything that was launched.
 """
 
+from difflib import get_close_matches
+import os
+from pathlib import Path
+import sys
+import time
+
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.actions import Node
+from launch_ros.actions import LifecycleNode, Node
 from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
 from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
+import yaml
 
-# Parameters of the node: name, type, description. One that is not given is as the file of
-# parameters or, without one there, the node has it; one that is given wins.
-PARAMETERS = (
-    ('scene', str, 'Scene file (YAML) to start with; empty: terrain and vents from topics'),
-    ('terrain_file', str, 'Terrain to start with (GeoTIFF, ESRI ASCII grid, npz)'),
-    ('resume', str, 'Bag to go on from its newest checkpoint, in place of a scene'),
-    ('msg_config', str, 'How layers become messages: a path, or a name'),
-    ('preset', str, 'Accuracy: draft, standard, fine or reference'),
-    ('device', str, 'cpu, cuda:0, ...; empty: the first GPU, else the CPU'),
-    ('time_scale', float, 'Simulated seconds per second of the clock'),
-    ('end_time', float, 'Simulated time to stop at [s]; 0.0: never'),
-    ('record', bool, 'Record from the first terrain on'),
-    ('bag_directory', str, 'Bag to record to, a new folder; empty: bags/<date and time>'),
-    ('bag_max_size', int, 'Size [bytes] at which the bag goes on in a new file; 0: never'),
-    ('bag_max_duration', float, 'Time [s] at which it goes on in a new file; 0.0: never'),
-    ('forecast_horizon', float, 'How far ahead forecasts look [h]; 0.0: none'),
-    ('forecast_config', str, 'How forecasts become messages'),
-    ('forecast_max_age', float, 'Age at which they are withdrawn [s]; 0.0: half of that'),
-    ('forecast_share', float, 'Largest share of the device that they take'),
-    ('ensemble_members', int, 'Members of ensembles beside forecasts; 0: none'),
-    ('deadline', float, 'Time in which a forecast and its ensemble come [s]; 0.0: any'),
-    ('use_sim_time', bool, 'Follow /clock'),
-)
+# The node's parameters by name: a default, which gives the type, and a description. An argument
+# that is not given leaves the value to the file of parameters and to the node.
+PARAMETERS = yaml.safe_load(Path(__file__).with_name('lava_parameters.yaml').read_text('utf-8'))
+PARAMETERS['use_sim_time'] = {'default': False, 'description': 'Follow /clock'}
+
+# What a value of each type looks like.
+EXPECTED = {
+    bool: 'true or false',
+    int: 'a whole number',
+    float: 'a number',
+    str: 'a text',
+    list: 'a list, such as [one, two]',
+}
+
+# Arguments that launch itself reads.
+OF_LAUNCH = ('emulate_tty', 'ros_namespace', 'sigkill_timeout', 'sigterm_timeout')
+
+# Time from the death of the node to its restart [s].
+RESPAWN_DELAY = 1.0
 
 
 def _share(*words):
     return PathJoinSubstitution([FindPackageShare('lava_ros'), *words])
 
 
-# Everything else: name, default, description.
+# Everything else: name, default, description, choices.
 ARGUMENTS = (
-    ('namespace', '', 'Namespace of the node, or of the replay, and of RViz'),
+    ('namespace', '', 'Namespace of the node, or of the replay, and of RViz', None),
     (
         'params_file',
         _share('params', 'lava.yaml'),
-        'Parameters of the node (YAML); arguments that are given win over what stands there',
+        'Parameters of the node (YAML); arguments that are given win over the file',
+        None,
     ),
-    ('replay', '', 'Bag to publish in place of the simulation; empty: none'),
-    ('replay_rate', '1.0', 'Speed of the replay'),
-    ('rviz', 'false', 'Start RViz as well'),
-    ('rviz_config', _share('rviz', 'lava.rviz'), 'What RViz shows'),
+    (
+        'log_level',
+        'info',
+        'Messages of the node that are logged: this level and above',
+        ['debug', 'info', 'warn', 'error', 'fatal'],
+    ),
+    (
+        'respawn',
+        '',
+        'Restart the node when it is killed, and resume from the bag that it recorded; without '
+        'a bag the eruption begins again; empty: true with record:=true, else false',
+        ['', 'true', 'false', 'True', 'False'],
+    ),
+    ('replay', '', 'Bag to publish in place of the simulation; empty: none', None),
+    ('replay_rate', '1.0', 'Speed of the replay', None),
+    ('rviz', 'false', 'Start RViz as well', ['true', 'false', '1', '0', 'True', 'False']),
+    ('rviz_config', _share('rviz', 'lava.rviz'), 'What RViz shows', None),
 )
+
+
+def declare_arguments():
+    """Declare all arguments of this file."""
+    described = [
+        (name, '', f'{about["description"]} (the default of the node: {about["default"]!r})', None)
+        for name, about in PARAMETERS.items()
+    ]
+    return [
+        DeclareLaunchArgument(name, default_value=default, description=text, choices=choices)
+        for name, default, text, choices in (*ARGUMENTS, *described)
+    ]
+
+
+def refuse_unknown(context, file, declared):
+    """Raise an error where the command line of a file has another argument; launch ignores it."""
+    if Path(file).name not in [Path(word).name for word in sys.argv]:
+        # another launch file includes this one, and the words are its own
+        return
+    known = [argument.name for argument in declared]
+    for word in context.argv:
+        name, sign, _ = word.partition(':=')
+        if sign and name not in (*known, *OF_LAUNCH):
+            close = get_close_matches(name, known, 3) or ['none']
+            text = f'{name}: unknown argument; similar: {", ".join(close)} (--show-args lists all)'
+            raise RuntimeError(text)
+
+
+def existing_file(context, name):
+    """Return the path of an argument; launch would leave a missing file out."""
+    path = LaunchConfiguration(name).perform(context)
+    if not os.path.isfile(path):
+        raise RuntimeError(f'{name} is {path!r}, expected a file of parameters')
+    return path
+
+
+def _given(context):
+    """Return the parameters that were given, by name, each checked and of its type."""
+    result = {}
+    for name, about in PARAMETERS.items():
+        text = LaunchConfiguration(name).perform(context)
+        if not text:
+            continue
+        kind = type(about['default'])
+        if not _is_of(kind, text):
+            raise RuntimeError(f'{name} is {text!r}, expected {EXPECTED[kind]}')
+        value_type = list[str] if kind is list else kind
+        result[name] = ParameterValue(LaunchConfiguration(name), value_type=value_type)
+    return result
+
+
+def _is_of(kind, text):
+    if kind is str:
+        return True
+    try:
+        value = float(text) if kind is float else yaml.safe_load(text)
+    except (ValueError, yaml.YAMLError):
+        return False
+    return type(value) is kind and (kind is not list or all(isinstance(x, str) for x in value))
+
+
+def _is_true(context, name):
+    return LaunchConfiguration(name).perform(context).lower() in ('true', '1')
 
 
 def _start(context):
     """List what the arguments ask for."""
-    values = {name: LaunchConfiguration(name) for name, *_ in PARAMETERS}
-    given = {
-        name: ParameterValue(values[name], value_type=kind)
-        for name, kind, _ in PARAMETERS
-        if values[name].perform(context)
-    }
+    given = _given(context)
+    params_file = existing_file(context, 'params_file')
     replay = LaunchConfiguration('replay').perform(context)
     namespace = LaunchConfiguration('namespace')
     player = Node(
@@ -89,17 +169,32 @@ def _start(context):
         output='screen',
         arguments=['replay', replay, '--rate', LaunchConfiguration('replay_rate')],
     )
-    node = Node(
+    is_unsaid = not LaunchConfiguration('respawn').perform(context)
+    respawns = _is_true(context, 'record' if is_unsaid else 'respawn')
+    # What was recorded before this launch is another eruption.
+    restart = {'resume_since': time.time()} if respawns else {}
+
+    def end(event, context):
+        """End everything with a node that ended by itself: a restart would end the same way."""
+        if context.is_shutdown or (event.returncode < 0 and respawns):
+            return None
+        return Shutdown(reason=f'the lava node ended with status {event.returncode}')
+
+    node = LifecycleNode(
         package='lava_ros',
         executable='lava_node',
         name='lava',
         namespace=namespace,
         output='screen',
-        parameters=[ParameterFile(LaunchConfiguration('params_file')), given],
+        parameters=[ParameterFile(params_file), {**restart, **given}],
+        arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],
+        respawn=respawns,
+        respawn_delay=RESPAWN_DELAY,
+        on_exit=end,
     )
     # Both would publish the same topics.
     started = [player if replay else node]
-    if LaunchConfiguration('rviz').perform(context).lower() in ('true', '1'):
+    if _is_true(context, 'rviz'):
         # Without RViz nothing shall start: launch would leave the node behind.
         ExecutableInPackage(executable='rviz2', package='rviz2').perform(context)
         started.append(
@@ -116,13 +211,6 @@ def _start(context):
 
 def generate_launch_description():
     """Describe the arguments and what is started with them."""
-    arguments = [*ARGUMENTS, *((name, '', description) for name, _, description in PARAMETERS)]
-    return LaunchDescription(
-        [
-            *(
-                DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, default, description in arguments
-            ),
-            OpaqueFunction(function=_start),
-        ]
-    )
+    declared = declare_arguments()
+    check = OpaqueFunction(function=lambda context: refuse_unknown(context, __file__, declared))
+    return LaunchDescription([*declared, check, OpaqueFunction(function=_start)])

@@ -14,12 +14,15 @@
 
 """Keep a Nav2 robot out of the lava: the lava node with masks, and what tells Nav2 about them.
 
-ros2 launch lava_ros nav2_keepout.launch.py scene:=etna.yaml time_scale:=60.0
+ros2 launch lava_ros nav2_keepout.launch.py scene:=etna.yaml time_scale:=60.0 mask_margin:=25.0
 
 It starts the node (lava.launch.py, all of whose arguments it takes) with the keepout and the speed
-mask, and Nav2's costmap_filter_info_server for each of them. Nav2 itself is started as ever, with
-the second part of params/nav2_filters.yaml among its parameters.
+mask, and Nav2's costmap_filter_info_server for each mask of msg_config. Nav2 itself is started as
+ever, with the second part of params/nav2_filters.yaml among its parameters.
 """
+
+from pathlib import Path
+import runpy
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
@@ -28,8 +31,13 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
 from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
+from launch_ros.utilities import make_namespace_absolute, prefix_namespace
+import yaml
 
-# The servers, and the masks they speak of.
+# The launch file of the node.
+LAVA = runpy.run_path(str(Path(__file__).with_name('lava.launch.py')))
+
+# The servers, and the layers whose masks they announce.
 SERVERS = {
     'keepout_filter_info_server': 'keepout_mask',
     'speed_filter_info_server': 'speed_mask',
@@ -46,61 +54,97 @@ def _share(*words):
 
 # name, default, description
 ARGUMENTS = (
-    ('msg_config', 'nav2_speed.yaml', 'Layers of the node; the servers speak of its masks'),
+    ('msg_config', 'nav2_speed.yaml', 'Layers of the node; the servers announce its masks'),
     ('filters_file', _share('params', 'nav2_filters.yaml'), 'Parameters of the servers (YAML)'),
     ('namespace', '', 'Namespace of the node, of the servers and of RViz'),
     ('use_sim_time', 'false', 'Follow /clock'),
 )
 
 
-def _check(context):
-    """Fail before anything starts: launch would leave the node behind."""
+def _topics(context):
+    """Return the topics of the layers that msg_config publishes, by layer."""
+    name = LaunchConfiguration('msg_config').perform(context)
+    # as the node finds it
+    shared = Path(_share('msg_configs', name).perform(context))
+    path = Path(name) if Path(name).is_file() else shared
+    try:
+        layers = yaml.safe_load(path.read_text(encoding='utf-8'))['layers']
+        return {
+            name: layer.get('topic', name)
+            for name, layer in layers.items()
+            if layer.get('enabled', True)
+        }
+    except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+        right = 'a file of layers, or the name of one in msg_configs/'
+        raise RuntimeError(f'msg_config is {name!r}, expected {right} ({error!r})') from error
+
+
+def _absolute(context, topic):
+    """Return the full name of a topic of the node, which Nav2 takes as it is."""
+    pushed = context.launch_configurations.get('ros_namespace')
+    namespace = LaunchConfiguration('namespace').perform(context)
+    return f'{make_namespace_absolute(prefix_namespace(pushed, namespace)).rstrip("/")}/{topic}'
+
+
+def _start(context):
+    """List the node, a server for each mask and their manager, where all is there."""
+    # launch would leave behind what runs already
     for executable in (SERVER, MANAGER):
         ExecutableInPackage(**executable).perform(context)
+    topics = _topics(context)
+    masks = {server: topics[layer] for server, layer in SERVERS.items() if layer in topics}
+    if not masks:
+        name = LaunchConfiguration('msg_config').perform(context)
+        right = f'a file with a layer {" or ".join(SERVERS.values())}'
+        raise RuntimeError(f'msg_config is {name!r}, expected {right}')
+    common = {
+        'namespace': LaunchConfiguration('namespace'),
+        'output': 'screen',
+        'arguments': ['--ros-args', '--log-level', LaunchConfiguration('log_level')],
+    }
+    parameters = [
+        ParameterFile(LAVA['existing_file'](context, 'filters_file')),
+        {'use_sim_time': ParameterValue(LaunchConfiguration('use_sim_time'), value_type=bool)},
+    ]
+    return [
+        IncludeLaunchDescription(
+            PythonLaunchDescriptionSource(_share('launch', 'lava.launch.py')),
+            launch_arguments=[
+                (name, LaunchConfiguration(name))
+                for name in ('msg_config', 'namespace', 'use_sim_time')
+            ],
+        ),
+        *(
+            Node(
+                **SERVER,
+                **common,
+                name=server,
+                parameters=[*parameters, {'mask_topic': _absolute(context, topic)}],
+            )
+            for server, topic in masks.items()
+        ),
+        Node(
+            **MANAGER,
+            **common,
+            name='lifecycle_manager_lava_filters',
+            parameters=[*parameters, {'node_names': list(masks)}],
+        ),
+    ]
 
 
 def generate_launch_description():
     """Describe the arguments and what is started with them."""
-    use_sim_time = ParameterValue(LaunchConfiguration('use_sim_time'), value_type=bool)
-    namespace = LaunchConfiguration('namespace')
-    parameters = [
-        ParameterFile(LaunchConfiguration('filters_file')),
-        {'use_sim_time': use_sim_time},
+    own = [
+        DeclareLaunchArgument(name, default_value=default, description=description)
+        for name, default, description in ARGUMENTS
     ]
+    names = [name for name, *_ in ARGUMENTS]
+    others = [item for item in LAVA['declare_arguments']() if item.name not in names]
+    declared = [*own, *others]
+
+    def check(context):
+        return LAVA['refuse_unknown'](context, __file__, declared)
+
     return LaunchDescription(
-        [
-            *(
-                DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, default, description in ARGUMENTS
-            ),
-            OpaqueFunction(function=_check),
-            IncludeLaunchDescription(
-                PythonLaunchDescriptionSource(_share('launch', 'lava.launch.py')),
-                launch_arguments=[
-                    (name, LaunchConfiguration(name))
-                    for name in ('msg_config', 'namespace', 'use_sim_time')
-                ],
-            ),
-            *(
-                Node(
-                    **SERVER,
-                    name=name,
-                    namespace=namespace,
-                    output='screen',
-                    # Nav2 takes the name as it is, wherever its costmaps are.
-                    parameters=[
-                        *parameters,
-                        {'mask_topic': PathJoinSubstitution(['/', namespace, mask])},
-                    ],
-                )
-                for name, mask in SERVERS.items()
-            ),
-            Node(
-                **MANAGER,
-                namespace=namespace,
-                name='lifecycle_manager_lava_filters',
-                output='screen',
-                parameters=parameters,
-            ),
-        ]
+        [*declared, OpaqueFunction(function=check), OpaqueFunction(function=_start)]
     )

@@ -63,7 +63,13 @@ _UNITS = {
 MOST = 1e12
 
 #: Widest margin around lava [m].
-MOST_MARGIN = 1000.0
+MAX_MARGIN = 1000.0
+
+#: Largest ``min_cells``: as many as a grid may have on a side.
+MAX_MIN_CELLS = 32767
+
+#: Shortest and longest time between two messages of a layer with a heartbeat [s].
+MIN_HEARTBEAT, MAX_HEARTBEAT = 1.0, 3600.0
 
 #: Most classes of a layer.
 MOST_CLASSES = 20
@@ -173,11 +179,14 @@ def _layer(name: str, value: object) -> Layer:
         'rate': entry.read('rate', number, 1.0, at_least=0.001, at_most=50.0, unit='Hz'),
         'record': entry.read('record', flag, True),
         'qos': _qos(f'{where}.qos', entry.data.get('qos', {})),
+        'heartbeat': _heartbeat(entry),
     }
+    if source in (*FORECAST_SOURCES, *ENSEMBLE_SOURCES):
+        entry.refuse(['heartbeat'], 'absent: a forecast is withdrawn and never repeated')
     if message == OCCUPANCY_GRID:
         result |= _scaling(entry, plain_source(source))
     else:
-        scaling = ('range', 'scale', 'step', 'classes', 'margin', 'outside')
+        scaling = ('range', 'scale', 'step', 'classes', 'margin', 'outside', 'min_cells')
         entry.refuse(scaling, 'absent: only a grid scales the values')
     if source.endswith('hazard') or message == GRID_MAP:
         result['hazard'] = _hazard_limits(f'{where}.hazard', entry.data.get('hazard', {}))
@@ -189,8 +198,9 @@ def _layer(name: str, value: object) -> Layer:
 def _scaling(entry: _Entry, quantity: str) -> dict[str, Any]:
     """How an occupancy grid shows a quantity, and what is around and outside it."""
     result: dict[str, Any] = {
-        'margin': entry.read('margin', number, 0.0, at_least=0.0, at_most=MOST_MARGIN, unit='m'),
+        'margin': entry.read('margin', number, 0.0, at_least=0.0, at_most=MAX_MARGIN, unit='m'),
         'outside': entry.read('outside', whole, -1, at_least=-1, at_most=100),
+        'min_cells': entry.read('min_cells', whole, 0, at_least=0, at_most=MAX_MIN_CELLS),
     }
     unit = _UNITS[quantity]
     if 'step' in entry.data:
@@ -231,6 +241,14 @@ def _scale(entry: _Entry, quantity: str) -> tuple[int, int]:
     if max(first, last) == 0:
         raise entry.error('scale', 'a value above 0 at one end: 0 says that there is no lava')
     return first, last
+
+
+def _heartbeat(entry: _Entry) -> float:
+    heartbeat: float = entry.read('heartbeat', number, 0.0, at_least=0.0, unit='s')
+    if heartbeat and not MIN_HEARTBEAT <= heartbeat <= MAX_HEARTBEAT:
+        right = f'0 s for none, or {MIN_HEARTBEAT:g} to {MAX_HEARTBEAT:g} s'
+        raise entry.error('heartbeat', right)
+    return heartbeat
 
 
 def _qos(where: str, value: object) -> QosProfile:

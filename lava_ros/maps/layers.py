@@ -14,7 +14,8 @@
 
 """The layers of a simulation that are published, as a file in msg_configs/ describes them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,6 +72,9 @@ ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)
 #: The source of messages that show several quantities side by side.
 LAVA = 'lava'
 
+#: Time after which a publisher with a heartbeat counts as lost, in heartbeats.
+LOST_AFTER = 2
+
 #: Where classes of depth end that people can picture: a knee, somebody's height, a roof [m].
 DEPTHS = (0.5, 2.0, 5.0)
 
@@ -120,10 +124,14 @@ class Layer:
         classes: Values at which one class of a quantity ends and the next begins, increasing: a
             cell is 100 k / n in the k-th of n classes, the last one the worst, for an arrival the
             soonest; None for a scale or a mask.
-        margin: Distance from lava [m] up to which a cell without lava counts as the mildest lava,
-            or, with a step, as one beyond it.
+        margin: Clearance [m]: a cell that has a point nearer than this to a cell with lava counts
+            as the mildest lava, or, with a step, as one at or above it.
         threshold: Thickness below which a cell counts as dry [m].
         outside: Grid value outside the terrain.
+        min_cells: Minimum number of columns and of rows of the message. A smaller grid is
+            surrounded by cells of -1.
+        heartbeat: Wall time after which the newest message is published again when nothing has
+            changed [s]; 0: never.
         enabled: Whether the layer is published at all.
         rate: Messages per second [Hz], at most.
         record: Whether the messages go into a bag that is being recorded.
@@ -142,6 +150,8 @@ class Layer:
     margin: float = 0.0
     threshold: float = 0.1
     outside: int = -1
+    min_cells: int = 0
+    heartbeat: float = 0.0
     enabled: bool = True
     rate: float = 1.0
     record: bool = True
@@ -153,6 +163,19 @@ class Layer:
         """Whether it says where not to go now, not what is there."""
         is_wider = self.step is not None or self.margin > 0.0
         return is_wider and self.message == OCCUPANCY_GRID and not self.is_forecast
+
+    @property
+    def offered_qos(self) -> QosProfile:
+        """Delivery as the publisher offers it: a heartbeat is promised by two durations."""
+        if not self.heartbeat:
+            return self.qos
+        lost_ns = round(LOST_AFTER * self.heartbeat * 1e9)
+        return replace(self.qos, deadline=lost_ns, liveliness_lease_duration=lost_ns)
+
+    @property
+    def is_keepout(self) -> bool:
+        """Whether it is a mask of cells that a robot must not enter."""
+        return self.is_mask and self.step is not None
 
     @property
     def is_forecast(self) -> bool:
@@ -303,11 +326,19 @@ class Layer:
 
 
 def within(marked: np.ndarray, distance: float) -> np.ndarray:
-    """Mark all cells within ``distance`` [cells] of a marked one; bool, shape [rows, columns]."""
+    """Mark every cell that has a point nearer than ``distance`` to a marked cell.
+
+    Args:
+        marked: Marked cells, bool, shape [rows, columns].
+        distance: Distance between the nearest edges of two cells [cells].
+
+    Returns:
+        The cells marked before and now, bool, same shape.
+    """
     result = marked.copy()
-    if distance < 1.0 or not marked.any():
+    if distance <= 0.0 or not marked.any():
         return result
-    reach = int(distance)
+    reach = math.ceil(distance)
     box = tuple(
         slice(max(0, int(indices.min()) - reach), int(indices.max()) + reach + 1)
         for indices in np.nonzero(marked)
@@ -317,10 +348,10 @@ def within(marked: np.ndarray, distance: float) -> np.ndarray:
     columns = np.arange(part.shape[1], dtype=np.int32)
     before = np.maximum.accumulate(np.where(part, columns, -far), axis=1)
     after = np.minimum.accumulate(np.where(part, columns, far)[:, ::-1], axis=1)[:, ::-1]
-    # How far the nearest marked cell of the same row is.
-    gap = np.minimum(columns - before, after - columns)
+    # Cells between this one and the nearest marked one of the same row.
+    gap = np.maximum(np.minimum(columns - before, after - columns) - 1, 0)
     for step in range(min(reach, part.shape[0] - 1) + 1):
-        near = gap <= np.floor(np.sqrt(distance**2 - step**2))
+        near = gap < math.sqrt(distance**2 - max(step - 1, 0) ** 2)
         grown[step:] |= near[: len(near) - step]
         grown[: len(near) - step] |= near[step:]
     return result

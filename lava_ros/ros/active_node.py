@@ -74,13 +74,16 @@ class ActiveNode:
         self._settings = settings
         self.failure: BaseException | None = None
         self._bag_folder = BagFolder(
-            settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
+            settings.bag_root,
+            settings.bag_directory,
+            node=node.get_fully_qualified_name(),
+            since=settings.resume_since,
         )
         names = ['msg_config', 'forecast_config'][: 2 if settings.forecast_horizon else 1]
         configs = {name: find_config(getattr(settings, name), field=name) for name in names}
         layers = published_layers(*configs.values(), settings=settings)
         self.is_active = self._is_paused = False
-        self._is_recording_wanted = settings.record
+        self._is_recording_wanted = settings.record or sources.was_recording
         self._clock_watch = diagnostics.ClockWatch()
         self._log = diagnostics.NodeLog(node.get_logger())
         self._recorder = Recorder()
@@ -289,6 +292,7 @@ class ActiveNode:
                 checkpoint.scene,
                 sources.origin,
                 sources.before,
+                reached=sources.reached,
             )
             going_on.add_done_callback(self._note_failure)
         elif sources.scene is not None:
@@ -340,6 +344,8 @@ class ActiveNode:
             self._publish()
         snapshot = self._layers.shown
         stamp_ns = now_ns(self._node)
+        if self.is_active:
+            self._layers.publish_heartbeats(stamp_ns)
         is_simulated = self._node.get_clock().ros_time_is_active
         clock = self._clock_watch.look(
             stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
@@ -370,7 +376,8 @@ class ActiveNode:
         self._recorder.write('/diagnostics', kind, data, stamp_ns, qos=qos.DIAGNOSTICS)
         self._recorder.flush()
         period = self._settings.checkpoint_period
-        self._report_checkpoint(self._checkpoints.poll(period, stamp_ns))
+        changes = self._worker.eruption.changes
+        self._report_checkpoint(self._checkpoints.poll(period, stamp_ns, changes=changes))
         self._log.recorder(self._recorder)
 
     # recording

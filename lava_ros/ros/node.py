@@ -169,7 +169,8 @@ class LavaNode(LifecycleNode):
         if not self.close():
             right = 'ended; configure again in a while'
             raise LavaError('simulation', 'still in the last step before cleanup', right)
-        sources = load_sources(self)
+        # what this process itself has recorded is finished
+        sources = load_sources(self, may_restart=self._constants is None)
         settings = self._declare_parameters(sources)
         entities = Entities(self)
         try:
@@ -219,7 +220,11 @@ class LavaNode(LifecycleNode):
             self.get_logger().warning(text)
         if sources.checkpoint is not None:
             defaults = {spec.name: spec.default for spec in specs}
-            self._change(adopted(sources.checkpoint, self._values, defaults))
+            self._change(
+                adopted(
+                    sources.checkpoint, self._values, defaults, is_restart=sources.is_restart
+                )
+            )
         elif former is not None:
             # from a scene file that has changed, but for those set by hand
             old = parameters.constant_values(former)

@@ -51,7 +51,11 @@ def layer_message(
     message_header = codec.header(frame_id, stamp_ns)
     if layer.message == OCCUPANCY_GRID:
         info = codec.map_metadata(snapshot.terrain, stamp_ns)
-        return codec.occupancy_grid(layer.grid_values(snapshot), info, message_header)
+        values = layer.grid_values(snapshot)
+        added = [max(0, layer.min_cells - count) for count in values.shape]
+        if any(added):
+            values = _extend(values, added, info)
+        return codec.occupancy_grid(values, info, message_header)
     if layer.message == IMAGE:
         return codec.float_image(layer.raw_values(snapshot), message_header)
     # all quantities side by side are those of the flow
@@ -59,6 +63,20 @@ def layer_message(
     if layer.message == POINT_CLOUD:
         return codec.point_cloud(layer.points(snapshot), message_header)
     return codec.grid_map_message(layer.maps(snapshot), snapshot.terrain, message_header)
+
+
+def _extend(values: np.ndarray, added: Sequence[int], info: MapMetaData) -> np.ndarray:
+    """Surround a grid by so many rows and columns of -1 in all, and describe it so."""
+    before = [count // 2 for count in added]
+    origin = info.origin.position
+    origin.y, origin.x = (
+        start - info.resolution * count
+        for start, count in zip((origin.y, origin.x), before, strict=True)
+    )
+    sides = [(first, count - first) for first, count in zip(before, added, strict=True)]
+    result = np.pad(values, sides, constant_values=-1)
+    info.height, info.width = result.shape
+    return result
 
 
 def terrain_messages(

@@ -30,6 +30,7 @@ from rclpy.parameter import Parameter
 from lava_ros import validation
 from lava_ros.effects import EFFECTS, Effects, possible, without_replaced
 from lava_ros.errors import LavaError
+from lava_ros.maps.layer_files import MAX_MARGIN
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.ros.worker import MAX_PARTICLES
 from lava_ros.scene import constants_of, ENVIRONMENT, Lava, Scene, Vent, VENT_TEMPERATURE_RANGE
@@ -177,6 +178,13 @@ class Settings:
     layers_off: tuple[str, ...] = _fixed(
         [''], 'Layers of msg_config that are not published whatever it says'
     )
+    mask_margin: float | None = _optional(
+        0.0,
+        'Clearance of the robot [m]: the margin of keepout masks (layers with step); '
+        '0: as msg_config says',
+        (0.0, MAX_MARGIN),
+        read_only=True,
+    )
     frame_id: str = _fixed('map', 'Frame of every message in and out (ENU)')
     time_scale: float = _parameter(1.0, 'Simulated time per time of the clock [s/s]', (1e-3, 1e6))
     end_time: float | None = _optional(
@@ -292,13 +300,21 @@ class Settings:
     checkpoint_period: float = _parameter(
         CHECKPOINT_PERIOD,
         'Wall time from one checkpoint in the bag to the next [s], the most that resuming loses; '
-        'longer while checkpoints take more than half of the bag; 0: none',
+        'a tenth of it after a change of the scene or its effects; longer while checkpoints take '
+        'more than half of the bag; 0: none',
         (0.0, 1e6),
     )
     max_saved_bytes: int = _parameter(
         10 * 2**30,
         'Most data that ~/save writes between configuring and cleaning up [bytes]',
         (0, 2**50),
+    )
+    resume_since: float = _fixed(
+        0.0,
+        'System time [s] after the start of 1970: the newest checkpoint of the bags of this node '
+        'written since is resumed, in place of scene, terrain_file and resume; 0: none is. The '
+        'launch files use it to restart a node that was killed',
+        (0.0, 1e11),
     )
     bag_root: str = _fixed(
         '', 'Folder of the bags; empty: the one that holds bag_directory, else bags/'

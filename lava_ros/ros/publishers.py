@@ -14,11 +14,12 @@
 
 """Publishes the layers of snapshots, records the same bytes, and draws the scene."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
+import time
 from typing import Any, Generic, TypeVar
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
@@ -50,8 +51,8 @@ def published_layers(
     ``forecast`` is the file of the layers of forecasts, None without forecasts.
 
     Raises:
-        LavaError: A file or the name of a layer is wrong, two layers share a topic, or the package
-            of a message is missing.
+        LavaError: A file or the name of a layer is wrong, two layers share a topic, the package
+            of a message is missing, or there is a ``mask_margin`` without a mask.
     """
     known: list[Layer] = []
     for path, is_forecast, right in (
@@ -74,18 +75,31 @@ def published_layers(
     ]
     for layer in enabled:
         outputs.message_class(layer)
-    return enabled
+    margin = settings.mask_margin
+    if margin is None:
+        return enabled
+    if not any(layer.is_keepout for layer in enabled):
+        right = '0 unless msg_config has a keepout mask (a layer with step)'
+        raise LavaError('mask_margin', margin, right)
+    return [replace(layer, margin=margin) if layer.is_keepout else layer for layer in enabled]
 
 
 @dataclass(eq=False)
 class _Output(Generic[Shown]):
-    """A layer, its publisher and what was sent last."""
+    """A layer, its publisher and what was sent last.
+
+    ``published`` is the newest that the layer shows, with a stamp [ns]. The last message has the
+    stamp ``sent_ns`` and was sent at ``sent_at`` on the steady clock [s].
+    """
 
     layer: Layer
     publisher: Publisher
     is_due: bool = True
     published: Shown | None = None
+    stamp_ns: int = 0
     cells: object = None
+    sent_ns: int = 0
+    sent_at: float = 0.0
 
 
 class LayerPublishers(Generic[Shown]):
@@ -95,14 +109,21 @@ class LayerPublishers(Generic[Shown]):
     """
 
     def __init__(
-        self, entities: Entities, layers: Sequence[Layer], recorder: Recorder, *, frame_id: str
+        self,
+        entities: Entities,
+        layers: Sequence[Layer],
+        recorder: Recorder,
+        *,
+        frame_id: str,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Create a publisher for every layer."""
+        """Create a publisher for every layer; ``clock`` returns steady time [s]."""
         self._recorder = recorder
         self._frame_id = frame_id
+        self._clock = clock
         self._outputs: list[_Output[Shown]] = []
         for layer in layers:
-            kind, profile = outputs.message_class(layer), qos.ros_profile(layer.qos)
+            kind, profile = outputs.message_class(layer), qos.ros_profile(layer.offered_qos)
             publisher = entities.create('publisher', kind, layer.topic, profile)
             self._outputs.append(_Output(layer, publisher))
             if layer.message == OCCUPANCY_GRID:
@@ -138,41 +159,59 @@ class LayerPublishers(Generic[Shown]):
                 self.shown, self.shown_stamp_ns = snapshot, stamp_ns
                 self._publish(output, snapshot, recorded_ns or stamp_ns, repeat)
 
+    def publish_heartbeats(self, recorded_ns: int) -> None:
+        """Publish the newest map of each layer that has sent nothing for its heartbeat.
+
+        The stamp remains that of the map. ``recorded_ns`` is the ROS time [ns] of a message in the
+        bag, which repeats none.
+        """
+        now = self._clock()
+        for output in self._outputs:
+            heartbeat = output.layer.heartbeat
+            if not heartbeat or output.published is None:
+                continue
+            if now - output.sent_at >= heartbeat:
+                message = self._message(output.layer, output.published, output.stamp_ns)
+                is_recorded = output.layer.record and output.stamp_ns != output.sent_ns
+                self._send(output, message, recorded_ns if is_recorded else None)
+
     def _publish(
         self, output: _Output[Shown], snapshot: Shown, recorded_ns: int, repeat: bool
     ) -> None:
         layer, before = output.layer, output.published
-        output.is_due, output.published = False, snapshot
+        output.is_due, output.published, output.stamp_ns = False, snapshot, self.shown_stamp_ns
         is_recorded = layer.record and self._recorder.is_recording
         is_latched = layer.qos.durability == 'transient_local'
         # A latched topic has readers that are not here yet.
         if not (is_recorded or is_latched or output.publisher.get_subscription_count()):
             return
-        message = self._message(layer)
+        message = self._message(layer, snapshot, output.stamp_ns)
         if layer.is_mask and is_latched:
             # Nav2 works its costmaps out anew, and warns, for each mask it gets.
             known, output.cells = output.cells, message.data
             is_same_ground = before is not None and before.terrain is snapshot.terrain
             if is_same_ground and known == output.cells and not repeat:
                 return
-        data = codec.serialise(message)
+        self._send(output, message, recorded_ns if is_recorded else None)
+
+    def _send(self, output: _Output[Shown], message: Any, recorded_ns: int | None) -> None:
+        """Publish a message, and record it at a ROS time [ns] unless that is None."""
+        data, layer = codec.serialise(message), output.layer
         output.publisher.publish(data)
-        if is_recorded:
+        output.sent_ns, output.sent_at = output.stamp_ns, self._clock()
+        if recorded_ns is not None:
             topic = output.publisher.topic_name
+            # a replay keeps no deadline
             self._recorder.write(topic, layer.message, data, recorded_ns, qos=layer.qos)
 
     def _get_map(self, layer: Layer, _: Any, response: Any) -> Any:
         # Without a map there is one of no cells: this type has no other way to say so.
         if self.shown is not None:
-            response.map = self._message(layer)
+            response.map = self._message(layer, self.shown, self.shown_stamp_ns)
         return response
 
-    def _message(self, layer: Layer) -> Any:
-        """The message of a layer for what is shown."""
-        assert self.shown is not None
-        return outputs.layer_message(
-            layer, self.shown, frame_id=self._frame_id, stamp_ns=self.shown_stamp_ns
-        )
+    def _message(self, layer: Layer, shown: Shown, stamp_ns: int) -> Any:
+        return outputs.layer_message(layer, shown, frame_id=self._frame_id, stamp_ns=stamp_ns)
 
 
 class ScenePublisher:

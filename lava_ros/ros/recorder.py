@@ -15,6 +15,7 @@
 """Writes what the node sends into a bag: the bytes on the wire are the bytes in the bag."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, count
 import os
@@ -159,6 +160,13 @@ def _new_place(directory: Path) -> Path:
 DEFAULT_NODE = '/lava'
 
 
+def _unused(path: Path) -> Path:
+    """The path, or with the first number from 2 on that makes it one of nothing."""
+    names = chain([path.name], (f'{path.name}_{number}' for number in count(2)))
+    # Where nobody may look, there is nothing to be seen: opening the bag says why.
+    return next(new for new in map(path.with_name, names) if not os.path.exists(new))
+
+
 class BagFolder:
     """Turns names of bags into paths.
 
@@ -167,26 +175,42 @@ class BagFolder:
     symbolic links and ``..`` are followed.
     """
 
-    def __init__(self, root: str, given: str, *, node: str = DEFAULT_NODE) -> None:
+    def __init__(
+        self, root: str, given: str, *, node: str = DEFAULT_NODE, since: float = 0.0
+    ) -> None:
         """Take what the user said at the start.
 
         Without a root it is the folder of ``given``, else ``bags``. The full name of a node is
-        part of its bags' names, unless it is the usual one: nodes may share a folder.
+        part of its bags' names, unless it is the usual one: nodes may share a folder. A number is
+        added to ``given`` where an earlier process has written to it at or after ``since``, a
+        system time [s]; 0: never.
         """
         self._given = given
+        self._since = since
         self._suffix = '' if node == DEFAULT_NODE else node.replace('/', '_')
         self._root = Path(root) if root else Path(given).parent if given else Path('bags')
+
+    def written(self) -> list[Path]:
+        """List the bags in the root or next to the given one written since then, newest first."""
+        if not self._since:
+            return []
+        folders = {self._root, Path(self._given).parent} if self._given else {self._root}
+        times: dict[Path, float] = {}
+        for folder in folders:
+            with suppress(OSError):
+                for file in folder.glob('*/*.mcap'):
+                    changed = file.stat().st_mtime
+                    times[file.parent] = max(changed, times.get(file.parent, 0.0))
+        recent = [path for path in times if times[path] >= self._since]
+        return sorted(recent, key=lambda path: times[path], reverse=True)
 
     def path(self, name: str) -> Path:
         """The bag of a name, by the time for an empty one; LavaError outside the root."""
         if not name:
-            name = time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix
-            names = chain([name], (f'{name}_{number}' for number in count(2)))
-            paths = map(self._root.joinpath, names)
-            # Where nobody may look, there is nothing to be seen: opening the bag says why.
-            return next(path for path in paths if not os.path.exists(path))
+            return _unused(self._root / (time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix))
         if name == self._given:
-            return Path(name)
+            path = Path(name)
+            return _unused(path) if path in self.written() else path
         try:
             root, path = self._root.resolve(), Path(name).resolve()
         except (OSError, RuntimeError, ValueError) as error:

@@ -132,6 +132,10 @@ class SceneRecording:
 #: Periods that a checkpoint waits at most for the bag to grow.
 PATIENCE = 10.0
 
+#: Periods from one checkpoint to the next after a change of scene or effects, which another
+#: process could not know.
+AFTER_CHANGE = 0.1
+
 
 @dataclass(frozen=True)
 class LastCheckpoint:
@@ -146,9 +150,10 @@ class LastCheckpoint:
 class CheckpointRecording:
     """Writes a checkpoint at the start of a recording, at intervals, and at its end.
 
-    If checkpoints would take up more than half of the bag, the next one is postponed, by at most
-    ``PATIENCE`` periods. A checkpoint equal to the last one, ``last``, is not written. ``take``
-    requests a checkpoint, ``clock`` returns wall time [s].
+    One that follows a change comes after ``AFTER_CHANGE`` of an interval. If checkpoints would
+    take up more than half of the bag, the next one is postponed, by at most ``PATIENCE`` periods.
+    A checkpoint equal to the last one, ``last``, is not written. ``take`` requests a checkpoint,
+    ``clock`` returns wall time [s].
     """
 
     recorder: Recorder
@@ -162,19 +167,21 @@ class CheckpointRecording:
         self._pending: Future[bytes] | None = None
         self._asked: float | None = None
         self._data, self._written = b'', 0
+        self._changes = 0
 
-    def poll(self, period: float, stamp_ns: int) -> str:
+    def poll(self, period: float, stamp_ns: int, *, changes: int = 0) -> str:
         """Write the requested checkpoint if it is ready, and request the next when it is due.
 
         ``period`` is the wall time between checkpoints [s], 0 for none; ``stamp_ns`` is the ROS
-        time [ns]. Returns why one could not be taken, empty when nothing went wrong.
+        time [ns] and ``changes`` counts those of scene and effects. Returns why one could not be
+        taken, empty when nothing went wrong.
         """
         if not self._is_recording() or not period:
             return ''
         if self._pending is not None:
             return self._write(stamp_ns) if self._pending.done() else ''
-        if self._is_due(period):
-            self._asked = self.clock()
+        if self._is_due(period, is_changed=changes != self._changes):
+            self._asked, self._changes = self.clock(), changes
             self._pending = self.take()
         return ''
 
@@ -196,13 +203,14 @@ class CheckpointRecording:
         self._directory = directory
         return self.recorder.is_recording
 
-    def _is_due(self, period: float) -> bool:
+    def _is_due(self, period: float, *, is_changed: bool) -> bool:
         if self._asked is None:
             return True
         waited = self.clock() - self._asked
         size = len(self._data)
         fits = 2 * (self._written + size) <= self.recorder.size + size
-        return waited >= period and (fits or waited >= PATIENCE * period)
+        wanted = AFTER_CHANGE * period if is_changed else period
+        return waited >= wanted and (fits or waited >= PATIENCE * period)
 
     def _write(self, stamp_ns: int, timeout: float = 0.0) -> str:
         pending, self._pending = self._pending, None

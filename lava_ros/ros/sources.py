@@ -18,6 +18,7 @@ The accuracy of a simulation goes with the deadline of its forecasts, where ther
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 import math
@@ -25,14 +26,16 @@ from pathlib import Path
 import time
 from typing import Any, TYPE_CHECKING
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_yaml
-from lava_ros.ros import parameters
+from lava_ros.ros import codec, parameters
 from lava_ros.ros.parameters import constant_values, Settings
+from lava_ros.ros.recorder import BagFolder
 from lava_ros.ros.session import Origin
 from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
 from lava_ros.scene.terrain_files import load_terrain, terrain_path
@@ -55,6 +58,9 @@ class Sources:
         checkpoint: What to go on from.
         origin: Where that has been found.
         before: The vents up to then, with all they have emitted, as far as its bag says.
+        is_restart: Whether a killed node is restarted: its checkpoint wins over parameters.
+        reached: Simulated time that the killed node has shown [s], 0 if unknown.
+        was_recording: Whether the killed node was recording its bag.
     """
 
     scene: Scene | None = None
@@ -62,14 +68,23 @@ class Sources:
     checkpoint: Checkpoint | None = None
     origin: Origin | None = None
     before: tuple[Vent, ...] = ()
+    is_restart: bool = False
+    reached: float = 0.0
+    was_recording: bool = False
 
 
-def load_sources(node: Node) -> Sources:
+def load_sources(node: Node, *, may_restart: bool = False) -> Sources:
     """Declare the parameters that say where the scene comes from, and load what they name.
 
-    LavaError where a file or a bag is not usable, or there is a scene beside a bag to resume.
+    With ``may_restart`` a bag that ``resume_since`` finds wins over what they name.
+
+    Raises:
+        LavaError: If a file or a bag is not usable, or there is a scene beside a bag to resume.
     """
     values = parameters.declare(node, parameters.SOURCES)
+    restarted = _restarted(node) if may_restart else None
+    if restarted is not None:
+        return restarted
     if values['resume']:
         for name in ('scene', 'terrain_file'):
             if values[name]:
@@ -81,6 +96,41 @@ def load_sources(node: Node) -> Sources:
     if not values['scene']:
         return Sources(terrain=terrain)
     return Sources(scene=scene_from_yaml(values['scene'], terrain=terrain))
+
+
+def _restarted(node: Node) -> Sources | None:
+    """What the newest bag that is to be resumed by ``resume_since`` has; None without any."""
+    names = ('resume_since', 'bag_root', 'bag_directory')
+    specs = tuple(spec for spec in parameters.PARAMETERS if spec.name in names)
+    values = parameters.declare(node, specs)
+    folder = BagFolder(
+        values['bag_root'], values['bag_directory'], since=float(values['resume_since'])
+    )
+    for bag in folder.written():
+        try:
+            reader = BagReader(bag)
+            # other nodes may record into the same folder
+            if node.resolve_topic_name('terrain') in reader.topics:
+                return replace(
+                    _resumed(node, str(bag)),
+                    is_restart=True,
+                    reached=_reached(reader),
+                    was_recording=reader.recovered,
+                )
+        except LavaError as error:
+            node.get_logger().warning(f'cannot resume {bag}: {error}')
+    return None
+
+
+def _reached(bag: BagReader) -> float:
+    """The simulated time [s] of the newest diagnostics in a bag, 0 without any."""
+    topic = '/diagnostics'
+    for item in bag.newest({topic}, (bag.end_ns or 0) + 1):
+        message = codec.decode(item.data, DiagnosticArray, topic, max_bytes=len(item.data))
+        values = {pair.key: pair.value for status in message.status for pair in status.values}
+        with suppress(KeyError, ValueError):
+            return float(values['simulated_time_s'])
+    return 0.0
 
 
 def _resumed(node: Node, bag: str) -> Sources:
@@ -108,17 +158,22 @@ def _vents_of(bag: str, terrain: Terrain) -> tuple[Vent, ...]:
 
 
 def adopted(
-    checkpoint: Checkpoint, values: Mapping[str, Any], defaults: Mapping[str, Any]
+    checkpoint: Checkpoint,
+    values: Mapping[str, Any],
+    defaults: Mapping[str, Any],
+    *,
+    is_restart: bool = False,
 ) -> dict[str, Any]:
     """The parameters that a checkpoint sets in place of their defaults, by name.
 
-    ``values`` are the parameters as given; LavaError where one contradicts the checkpoint.
+    ``values`` are the parameters as given; LavaError where one contradicts the checkpoint. In a
+    restart the checkpoint wins: the parameter was changed while the node ran.
     """
     result = {}
     for name, decided in _decided(checkpoint).items():
         if _is_same(values[name], decided):
             continue
-        if not _is_same(values[name], defaults[name]):
+        if not is_restart and not _is_same(values[name], defaults[name]):
             right = f'{decided!r} as in the checkpoint, or left out beside resume'
             raise LavaError(name, values[name], right)
         result[name] = decided

@@ -55,6 +55,9 @@ TURN_WALL_TIME = 0.02
 #: Lag below which simulated time is where the clock is [s].
 ROUNDING = 1e-3
 
+#: Wall time in which a restarted simulation makes up for the time since its checkpoint [s].
+MAX_CATCH_UP = 5.0
+
 #: Why a command is refused once the thread was told to end.
 _STOPPED = LavaError('simulation', 'stopped', 'one that runs')
 
@@ -145,13 +148,21 @@ class SimulationWorker:
         scene: Scene,
         origin: Origin | None = None,
         before: tuple[Vent, ...] = (),
+        *,
+        reached: float = 0.0,
     ) -> 'Future[None]':
         """Continue with another simulation of a scene, as ``Eruption.go_on_with`` does.
 
-        ``make_simulation`` is called in the worker's thread.
+        ``make_simulation`` is called in the worker's thread, which then simulates up to the time
+        ``reached`` [s] before anything is shown, for a wall time of at most ``MAX_CATCH_UP``.
         """
         make = self._starting(make_simulation)
-        return self._put(lambda: self.eruption.go_on_with(make(), scene, origin, before))
+
+        def go_on() -> None:
+            self.eruption.go_on_with(make(), scene, origin, before)
+            self._catch_up(min(reached, self.end_time or reached))
+
+        return self._put(go_on)
 
     def checkpoint(self) -> 'Future[bytes]':
         """Serialise all that is needed to go on from here; LavaError without a simulation."""
@@ -280,6 +291,13 @@ class SimulationWorker:
         self.eruption.fail()
         self._step_target = None
         self._status = replace(self._status, state=WorkerState.FAILED, error=self._error)
+
+    def _catch_up(self, reached: float) -> None:
+        end = time.monotonic() + MAX_CATCH_UP
+        while self.eruption.time < reached and time.monotonic() < end and not self._is_stopping:
+            self.eruption.advance(
+                reached, wall_limit=SLICE_WALL_TIME, max_particles=self.max_particles
+            )
 
     def _advance(self) -> None:
         """Move simulated time one slice towards the clock."""

@@ -97,7 +97,7 @@ def _shown(source, message=OCCUPANCY_GRID, *, withdrawn=False, **changes):
         # with a step a cell is 100 where lava comes up to then; a margin goes around it
         ('arrival', {'step': 99.0}, [[100, 100, 100], [0, 0, -1]]),
         ('arrival', {'step': 20.0}, [[100, 0, 0], [0, 0, -1]]),
-        ('arrival', {'step': 20.0, 'margin': 10.0}, [[100, 100, 0], [100, 0, -1]]),
+        ('arrival', {'step': 20.0, 'margin': 10.0}, [[100, 100, 0], [100, 100, -1]]),
         # peaks are scaled as what they are the peak of, with thresholds of their own
         ('peak_thickness', {'range': [0.0, 10.0]}, [[50, 20, 0], [3, 0, -1]]),
         ('peak_temperature', {'range': [0.0, 1200.0]}, [[94, 86, 0], [44, 0, -1]]),

@@ -38,6 +38,7 @@ MODULES = {
         'ExecuteProcess': 'cmd / output',
         'IncludeLaunchDescription': 'launch_description_source / launch_arguments',
         'OpaqueFunction': 'function',
+        'Shutdown': '/ reason',
     },
     'launch.launch_description_sources': {'PythonLaunchDescriptionSource': 'launch_file_path'},
     'launch.substitutions': {
@@ -46,6 +47,8 @@ MODULES = {
     },
     'launch_ros': {},
     'launch_ros.actions': {
+        'LifecycleNode': 'package executable name namespace / parameters arguments remappings '
+        'output respawn respawn_delay on_exit',
         'Node': 'package executable / name namespace parameters arguments remappings output',
     },
     'launch_ros.parameter_descriptions': {
@@ -56,7 +59,22 @@ MODULES = {
         'ExecutableInPackage': 'executable package',
         'FindPackageShare': 'package',
     },
+    'launch_ros.utilities': {},
 }
+
+
+class Context(dict):
+    """Values of arguments, as a launch context has them; ``argv`` are those of a command line."""
+
+    def __init__(self, values: dict[str, str], argv: list[str]) -> None:
+        super().__init__(values)
+        self.argv = argv
+        self.is_shutdown = False
+
+    @property
+    def launch_configurations(self):
+        """The values themselves."""
+        return self
 
 
 def perform(value: Any, context: dict[str, str]) -> str:
@@ -88,20 +106,25 @@ def _modules() -> dict[str, ModuleType]:
             needed, _, rest = takes.partition('/')
             names = [*needed.split(), *((item, Any, field(default=())) for item in rest.split())]
             # actions take all by name, as launch's do
-            by_name = name in ('ExecuteProcess', 'Node')
+            by_name = name in ('ExecuteProcess', 'LifecycleNode', 'Node', 'Shutdown')
             made = make_dataclass(name, names, namespace={'perform': perform}, kw_only=by_name)
             setattr(modules[module], name, made)
+    names = modules['launch_ros.utilities']
+    names.prefix_namespace = lambda base, name: '/'.join(filter(None, [base, name]))
+    names.make_namespace_absolute = lambda name: f'/{name.lstrip("/")}'
     return modules
 
 
 def evaluate(value: Any, context: dict[str, str]) -> Any:
     """What a parameter comes to, of its type where that is said."""
     if type(value).__name__ != 'ParameterValue':
-        return perform(value, context)
+        is_plain = isinstance(value, (bool, int, float))
+        return value if is_plain or isinstance(value, list) else perform(value, context)
     # launch takes a plain text for a text
     assert value.value_type is str or not isinstance(value.value, str), value.value
     text = perform(value.value, context)
-    return yaml.safe_load(text) if value.value_type is bool else (value.value_type or str)(text)
+    is_yaml = value.value_type in (bool, list[str])
+    return yaml.safe_load(text) if is_yaml else (value.value_type or str)(text)
 
 
 @dataclass
@@ -113,6 +136,7 @@ class Process:
     namespace: str = ''
     parameters: dict[str, Any] = field(default_factory=dict)
     files: list[str] = field(default_factory=list)
+    action: Any = None
 
 
 def started(action: Any, context: dict[str, str]) -> Process:
@@ -122,6 +146,7 @@ def started(action: Any, context: dict[str, str]) -> Process:
     program = f'{perform(action.package, context)}:{perform(action.executable, context)}'
     words = [perform(word, context) for word in action.arguments]
     result = Process([program, *words], action.name, perform(action.namespace, context))
+    result.action = action
     for item in action.parameters:
         if type(item).__name__ == 'ParameterFile':
             result.files.append(perform(item.param_file, context))
@@ -135,7 +160,8 @@ def start(
 ) -> tuple[list[Process], dict[str, Any]]:
     """Perform a launch file with arguments; ``missing`` names packages that are not installed.
 
-    ``processes`` is where to note what it starts, also when it fails.
+    ``ros_namespace`` is that of a PushRosNamespace around it, and ``processes`` is where to note
+    what it starts, also when it fails.
 
     Returns:
         What it starts, and the arguments it declares by name, those of included files among them.
@@ -144,9 +170,11 @@ def start(
         monkeypatch.setitem(sys.modules, name, module)
     declared: dict[str, Any] = {}
     processes = [] if processes is None else processes
-    _visit(_entities(path), dict(arguments), declared, processes)
-    unknown = set(arguments) - set(declared) - {'missing'}
-    assert not unknown, f'no such arguments: {unknown}'
+    # the command line of ros2 launch, whose words the file may check
+    own = ('missing', 'ros_namespace')
+    words = [f'{name}:={value}' for name, value in arguments.items() if name not in own]
+    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', str(path), *words])
+    _visit(_entities(path), Context(arguments, words), declared, processes)
     return processes, declared
 
 

@@ -14,13 +14,18 @@
 
 """The launch files, performed with stand-ins, beside the node's and Nav2's parameters."""
 
+import importlib.util
 from pathlib import Path
 import re
+import runpy
+import sys
+import time
+from types import SimpleNamespace
 
 import pytest
 import yaml
 
-from launch_files.stand_in import start
+from launch_files.stand_in import Context, start
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros.parameters import constant_parameters, LIFECYCLE, PARAMETERS, SOURCES
 from lava_ros.scene import constants_of
@@ -28,7 +33,8 @@ from lava_ros.scene import constants_of
 ROOT = Path(__file__).parents[2]
 LAVA = ROOT / 'launch/lava.launch.py'
 KEEPOUT = ROOT / 'launch/nav2_keepout.launch.py'
-SPECS = {spec.name: spec for spec in SOURCES + PARAMETERS}
+CONSTANTS = constant_parameters(constants_of(None))
+SPECS = {spec.name: spec for spec in LIFECYCLE + SOURCES + PARAMETERS + CONSTANTS}
 FILTERS = yaml.safe_load((ROOT / 'params/nav2_filters.yaml').read_text(encoding='utf-8'))
 
 
@@ -42,18 +48,19 @@ def test_every_argument_is_documented(path, monkeypatch):
 
 
 def test_the_node_gets_parameters_it_has(monkeypatch):
-    """By name and type, and none that was not given: a file of parameters has those."""
+    """Every one, by name and type, and none that was not given: a file of parameters has those."""
     (node,), declared = start(monkeypatch, LAVA)
-    assert node.command == ['lava_ros:lava_node']
+    assert node.command == ['lava_ros:lava_node', '--ros-args', '--log-level', 'info']
     assert node.name == 'lava'
     assert node.parameters == {}
-    given = {name: str(SPECS[name].default).lower() for name in declared if name in SPECS}
-    given = {name: word for name, word in given.items() if word}
+    assert set(SPECS) <= set(declared)
+    given = {name: yaml.safe_dump(spec.default, default_flow_style=True).removesuffix('...\n')
+             for name, spec in SPECS.items() if spec.default != ''}
     (whole,), _ = start(monkeypatch, LAVA, **given)
     assert set(whole.parameters) == set(given)
     for name, value in whole.parameters.items():
         assert type(value) is type(SPECS[name].default), name
-        assert value == SPECS[name].default, name
+        assert value == SPECS[name].default or f'{SPECS[name].default}\n' == value, name
     (file,) = node.files
     assert Path(file) == ROOT / 'params/lava.yaml'
 
@@ -69,17 +76,99 @@ def test_arguments_reach_the_node(monkeypatch):
     }
     words = {name: str(value).lower() for name, value in values.items()}
     (node,), _ = start(monkeypatch, LAVA, **words)
+    assert node.parameters.pop('resume_since') > 1e9
     assert node.parameters == values
     assert all(type(node.parameters[name]) is type(value) for name, value in values.items())
 
 
-def test_every_parameter_of_forecasts_is_an_argument(monkeypatch):
+def test_every_parameter_is_an_argument_beside_masks(monkeypatch):
     """Also of the launch file that starts Nav2's masks."""
-    names = {name for name in SPECS if name.startswith(('forecast_', 'ensemble_'))}
-    assert len(names) >= 5
-    for path in (LAVA, KEEPOUT):
-        _, declared = start(monkeypatch, path)
-        assert names | {'deadline'} <= set(declared)
+    _, declared = start(monkeypatch, KEEPOUT)
+    assert set(SPECS) | {'log_level', 'respawn', 'params_file', 'filters_file'} <= set(declared)
+
+
+def test_the_parameters_are_those_of_the_node():
+    """docs/parameters.py would write the file as it is."""
+    spec = importlib.util.spec_from_file_location('parameters', ROOT / 'docs/parameters.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    text = (ROOT / 'launch/lava_parameters.yaml').read_text(encoding='utf-8')
+    assert module.launch_arguments() == text, 'run python docs/parameters.py'
+
+
+@pytest.mark.parametrize('path', [LAVA, KEEPOUT])
+@pytest.mark.parametrize(
+    ('argument', 'words'),
+    [
+        ({'scen': 'etna.yaml'}, 'scen: unknown argument; similar: scene'),
+        ({'xyz': '1'}, 'xyz: unknown argument'),
+        ({'time_scale': 'fast'}, "time_scale is 'fast', expected a number"),
+        ({'ensemble_members': '2.5'}, "ensemble_members is '2.5', expected a whole number"),
+        ({'record': 'maybe'}, "record is 'maybe', expected true or false"),
+        ({'layers_on': 'lava_points'}, "layers_on is 'lava_points', expected a list"),
+        ({'layers_on': '[1]'}, 'layers_on .* expected a list'),
+        ({'params_file': 'none.yaml'}, "params_file is 'none.yaml', expected a file"),
+    ],
+)
+def test_wrong_arguments_are_refused(monkeypatch, path, argument, words):
+    """By name, before anything starts; launch itself would leave some of them out."""
+    started = []
+    with pytest.raises(RuntimeError, match=words):
+        start(monkeypatch, path, processes=started, **argument)
+    assert started == []
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        ({'filters_file': 'none.yaml'}, "filters_file is 'none.yaml', expected a file"),
+        ({'msg_config': 'none.yaml'}, "msg_config is 'none.yaml', expected a file of layers"),
+        ({'msg_config': 'default.yaml'}, 'a file with a layer keepout_mask or speed_mask'),
+    ],
+)
+def test_masks_that_nobody_would_publish_are_refused(monkeypatch, arguments, words):
+    """A server would announce them all the same."""
+    started = []
+    with pytest.raises(RuntimeError, match=words):
+        start(monkeypatch, KEEPOUT, processes=started, **arguments)
+    assert started == []
+
+
+def test_words_of_another_launch_file_are_its_own(monkeypatch):
+    """A file that includes these has arguments that they do not know."""
+    start(monkeypatch, LAVA, scene='etna.yaml')
+    module = runpy.run_path(str(LAVA))
+    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'robot.launch.py', 'robot:=r1'])
+    context = Context({}, ['robot:=r1'])
+    module['refuse_unknown'](context, str(LAVA), module['declare_arguments']())
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'respawns'),
+    [
+        ({}, False),
+        ({'record': 'true'}, True),
+        ({'record': 'true', 'respawn': 'false'}, False),
+        ({'respawn': 'true'}, True),
+        ({'record': 'false', 'respawn': 'True'}, True),
+    ],
+)
+def test_a_node_that_records_is_restarted_when_it_is_killed(monkeypatch, arguments, respawns):
+    """It resumes what was recorded since the launch. One that ends by itself ends everything."""
+    before = time.time()
+    (node,), _ = start(monkeypatch, LAVA, **arguments)
+    assert node.action.respawn is respawns
+    assert node.action.respawn_delay > 0.0
+    since = node.parameters.get('resume_since', 0.0)
+    assert before <= since <= time.time() if respawns else since == 0.0
+    context = Context({}, [])
+    for status in (0, 1, 2, -9, -11):
+        ends = node.action.on_exit(SimpleNamespace(returncode=status), context)
+        assert (ends is None) is (respawns and status < 0)
+        assert ends is None or str(status) in ends.reason
+    # Ctrl-C has begun to end everything
+    context.is_shutdown = True
+    assert node.action.on_exit(SimpleNamespace(returncode=-2), context) is None
 
 
 def test_a_replay_takes_the_place_of_the_node(monkeypatch):
@@ -114,12 +203,21 @@ def test_nothing_starts_where_something_is_missing(monkeypatch, path, words, mis
     assert started == []
 
 
-@pytest.mark.parametrize('namespace', ['', 'etna', '/etna'])
-def test_masks_are_named_where_they_are(monkeypatch, namespace):
-    """The servers are in the namespace of the node, and speak of masks there."""
-    processes, _ = start(monkeypatch, KEEPOUT, namespace=namespace)
+@pytest.mark.parametrize(
+    ('pushed', 'namespace', 'space'),
+    [
+        ('', '', ''),
+        ('', 'etna', '/etna'),
+        ('', '/etna', '/etna'),
+        ('/robot1', '', '/robot1'),
+        ('/robot1', 'etna', '/robot1/etna'),
+    ],
+)
+def test_masks_are_named_where_they_are(monkeypatch, pushed, namespace, space):
+    """The servers are in the namespace of the node, and announce masks there."""
+    given = {'ros_namespace': pushed} if pushed else {}
+    processes, _ = start(monkeypatch, KEEPOUT, namespace=namespace, **given)
     assert {process.namespace for process in processes} == {namespace}
-    space = f'/{namespace}'.replace('//', '/').rstrip('/')
     by_name = {process.name: process for process in processes}
     for word in ('keepout', 'speed'):
         topic = by_name[f'{word}_filter_info_server'].parameters['mask_topic']
@@ -144,12 +242,21 @@ def test_keepout_starts_the_masks_and_those_who_speak_of_them(monkeypatch):
     assert {'time_scale', 'rviz', 'replay'} <= set(declared)
     servers = [name for name in by_name if name.endswith('_info_server')]
     manager = by_name['lifecycle_manager_lava_filters']
-    assert manager.command == ['nav2_lifecycle_manager:lifecycle_manager']
+    assert manager.command[0] == 'nav2_lifecycle_manager:lifecycle_manager'
     managed = FILTERS['/**/lifecycle_manager_lava_filters']['ros__parameters']['node_names']
     assert servers == managed
+    assert manager.parameters['node_names'] == managed
     for process in processes[1:]:
         assert [Path(file) for file in process.files] == [ROOT / 'params/nav2_filters.yaml']
         assert f'/**/{process.name}' in FILTERS
+
+
+def test_only_masks_that_are_published_are_announced(monkeypatch):
+    """nav2_keepout.yaml has no speed mask; the manager does not wait for its server."""
+    processes, _ = start(monkeypatch, KEEPOUT, msg_config='nav2_keepout.yaml')
+    _, server, manager = processes
+    assert server.name == 'keepout_filter_info_server'
+    assert manager.parameters['node_names'] == [server.name]
 
 
 @pytest.mark.parametrize('word', ['keepout', 'speed'])
@@ -172,9 +279,10 @@ def test_filters_hear_of_masks_that_are_published(word):
         filter_ = costmap[f'{word}_filter']
         assert filter_['plugin'] == f'nav2_costmap_2d::{word.capitalize()}Filter'
         assert filter_['filter_info_topic'] == info['filter_info_topic']
-    assert costmaps[0]['lava_layer']['map_topic'] in published
-    assert 'lava_layer' in costmaps[0]['plugins']
-    assert costmaps[0]['trinary_costmap'] is False
+    for costmap in costmaps:
+        layers = [item for item in costmap.values() if isinstance(item, dict)]
+        # it would replace the robot's own map
+        assert 'nav2_costmap_2d::StaticLayer' not in [item['plugin'] for item in layers]
 
 
 def test_the_parameter_file_is_one_for_the_node(tmp_path):

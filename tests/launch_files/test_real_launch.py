@@ -31,12 +31,20 @@ pytestmark = pytest.mark.skipif(shutil.which('ros2') is None, reason='ros2 is no
 #: Writes down its arguments and the files of parameters, which launch removes.
 NODE = """#!/bin/sh
 cd "$(dirname "$0")"
+echo "$0" >> starts
 for word in "$@"; do
   echo "$word" >> words
   test -f "$word" && cp "$word" "$(grep -c . words).yaml"
 done
+eval "$(cat then 2>/dev/null)"
 exit 0
 """
+
+#: Programs of Nav2, which wait until they are ended.
+PROGRAMS = (
+    'nav2_map_server/costmap_filter_info_server',
+    'nav2_lifecycle_manager/lifecycle_manager',
+)
 
 
 @pytest.fixture
@@ -47,16 +55,20 @@ def launched(tmp_path, monkeypatch):
     (index / 'lava_ros').touch()
     (tmp_path / 'share/lava_ros').symlink_to(ROOT)
     libexec = tmp_path / 'lib/lava_ros'
-    libexec.mkdir(parents=True)
-    (libexec / 'lava_node').write_text(NODE)
-    (libexec / 'lava_node').chmod(0o755)
+    for name in (*PROGRAMS, 'lava_ros/lava_node'):
+        (index / name.split('/')[0]).touch()
+        program = tmp_path / 'lib' / name
+        program.parent.mkdir(parents=True)
+        program.write_text(NODE if name.endswith('node') else '#!/bin/sh\nexec sleep 1000\n')
+        program.chmod(0o755)
     prefixes = [str(tmp_path), *filter(None, [os.environ.get('AMENT_PREFIX_PATH')])]
     monkeypatch.setenv('AMENT_PREFIX_PATH', os.pathsep.join(prefixes))
     monkeypatch.setenv('ROS_DOMAIN_ID', str(own_domain()))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'log'))
 
-    def perform(name, *arguments):
+    def perform(name, *arguments, then=''):
+        (libexec / 'then').write_text(then)
         ended = subprocess.run(
             ['ros2', 'launch', ROOT / 'launch' / name, *arguments],
             stdout=subprocess.PIPE,
@@ -82,6 +94,7 @@ def test_arguments_come_after_the_file(launched, tmp_path):
     assert '__ns:=/etna' in told
     file, given = files
     assert file['/**']['ros__parameters'] == {'preset': 'draft', 'deadline': 9.0}
+    assert given['/etna/lava']['ros__parameters'].pop('resume_since') > 1e9
     expected = {'preset': 'fine', 'time_scale': 60.0, 'record': True}
     assert given['/etna/lava']['ros__parameters'] == expected
 
@@ -94,3 +107,37 @@ def test_nothing_starts_without_rviz(launched, name):
     text, told, _ = launched(name, 'rviz:=true')
     assert 'not found' in text
     assert told is None
+
+
+@pytest.mark.parametrize('then', ['exit 1', 'kill -9 $$', 'exit 0'])
+def test_the_filter_servers_end_with_the_node(launched, then):
+    """What they announce would not be published; launch waits for the ends of all."""
+    text, told, _ = launched('nav2_keepout.launch.py', then=then)
+    assert told is not None, text
+    assert 'process[lava_node-1] was required' in text
+    assert text.count('process started') == 4
+    assert text.count('process has died') + text.count('process has finished cleanly') == 4
+
+
+@pytest.mark.parametrize(
+    ('words', 'starts'), [(['record:=true'], 3), (['respawn:=true'], 3), (['record:=false'], 1)]
+)
+def test_a_node_that_is_killed_is_started_again(launched, tmp_path, words, starts):
+    """Again and again, with the time of the launch; not one that nobody asked to."""
+    then = 'test "$(grep -c . starts)" -lt 3 && kill -9 $$'
+    text, told, files = launched('lava.launch.py', *words, then=then)
+    assert told is not None, text
+    assert (tmp_path / 'lib/lava_ros/starts').read_text().count('lava_node') == starts
+    given = [file['/lava']['ros__parameters'] for file in files if '/lava' in file]
+    assert len(given) == starts
+    assert len({values.get('resume_since') for values in given}) == 1
+
+
+@pytest.mark.parametrize(
+    'word', ['scen:=etna.yaml', 'time_scale:=fast', 'log_level:=loud', 'params_file:=none.yaml']
+)
+def test_wrong_arguments_start_nothing(launched, word):
+    """Launch says which one it is."""
+    text, told, _ = launched('nav2_keepout.launch.py', word)
+    assert word.partition(':=')[0] in text
+    assert told is None and 'process started' not in text

@@ -250,6 +250,17 @@ def test_a_wrong_switch_is_refused(on, off, sentence):
         ({'scale': [0, 0]}, 'scale', 'above 0'),
         ({'scale': [0, 101]}, 'scale[1]', '0 to 100'),
         ({'scale': 50}, 'scale', 'two whole numbers'),
+        ({'min_cells': -1}, 'min_cells', '0 to 32767'),
+        ({'min_cells': 2.5}, 'min_cells', 'whole number'),
+        (
+            {'message': 'sensor_msgs/Image', 'range': None, 'min_cells': 9},
+            'min_cells',
+            'only a grid',
+        ),
+        ({'heartbeat': 0.5}, 'heartbeat', '0 s for none, or 1 to 3600 s'),
+        ({'heartbeat': 1e6}, 'heartbeat', '0 s for none, or 1 to 3600 s'),
+        ({'heartbeat': -1.0}, 'heartbeat', 'at least 0 s'),
+        ({**MASK, 'source': 'arrival', 'heartbeat': 5.0}, 'heartbeat', 'never repeated'),
         ({'margin': -1.0}, 'margin', 'at least 0 m'),
         ({'margin': 1e6}, 'margin', 'at most 1000 m'),
         ({**MASK, 'message': 'sensor_msgs/Image'}, 'step', 'absent'),
@@ -358,8 +369,13 @@ def _eastward():
 EASTWARD = _eastward()
 WET, OUTSIDE = EASTWARD.thickness > 0.0, np.isnan(EASTWARD.thickness)
 ROWS, COLUMNS = np.indices(WET.shape)
+#: From the edge of a cell to that of the nearest one with lava [m]; cells that touch are at 0.
 DISTANCE = 10.0 * np.min(
-    [np.hypot(ROWS - row, COLUMNS - column) for row, column in np.argwhere(WET)], axis=0
+    [
+        np.hypot(np.maximum(abs(ROWS - row) - 1, 0), np.maximum(abs(COLUMNS - column) - 1, 0))
+        for row, column in np.argwhere(WET)
+    ],
+    axis=0,
 )
 
 
@@ -375,7 +391,7 @@ def test_the_keepout_mask_is_a_wall_or_nothing(file):
     """Every lava cell, its margin and the outside are lethal to Nav2; all else is left alone."""
     mask = _mask(file, 'keepout_mask')
     assert set(np.unique(mask)) == {0, 100}
-    forbidden = (DISTANCE <= 20.0) | OUTSIDE
+    forbidden = (DISTANCE < 20.0) | OUTSIDE
     np.testing.assert_array_equal(mask == 100, forbidden)
     costs = np.vectorize(keepout_cost)(mask, 7)
     np.testing.assert_array_equal(costs == LETHAL, forbidden)
@@ -393,8 +409,8 @@ def test_the_speed_mask_limits_wherever_lava_is_near():
     mask = _mask('nav2_speed.yaml', 'speed_mask')
     assert (mask >= 0).all()
     limits = np.vectorize(speed_limit)(mask, np.nan)
-    near = (DISTANCE <= 100.0) & ~WET & ~OUTSIDE
-    far = (DISTANCE > 100.0) & ~OUTSIDE
+    near = (DISTANCE < 100.0) & ~WET & ~OUTSIDE
+    far = (DISTANCE >= 100.0) & ~OUTSIDE
     assert far.any()
     assert (limits[near] == 50.0).all()
     assert (limits[far] == 0.0).all()
@@ -436,12 +452,13 @@ def test_scales_run_either_way():
 @pytest.mark.parametrize('distance', [0.0, 0.9, 1.0, 1.5, 2.0, 3.7, 40.0])
 @pytest.mark.parametrize('share', [0.0, 0.01, 0.2, 1.0])
 def test_within_is_what_every_pair_says(distance, share):
-    """A cell is near exactly when the distance to some marked cell says so."""
+    """A cell is near exactly when some point of it is nearer than that to a marked cell."""
     marked = np.random.default_rng(1).random((17, 23)) < share
     rows, columns = np.indices(marked.shape)
     expected = marked.copy()
     for row, column in np.argwhere(marked):
-        expected |= np.hypot(rows - row, columns - column) <= distance
+        gaps = (np.maximum(abs(at - own) - 1, 0) for at, own in ((rows, row), (columns, column)))
+        expected |= np.hypot(*gaps) < distance
     before = marked.copy()
     np.testing.assert_array_equal(within(marked, distance), expected)
     np.testing.assert_array_equal(marked, before)

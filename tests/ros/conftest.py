@@ -134,8 +134,10 @@ def _ros_arguments(remap, **parameters):
 class Listener(Process, Hearing):
     """A process that reports what the node publishes."""
 
+    program = 'graph_listener.py'
+
     def __init__(self, directory, *topics):
-        super().__init__(directory, [str(HERE / 'graph_listener.py'), *topics])
+        super().__init__(directory, [str(HERE / self.program), *topics])
         self.seen = []
 
     def next(self, timeout):
@@ -147,6 +149,12 @@ class Listener(Process, Hearing):
         while not self._lines.empty():
             self.seen.append(json.loads(self.line(1.0)))
         return len(self.seen)
+
+
+class Comparison(Listener):
+    """A robot that compares its costmaps with its map and with a mask."""
+
+    program = 'graph_costmap.py'
 
 
 class Graph:
@@ -181,6 +189,10 @@ class Graph:
     def listener(self, *topics):
         """Start a process that reports what it hears."""
         return self._start(Listener, *topics)
+
+    def comparison(self, mask, *costmaps):
+        """Start a robot that compares costmaps with its own map and a mask."""
+        return self._start(Comparison, mask, *costmaps)
 
     def process(self, *arguments, aside=False):
         """Start any other Python process."""

@@ -14,6 +14,7 @@
 
 """The bag: names, limits, what happens when it cannot be written."""
 
+import os
 import shutil
 
 import pytest
@@ -212,6 +213,55 @@ def test_names_outside_the_root_are_refused(here, name):
     """Whether by an absolute path, by .., or by a link."""
     with pytest.raises(LavaError, match='bag_directory'):
         BagFolder('', '').path(name)
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Writes files of bags at a system time [s]."""
+
+    def write(name, seconds):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True, parents=True)
+        path.touch()
+        os.utime(path, (seconds, seconds))
+
+    return write
+
+
+def test_bags_written_since_a_time_are_found(tmp_path, written):
+    """The newest first, by the newest file of each, in the root and beside the given bag."""
+    for name, seconds in {
+        'bags/old/old_0.mcap': 50.0,
+        'bags/new/new_0.mcap': 40.0,
+        'bags/new/new_1.mcap': 300.0,
+        'bags/first/first_0.mcap': 100.0,
+        'bags/notes/notes.txt': 400.0,
+        'beside/given/given_0.mcap': 200.0,
+    }.items():
+        written(name, seconds)
+    root, given = tmp_path / 'bags', tmp_path / 'beside/given'
+
+    def found(since, given=''):
+        folder = BagFolder(str(root), str(given), since=since)
+        return [path.name for path in folder.written()]
+
+    assert found(0.0) == []
+    assert found(100.0) == ['new', 'first']
+    assert found(100.0, given) == ['new', 'given', 'first']
+    assert found(500.0) == []
+    assert BagFolder(str(tmp_path / 'none'), '', since=1.0).written() == []
+
+
+def test_a_restarted_node_does_not_overwrite_the_bag_that_was_given(tmp_path, written):
+    """It adds a number; a bag from before remains an error."""
+    given = tmp_path / 'bags/etna'
+    written('bags/etna/etna_0.mcap', 100.0)
+    assert BagFolder('', str(given), since=101.0).path(str(given)) == given
+    assert BagFolder('', str(given)).path(str(given)) == given
+    folder = BagFolder('', str(given), since=100.0)
+    assert folder.path(str(given)).name == 'etna_2'
+    (tmp_path / 'bags/etna_2').mkdir()
+    assert folder.path(str(given)).name == 'etna_3'
 
 
 def test_nodes_that_share_a_folder(here):

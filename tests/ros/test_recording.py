@@ -224,6 +224,23 @@ def test_one_at_the_start_and_one_each_period(tmp_path, recording):
     assert checkpoints.last is None
 
 
+def test_checkpoint_follows_a_change_soon(tmp_path, recording):
+    """A reset or another vent is in the bag after a tenth of the period, once for each change."""
+    recorder, eruption, checkpoints = recording
+    run(*recording, 20, bytes_a_second=1000)
+    for changes in (1, 1, 2):
+        for _ in range(20):
+            eruption.time += 0.5
+            assert checkpoints.poll(PERIOD, int(eruption.time * 1e9), changes=changes) == ''
+    # of many changes one after the other there is one in each tenth
+    for changes in range(3, 30):
+        eruption.time += 0.5
+        assert checkpoints.poll(PERIOD, int(eruption.time * 1e9), changes=changes) == ''
+    recorder.stop()
+    stored = checkpoints_of(tmp_path / 'bag')
+    assert [item.time for item in stored] == [0.5, 20.5, 40.5, 50.5, 56.5, 62.5]
+
+
 def test_none_when_they_are_off_or_nothing_is_recorded(tmp_path, recording):
     """A period of 0, and a recorder without a bag, ask for nothing."""
     recorder, eruption, checkpoints = recording

@@ -17,6 +17,7 @@
 from dataclasses import replace
 from functools import lru_cache
 import json
+import os
 import signal
 import time
 
@@ -162,6 +163,72 @@ def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path):
         assert [line for line in node.log.splitlines() if words in line], node.log
 
 
+def test_a_node_that_is_killed_again_and_again_is_restarted(graph, tmp_path):
+    """By the same command: it resumes what it has recorded, or starts where there is nothing.
+
+    Each time it records into another bag. Bags of other nodes, damaged ones and those from before
+    are left alone, and what was set meanwhile is kept.
+    """
+    scene = tmp_path / 'scene.yaml'
+    scene.write_text(
+        'terrain: {file: st_helens.npz}\n'
+        'vents: [{position: [4050.0, 3300.0], discharge: 60.0, radius: 30.0}]\n'
+    )
+    bags = tmp_path / 'bags'
+    with BagWriter(bags / 'before', custom_data={}) as writer:
+        writer.attach(NAME, MEDIA_TYPE, checkpoint().to_bytes(), 1)
+    os.utime(bags / 'before/before_0.mcap', (1.0, 1.0))
+    since = time.time() - 1.0
+    with BagWriter(bags / 'other', custom_data={}) as writer:
+        writer.attach(NAME, MEDIA_TYPE, checkpoint().to_bytes(), 1)
+    (bags / 'damaged').mkdir()
+    (bags / 'damaged/damaged_0.mcap').write_bytes(b'no bag')
+    listener = graph.listener()
+    kept = []
+    for number, period in enumerate((0.0, 0.5, 0.5, 0.5), 1):
+        started_ns = time.time_ns()
+        node = graph.node(
+            device='cpu',
+            scene=str(scene),
+            time_scale=50.0,
+            preset='draft',
+            # as if ~/record had begun the third bag: the recording goes on
+            record=number < 4,
+            bag_directory=str(bags / 'first'),
+            checkpoint_period=period,
+            resume_since=since,
+        )
+
+        def heard(task, condition, since_ns=started_ns):
+            return listener.wait_for_status(task, condition, timeout=120.0, since_ns=since_ns)
+
+        status = heard('simulation', has_lava)
+        moment, volume, _ = numbers(status)
+        assert volume == pytest.approx(60.0 * moment, rel=1e-6)
+        bag = 'first' if number == 1 else f'first_{number}'
+        assert heard('recorder', lambda item: item['bag'])['bag'] == str(bags / bag)
+        if number > 2:
+            # from the checkpoints of the second one on
+            assert f'in {bags / kept[-1][0]}' in node.log
+            assert moment > kept[-1][1]
+        else:
+            # the first had none
+            assert 'going on' not in node.log
+        assert ('this one has none' in node.log) is (number == 2)
+        if number > 1:
+            recorder = heard(
+                'recorder',
+                lambda item, enough=moment + 100.0: (
+                    float(item.get('checkpoint_time_s', 0.0)) > enough
+                ),
+            )
+            kept.append((bag, float(recorder['checkpoint_time_s'])))
+        node.end(signal.SIGKILL)
+    assert sorted(path.name for path in bags.iterdir()) == [
+        'before', 'damaged', 'first', 'first_2', 'first_3', 'first_4', 'other'
+    ]
+
+
 @lru_cache
 def _standard():
     scene = Scene(Terrain(np.zeros((5, 5)), 10.0), lava=Lava(viscosity=1234.5))
@@ -218,6 +285,8 @@ def test_parameters_that_contradict_are_refused(name, value):
     one = checkpoint(forced={'crust': False, 'inertia': True})
     known = defaults(one.scene.lava)
     assert known[name] != value
+    changed = adopted(one, {**known, name: value}, known, is_restart=True)
+    assert changed[name] != value
     with pytest.raises(LavaError, match=f'^{name} is .* as in the checkpoint, or left out'):
         adopted(one, {**known, name: value}, known)
 

@@ -329,6 +329,26 @@ def test_what_a_simulation_goes_on_from_is_known_until_it_starts_anew(bench):
     assert bench.worker.eruption.origin is None
 
 
+@pytest.mark.parametrize(
+    ('bench', 'reached', 'expected'),
+    [({}, 0.0, 7.0), ({}, 5.0, 7.0), ({}, 40.0, 40.0), ({'end_time': 30.0}, 40.0, 30.0)],
+    indirect=['bench'],
+)
+def test_restarted_simulation_catches_up_before_it_is_shown(bench, reached, expected):
+    """What was shown before the restart is reached again first, also while time stands still."""
+    scene = Scene(TERRAIN, (VENT,), lava=Lava())
+
+    def resume():
+        simulation = bench.make(scene)
+        simulation.time = 7.0
+        return simulation
+
+    bench.run(bench.worker.pause(True))
+    bench.run(bench.worker.go_on_with(resume, scene, reached=reached))
+    bench.wait(lambda: bench.shown)
+    assert bench.simulation.time == bench.shown[0].time == expected
+
+
 def test_bad_input_changes_nothing(bench):
     """Refused vents and terrain leave the simulation as it was, and running."""
     with pytest.raises(LavaError, match='a terrain before'):

@@ -1,0 +1,115 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Masks and hazard of a node that does nothing, and of one that is dead."""
+
+import signal
+
+from nav_msgs.msg import OccupancyGrid
+import numpy as np
+import pytest
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from ros.graph_publisher import wait_until
+from ros_domain import own_domain
+
+CONFIG = """
+layers:
+  keepout_mask:
+    {source: hazard, message: nav_msgs/OccupancyGrid, step: 1.0, heartbeat: 1.0, outside: 100}
+  hazard: {source: hazard, message: nav_msgs/OccupancyGrid, heartbeat: 1.0}
+"""
+
+
+class Robot:
+    """A subscriber that asks for what the heartbeat promises."""
+
+    def __init__(self):
+        self.context = Context()
+        self.context.init(domain_id=own_domain('graph'))
+        self.node = Node('test_robot', context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.heard, self.missed, self.alive = {}, {}, {}
+        for topic in ('keepout_mask', 'hazard'):
+            self._subscribe(topic)
+
+    def _subscribe(self, topic):
+        self.heard[topic], self.missed[topic], self.alive[topic] = [], 0, 0
+
+        def miss(event):
+            self.missed[topic] = event.total_count
+
+        def change(event):
+            self.alive[topic] = event.alive_count
+
+        asked = QoSProfile(
+            depth=1,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL,
+            deadline=Duration(seconds=2),
+            liveliness_lease_duration=Duration(seconds=2),
+        )
+        events = SubscriptionEventCallbacks(deadline=miss, liveliness=change)
+        self.node.create_subscription(
+            OccupancyGrid, topic, self.heard[topic].append, asked, event_callbacks=events
+        )
+
+    def wait(self, condition):
+        """Take what comes until something holds."""
+
+        def is_so():
+            self.executor.spin_once(timeout_sec=0.1)
+            return condition()
+
+        wait_until(is_so, lambda: (self.missed, self.alive), pause=0.0)
+
+    def close(self):
+        """Leave the graph."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def robot():
+    """A robot in the graph of the test."""
+    result = Robot()
+    yield result
+    result.close()
+
+
+def test_a_dead_node_is_noticed(graph, tmp_path, robot):
+    """A paused node repeats its maps with their stamps; a killed one misses its deadline."""
+    terrain, config = tmp_path / 'slope.npz', tmp_path / 'layers.yaml'
+    _, x = np.mgrid[0:30, 0:40]
+    np.savez(terrain, elevation=(300.0 - x).astype(np.float32), resolution=10.0)
+    config.write_text(CONFIG, encoding='utf-8')
+    node = graph.node(
+        device='cpu', terrain_file=str(terrain), msg_config=str(config), end_time=0.001
+    )
+    topics = robot.heard
+    robot.wait(lambda: all(len(heard) > 3 for heard in topics.values()))
+    for heard in topics.values():
+        assert heard[-1].header.stamp == heard[-2].header.stamp
+        assert heard[-1].data == heard[-2].data
+    assert set(robot.alive.values()) == {1}
+    node.end(signal.SIGKILL)
+    before = dict(robot.missed)
+    robot.wait(lambda: set(robot.alive.values()) == {0})
+    robot.wait(lambda: all(robot.missed[topic] > before[topic] for topic in topics))
