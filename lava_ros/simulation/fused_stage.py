@@ -28,9 +28,8 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import announce, FEW_THREADS, quick_kernel
-from lava_ros.simulation.emission import emission_of, emitters
+from lava_ros.simulation.emission import emitters, Outlets
 from lava_ros.simulation.motion_arguments import arguments_type
-from lava_ros.simulation.outlets import Outlets
 from lava_ros.simulation.state import State
 from lava_ros.simulation.timestep import choice_of, pace_type
 from lava_ros.simulation.vents import VentSet
@@ -104,7 +103,7 @@ def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
 
 def choice_within_motion(state: State, pace: Any, vents: VentSet) -> StageChoice:
     """Let a motion choose its stage; the vents emit then, if it puts particles into cells."""
-    emission = emission_of(state, vents) if state.bins_in_motion else None
+    emission = vents.emission_on(state) if state.bins_in_motion else None
     # one number for any vents: each would be another kernel
     threads = emitters(state, DIRECTORS)
     function = _function(state.real, choice_of(state), emission, threads)

@@ -30,11 +30,11 @@ from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.backend import compiled
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.emission import Outlets
 from lava_ros.simulation.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.heat import temperature_function
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import bin_function, NeighborGrid
-from lava_ros.simulation.outlets import Outlets
 from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import terrain_functions
 from lava_ros.simulation.timestep import pace_type

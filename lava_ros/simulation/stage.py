@@ -21,7 +21,7 @@ from typing import Any
 from lava_ros.effects import load
 from lava_ros.effects.laws import heat_of, law_of
 from lava_ros.scene import Scene
-from lava_ros.simulation import emission, motion, timestep
+from lava_ros.simulation import motion, timestep
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.flow import compute_flow, flow_kernels, publish_velocity
 from lava_ros.simulation.fused_stage import (
@@ -92,7 +92,7 @@ class Stage:
             choice = choose_before_motion(state, choice, way)
         self._move(way, choice)
         if not state.bins_in_motion:
-            emission.emit(state, vents, way)
+            vents.emit(state, way)
 
     def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
         """What the choice of a stage reads and writes; to collect it takes as long as a launch."""

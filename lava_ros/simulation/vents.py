@@ -29,14 +29,17 @@ from lava_ros.scene.vents import distances, extents
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.checkpoint import fitting
-from lava_ros.simulation.outlets import (
+from lava_ros.simulation.emission import (
     DISC_GROUP,
+    emission_function,
+    emission_kernel,
+    emitters,
     FISSURE_GROUP,
     foresee_kernel,
     Outlets,
     places_kernel,
 )
-from lava_ros.simulation.state import centre_of
+from lava_ros.simulation.state import centre_of, State
 from lava_ros.simulation.vent_ground import is_open, permitted_places
 
 #: Particles that the vents may bring in a second: more is no flow that anybody can compute.
@@ -253,6 +256,19 @@ class VentSet:
             device=self._device,
         )
         return read(places) + self._centre
+
+    def emission_on(self, state: State) -> Any:
+        """Return the device function that emits what is due (``emission_function``)."""
+        return emission_function(
+            state.real, self.is_symmetric, state.has_velocity, state.has_age, state.bins_in_motion
+        )
+
+    def emit(self, state: State, way: Any) -> None:
+        """Append to the particles of a state what is due at its time."""
+        if self.vents:
+            threads = emitters(state, len(self.vents))
+            kernel = emission_kernel(state.real, self.emission_on(state))
+            state.launches(kernel, [threads, self.outlets, way], dim=threads)
 
     def emission(self, time: float) -> Emission:
         """Return what the vents have emitted by a time [s] at which no step is under way."""

@@ -48,6 +48,7 @@ from lava_ros.simulation.backend.compiled import (
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, LEAST_SUMS
 from lava_ros.simulation.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
+from lava_ros.simulation.emission import Outlets
 from lava_ros.simulation.flow import fall_function
 from lava_ros.simulation.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.kernels import (
@@ -60,7 +61,6 @@ from lava_ros.simulation.kernels import (
 from lava_ros.simulation.motion import motion_of
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.outlets import Outlets
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.timestep import pace_type
 
