@@ -33,12 +33,12 @@ HEAD = '| parameter | type | default | range | unit | may change | meaning |'
 #: The file from which lava.launch.py declares its arguments.
 LAUNCH = PAGE.parents[1] / 'launch/lava_parameters.yaml'
 
-#: What stands in the description of a parameter that is looked at again by a reset.
+#: Part of the description of a parameter that is read again at each reset.
 LATER = 'from the next start or reset on'
 
 
 def launch_arguments() -> str:
-    """The default and the description of each parameter, for lava.launch.py."""
+    """Return the default and the description of each parameter as YAML, for lava.launch.py."""
     listed = {
         spec.name: {'default': spec.default, 'description': spec.description} for spec in specs()
     }
@@ -55,13 +55,13 @@ def specs() -> Iterator[parameters.ParameterSpec]:
 
 
 def default(spec: parameters.ParameterSpec) -> str:
-    """The default of a parameter as YAML."""
-    # ROS's tools take 7e-07 for a text
+    """Return the default of a parameter as YAML."""
+    # ROS's tools read 7e-07 as a string
     return re.sub(r'^(-?\d+)e', r'\1.0e', json.dumps(spec.default))
 
 
 def change(spec: parameters.ParameterSpec) -> str:
-    """Whether a parameter may change while the node runs."""
+    """Return when a parameter may change: no, at a reset, or yes."""
     return 'no' if spec.read_only else 'at a reset' if LATER in spec.description else 'yes'
 
 
@@ -92,26 +92,26 @@ def page(old: str) -> str:
     return f'{before}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}'
 
 
-#: What stands at the top of the file of parameters.
+#: Beginning of the parameter file.
 FILE_HEAD = """\
 # Parameters of the node with their defaults: a file to copy and to change, for
 #     ros2 launch lava_ros lava.launch.py params_file:=my.yaml
 #     lava node --ros-args --params-file my.yaml
-# Arguments that the launch file is given win over what stands here. A number that is not whole in
-# the node is written 5.0. Written by docs/parameters.py.
+# Arguments of the launch file take precedence over this file. The value of a parameter that is not
+# an integer needs a decimal point (5.0). Written by docs/parameters.py.
 /**:
   ros__parameters:
 """
 
-#: What stands above the parameters whose defaults are those of the scene.
+#: Text above the parameters whose defaults come from the scene.
 OF_SCENE = """
-    # Lava and surroundings. They are those of the scene file unless they are set here; these are
-    # the values without a scene file.
+    # Lava and surroundings. Without a value here they come from the scene file. The values below
+    # are those without a scene file.
 """
 
 
 def entry(spec: parameters.ParameterSpec, *, is_set: bool) -> str:
-    """A parameter of the file, below what it means; one that is not set is a comment."""
+    """Return the entry of a parameter with its meaning; commented out unless ``is_set``."""
     when = {'no': 'read when the node is configured', 'yes': 'may change while the node runs'}
     facts = '; '.join(filter(None, (spec.range_text, when.get(change(spec)))))
     lines = wrap(f'{spec.description} ({facts})'.removesuffix(' ()'), 93)
@@ -120,7 +120,7 @@ def entry(spec: parameters.ParameterSpec, *, is_set: bool) -> str:
 
 
 def file() -> str:
-    """The file of parameters."""
+    """Return the parameter file."""
     constants = [spec.name for spec in parameters.constant_parameters(constants_of(None))]
     own = [entry(spec, is_set=True) for spec in specs() if spec.name not in constants]
     of_scene = [entry(spec, is_set=False) for spec in specs() if spec.name in constants]

@@ -22,7 +22,7 @@ ros2 launch lava_ros lava.launch.py replay:=bags/demo rviz:=true
 ros2 launch lava_ros lava.launch.py --show-args
 
 Every parameter of the node is an argument. A node that records is restarted when it is killed, and
-resumes from its bag. When it ends by itself, so does everything that was launched.
+resumes from its bag. When the node ends by itself, the whole launch ends.
 """
 
 from difflib import get_close_matches
@@ -39,12 +39,12 @@ from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
 from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 import yaml
 
-# The node's parameters by name: a default, which gives the type, and a description. An argument
-# that is not given leaves the value to the file of parameters and to the node.
+# Default and description of each parameter of the node, by name. The default determines the type.
+# An argument that is not given leaves the value to the parameter file and to the node.
 PARAMETERS = yaml.safe_load(Path(__file__).with_name('lava_parameters.yaml').read_text('utf-8'))
 PARAMETERS['use_sim_time'] = {'default': False, 'description': 'Follow /clock'}
 
-# What a value of each type looks like.
+# Descriptions of the values of each type.
 EXPECTED = {
     bool: 'true or false',
     int: 'a whole number',
@@ -56,7 +56,7 @@ EXPECTED = {
 # Arguments that launch itself reads.
 OF_LAUNCH = ('emulate_tty', 'ros_namespace', 'sigkill_timeout', 'sigterm_timeout')
 
-# Time from the death of the node to its restart [s].
+# Time between the end of a killed node and its restart [s].
 RESPAWN_DELAY = 1.0
 
 
@@ -70,26 +70,26 @@ ARGUMENTS = (
     (
         'params_file',
         _share('params', 'lava.yaml'),
-        'Parameters of the node (YAML); arguments that are given win over the file',
+        'Parameters of the node (YAML); arguments take precedence over this file',
         None,
     ),
     (
         'log_level',
         'info',
-        'Messages of the node that are logged: this level and above',
+        'Minimum level of the messages that the node logs',
         ['debug', 'info', 'warn', 'error', 'fatal'],
     ),
     (
         'respawn',
         '',
         'Restart the node when it is killed, and resume from the bag that it recorded; without '
-        'a bag the eruption begins again; empty: true with record:=true, else false',
+        'a bag the eruption starts again at time 0; empty: true with record:=true, else false',
         ['', 'true', 'false', 'True', 'False'],
     ),
     ('replay', '', 'Bag to publish in place of the simulation; empty: none', None),
     ('replay_rate', '1.0', 'Speed of the replay', None),
     ('rviz', 'false', 'Start RViz as well', ['true', 'false', '1', '0', 'True', 'False']),
-    ('rviz_config', _share('rviz', 'lava.rviz'), 'What RViz shows', None),
+    ('rviz_config', _share('rviz', 'lava.rviz'), 'Configuration of RViz', None),
 )
 
 
@@ -106,9 +106,9 @@ def declare_arguments():
 
 
 def refuse_unknown(context, file, declared):
-    """Raise an error where the command line of a file has another argument; launch ignores it."""
+    """Raise an error for unknown arguments on the command line; launch would ignore them."""
     if Path(file).name not in [Path(word).name for word in sys.argv]:
-        # another launch file includes this one, and the words are its own
+        # another launch file includes this one, and the arguments are for that file
         return
     known = [argument.name for argument in declared]
     for word in context.argv:
@@ -120,7 +120,7 @@ def refuse_unknown(context, file, declared):
 
 
 def existing_file(context, name):
-    """Return the path of an argument; launch would leave a missing file out."""
+    """Return the path in an argument if the file exists; launch would ignore a missing one."""
     path = LaunchConfiguration(name).perform(context)
     if not os.path.isfile(path):
         raise RuntimeError(f'{name} is {path!r}, expected a file of parameters')
@@ -128,7 +128,7 @@ def existing_file(context, name):
 
 
 def _given(context):
-    """Return the parameters that were given, by name, each checked and of its type."""
+    """Return the given parameters by name, checked and converted to their types."""
     result = {}
     for name, about in PARAMETERS.items():
         text = LaunchConfiguration(name).perform(context)
@@ -157,7 +157,7 @@ def _is_true(context, name):
 
 
 def _start(context):
-    """List what the arguments ask for."""
+    """Return the actions that the arguments ask for."""
     given = _given(context)
     params_file = existing_file(context, 'params_file')
     replay = LaunchConfiguration('replay').perform(context)
@@ -169,13 +169,13 @@ def _start(context):
         output='screen',
         arguments=['replay', replay, '--rate', LaunchConfiguration('replay_rate')],
     )
-    is_unsaid = not LaunchConfiguration('respawn').perform(context)
-    respawns = _is_true(context, 'record' if is_unsaid else 'respawn')
-    # What was recorded before this launch is another eruption.
+    is_default = not LaunchConfiguration('respawn').perform(context)
+    respawns = _is_true(context, 'record' if is_default else 'respawn')
+    # Bags from before this launch belong to another eruption.
     restart = {'resume_since': time.time()} if respawns else {}
 
     def end(event, context):
-        """End everything with a node that ended by itself: a restart would end the same way."""
+        """Shut down with a node that ended by itself: a restart would end in the same way."""
         if context.is_shutdown or (event.returncode < 0 and respawns):
             return None
         return Shutdown(reason=f'the lava node ended with status {event.returncode}')

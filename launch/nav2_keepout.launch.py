@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Keep a Nav2 robot out of the lava: the lava node with masks, and what tells Nav2 about them.
+"""Keep a Nav2 robot out of the lava: the lava node with masks, and servers that announce them.
 
 ros2 launch lava_ros nav2_keepout.launch.py scene:=etna.yaml time_scale:=60.0 mask_margin:=25.0
 
@@ -37,7 +37,7 @@ import yaml
 # The launch file of the node.
 LAVA = runpy.run_path(str(Path(__file__).with_name('lava.launch.py')))
 
-# The servers, and the layers whose masks they announce.
+# Servers, each with the layer whose mask it announces.
 SERVERS = {
     'keepout_filter_info_server': 'keepout_mask',
     'speed_filter_info_server': 'speed_mask',
@@ -64,7 +64,7 @@ ARGUMENTS = (
 def _topics(context):
     """Return the topics of the layers that msg_config publishes, by layer."""
     name = LaunchConfiguration('msg_config').perform(context)
-    # as the node finds it
+    # searched in the same order as in the node
     shared = Path(_share('msg_configs', name).perform(context))
     path = Path(name) if Path(name).is_file() else shared
     try:
@@ -75,28 +75,28 @@ def _topics(context):
             if layer.get('enabled', True)
         }
     except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
-        right = 'a file of layers, or the name of one in msg_configs/'
-        raise RuntimeError(f'msg_config is {name!r}, expected {right} ({error!r})') from error
+        expected = 'a file of layers, or the name of one in msg_configs/'
+        raise RuntimeError(f'msg_config is {name!r}, expected {expected} ({error!r})') from error
 
 
 def _absolute(context, topic):
-    """Return the full name of a topic of the node, which Nav2 takes as it is."""
+    """Return the absolute name of a topic of the node; Nav2 does not resolve names."""
     pushed = context.launch_configurations.get('ros_namespace')
     namespace = LaunchConfiguration('namespace').perform(context)
     return f'{make_namespace_absolute(prefix_namespace(pushed, namespace)).rstrip("/")}/{topic}'
 
 
 def _start(context):
-    """List the node, a server for each mask and their manager, where all is there."""
-    # launch would leave behind what runs already
+    """Return the node, a server for each mask and their manager, if all are installed."""
+    # check first: an error after the node has started would leave it running
     for executable in (SERVER, MANAGER):
         ExecutableInPackage(**executable).perform(context)
     topics = _topics(context)
     masks = {server: topics[layer] for server, layer in SERVERS.items() if layer in topics}
     if not masks:
         name = LaunchConfiguration('msg_config').perform(context)
-        right = f'a file with a layer {" or ".join(SERVERS.values())}'
-        raise RuntimeError(f'msg_config is {name!r}, expected {right}')
+        expected = f'a file with a layer {" or ".join(SERVERS.values())}'
+        raise RuntimeError(f'msg_config is {name!r}, expected {expected}')
     common = {
         'namespace': LaunchConfiguration('namespace'),
         'output': 'screen',

@@ -33,7 +33,7 @@ Trial = Callable[[str], AbstractContextManager[dict[str, Any]]]
 
 
 def pytest_configure() -> None:
-    """Let Ctrl+C reach the programs that tests start, and nobody else's ROS graph.
+    """Let Ctrl+C reach the programs that tests start, and keep tests out of other ROS graphs.
 
     A shell without job control has what it starts with ``&`` ignore it, and so would they.
     """

@@ -32,7 +32,7 @@ def own_domain(name: str = 'graph') -> int:
 
     The port of a domain's first participant is kept, so that whoever looks for a free domain,
     `lava demo` too, takes another; participants take the next ports. A domain where one of those
-    is in use has participants that somebody left behind.
+    is in use has participants left over from an earlier run.
     """
     return _claim(name)
 

@@ -152,17 +152,20 @@ class _File:
         self, name: str, media_type: str, data: bytes, log_time: int,
         custom_data: Mapping[str, str],
     ) -> None:
-        """Put data beside the messages, after those so far and the description as it is now."""
+        """Append an attachment after all messages so far and the current description."""
         self._mcap.flush()
         if custom_data is not self._described:
             self._describe(custom_data)
         self._mcap.add_attachment(log_time, log_time, name, media_type, data)
 
     def flush(self, custom_data: Mapping[str, str]) -> None:
-        """Hand everything to the operating system; OSError also for a file that was removed.
+        """Pass all buffered data to the operating system.
 
-        A description that changes all the time is written again when the file has grown by twice
-        its size: it is never most of the file.
+        A changed description is written again only when the file has grown by twice its size, so
+        that descriptions never make up most of the file.
+
+        Raises:
+            OSError: If the file cannot be written or was removed.
         """
         self._mcap.flush()
         if custom_data is not self._described:

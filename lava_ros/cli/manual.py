@@ -45,7 +45,7 @@ GROUPS = {
     'set up': {'doctor': 'set_up', 'completion': 'set_up'},
 }
 
-#: The commands that pass ``--ros-args`` and everything after it to ROS.
+#: Commands that pass ``--ros-args`` and everything after it to ROS.
 ROS_COMMANDS = ('node', 'feed', 'replay')
 
 COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()}

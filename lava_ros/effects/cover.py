@@ -43,10 +43,10 @@ EFFECT = Effect(
     replaces=('cooling',),
     constants={
         'crust_cover': number(
-            0.0, 'Share of the surface of lava at rest that a crust covers; 0: no crust', 0.0, 1.0
+            0.0, 'Fraction of the surface of lava at rest under a crust; 0: no crust', 0.0, 1.0
         ),
         'crust_cover_decay': number(
-            0.0, 'Rate at which that share falls with the speed of the lava', 0.0, 1e3, 's/m'
+            0.0, 'Rate at which that fraction falls with the speed of the lava', 0.0, 1e3, 's/m'
         ),
         'crust_temperature': number(
             773.15, 'Temperature of the surface of that crust', 1.0, 5000.0, 'K'

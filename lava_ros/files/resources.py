@@ -34,24 +34,27 @@ def share_path(relative: str) -> Path:
     for candidate in candidates:
         if candidate.exists():
             return candidate
-    right = f'a file of {PACKAGE}; looked for {_listed(candidates)}'
-    raise LavaError('share path', relative, right)
+    expected = f'a file of {PACKAGE}; looked for {_listed(candidates)}'
+    raise LavaError('share path', relative, expected)
 
 
 def find_file(name: str | Path, folder: str, *, field: str, expected: str) -> Path:
     """Find a file by its path, or else by its name in a folder of this package.
 
     Args:
-        name: The path, or the name.
-        folder: The folder of this package, such as ``msg_configs``.
-        field: What an error calls it.
-        expected: What would be right, as an error says it.
+        name: Path or file name.
+        folder: Folder of this package, such as ``msg_configs``.
+        field: Name of the field in an error.
+        expected: Description of a valid value in an error.
+
+    Returns:
+        Path of the file.
 
     Raises:
-        LavaError: There is no such file; lists where it was looked for.
+        LavaError: If there is no such file. The error lists the places that were searched.
     """
     path = Path(name)
-    # a name alone: no path may lead out of the folder
+    # only a bare name is searched in the folder: a path could lead out of it
     own = _candidates(f'{folder}/{name}') if path.name == str(name) else []
     for candidate in (path, *own):
         if os.path.lexists(candidate):

@@ -65,10 +65,10 @@ MOST = 1e12
 #: Widest margin around lava [m].
 MAX_MARGIN = 1000.0
 
-#: Largest ``min_cells``: as many as a grid may have on a side.
+#: Maximum ``min_cells``: the maximum number of rows or columns of a grid.
 MAX_MIN_CELLS = 32767
 
-#: Shortest and longest time between two messages of a layer with a heartbeat [s].
+#: Minimum and maximum heartbeat of a layer [s].
 MIN_HEARTBEAT, MAX_HEARTBEAT = 1.0, 3600.0
 
 #: Most classes of a layer.
@@ -80,7 +80,15 @@ _TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
 def find_config(name: str, *, field: str) -> Path:
     """Find a file of layers by its path, or by its name in msg_configs/.
 
-    LavaError where there is none; an error calls it ``field``.
+    Args:
+        name: Path or file name.
+        field: Name of the field in an error.
+
+    Returns:
+        Path of the file.
+
+    Raises:
+        LavaError: If there is no such file.
     """
     return find_file(name, 'msg_configs', field=field, expected='a readable YAML file')
 
@@ -182,7 +190,7 @@ def _layer(name: str, value: object) -> Layer:
         'heartbeat': _heartbeat(entry),
     }
     if source in (*FORECAST_SOURCES, *ENSEMBLE_SOURCES):
-        entry.refuse(['heartbeat'], 'absent: a forecast is withdrawn and never repeated')
+        entry.refuse(['heartbeat'], 'absent: forecasts are withdrawn, never repeated')
     if message == OCCUPANCY_GRID:
         result |= _scaling(entry, plain_source(source))
     else:
@@ -246,8 +254,8 @@ def _scale(entry: _Entry, quantity: str) -> tuple[int, int]:
 def _heartbeat(entry: _Entry) -> float:
     heartbeat: float = entry.read('heartbeat', number, 0.0, at_least=0.0, unit='s')
     if heartbeat and not MIN_HEARTBEAT <= heartbeat <= MAX_HEARTBEAT:
-        right = f'0 s for none, or {MIN_HEARTBEAT:g} to {MAX_HEARTBEAT:g} s'
-        raise entry.error('heartbeat', right)
+        expected = f'0 s for none, or {MIN_HEARTBEAT:g} to {MAX_HEARTBEAT:g} s'
+        raise entry.error('heartbeat', expected)
     return heartbeat
 
 

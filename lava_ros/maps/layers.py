@@ -72,8 +72,8 @@ ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)
 #: The source of messages that show several quantities side by side.
 LAVA = 'lava'
 
-#: Time after which a publisher with a heartbeat counts as lost, in heartbeats.
-LOST_AFTER = 2
+#: QoS deadline and liveliness lease of a layer with a heartbeat, in heartbeats.
+DEADLINE_HEARTBEATS = 2
 
 #: Where classes of depth end that people can picture: a knee, somebody's height, a roof [m].
 DEPTHS = (0.5, 2.0, 5.0)
@@ -124,13 +124,13 @@ class Layer:
         classes: Values at which one class of a quantity ends and the next begins, increasing: a
             cell is 100 k / n in the k-th of n classes, the last one the worst, for an arrival the
             soonest; None for a scale or a mask.
-        margin: Clearance [m]: a cell that has a point nearer than this to a cell with lava counts
-            as the mildest lava, or, with a step, as one at or above it.
+        margin: Clearance [m]. A cell without lava that has a point nearer than this to a cell with
+            lava gets the first value of ``scale``, or 100 with a step.
         threshold: Thickness below which a cell counts as dry [m].
         outside: Grid value outside the terrain.
         min_cells: Minimum number of columns and of rows of the message. A smaller grid is
             surrounded by cells of -1.
-        heartbeat: Wall time after which the newest message is published again when nothing has
+        heartbeat: Wall time after which the newest message is published again if nothing has
             changed [s]; 0: never.
         enabled: Whether the layer is published at all.
         rate: Messages per second [Hz], at most.
@@ -166,15 +166,15 @@ class Layer:
 
     @property
     def offered_qos(self) -> QosProfile:
-        """Delivery as the publisher offers it: a heartbeat is promised by two durations."""
+        """QoS of the publisher: with a heartbeat, also a deadline and a liveliness lease."""
         if not self.heartbeat:
             return self.qos
-        lost_ns = round(LOST_AFTER * self.heartbeat * 1e9)
-        return replace(self.qos, deadline=lost_ns, liveliness_lease_duration=lost_ns)
+        deadline_ns = round(DEADLINE_HEARTBEATS * self.heartbeat * 1e9)
+        return replace(self.qos, deadline=deadline_ns, liveliness_lease_duration=deadline_ns)
 
     @property
     def is_keepout(self) -> bool:
-        """Whether it is a mask of cells that a robot must not enter."""
+        """True if the layer is a mask of cells that a robot must not enter."""
         return self.is_mask and self.step is not None
 
     @property
@@ -333,7 +333,7 @@ def within(marked: np.ndarray, distance: float) -> np.ndarray:
         distance: Distance between the nearest edges of two cells [cells].
 
     Returns:
-        The cells marked before and now, bool, same shape.
+        Marked cells and all cells near them, bool, same shape.
     """
     result = marked.copy()
     if distance <= 0.0 or not marked.any():
@@ -348,7 +348,7 @@ def within(marked: np.ndarray, distance: float) -> np.ndarray:
     columns = np.arange(part.shape[1], dtype=np.int32)
     before = np.maximum.accumulate(np.where(part, columns, -far), axis=1)
     after = np.minimum.accumulate(np.where(part, columns, far)[:, ::-1], axis=1)[:, ::-1]
-    # Cells between this one and the nearest marked one of the same row.
+    # Number of cells between each cell and the nearest marked cell of its row.
     gap = np.maximum(np.minimum(columns - before, after - columns) - 1, 0)
     for step in range(min(reach, part.shape[0] - 1) + 1):
         near = gap < math.sqrt(distance**2 - max(step - 1, 0) ** 2)

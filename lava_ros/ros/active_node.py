@@ -54,7 +54,7 @@ HEARTBEAT = 1.0
 class ActiveNode:
     """A configured node: it takes inputs and, while ``is_active``, lets time pass and publishes.
 
-    ``failure`` is why the node cannot resume and has to end, None as long as it has not.
+    ``failure`` is the error because of which the node cannot resume and has to end, else None.
     """
 
     def __init__(
@@ -194,11 +194,15 @@ class ActiveNode:
         return self._worker.stop(0.0)
 
     def check(self, settings: Settings) -> None:
-        """Refuse settings by LavaError: a bag where none may be written, effects too often."""
+        """Check settings before they are used.
+
+        Raises:
+            LavaError: If a bag may not be written there, or effects are changed too often.
+        """
         # what has come in the way of a name since is no reason to refuse all else
         if settings.bag_directory != self._settings.bag_directory:
             self._bag_folder.path(settings.bag_directory)
-        if _chosen(settings) != _chosen(self._settings):
+        if _effect_settings(settings) != _effect_settings(self._settings):
             self._allowance.take('effects')
 
     def apply(self, new: Settings) -> None:
@@ -209,7 +213,7 @@ class ActiveNode:
             value = getattr(new, name)
             if value != getattr(old, name):
                 command(name, self._worker.set(name, value))
-        if _chosen(new) != _chosen(old):
+        if _effect_settings(new) != _effect_settings(old):
             command('effects', self._worker.set_effects(new.forced, horizon=new.horizon))
         if new.constants != old.constants:
             command('lava', self._worker.set_constants(new.constants))
@@ -260,10 +264,10 @@ class ActiveNode:
         """
         if self._worker.latest is None:
             raise LavaError('save', 'no simulation yet', 'a terrain')
-        most = self._settings.max_saved_bytes
-        if self._saved_bytes >= most:
-            right = f'less than {most} (max_saved_bytes)'
-            error = LavaError('save', f'{self._saved_bytes} bytes saved so far', right)
+        maximum = self._settings.max_saved_bytes
+        if self._saved_bytes >= maximum:
+            expected = f'less than {maximum} (max_saved_bytes)'
+            error = LavaError('save', f'{self._saved_bytes} bytes saved so far', expected)
             self._allowance.refuse('save', error)
         is_own, before = not self._recorder.is_recording, self._recorder.size
         if is_own:
@@ -402,6 +406,6 @@ class ActiveNode:
             self._node.get_logger().warning(f'no checkpoint: {reason}')
 
 
-def _chosen(settings: Settings) -> tuple[Mapping[str, bool], float]:
-    """What the choice of effects goes by."""
+def _effect_settings(settings: Settings) -> tuple[Mapping[str, bool], float]:
+    """Return the settings that the choice of effects depends on."""
     return settings.forced, settings.horizon

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How often others in the graph may ask for what costs a simulation time, or a disk space."""
+"""Rate limits of requests from the graph that delay the simulation or use disk space."""
 
 from collections.abc import Callable
 import time
@@ -22,14 +22,14 @@ from lava_ros.errors import LavaError
 
 
 class Limit(NamedTuple):
-    """How often something may come: ``calls`` at once, and one more each ``period`` [s]."""
+    """A rate limit: ``calls`` requests at once, and one more each ``period`` [s]."""
 
     calls: int
     period: float
 
 
-#: What is limited, by the name of its service or parameters. A start and a choice of effects hold
-#: the simulation up, for they may compile; bags take space.
+#: Limits by the name of the service or of the group of parameters. A reset and a choice of effects
+#: may compile and so delay the simulation; bags use disk space.
 LIMITS = {
     'reset': Limit(5, 2.0),
     'effects': Limit(5, 2.0),
@@ -39,17 +39,17 @@ LIMITS = {
 
 
 class Allowance:
-    """Counts what is asked for, and refuses what comes too often."""
+    """Counts requests and refuses those beyond ``LIMITS``."""
 
     def __init__(
         self,
         refused: Callable[[str, LavaError], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Start with all that is allowed at once.
+        """Allow the full number of calls of each limit.
 
         Args:
-            refused: Takes the name and the error of what is refused.
+            refused: Called with the name and the error of each refused request.
             clock: Returns wall time [s].
         """
         self._refused = refused
@@ -57,7 +57,14 @@ class Allowance:
         self._left = {name: (float(limit.calls), clock()) for name, limit in LIMITS.items()}
 
     def take(self, name: str) -> None:
-        """Count something of a name of ``LIMITS``; LavaError where that is too often."""
+        """Count a request.
+
+        Args:
+            name: Key of ``LIMITS``.
+
+        Raises:
+            LavaError: If such requests come too often.
+        """
         calls, period = LIMITS[name]
         left, counted = self._left[name]
         now = self._clock()
@@ -65,10 +72,10 @@ class Allowance:
         is_allowed = left >= 1.0
         self._left[name] = left - is_allowed, now
         if not is_allowed:
-            right = f'at most {calls} at once and one more each {period:g} s; try again later'
-            self.refuse(name, LavaError(name, 'too often', right))
+            expected = f'at most {calls} at once and one more each {period:g} s; try again later'
+            self.refuse(name, LavaError(name, 'too often', expected))
 
     def refuse(self, name: str, error: LavaError) -> None:
-        """Report the error of what is refused, and raise it."""
+        """Report the error of a refused request, and raise it."""
         self._refused(name, error)
         raise error

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Arguments for ROS on a command line: what is wrong with them is said in one sentence."""
+"""ROS arguments of a command line, and errors of one sentence for those that are wrong."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -28,22 +28,22 @@ from rclpy.utilities import remove_ros_args
 from lava_ros import validation
 from lava_ros.errors import LavaError
 
-#: Largest domain that has ports.
+#: Maximum domain ID for which there are UDP ports.
 MAX_DOMAIN = 232
 
-#: What would be right behind a flag, by what rcl calls its value.
-_RIGHT = {
+#: Descriptions of valid values of a flag, by rcl's name of the value.
+_EXPECTED = {
     'params file': 'a file of parameters, NODE: {ros__parameters: {NAME: VALUE}}',
     'parameter override rule': "NAME:=VALUE; an empty text is written NAME:=\"''\"",
     'remap rule': 'FROM:=TO, __ns:=/NAMESPACE or __node:=NAME, of letters, digits and _',
     'log level': 'debug, info, warn, error or fatal, or one of them as LOGGER:=LEVEL',
 }
 
-#: How rcl puts an argument that it cannot read, and a flag with nothing behind it.
+#: Errors of rcl for an argument that it cannot read, and for a flag without a value.
 _REFUSED = re.compile(r"Couldn't parse ([a-z ]+): '(-\S+) (.*)'\. Error: (.*)")
 _TRAILING = re.compile(r"Couldn't parse trailing .*?(-[\w-]+)")
 
-#: Where in its own source rcl has met an error.
+#: Position in rcl's source code at the end of an error.
 _PLACE = re.compile(r', at \S+:\d+')
 
 
@@ -51,17 +51,17 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
     """Initialise rclpy without its signal handlers.
 
     Args:
-        args: Arguments for ROS, ``--ros-args`` and what follows; None: those of the process.
-        **options: As for ``rclpy.init``.
+        args: ROS arguments, beginning with ``--ros-args``; None: those of the process.
+        **options: Further arguments of ``rclpy.init``.
 
     Raises:
-        LavaError: An argument, or a variable of the environment, cannot be used.
+        LavaError: If an argument or an environment variable is not valid.
     """
     words = None if args is None else list(args)
     domain = os.environ.get('ROS_DOMAIN_ID', '')
     if domain:
         number = int(domain) if domain.isdecimal() else domain
-        # Fast DDS ends the process where there is no port for a domain
+        # Fast DDS ends the process if there is no port for a domain
         validation.whole('ROS_DOMAIN_ID', number, at_least=0, at_most=MAX_DOMAIN)
     try:
         with _rcl_is_quiet():
@@ -71,16 +71,23 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
 
 
 def check_words(args: Sequence[str]) -> None:
-    """Refuse words that are not for ROS by LavaError; ``args`` has no name of a program."""
+    """Check that there are no arguments other than those for ROS.
+
+    Args:
+        args: Arguments without the name of the program.
+
+    Raises:
+        LavaError: If there is another argument.
+    """
     rest = remove_ros_args(['lava_node', *args])[1:]
     if rest:
-        right = '--ros-args and what follows it; lava node --help says more'
-        raise LavaError('an argument', rest[0], right)
+        expected = '--ros-args and its arguments (lava node --help)'
+        raise LavaError('an argument', rest[0], expected)
 
 
 @contextmanager
 def _rcl_is_quiet() -> Iterator[None]:
-    """Have rcl log nothing of an error that is raised as well."""
+    """Keep rcl from logging an error that is raised as well."""
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
         yield
@@ -89,15 +96,15 @@ def _rcl_is_quiet() -> Iterator[None]:
 
 
 def _refusal(error: RuntimeError) -> LavaError:
-    """What rclpy says of arguments that it cannot use, as an error of this package."""
+    """Convert an error of rclpy about its arguments to a LavaError."""
     text = _PLACE.sub('', str(error)).removeprefix('failed to initialize rcl: ')
     if type(error).__name__ == 'UnknownROSArgsError':
-        return LavaError('--ros-args', text.strip("[]'"), 'flags of ROS, such as -p or -r')
+        return LavaError('--ros-args', text.strip("[]'"), 'ROS flags, such as -p or -r')
     if match := _TRAILING.match(text):
-        return LavaError(match[1], None, 'a value behind it')
+        return LavaError(match[1], None, 'a value after it')
     if match := _REFUSED.match(text):
-        what, flag, value, reason = match.groups()
-        # rcl names its lexemes by number, which says nothing to anybody
+        kind, flag, value, reason = match.groups()
+        # rcl prints the numbers of its lexemes, which are of no use to a user
         is_clear = not re.search('lexeme|not set|token', reason)
-        return LavaError(flag, value, _RIGHT.get(what, what) + f' ({reason})' * is_clear)
+        return LavaError(flag, value, _EXPECTED.get(kind, kind) + f' ({reason})' * is_clear)
     return LavaError('ROS', text, 'arguments and an environment that ROS can use')

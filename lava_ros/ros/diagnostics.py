@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the node says about itself, on /diagnostics and in its log."""
+"""Diagnostics of the node: messages for /diagnostics, and its log."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -55,8 +55,8 @@ def simulation_status(
 ) -> DiagnosticStatus:
     """The status of the simulation.
 
-    ``snapshot`` was published last, with maps of the stamp ``frame_stamp_ns`` [ns]; ``resolution``
-    says how well particles resolve the flow, and ``clock`` what is wrong with the clock
+    ``snapshot`` was published last, with maps of the stamp ``frame_stamp_ns`` [ns]. ``resolution``
+    describes how well particles resolve the flow. ``clock`` has the warnings about the clock
     (``ClockWatch.look``).
     """
     state = worker.state
@@ -241,18 +241,18 @@ def status(
 #: Wall time in which a simulated clock has to move [s]; a replay may take a while to begin.
 PATIENCE = 5.0
 
-#: Wall time for which a jump of the clock, or time that was lost, is told [s].
-TOLD = 10.0
+#: Wall time for which a warning about a jump of the clock, or about lost time, remains [s].
+WARNING_TIME = 10.0
 
-#: Least time of the clock whose loss is told [s]: less is lost when a simulation is paused.
+#: Minimum lost time of the clock that causes a warning [s]: a pause loses less.
 MIN_LOST = 1.0
 
 
 class ClockWatch:
-    """Looks from time to time at the clock, and at how simulated time follows it."""
+    """Checks at intervals whether the clock moves and whether simulated time follows it."""
 
     def __init__(self) -> None:
-        """Begin without a look."""
+        """Create a watch that has not read the clock yet."""
         self._seen: tuple[int, float] | None = None
         self._jumps, self._jumped = 0, -math.inf
         self._lost, self._losing = 0.0, -math.inf
@@ -260,19 +260,23 @@ class ClockWatch:
     def look(
         self, stamp_ns: int, now: float, worker: WorkerStatus, *, is_simulated: bool
     ) -> dict[str, str]:
-        """Describe by kind why simulated time does not follow the clock; empty where it does.
+        """Return warnings about the clock.
 
         Args:
             stamp_ns: Time of the clock [ns], 0 before it is received.
             now: Wall time [s].
-            worker: What follows the clock.
-            is_simulated: Whether the clock is that of the topic ``/clock``.
+            worker: Status of the simulation that follows the clock.
+            is_simulated: Whether the time comes from the topic ``/clock``.
+
+        Returns:
+            Reasons why simulated time does not follow the clock, by kind: ``clock``, ``ahead``,
+            ``back`` or ``lost``. Empty if it follows.
         """
         if self._seen is None or self._seen[0] != stamp_ns:
             self._seen = stamp_ns, now
         if worker.jumps != self._jumps:
             self._jumped = now if worker.jumps else -math.inf
-            # a jump is told as one, and not as lost time as well
+            # the time lost by a jump causes no second warning
             self._jumps, self._lost = worker.jumps, worker.lost
         elif abs(worker.lost - self._lost) >= MIN_LOST:
             self._losing = now if worker.lost else -math.inf
@@ -284,13 +288,13 @@ class ClockWatch:
                 f'/clock {what}, so simulated time stands still: publish it, as `lava replay` and '
                 '`ros2 bag play --clock` do, or set use_sim_time to false'
             )
-        if now - self._jumped < TOLD:
+        if now - self._jumped < WARNING_TIME:
             where = 'ahead' if worker.jump > 0.0 else 'back'
             texts[where] = (
                 f'the clock jumped {where} by {abs(worker.jump):.6g} s and simulated time did '
                 f'not: it follows steps of up to {MAX_LAG:g} s ahead'
             )
-        if now - self._losing < TOLD:
+        if now - self._losing < WARNING_TIME:
             texts['lost'] = (
                 f'simulated time has lost {worker.lost:.4g} s of the clock: it can be at most '
                 f'{MAX_LAG:g} s behind; a lower time_scale or a coarser preset loses less'
@@ -309,7 +313,7 @@ class NodeLog:
     def scene(self, session: Eruption, snapshot: Snapshot | None) -> None:
         """Log changes of terrain, vents and effects, as of the newest snapshot.
 
-        Noise of an input (``Eruption.changes``) is not logged.
+        Changes within the noise of a sensor (``Eruption.changes``) are not logged.
         """
         scene = session.scene
         if scene is None or self._told.get('changes') == session.changes:
@@ -336,7 +340,7 @@ class NodeLog:
         *,
         is_paused: bool,
     ) -> None:
-        """Log changes of the simulation's state, and what is wrong with its clock, if anything."""
+        """Log changes of the simulation's state, and warnings about its clock."""
         state = worker.state
         text = f'simulation {state.value}'
         if state is WorkerState.FAILED:
@@ -349,7 +353,7 @@ class NodeLog:
         if resolution is not None:
             severity = 'warning' if resolution.is_coarse else 'info'
             self._tell('resolution', resolution.text(), resolution.text, severity)
-        # how long it has been so is part of the text
+        # the text contains a duration, so only the kind is compared
         for kind in ('clock', 'ahead', 'back', 'lost'):
             self._tell(kind, kind in clock, partial(str, clock.get(kind, '')), 'warning')
         self._tell('hold-up', bool(worker.hold_up), lambda: worker.hold_up, 'warning')

@@ -12,25 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The clock that simulated time follows: its steps, and what of it is not followed."""
+"""The clock that simulated time follows: its steps, its jumps and the time lost."""
 
 from collections.abc import Callable
 import time
 
-#: Longest step of a clock that is followed [s of the clock], and the most that simulated time may
-#: be behind: a coarse /clock makes steps of seconds, and a replay that skips hours makes a jump.
+#: Maximum step of a clock that is followed, and maximum lag of simulated time [s of the clock]. A
+#: coarse /clock makes steps of seconds; a replay that skips hours makes a jump.
 MAX_LAG = 60.0
 
-#: A clock that goes back by less than this has not jumped: it is waited for [s].
+#: Backward step below which a clock has not jumped [s]: simulated time waits for it.
 JITTER = 1.0
 
 
 class FollowedClock:
-    """Measures how far a clock has advanced from one look to the next.
+    """Measures how far a clock has advanced from one reading to the next.
 
     A clock that goes back, or ahead by more than ``MAX_LAG`` at once, has jumped. A jump is
     counted and not followed. A clock that shows 0 has no time yet, as in ROS, and its first time
-    is no jump.
+    is not a jump.
 
     Attributes:
         step: The newest advance of the clock [s].
@@ -40,19 +40,19 @@ class FollowedClock:
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        """Take the clock, whose time is in seconds; ``start`` begins to follow it."""
+        """Initialize from a function that returns the time [s]; ``start`` begins to follow it."""
         self._clock = clock
         self._now = self._looked = 0.0
         self.step = self.jump = self.lost = 0.0
         self.jumps = 0
 
     def start(self) -> None:
-        """Follow the clock from its present time on."""
+        """Follow the clock, beginning at its current time."""
         self._now, self._looked = self._clock(), time.monotonic()
         self.step = 0.0
 
     def elapse(self) -> float:
-        """Return the time to follow since the last look [s], 0 at a jump."""
+        """Return the advance of the clock since the last reading [s], 0 at a jump."""
         before, looked = self._now, self._looked
         now, self._looked = self._clock(), time.monotonic()
         elapsed = now - before
@@ -61,7 +61,7 @@ class FollowedClock:
         self._now = now
         if not before:
             return 0.0
-        # A thread that was busy for long finds a steady clock far ahead.
+        # After a long computation a steady clock is far ahead, which is not a jump.
         if 0.0 < elapsed <= MAX_LAG + self._looked - looked:
             self.step = elapsed
             return elapsed

@@ -210,7 +210,7 @@ class InputTopics:
         future.add_done_callback(report)
 
     def refuse(self, topic: str, error: LavaError) -> None:
-        """Report what was refused and stays at a warning: nothing better can be expected."""
+        """Report a refused input as a warning, because no later input would end an error."""
         self._reject(topic, error)
         self.log.forgive(topic)
 

@@ -40,7 +40,7 @@ from lava_ros.ros.sources import adopted, load_sources, Sources
 from lava_ros.ros.spinning import Entities, spin
 from lava_ros.scene import constants_of
 
-#: Exit status for arguments and parameters that cannot be used, as for other commands.
+#: Exit status for invalid arguments and parameters, as of the other commands.
 USAGE_ERROR = 2
 
 # The parameters that are there before the node is configured; those of lava follow a scene.
@@ -56,15 +56,20 @@ class LavaNode(LifecycleNode):
     deactivate   holds time; inputs are still taken and diagnostics told
     cleanup      finishes the bag, ends the simulation and leaves the graph
 
-    A transition that is refused leaves the node where it was and says why in the log. One that
-    ends in an error nobody expected leaves it unconfigured. ``refusal`` says why one went wrong,
-    ``has_failed`` whether there was such an error.
+    A transition that is refused leaves the node where it was, and the log contains the reason. A
+    transition that ends in an unexpected error leaves it unconfigured. ``refusal`` is the reason
+    why a transition was not made; ``has_failed`` is True after an unexpected error.
     """
 
     def __init__(self, *, typed: Collection[str] = (), **options: Any) -> None:
-        """Declare the parameters; LavaError where one of the lifecycle has a wrong type.
+        """Declare the parameters.
 
-        ``typed`` are the names that a command line sets for this node.
+        Args:
+            typed: Names of the parameters that the command line sets for this node.
+            **options: Further arguments of ``LifecycleNode``.
+
+        Raises:
+            LavaError: If a parameter of the lifecycle has a wrong type.
         """
         super().__init__('lava', **options)
         self._active: ActiveNode | None = None
@@ -88,7 +93,7 @@ class LavaNode(LifecycleNode):
 
     @property
     def failure(self) -> BaseException | None:
-        """Why the node has to end, None as long as it has not."""
+        """Error because of which the node has to end, None without one."""
         return self._active.failure if self._active is not None else None
 
     def autostart(self) -> bool:
@@ -153,7 +158,7 @@ class LavaNode(LifecycleNode):
             action()
         except LavaError as error:
             self.refusal = str(error)
-            # at the start it is all that is said
+            # at the start main() prints the reason
             if not self._is_starting:
                 self.get_logger().error(f'cannot {name}: {self.refusal}')
             return TransitionCallbackReturn.FAILURE
@@ -169,7 +174,7 @@ class LavaNode(LifecycleNode):
         if not self.close():
             right = 'ended; configure again in a while'
             raise LavaError('simulation', 'still in the last step before cleanup', right)
-        # what this process itself has recorded is finished
+        # a later configure starts from the scene: the bags of this process are finished
         sources = load_sources(self, may_restart=self._constants is None)
         settings = self._declare_parameters(sources)
         entities = Entities(self)
@@ -276,8 +281,8 @@ def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM.
 
     Returns:
-        The exit status: 0, 2 for arguments and parameters that cannot be used, or 1 when the node
-        cannot start or resume for another reason.
+        Exit status: 0; 2 if arguments or parameters are not valid; 1 if the node cannot start or
+        resume for another reason.
     """
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):

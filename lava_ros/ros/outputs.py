@@ -66,7 +66,7 @@ def layer_message(
 
 
 def _extend(values: np.ndarray, added: Sequence[int], info: MapMetaData) -> np.ndarray:
-    """Surround a grid by so many rows and columns of -1 in all, and describe it so."""
+    """Surround a grid by ``added`` rows and columns of -1 in total, and update ``info``."""
     before = [count // 2 for count in added]
     origin = info.origin.position
     origin.y, origin.x = (
@@ -96,7 +96,7 @@ def relief_message(terrain: Terrain, *, frame_id: str, stamp_ns: int) -> Occupan
     return codec.occupancy_grid(_shade(terrain), info, codec.header(frame_id, stamp_ns))
 
 
-# a second for 25 million cells, and a bag repeats what is published
+# cached: 25 million cells take a second, and publisher and bag need the same cells
 @lru_cache(maxsize=1)
 def _shade(terrain: Terrain) -> np.ndarray:
     """Compute the cells of a relief, int8, shape [rows, columns]."""
@@ -134,16 +134,16 @@ def vents_message(
     return codec.point_cloud(columns, codec.header(frame_id, stamp_ns))
 
 
-#: Namespaces of the markers: the places where lava comes out, what is written beside them, and
-#: lines from the plane of the maps to the ground.
+#: Namespaces of the markers: vents, their labels, and lines from the plane of the maps to the
+#: ground.
 PLACES, LABELS, ELEVATIONS = 'vents', 'vent labels', 'vent elevations'
 
-#: Colours of a vent that gives lava, one that gives none, and what is written [RGBA]. Opaque, as
-#: RViz draws a translucent map over a translucent marker.
+#: Colours of a vent that emits lava, of one that does not, and of labels [RGBA]. They are opaque
+#: because RViz draws a translucent map over a translucent marker.
 OPEN, CLOSED, WORDS = (1.0, 0.35, 0.0, 1.0), (0.4, 0.65, 1.0, 1.0), (1.0, 1.0, 1.0, 1.0)
 
-#: Height of the letters over the terrain's shorter side, and the thickness of a vent's disc over
-#: its width, but at most so much [m].
+#: Height of the letters as a fraction of the terrain's shorter side; thickness of a vent's disc as
+#: a fraction of its width, and its maximum [m].
 LETTERS, THICKNESS, MAX_THICKNESS = 0.028, 0.1, 1.0
 
 
@@ -153,9 +153,9 @@ def vent_markers(
     """Make markers of the vents, as they are at ``time``, simulated [s].
 
     Viewers draw grids at z = 0, and RViz looks down from z = 500 m: a vent at the elevation of a
-    mountain would be away from its lava in the picture, or not in it. So the markers lie on the
-    maps, and a line from there to the ground shows the elevation. A vent that is narrower than the
-    letters is drawn as wide as they are high.
+    mountain would be drawn away from its lava, or not at all. The markers are therefore at z = 0,
+    and a line from there to the ground shows the elevation. The minimum width of a marker is the
+    height of the letters.
 
     Returns:
         A marker that deletes the earlier ones, then for each vent its disc, or the line of a
@@ -200,13 +200,13 @@ def vent_markers(
 
 
 class SceneMessages:
-    """Makes the messages that show a scene, each when what it shows has changed.
+    """Makes the messages that show a scene, each only when its content has changed.
 
     The node publishes these messages, and every bag contains them.
     """
 
     def __init__(self, frame_id: str) -> None:
-        """Begin with nothing made."""
+        """Initialize without any messages made."""
         self._frame_id = frame_id
         self.forget()
 
@@ -218,18 +218,18 @@ class SceneMessages:
     def update(
         self, scene: Scene, time: float, stamp_ns: int, *, ground: Terrain | None = None
     ) -> dict[str, Any]:
-        """Make the messages that are not as in the last call.
+        """Make the messages that have changed since the last call.
 
         Args:
             scene: The scene.
             time: Simulated time for which the vents are shown [s].
             stamp_ns: ROS time of the messages [ns].
-            ground: The terrain under the flow that is shown, by default that of the scene.
+            ground: Terrain under the flow that is shown, by default that of the scene.
 
         Returns:
             Messages by topic: ``terrain``, ``terrain_info`` and ``relief`` for new ground,
-            ``vents`` and ``vents_markers`` for new ground or changed vents. Those that the node
-            also takes come first.
+            ``vents`` and ``vents_markers`` for new ground or changed vents. Topics to which the
+            node also subscribes come first.
         """
         options: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
         ground = scene.terrain if ground is None else ground

@@ -75,7 +75,7 @@ class ParameterSpec:
 
     @property
     def range_text(self) -> str:
-        """The range of a number: ``0 to 100``, empty without one."""
+        """Range of a number as text, such as ``0 to 100``; empty without a range."""
         style = '.12g' if isinstance(self.default, float) else '.0f'
         return ' to '.join(format(limit, style) for limit in self.limits or ())
 
@@ -142,7 +142,7 @@ SOURCES = (
     _FixedSpec(
         'resume',
         '',
-        'Bag to go on from its newest checkpoint, which has the scene; empty: start anew',
+        'Bag to resume from its newest checkpoint, which has the scene; empty: start at time 0',
     ),
 )
 
@@ -170,23 +170,25 @@ class Settings:
         '', 'cpu, cuda:0, ...; empty: the first GPU, else the CPU', read_only=True
     )
     msg_config: str = _fixed(
-        'default.yaml', 'How layers become messages: a path, or the name of a file in msg_configs/'
+        'default.yaml', 'File of the layers (YAML): a path, or the name of a file in msg_configs/'
     )
     layers_on: tuple[str, ...] = _fixed(
-        [''], 'Layers of msg_config that are published whatever it says, such as lava_points'
+        [''], 'Layers of msg_config to publish even if disabled there, such as lava_points'
     )
     layers_off: tuple[str, ...] = _fixed(
-        [''], 'Layers of msg_config that are not published whatever it says'
+        [''], 'Layers of msg_config not to publish even if enabled there'
     )
     mask_margin: float | None = _optional(
         0.0,
         'Clearance of the robot [m]: the margin of keepout masks (layers with step); '
-        '0: as msg_config says',
+        '0: the margin in msg_config',
         (0.0, MAX_MARGIN),
         read_only=True,
     )
     frame_id: str = _fixed('map', 'Frame of every message in and out (ENU)')
-    time_scale: float = _parameter(1.0, 'Simulated time per time of the clock [s/s]', (1e-3, 1e6))
+    time_scale: float = _parameter(
+        1.0, 'Simulated seconds per second of the clock [s/s]', (1e-3, 1e6)
+    )
     end_time: float | None = _optional(
         0.0, 'Simulated time [s] at which to stop; 0: never', (0.0, 1e10)
     )
@@ -197,29 +199,29 @@ class Settings:
     )
     spacing: float | None = _optional(
         0.0,
-        'Distance between particles [m], from the next start or reset on; 0: as the preset has it',
+        'Distance between particles [m], from the next start or reset on; 0: that of the preset',
         (0.0, 1e4),
     )
     effects_on: tuple[str, ...] = _parameter(
         [''],
-        f'Effects that are on whatever the scene says; known: {", ".join(EFFECTS)}',
+        f'Effects that are on regardless of the scene; known: {", ".join(EFFECTS)}',
         choices=tuple(EFFECTS),
     )
     effects_off: tuple[str, ...] = _parameter(
-        [''], 'Effects that are off whatever the scene says', choices=tuple(EFFECTS)
+        [''], 'Effects that are off regardless of the scene', choices=tuple(EFFECTS)
     )
     horizon: float = _hours(
-        HORIZON / 3600.0, 'How far ahead the choice of effects looks [h]', (1e-3, 1e5)
+        HORIZON / 3600.0, 'Time ahead for which effects are chosen [h]', (1e-3, 1e5)
     )
     forecast_horizon: float = _hours(
         0.0,
-        'How far ahead forecasts look, made again and again beside the simulation [h]; 0: none',
+        'Horizon of the forecasts, computed repeatedly while the simulation runs [h]; 0: none',
         (0.0, 1e5),
         read_only=True,
     )
     forecast_config: str = _fixed(
         'forecast.yaml',
-        'How forecasts become messages: a path, or the name of a file in msg_configs/',
+        'File of the layers of forecasts (YAML): a path, or the name of a file in msg_configs/',
     )
     forecast_max_age: float = _parameter(
         0.0,
@@ -229,26 +231,26 @@ class Settings:
     )
     forecast_share: float = _parameter(
         1.0,
-        'Largest share of the time that the device computes forecasts; less while the simulation '
-        'falls behind the clock [s/s]',
+        'Maximum fraction of the time in which the device computes forecasts; less while the '
+        'simulation falls behind the clock [s/s]',
         (0.01, 1.0),
     )
     ensemble_members: int = _fixed(
         0,
-        'Members of the ensembles that are made beside forecasts; they differ in what the scene '
-        'says is uncertain; 0: no ensembles',
+        'Number of members of the ensembles computed in addition to forecasts; they differ in the '
+        'uncertain inputs of the scene; 0: no ensembles',
         (0, 100_000),
     )
     deadline: float = _parameter(
         0.0,
-        'Wall time in which a forecast and its ensemble are to be there [s]: members that would '
-        'be late are left out, and each start and reset takes the spacing that goes with it; '
-        '0: any',
+        'Wall time within which a forecast and its ensemble have to be ready [s]: members that '
+        'would be late are left out, and each start and reset chooses the spacing accordingly; '
+        '0: no deadline',
         (0.0, 1e6),
     )
     clicked_point_enabled: bool = _fixed(
         True,
-        'Subscribe to clicked_point, whose points open vents; false: a click in RViz opens none',
+        'Subscribe to clicked_point, whose points open vents; false: clicks in RViz open no vents',
     )
     default_discharge: float = _parameter(
         10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
@@ -267,22 +269,28 @@ class Settings:
     terrain_offset: float = _parameter(0.0, 'Height added to terrain images [m]', (-1e6, 1e6))
     terrain_allow_holes: bool = _parameter(
         False,
-        'Take terrain with cells without data (NaN): lava that reaches them leaves the domain',
+        'Accept terrain with cells without data (NaN): lava that reaches them leaves the domain',
     )
     terrain_cloud_resolution: float = _parameter(
-        10.0, 'Side of the cells a terrain cloud is rasterised to [m]', (1e-3, 1e4)
+        10.0, 'Cell size to which a terrain cloud is rasterised [m]', (1e-3, 1e4)
     )
-    max_terrain_cells: int = _parameter(25_000_000, 'Most cells of a terrain', (4, 2**30))
-    max_vents: int = _parameter(1000, 'Most vents there may be', (0, 100_000))
+    max_terrain_cells: int = _parameter(
+        25_000_000, 'Maximum number of cells of a terrain', (4, 2**30)
+    )
+    max_vents: int = _parameter(1000, 'Maximum number of vents', (0, 100_000))
     max_particles: int = _parameter(
         MAX_PARTICLES,
-        'Most particles of the simulation, each with up to 0.8 kB of memory; beyond it stops',
+        'Maximum number of particles, each with up to 0.8 kB of memory; beyond it the simulation '
+        'stops',
         (1, 2**30),
     )
-    max_input_bytes: int = _parameter(512 * 2**20, 'Most data in a message [bytes]', (64, 2**32))
+    max_input_bytes: int = _parameter(
+        512 * 2**20, 'Maximum size of a message [bytes]', (64, 2**32)
+    )
     epsg: int | None = _optional(
         0,
-        'EPSG code of the system that map is an offset of, for terrain from topics; 0: none',
+        'EPSG code of the coordinate system of which map is an offset, for terrain from topics; '
+        '0: none',
         (0, 2**31),
     )
     offset_easting: float = _parameter(
@@ -291,7 +299,7 @@ class Settings:
     offset_northing: float = _parameter(
         0.0, 'Northing of the map origin [m], with epsg', (-1e9, 1e9)
     )
-    record: bool = _fixed(False, 'Record from the first terrain on')
+    record: bool = _fixed(False, 'Record, starting with the first terrain')
     bag_directory: str = _parameter(
         '',
         'Bag to record to, a new folder; empty: <bag_root>/<date and time>; while the node runs '
@@ -299,32 +307,32 @@ class Settings:
     )
     checkpoint_period: float = _parameter(
         CHECKPOINT_PERIOD,
-        'Wall time from one checkpoint in the bag to the next [s], the most that resuming loses; '
-        'a tenth of it after a change of the scene or its effects; longer while checkpoints take '
-        'more than half of the bag; 0: none',
+        'Wall time between checkpoints in the bag [s], which is the maximum time that resuming '
+        'loses; a tenth of it after a change of the scene or its effects; longer while '
+        'checkpoints take more than half of the bag; 0: no checkpoints',
         (0.0, 1e6),
     )
     max_saved_bytes: int = _parameter(
         10 * 2**30,
-        'Most data that ~/save writes between configuring and cleaning up [bytes]',
+        'Maximum amount of data that ~/save writes between configuring and cleaning up [bytes]',
         (0, 2**50),
     )
     resume_since: float = _fixed(
         0.0,
-        'System time [s] after the start of 1970: the newest checkpoint of the bags of this node '
-        'written since is resumed, in place of scene, terrain_file and resume; 0: none is. The '
-        'launch files use it to restart a node that was killed',
+        'Unix time [s]: the node resumes from the newest checkpoint in the bags that it has '
+        'written since, in place of scene, terrain_file and resume; 0: it does not. The launch '
+        'files use it to restart a node that was killed',
         (0.0, 1e11),
     )
     bag_root: str = _fixed(
         '', 'Folder of the bags; empty: the one that holds bag_directory, else bags/'
     )
     bag_max_size: int = _parameter(
-        0, 'Size [bytes] from which on the next recording goes on in a new file; 0: no limit',
+        0, 'Size [bytes] at which the next recording continues in a new file; 0: no limit',
         (0, 2**50),
     )
     bag_max_duration: float = _parameter(
-        0.0, 'Time [s] after which the next recording goes on in a new file; 0: no limit',
+        0.0, 'Time [s] after which the next recording continues in a new file; 0: no limit',
         (0.0, 1e9),
     )
     constants: Mapping[str, Any] = field(default_factory=lambda: constants_of(None))
@@ -365,18 +373,22 @@ def constant_values(constants: Mapping[str, Any]) -> dict[str, Any]:
     return {spec.name: spec.default for spec in constant_parameters(constants)}
 
 
-#: How an empty list of texts comes: ROS leaves a parameter unset that is an empty list at the
-#: start, ``ros2 param dump`` writes that as null, and ROS reads null as a text.
+#: Values that stand for an empty list of strings: ROS leaves a parameter unset that is an empty
+#: list at the start, ``ros2 param dump`` writes it as null, and ROS reads null as a string.
 _EMPTY_LISTS = (None, '', '~', 'null', 'Null', 'NULL', 'None')
 
-#: What ROS calls the types of parameters.
+#: Names of the types of parameters in ROS.
 TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string', list: 'string_array'}
 
 
 def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
-    """Declare parameters that a node does not have yet, and return the values of all by name.
+    """Declare parameters that a node does not have yet.
 
-    LavaError where a value that was given at the start has another type or is out of range.
+    Returns:
+        Values of all ``specs`` by name.
+
+    Raises:
+        LavaError: If a value that was given at the start has another type or is out of range.
     """
     for spec in specs:
         if not node.has_parameter(spec.name):
@@ -390,27 +402,28 @@ def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
                     ignore_override=spec.is_list and _is_empty(value),
                 )
             except InvalidParameterTypeException:
-                right = f'a {TYPES[type(spec.default)]}'
+                expected = f'a {TYPES[type(spec.default)]}'
                 if isinstance(spec.default, float):
-                    right += '; a whole number is written 5.0'
-                raise LavaError(spec.name, value, right) from None
+                    expected += '; a whole number is written 5.0'
+                raise LavaError(spec.name, value, expected) from None
             except InvalidParameterValueException:
                 raise LavaError(spec.name, value, spec.range_text) from None
     return {spec.name: plain(node.get_parameter(spec.name).value) for spec in specs}
 
 
 def _is_empty(value: Any) -> bool:
-    """Whether a value stands for an empty list of texts."""
+    """Return True if a value stands for an empty list of strings."""
     if value is None or isinstance(value, str):
         return value in _EMPTY_LISTS
     return hasattr(value, '__len__') and len(value) == 0
 
 
 def with_types(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
-    """Parameters that are set, with values of the types that the node's have.
+    """Convert values that are set to the types of the node's parameters.
 
-    ``ros2 param load`` sends 7e-07 of its own dump as text, for YAML's numbers have a point, and
-    null as the text None. An empty list of texts becomes one with an empty text, which has a type.
+    ``ros2 param load`` sends 7e-07 from its own dump as a string, because a YAML number has a
+    point, and null as the string None. An empty list of strings becomes a list with one empty
+    string, which has a type.
     """
     result = list(given)
     for index, item in enumerate(result):

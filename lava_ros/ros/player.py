@@ -76,14 +76,14 @@ def play(
         start_offset: Where to start, from the bag's first message [s of bag time].
         on_step: Called after every message and clock tick.
         transport: Holds, quickens and moves the replay; None lets it run.
-        ros_arguments: ``--ros-args`` and what ROS is to read: a namespace, other names of topics.
+        ros_arguments: ROS arguments, beginning with ``--ros-args``: a namespace, remapped topics.
 
     Returns:
         The number of messages published.
 
     Raises:
-        LavaError: An argument is out of range or nothing that ROS can read, no topic is left, or
-            the bag is empty or damaged.
+        LavaError: If an argument is out of range or not valid in ROS, no topic is left, or the bag
+            is empty or damaged.
     """
     patience = validation.number(
         'wait_for_subscribers', wait_for_subscribers, at_least=0.0, unit='s'
@@ -186,7 +186,7 @@ class _Player:
 
 
 def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
-    """Name a topic of a bag as a node in a namespace would have named it.
+    """Return the name that a topic of a bag has in a namespace.
 
     In the root namespace topics keep their recorded names. Elsewhere a topic below the namespace
     of the recorded node gets a relative name; a topic that was remapped out of that namespace, or

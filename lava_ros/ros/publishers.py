@@ -51,8 +51,8 @@ def published_layers(
     ``forecast`` is the file of the layers of forecasts, None without forecasts.
 
     Raises:
-        LavaError: A file or the name of a layer is wrong, two layers share a topic, the package
-            of a message is missing, or there is a ``mask_margin`` without a mask.
+        LavaError: If a file or the name of a layer is not valid, two layers have the same topic,
+            the package of a message is missing, or there is a ``mask_margin`` but no mask.
     """
     known: list[Layer] = []
     for path, is_forecast, right in (
@@ -79,17 +79,17 @@ def published_layers(
     if margin is None:
         return enabled
     if not any(layer.is_keepout for layer in enabled):
-        right = '0 unless msg_config has a keepout mask (a layer with step)'
-        raise LavaError('mask_margin', margin, right)
+        expected = '0 unless msg_config has a keepout mask (a layer with step)'
+        raise LavaError('mask_margin', margin, expected)
     return [replace(layer, margin=margin) if layer.is_keepout else layer for layer in enabled]
 
 
 @dataclass(eq=False)
 class _Output(Generic[Shown]):
-    """A layer, its publisher and what was sent last.
+    """A layer, its publisher and its last message.
 
-    ``published`` is the newest that the layer shows, with a stamp [ns]. The last message has the
-    stamp ``sent_ns`` and was sent at ``sent_at`` on the steady clock [s].
+    ``published`` is the newest state that the layer shows, with the stamp ``stamp_ns`` [ns]. The
+    last message has the stamp ``sent_ns`` [ns] and was sent at the steady time ``sent_at`` [s].
     """
 
     layer: Layer
@@ -160,10 +160,10 @@ class LayerPublishers(Generic[Shown]):
                 self._publish(output, snapshot, recorded_ns or stamp_ns, repeat)
 
     def publish_heartbeats(self, recorded_ns: int) -> None:
-        """Publish the newest map of each layer that has sent nothing for its heartbeat.
+        """Publish the newest map of each layer that has sent no message during its heartbeat.
 
-        The stamp remains that of the map. ``recorded_ns`` is the ROS time [ns] of a message in the
-        bag, which repeats none.
+        The map keeps its stamp. A map that is not in the bag yet is recorded at the ROS time
+        ``recorded_ns`` [ns].
         """
         now = self._clock()
         for output in self._outputs:
@@ -201,7 +201,7 @@ class LayerPublishers(Generic[Shown]):
         output.sent_ns, output.sent_at = output.stamp_ns, self._clock()
         if recorded_ns is not None:
             topic = output.publisher.topic_name
-            # a replay keeps no deadline
+            # without the deadline, which a replay cannot meet
             self._recorder.write(topic, layer.message, data, recorded_ns, qos=layer.qos)
 
     def _get_map(self, layer: Layer, _: Any, response: Any) -> Any:

@@ -161,9 +161,9 @@ DEFAULT_NODE = '/lava'
 
 
 def _unused(path: Path) -> Path:
-    """The path, or with the first number from 2 on that makes it one of nothing."""
+    """Return the path, or add the first number, starting at 2, with which it does not exist."""
     names = chain([path.name], (f'{path.name}_{number}' for number in count(2)))
-    # Where nobody may look, there is nothing to be seen: opening the bag says why.
+    # A folder that may not be read seems empty: opening the bag then raises the reason.
     return next(new for new in map(path.with_name, names) if not os.path.exists(new))
 
 
@@ -178,12 +178,15 @@ class BagFolder:
     def __init__(
         self, root: str, given: str, *, node: str = DEFAULT_NODE, since: float = 0.0
     ) -> None:
-        """Take what the user said at the start.
+        """Initialize from the parameters at the start.
 
-        Without a root it is the folder of ``given``, else ``bags``. The full name of a node is
-        part of its bags' names, unless it is the usual one: nodes may share a folder. A number is
-        added to ``given`` where an earlier process has written to it at or after ``since``, a
-        system time [s]; 0: never.
+        Args:
+            root: Folder of the bags; empty: that of ``given``, else ``bags``.
+            given: Bag that the user has named, else empty. A number is added to it if an earlier
+                process has written to it at or after ``since``.
+            node: Full name of the node. It is part of the names of its bags, unless it is the
+                usual one, because nodes may share a folder.
+            since: Unix time [s] at or after which bags count as written; 0: none do.
         """
         self._given = given
         self._since = since
@@ -191,7 +194,7 @@ class BagFolder:
         self._root = Path(root) if root else Path(given).parent if given else Path('bags')
 
     def written(self) -> list[Path]:
-        """List the bags in the root or next to the given one written since then, newest first."""
+        """List the bags in the root or next to ``given`` written since ``since``, newest first."""
         if not self._since:
             return []
         folders = {self._root, Path(self._given).parent} if self._given else {self._root}

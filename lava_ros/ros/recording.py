@@ -132,8 +132,8 @@ class SceneRecording:
 #: Periods that a checkpoint waits at most for the bag to grow.
 PATIENCE = 10.0
 
-#: Periods from one checkpoint to the next after a change of scene or effects, which another
-#: process could not know.
+#: Periods between checkpoints after a change of scene or effects, which a restarted process could
+#: not find out otherwise.
 AFTER_CHANGE = 0.1
 
 
@@ -150,10 +150,10 @@ class LastCheckpoint:
 class CheckpointRecording:
     """Writes a checkpoint at the start of a recording, at intervals, and at its end.
 
-    One that follows a change comes after ``AFTER_CHANGE`` of an interval. If checkpoints would
-    take up more than half of the bag, the next one is postponed, by at most ``PATIENCE`` periods.
-    A checkpoint equal to the last one, ``last``, is not written. ``take`` requests a checkpoint,
-    ``clock`` returns wall time [s].
+    After a change of scene or effects the interval is ``AFTER_CHANGE`` times as long. If
+    checkpoints would take up more than half of the bag, the next one is postponed, by at most
+    ``PATIENCE`` periods. A checkpoint equal to the last one, ``last``, is not written. ``take``
+    requests a checkpoint, ``clock`` returns wall time [s].
     """
 
     recorder: Recorder
@@ -172,9 +172,13 @@ class CheckpointRecording:
     def poll(self, period: float, stamp_ns: int, *, changes: int = 0) -> str:
         """Write the requested checkpoint if it is ready, and request the next when it is due.
 
-        ``period`` is the wall time between checkpoints [s], 0 for none; ``stamp_ns`` is the ROS
-        time [ns] and ``changes`` counts those of scene and effects. Returns why one could not be
-        taken, empty when nothing went wrong.
+        Args:
+            period: Wall time between checkpoints [s], 0 for none.
+            stamp_ns: ROS time [ns].
+            changes: Number of changes of scene and effects so far.
+
+        Returns:
+            The reason why a checkpoint could not be taken, empty without an error.
         """
         if not self._is_recording() or not period:
             return ''

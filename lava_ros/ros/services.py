@@ -43,9 +43,10 @@ def create_services(
     inputs: InputTopics,
     allowance: Allowance,
 ) -> None:
-    """Create the services; what a command comes to is reported as that of an input.
+    """Create the services.
 
-    Calls that ``allowance`` does not have are refused.
+    The result of a command is reported as that of an input is. Calls beyond ``allowance`` are
+    refused.
     """
     logger = entities.node.get_logger()
 

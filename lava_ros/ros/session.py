@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from lava_ros.simulation import Simulation, Snapshot
 
 
-#: Largest change of an elevation that is noise of a sensor [m].
+#: Maximum change of an elevation that counts as noise of a sensor [m].
 ELEVATION_NOISE = 0.1
 
 
@@ -80,8 +80,9 @@ class Eruption:
         latest: The newest snapshot, None before the first; it stays after a failure.
         effects: The table of effects (``effect_table``), empty before there is a simulation.
         resolution: How many particles lie across the flow, None before there is a simulation.
-        changes: Number of changes that outdate a forecast: starts, and changes of effects, vents
-            or terrain by more than the noise of a sensor (``are_alike``, ``ELEVATION_NOISE``).
+        changes: Number of changes that make a forecast invalid: starts, changes of effects, and
+            changes of vents or terrain beyond the noise of a sensor (``are_alike``,
+            ``ELEVATION_NOISE``).
         starts: How often a simulation has begun or gone on.
     """
 
@@ -103,7 +104,7 @@ class Eruption:
         self.origin: Origin | None = None
         self.latest: Snapshot | None = None
         self.effects: Mapping[str, str] = {}
-        self._foreseen: tuple[Scene | None, Effects | None] = None, None
+        self._counted: tuple[Scene | None, Effects | None] = None, None
         self.resolution: Resolution | None = None
         self.changes = self.starts = 0
 
@@ -180,7 +181,7 @@ class Eruption:
             self.simulation.set_terrain(terrain)
         self.scene = scene
         if self.simulation is not None:
-            self._note_change(is_noise=self._is_foreseen(scene))
+            self._note_change(is_noise=self._is_like_counted(scene))
         return True
 
     def set_vents(self, vents: tuple[Vent, ...]) -> None:
@@ -190,7 +191,7 @@ class Eruption:
         """
         assert self.scene is not None
         scene = replace(self.scene, vents=vents)
-        # publishers often repeat their vents; the same ones again change nothing
+        # publishers often repeat their vents: identical vents change nothing
         if scene.vents == self.scene.vents:
             return
         if self.simulation is None:
@@ -201,7 +202,7 @@ class Eruption:
             self.simulation.set_vents(vents)
             self.schedule = schedule(self.schedule, vents, self.simulation.time)
             self.scene = scene
-            self._note_change(is_noise=self._is_foreseen(scene))
+            self._note_change(is_noise=self._is_like_counted(scene))
 
     def set_constants(self, constants: Mapping[str, Any]) -> None:
         """Replace lava and surroundings from the next start on."""
@@ -258,19 +259,19 @@ class Eruption:
                 self.latest, self._latest_number = snapshot, number
 
     def _note_change(self, *, is_noise: bool = False) -> None:
-        """Note that the simulation is another; noise of an input leaves ``changes`` as it was."""
+        """Note a change of the simulation; noise of a sensor is not counted in ``changes``."""
         assert self.simulation is not None and self.scene is not None
         effects = self.simulation.effects
         self.resolution = self.simulation.resolution
         self.effects = effect_table(effects, self.simulation.decisions())
         self._is_changed = True
-        if not is_noise or effects != self._foreseen[1]:
+        if not is_noise or effects != self._counted[1]:
             self.changes += 1
-            self._foreseen = self.scene, effects
+            self._counted = self.scene, effects
 
-    def _is_foreseen(self, scene: Scene) -> bool:
-        """Return True if a scene is that of the last counted change, but for noise."""
-        former = self._foreseen[0]
+    def _is_like_counted(self, scene: Scene) -> bool:
+        """Return True if a scene differs from the last counted one only by sensor noise."""
+        former = self._counted[0]
         return former is not None and (
             are_alike(scene.vents, former.vents)
             and _is_same(scene.terrain, former.terrain, within=ELEVATION_NOISE)
@@ -282,7 +283,7 @@ class Eruption:
 
 
 def _is_same(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
-    """Return True if two terrains have the same cells and elevations, within some metres."""
+    """Return True if two terrains have the same cells, and elevations within ``within`` [m]."""
     names = ('shape', 'resolution', 'origin', 'epsg', 'offset')
     return (
         all(getattr(one, name) == getattr(other, name) for name in names)

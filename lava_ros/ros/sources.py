@@ -58,8 +58,9 @@ class Sources:
         checkpoint: What to go on from.
         origin: Where that has been found.
         before: The vents up to then, with all they have emitted, as far as its bag says.
-        is_restart: Whether a killed node is restarted: its checkpoint wins over parameters.
-        reached: Simulated time that the killed node has shown [s], 0 if unknown.
+        is_restart: Whether a killed node is restarted. Its checkpoint takes precedence over
+            parameters.
+        reached: Newest simulated time that the killed node has published [s], 0 if unknown.
         was_recording: Whether the killed node was recording its bag.
     """
 
@@ -76,10 +77,12 @@ class Sources:
 def load_sources(node: Node, *, may_restart: bool = False) -> Sources:
     """Declare the parameters that say where the scene comes from, and load what they name.
 
-    With ``may_restart`` a bag that ``resume_since`` finds wins over what they name.
+    Args:
+        node: Node that has the parameters.
+        may_restart: Whether to look for a bag by ``resume_since`` first.
 
     Raises:
-        LavaError: If a file or a bag is not usable, or there is a scene beside a bag to resume.
+        LavaError: If a file or a bag is not usable, or both a scene and a bag to resume are given.
     """
     values = parameters.declare(node, parameters.SOURCES)
     restarted = _restarted(node) if may_restart else None
@@ -99,7 +102,7 @@ def load_sources(node: Node, *, may_restart: bool = False) -> Sources:
 
 
 def _restarted(node: Node) -> Sources | None:
-    """What the newest bag that is to be resumed by ``resume_since`` has; None without any."""
+    """Load the newest bag that ``resume_since`` allows to resume; None without such a bag."""
     names = ('resume_since', 'bag_root', 'bag_directory')
     specs = tuple(spec for spec in parameters.PARAMETERS if spec.name in names)
     values = parameters.declare(node, specs)
@@ -123,7 +126,7 @@ def _restarted(node: Node) -> Sources | None:
 
 
 def _reached(bag: BagReader) -> float:
-    """The simulated time [s] of the newest diagnostics in a bag, 0 without any."""
+    """Return the simulated time [s] of the newest diagnostics in a bag, 0 without any."""
     topic = '/diagnostics'
     for item in bag.newest({topic}, (bag.end_ns or 0) + 1):
         message = codec.decode(item.data, DiagnosticArray, topic, max_bytes=len(item.data))
@@ -164,10 +167,17 @@ def adopted(
     *,
     is_restart: bool = False,
 ) -> dict[str, Any]:
-    """The parameters that a checkpoint sets in place of their defaults, by name.
+    """Return the parameters that a checkpoint sets in place of their defaults, by name.
 
-    ``values`` are the parameters as given; LavaError where one contradicts the checkpoint. In a
-    restart the checkpoint wins: the parameter was changed while the node ran.
+    Args:
+        checkpoint: The checkpoint.
+        values: Parameters as given.
+        defaults: Their defaults.
+        is_restart: Whether a killed node is restarted. The checkpoint then takes precedence,
+            because parameters may have been changed while the node ran.
+
+    Raises:
+        LavaError: If a given parameter contradicts the checkpoint, except in a restart.
     """
     result = {}
     for name, decided in _decided(checkpoint).items():

@@ -52,10 +52,10 @@ IDLE_WALL_TIME = 0.1
 #: Least wall time between two turns of commands, however many come [s].
 TURN_WALL_TIME = 0.02
 
-#: Lag below which simulated time is where the clock is [s].
+#: Lag at or below which simulated time has reached the clock [s].
 ROUNDING = 1e-3
 
-#: Wall time in which a restarted simulation makes up for the time since its checkpoint [s].
+#: Maximum wall time for which a restarted simulation catches up before it is shown [s].
 MAX_CATCH_UP = 5.0
 
 #: Why a command is refused once the thread was told to end.
@@ -67,8 +67,8 @@ class SimulationWorker:
     """Runs a simulation in a thread of its own, after a clock.
 
     Simulated time follows the clock times ``time_scale``, in steps of any size up to ``MAX_LAG``.
-    A simulation that cannot keep up falls behind by ``MAX_LAG`` and then runs as fast as it can.
-    The time that it gives up is counted in the status, and so are jumps of the clock.
+    A simulation that cannot keep up falls behind by at most ``MAX_LAG`` and runs as fast as it
+    can. The status counts the time that it gives up beyond that, and the jumps of the clock.
 
     Commands return at once with a future. It holds a LavaError when the command is refused; the
     simulation then goes on with what it had. A command that stands for everything of its kind
@@ -153,8 +153,8 @@ class SimulationWorker:
     ) -> 'Future[None]':
         """Continue with another simulation of a scene, as ``Eruption.go_on_with`` does.
 
-        ``make_simulation`` is called in the worker's thread, which then simulates up to the time
-        ``reached`` [s] before anything is shown, for a wall time of at most ``MAX_CATCH_UP``.
+        ``make_simulation`` is called in the worker's thread. The thread then simulates up to the
+        time ``reached`` [s], for at most ``MAX_CATCH_UP`` of wall time, before its first snapshot.
         """
         make = self._starting(make_simulation)
 
@@ -326,7 +326,7 @@ class SimulationWorker:
             self._step_target = None
 
     def _give_up(self, until: float) -> None:
-        """Do not follow the clock beyond a simulated time [s]."""
+        """Give up the time of the clock beyond a simulated time [s], and count it as lost."""
         self._clock.lost += max(0.0, self._target - until) / self.time_scale
         self._target = min(self._target, until)
 
@@ -356,7 +356,7 @@ class SimulationWorker:
             self._speed.clear()
         # What is at rest is shown as it is by the time its state says so.
         is_new = not self._is_moving() and self._is_snapshot_new()
-        # A step that the clock has just made is not yet a lag.
+        # The newest step of the clock does not count as a lag yet.
         lag = (self._target - self.eruption.time) / self.time_scale - self._clock.step
         self._status = WorkerStatus(
             state=state,
@@ -398,7 +398,7 @@ class SimulationWorker:
             finishing.add_done_callback(lambda _: again())
             return
         self._snapshot_asked = False
-        # Maps are due when the clock has moved: they show where it is, not its step before.
+        # Maps are due when the clock has moved, so advance to its current time first.
         self._guard(self._advance)
         rest = self.eruption.begin_snapshot()
         if rest is not None:
@@ -477,7 +477,7 @@ class SimulationWorker:
 
     def _set(self, name: str, value: float | None) -> None:
         if name == 'time_scale':
-            # what is behind is time of the clock
+            # keep the lag in seconds of the clock
             lag = (self._target - self.eruption.time) / self.time_scale
             self._target = self.eruption.time + lag * float(value or 0.0)
         setattr(self, name, value)

@@ -53,11 +53,11 @@ class WorkerStatus:
         mean_speed: The same since the simulation started, pauses left out.
         is_behind: Whether simulated time falls behind the clock.
         device: Name of the simulation's device, empty before there is one.
-        lag: Time that simulated time is behind what the clock showed before its newest step, in
-            seconds of the clock.
-        lost: Time of the clock that simulated time has not followed since the start [s].
-        jump: The newest jump of the clock, which is not followed [s], negative for a jump back.
-        jumps: Jumps of the clock since the start.
+        lag: Lag of simulated time behind the time of the clock before its newest step [s of the
+            clock].
+        lost: Time of the clock since the start that simulated time has not followed [s].
+        jump: Newest jump of the clock [s], negative for a jump back. Jumps are not followed.
+        jumps: Number of jumps of the clock since the start.
         doing: What the thread is at: ``a step``, or the kind of a command; empty between two.
         turn: Wall time it has been at that, or at the last step where that took longer [s].
         waiting: Kinds of the commands that wait for it.

@@ -166,7 +166,7 @@ def read_scene(
 ) -> tuple[dict[str, Any], Terrain]:
     """Read a scene file without making a scene of it: what ``scene_from_dict`` takes.
 
-    A name of which there is no file is that of one of the package's ``examples/``.
+    A name for which there is no file is looked for in the package's ``examples/``.
 
     The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
     the scene file or ``st_helens.npz`` of the package, and the options of

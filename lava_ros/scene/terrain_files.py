@@ -72,7 +72,7 @@ RIDGE_WINDOW = (744440.0, 4038400.0, 753440.0, 4046400.0)
 def terrain_path(name: str, folder: Path = Path()) -> Path:
     """Return the path of an elevation file, relative to a folder.
 
-    Where there is no ``st_helens.npz``, the name is that of the package's own terrain.
+    If the folder has no ``st_helens.npz``, this name stands for the package's own terrain.
     """
     path = folder / name
     return DEMO if name == DEMO.name and not path.exists() else path

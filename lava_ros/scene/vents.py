@@ -249,18 +249,18 @@ def vents_from_list(
 #: Maximum number of closed vents in a schedule, and of entries of a vent's series.
 MAX_CLOSED, MAX_SERIES = 100, 1000
 
-#: Largest change of a vent's temperature that is noise of a sensor [K].
+#: Maximum change of a vent's temperature that counts as noise of a sensor [K].
 _TEMPERATURE_NOISE = 10.0
 
-#: Largest relative changes of a vent's radius and discharge that are noise of a sensor.
+#: Maximum relative changes of a vent's radius and discharge that count as noise of a sensor.
 _RADIUS_NOISE, _DISCHARGE_NOISE = 0.1, 0.05
 
 
 def distances(vent: Vent, others: Sequence[Vent]) -> np.ndarray:
-    """Return how far vents are from a vent [m], shape [others].
+    """Return the distances of vents from a vent [m], shape [others].
 
-    The distance of two fissures is that of their ends that are farther apart, whichever end is
-    given first. A disc and a fissure are infinitely far apart.
+    The distance between two fissures is the larger of the distances between their ends, which may
+    be given in either order. A disc and a fissure are infinitely far apart.
     """
 
     def ends(one: Vent) -> list[complex]:
@@ -286,21 +286,21 @@ def extents(vents: Sequence[Vent], least: float = 0.0) -> np.ndarray:
 def match_vents(
     before: Sequence[Vent], after: Sequence[Vent], *, least: float = 0.0, by_name: bool = True
 ) -> list[int | None]:
-    """Find the vents that continue others: those that are the same vent, changed or not.
+    """Find the vents that continue earlier ones: those that are the same vent, changed or not.
 
-    A vent continues the one at the same place; else the nearest one that is no farther away than
-    the size of either, one of the same name or temperature first; else, with ``by_name``, the one
-    of its name.
+    A vent continues the earlier vent at the same place. Otherwise it continues the nearest one
+    within the size of either vent, preferably with the same name or temperature. Otherwise, with
+    ``by_name``, it continues the vent with its name.
 
     Args:
-        before: Vents up to now.
-        after: Vents from now on.
-        least: Smallest size that a vent counts with [m].
-        by_name: Whether a vent that has moved farther than its size is known by its name.
+        before: Vents before the change.
+        after: Vents after the change.
+        least: Minimum size of a vent [m].
+        by_name: Whether a vent that has moved farther than its size is identified by its name.
 
     Returns:
-        For each vent of ``after`` the index in ``before`` of the one that it continues, None for a
-        new vent. No index comes twice.
+        For each vent of ``after`` the index in ``before`` of the vent that it continues, None for
+        a new vent. No index occurs twice.
     """
     result: list[int | None] = [None] * len(after)
     free = set(range(len(before)))
@@ -340,7 +340,7 @@ def match_vents(
                 near.append((is_other, is_changed, apart[place], new, rest[place]))
     take((new, old) for *_, new, old in sorted(near))
     if by_name:
-        # vents without a name have none in common, and a disc is not the fissure of its name
+        # vents without a name are different, and a disc never continues a fissure
         unnamed = count()
         take_equal(lambda vent: (vent.name or next(unnamed), vent.end is None))
     return result
@@ -349,9 +349,9 @@ def match_vents(
 def schedule(before: Sequence[Vent], vents: Sequence[Vent], time: float) -> tuple[Vent, ...]:
     """Combine the discharges of vents before and after a change at ``time``, simulated [s].
 
-    Each vent emits as in ``before`` up to that time, and as in ``vents`` from then on; a vent that
-    is no longer there emits 0. A vent that has moved within its own size, or changed no more than
-    by the noise of a sensor, is the same vent: its place and temperature are then the newest ones.
+    Each vent emits as in ``before`` up to that time, and as in ``vents`` after it. A vent that is
+    missing in ``vents`` emits 0. A vent that has moved within its own size, or changed within the
+    noise of a sensor, is the same vent, with its newest place and temperature.
     """
     matches = match_vents(before, vents, by_name=False)
     continued = {
@@ -374,9 +374,9 @@ def schedule(before: Sequence[Vent], vents: Sequence[Vent], time: float) -> tupl
 
 
 def are_alike(vents: Sequence[Vent], others: Sequence[Vent]) -> bool:
-    """Return True if vents differ from others by no more than the noise of a sensor.
+    """Return True if vents differ from other vents only by the noise of a sensor.
 
-    Each is then in the place of one of the others, at a discharge that differs by at most 5 %.
+    Each vent is then near its own one of the others, and their discharges differ by at most 5 %.
     """
     if len(vents) != len(others):
         return False
@@ -426,9 +426,9 @@ def _with(
 
 
 def _condensed(series: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return a series of at most ``MAX_SERIES`` entries with the same volume.
+    """Shorten a series to at most ``MAX_SERIES`` entries with the same volume.
 
-    The older half of its entries are joined in pairs, each with the mean flux of both.
+    Entries of the older half are joined in pairs, each with the mean discharge of both.
     """
     while len(series) > MAX_SERIES:
         older, joined = len(series) // 4 * 2, []

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Emission: tables of vents on a device, and the particles that their discharge makes due."""
+"""Emission: tables of vents on a device, and the release of particles by their discharge."""
 
 from functools import lru_cache
 from typing import Any
@@ -28,28 +28,29 @@ from lava_ros.simulation.state import FULL, IS_LAST, NEWCOMERS, PARTICLES, State
 _ROUNDING = 1e-9
 
 
-#: Particles that come out of a disc and of a fissure at once, so that they have its symmetries.
+#: Number of particles that a disc and a fissure emit at once, so that they have its symmetries.
 DISC_GROUP, FISSURE_GROUP = 8, 4
 
 
 @wp.struct
 class Outlets:
-    """The tables of some vents, and what has come out of them, on a device.
+    """Tables of vents, and the number of particles that they have emitted, on a device.
 
     Attributes:
         shape: The ends (x, y, x, y) from the terrain's centre [m], radius [m], temperature [K],
             length [m], velocity (x, y) [m/s], phase and downhill direction [half turns] of each
             vent, shape [vents, 11].
-        starts: First breakpoint of each vent in ``times``, ``fluxes`` and ``volumes``, and the
-            number of them, shape [vents + 1].
-        times, fluxes, volumes: Time [s], discharge from then on [m3/s] and volume emitted until
-            then [m3] at each breakpoint.
-        first_place: First of the ``places`` of each vent, and their number, shape [vents + 1].
-        places: Places (x, y) from the terrain's centre [m] that particles come out at in turn, of
-            vents that have ground around them where no lava may come out.
+        starts: Index of the first breakpoint of each vent in ``times``, ``fluxes`` and
+            ``volumes``, and their number, shape [vents + 1].
+        times, fluxes, volumes: Time [s], discharge after it [m3/s] and volume emitted before it
+            [m3] at each breakpoint.
+        first_place: Index of the first place of each vent in ``places``, and their number, shape
+            [vents + 1].
+        places: Places (x, y) from the terrain's centre [m], used in turn by the particles of vents
+            around which lava may not come out everywhere.
         particle_volume: Volume of a particle [m3].
         most: Maximum number of particles that a vent emits in a step.
-        released, due: Those of ``VentSet``.
+        released, due: As in ``VentSet``.
     """
 
     shape: wp.array2d(dtype=wp.float64)
@@ -67,7 +68,7 @@ class Outlets:
 
 @lru_cache
 def group_function(symmetric: bool) -> Any:
-    """Return the device function that counts the particles that come out of a vent at once."""
+    """Return the device function that returns how many particles a vent emits at once."""
 
     @wp.func
     def group_of(v: int, outlets: Outlets) -> int:
@@ -84,12 +85,12 @@ def group_function(symmetric: bool) -> Any:
 
 @lru_cache
 def due_function(symmetric: bool) -> Any:
-    """Return the device function that finds when the next two groups of a vent come out."""
+    """Return the device function that returns when the next two groups of a vent are due [s]."""
     group_of = group_function(symmetric)
 
     @wp.func
     def due_at(v: int, volume: wp.float64, outlets: Outlets) -> wp.float64:
-        """Time at which a vent has given a volume, infinite when it never will."""
+        """Return the time at which a vent has emitted a volume, infinite if it never will [s]."""
         last = outlets.starts[v + 1]
         for k in range(outlets.starts[v], last):
             flux = outlets.fluxes[k]
@@ -112,16 +113,16 @@ def due_function(symmetric: bool) -> Any:
 
 @lru_cache
 def place_function(symmetric: bool) -> Any:
-    """Return the device function that finds where a particle of a vent comes out."""
+    """Return the device function that returns the place of a particle of a vent."""
     group_of = group_function(symmetric)
 
     @wp.func
     def place_of(v: int, n: int, outlets: Outlets) -> wp.vec2d:
         """Return the place of a vent's n-th particle from the terrain's centre [m].
 
-        The additive recurrence of the plastic number spreads any number of points evenly, and
-        none of them is in the same place twice. With symmetry each point is in one part of the
-        vent, and the others mirror it.
+        The additive recurrence of the plastic number spreads any number of points evenly without
+        using a place twice. With symmetry each point is in one part of the vent, and the other
+        particles of its group mirror it.
         """
         first = outlets.first_place[v]
         count = outlets.first_place[v + 1] - first
@@ -179,7 +180,7 @@ def place_function(symmetric: bool) -> Any:
 
 @lru_cache
 def foresee_kernel(symmetric: bool) -> Any:
-    """Return the kernel that writes when the next two groups of each vent come out."""
+    """Return the kernel that writes when the next two groups of each vent are due [s]."""
     next_two = due_function(symmetric)
 
     @wp.kernel(module='unique', enable_backward=False)
@@ -192,7 +193,7 @@ def foresee_kernel(symmetric: bool) -> Any:
 
 @lru_cache
 def places_kernel(symmetric: bool) -> Any:
-    """Return the kernel that writes where some particles of a vent, from a number on, come out."""
+    """Return the kernel that writes the places of consecutive particles of a vent."""
     place_of = place_function(symmetric)
 
     @wp.kernel(module='unique', enable_backward=False)
@@ -207,10 +208,10 @@ def places_kernel(symmetric: bool) -> Any:
 def emission_function(
     real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins: bool
 ) -> Any:
-    """Return the device function that releases what is due of every so many-th vent.
+    """Return the device function that releases the particles that are due from every k-th vent.
 
-    Its arguments: the first vent, how many it is to the next, the vents, and the arguments of the
-    motion of the particles that there are (motion_arguments.py).
+    Its arguments are the index of the first vent, the stride k, the tables of the vents, and the
+    arguments of the motion (motion_arguments.py).
     """
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
@@ -218,7 +219,7 @@ def emission_function(
     group_of, next_two = group_function(symmetric), due_function(symmetric)
     place_of = place_function(symmetric)
     put = bin_function(real, False)
-    # the motion of the others goes on meanwhile, and needs to know how many there are
+    # other particles move at the same time, so their number must not change
     total = NEWCOMERS if bins else PARTICLES
 
     @wp.func
@@ -280,7 +281,7 @@ def emission_kernel(real: Any, emission: Any) -> Any:
 
     @quick_kernel
     def emit(thread: int, apart: int, outlets: Outlets, m: arguments_type(real)):
-        """Release the whole particles that the discharge up to now makes and are not out yet."""
+        """Release all whole particles that the discharge has made due by now."""
         emission(thread, apart, outlets, m)
 
     return emit

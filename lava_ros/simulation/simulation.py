@@ -350,8 +350,8 @@ class Simulation:
         """Replace the vents from now on.
 
         A vent that is the same as before (``scene.vents.match_vents``) keeps what is in its
-        conduit and the sequence of places at which its particles come out. The conduit of a vent
-        that closes is emptied at once.
+        conduit and its sequence of places at which particles come out. The conduit of a vent that
+        closes is emptied at once.
 
         Raises:
             LavaError: A vent is not on the terrain, its lava solid or its discharge more than the
@@ -556,7 +556,7 @@ class Simulation:
         )
 
     def _load_vents(self, arrays: Mapping[str, np.ndarray], *, since: float) -> None:
-        """Let the vents continue from the arrays of a checkpoint."""
+        """Load the emission of the vents from the arrays of a checkpoint."""
         before = Emission.from_arrays(arrays, len(self.scene.vents))
         self._vents = self._vent_set(self.scene.vents, since=since, before=before)
 

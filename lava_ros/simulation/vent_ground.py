@@ -14,9 +14,9 @@
 
 """Ground around a vent: the places at which its lava may come out.
 
-A vent that is narrower than the particle spacing is widened to it, and any vent may reach beyond
-the map. Lava comes out on the map alone, and outside the vent's own radius only where it could
-have flowed: the ground on the way there rises by no more than the flow is thick.
+A vent that is narrower than the particle spacing is widened to it, and any vent may extend beyond
+the map. Lava comes out only on the map. Outside the vent's own radius it comes out only where it
+could have flowed: the ground on the way there rises by no more than the thickness of the flow.
 """
 
 import math
@@ -25,21 +25,24 @@ import numpy as np
 
 from lava_ros.scene import Terrain, Vent
 
-#: Places that are enough to spread the particles of a vent.
-ENOUGH = 64
+#: Minimum number of places over which the particles of a vent are spread.
+MIN_PLACES = 64
 
 #: Factors by which places move towards the vent's centre or line until there are enough.
 _FACTORS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.0)
 
 
 def is_open(vent: Vent, reach: float, terrain: Terrain, rise: float) -> bool:
-    """Return True if all ground within a distance of a vent is known and about as low as the vent.
+    """Return True if lava may come out everywhere within a distance of a vent.
+
+    All ground there has data, and outside the vent's own radius it is not much higher than the
+    vent.
 
     Args:
         vent: The vent.
         reach: Distance from its centre or line [m].
         terrain: The ground.
-        rise: Height above the vent that ground outside the vent's own radius may have [m].
+        rise: Maximum height above the vent of ground outside the vent's own radius [m].
     """
     ends = np.array([vent.position, vent.end or vent.position])
     low = (ends.min(axis=0) - reach - terrain.origin) // terrain.resolution
@@ -62,25 +65,25 @@ def permitted_places(
 ) -> np.ndarray:
     """Return the places around a vent at which lava may come out.
 
-    Where these are few, places nearer to the vent's centre or line are returned.
+    If there are fewer than ``MIN_PLACES``, all places are moved towards the vent's centre or line.
 
     Args:
         vent: The vent, whose position and end are on the terrain.
         places: Places (x, y) of the map [m], shape [count, 2].
         terrain: The ground.
-        rise: Height by which the ground outside the vent's own radius may rise [m].
+        rise: Maximum rise of the ground outside the vent's own radius [m].
 
     Returns:
-        Places (x, y) [m], shape [number, 2]: at least one.
+        At least one place (x, y) [m], shape [number, 2].
     """
     start = np.asarray(vent.position)
     along = np.asarray(vent.end or vent.position) - start
-    share = (places - start) @ along / max(float(along @ along), 1e-300)
-    base = start + np.clip(share, 0.0, 1.0)[:, None] * along
+    fraction = (places - start) @ along / max(float(along @ along), 1e-300)
+    base = start + np.clip(fraction, 0.0, 1.0)[:, None] * along
     for factor in _FACTORS:
         moved = base + factor * (places - base)
         found = moved[_is_permitted(vent.radius, base, moved, terrain, rise)]
-        if len(found) >= ENOUGH:
+        if len(found) >= MIN_PLACES:
             return found
     return found if len(found) else start[None]
 
@@ -88,7 +91,7 @@ def permitted_places(
 def _is_permitted(
     radius: float, base: np.ndarray, places: np.ndarray, terrain: Terrain, rise: float
 ) -> np.ndarray:
-    """Return which places may be reached from the points ``base`` of the vent, shape [count]."""
+    """Mark the places that lava can reach from the points ``base``; bool, shape [count]."""
     permitted = terrain.covered(places)
     distance = np.linalg.norm(places - base, axis=1)
     outside = np.flatnonzero(permitted & (distance > radius))

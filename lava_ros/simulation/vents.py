@@ -51,24 +51,24 @@ _MOST_A_STEP, _LEAST_MOST = 2**18, 64
 #: Part of a particle that rounding may keep back.
 _ROUNDING = 1e-6
 
-#: Places that are tried around a vent that has ground near it where no lava may come out.
-_TRIED = 4096
+#: Number of candidate places of a vent around which lava may not come out everywhere.
+_CANDIDATES = 4096
 
 
 @dataclass(frozen=True)
 class Emission:
-    """What some vents have emitted, and how their particles are spread.
+    """Emitted volumes of vents, and the sequences of places of their particles.
 
-    It is all that a vent keeps when it changes: the next particle comes out at the next place of
+    A vent that changes keeps only these values: its next particle comes out at the next place of
     its sequence, however often the vent or the ground is updated.
 
     Attributes:
         volume: Volume that each vent has emitted [m3], float64, shape [vents].
-        released: Particles that have come out of each vent, int32.
-        phase: Where the sequence of places of each vent begins: vents in one place have phases of
-            their own. NaN where it is still to be chosen.
-        downhill: Direction in which the ground fell when the vent opened [half turns], NaN where
-            it is still to be found.
+        released: Number of particles that each vent has emitted, int32, shape [vents].
+        phase: Start of the sequence of places of each vent, different for vents at the same place,
+            float64, shape [vents]. NaN if not chosen yet.
+        downhill: Direction in which the ground fell when the vent opened [half turns], float64,
+            shape [vents]. NaN if not computed yet.
     """
 
     volume: np.ndarray
@@ -80,10 +80,15 @@ class Emission:
     def of_new_vents(
         cls, number: int, volume: float = 0.0, particle_volume: float = 1.0
     ) -> 'Emission':
-        """Return that of vents which open after other vents have emitted a volume [m3].
+        """Return the emission of vents that open after other vents have emitted a volume.
 
-        Their sequences begin as far on as if all of it were theirs. A vent that closes and opens
-        again therefore emits at other places than before.
+        The sequences begin as if each new vent had emitted all of that volume. A vent that closes
+        and opens again therefore emits at other places than before.
+
+        Args:
+            number: Number of new vents.
+            volume: Volume that other vents have emitted [m3].
+            particle_volume: Volume of a particle [m3].
         """
         whole = DISC_GROUP * math.ceil(volume / (DISC_GROUP * particle_volume))
         unknown = np.full(number, np.nan)
@@ -92,12 +97,12 @@ class Emission:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray], number: int) -> 'Emission':
-        """Return that of a number of vents in a checkpoint (``VentSet.save``).
+        """Return the emission of ``number`` vents in a checkpoint (``VentSet.save``).
 
         Raises:
-            LavaError: An array is missing, or is not of so many vents.
+            LavaError: If an array is missing or has another number of vents.
         """
-        # checkpoints from before vents kept their sequences have none of these
+        # older checkpoints do not contain the sequences
         unknown = np.full(number, np.nan)
         former = {'phase': unknown, 'downhill': unknown, 'volume': arrays.get('carried')}
         kinds = {'released': np.int32}
@@ -110,7 +115,7 @@ class Emission:
         })
 
     def continued(self, matches: Sequence[int | None], new: 'Emission') -> 'Emission':
-        """Return that of vents which each continue one of these, or are ``new`` where None."""
+        """Return the emission of vents that continue these by index, or ``new`` where None."""
         old = [index for index, match in enumerate(matches) if match is not None]
         chosen = [match for match in matches if match is not None]
         result = {name: values.copy() for name, values in vars(new).items()}
@@ -152,7 +157,7 @@ class VentSet:
             particle_volume: Volume of a particle [m3].
             device: Warp device.
             since: Time from which they emit [s].
-            before: What each vent has emitted until then.
+            before: Emission of each vent until then.
         """
         spacing, thickness = accuracy.spacing, accuracy.thickness
         assert spacing is not None
@@ -209,22 +214,22 @@ class VentSet:
             )
 
     def _with_places(self, before: Emission, terrain: Terrain, spacing: float) -> Emission:
-        """Choose phases and directions where there are none yet."""
+        """Return an emission in which the missing phases and directions are chosen."""
         phase, downhill = before.phase.copy(), before.downhill.copy()
         sizes = extents(self.vents, spacing) if self.vents else np.empty(0)
         for index in np.flatnonzero(np.isnan(phase)):
-            # vents over one another begin elsewhere, or their particles would be in one place
+            # overlapping vents need different phases, or their particles would coincide
             vent = self.vents[index]
             near = distances(vent, self.vents) <= np.maximum(sizes, sizes[index])
             taken = set(phase[near].tolist())
             phase[index] = next(number for number in count() if number not in taken)
         for index in np.flatnonzero(np.isnan(downhill)):
-            # in half turns: a scene that is turned has the same places of particles, turned
+            # relative to downhill: in a rotated scene the places of particles are rotated too
             downhill[index] = _downhill(terrain, self.vents[index].position) / math.pi
         return Emission(before.volume, before.released, phase, downhill)
 
     def _restrict(self, terrain: Terrain, radii: np.ndarray, rise: float) -> None:
-        """Give a list of places to each vent around which lava may not come out everywhere."""
+        """List the places of each vent around which lava may not come out everywhere."""
         places, first = [np.empty((0, 2))], [0]
         nowhere = wp.empty(0, dtype=wp.vec2d, device=self._device)
         self.outlets.places = nowhere
@@ -233,9 +238,9 @@ class VentSet:
         )
         for number, (vent, radius) in enumerate(zip(self.vents, radii.tolist(), strict=True)):
             if not is_open(vent, radius, terrain, rise):
-                tried = self.places(number, 0, _TRIED)
+                tried = self.places(number, 0, _CANDIDATES)
                 found = permitted_places(vent, tried, terrain, rise)
-                if len(found) < _TRIED or not np.array_equal(found, tried):
+                if len(found) < _CANDIDATES or not np.array_equal(found, tried):
                     places.append(found - self._centre)
             first.append(sum(map(len, places)))
         if first[-1]:
@@ -246,7 +251,7 @@ class VentSet:
         self._is_restricted = np.diff(first) > 0
 
     def places(self, number: int, first: int, count: int) -> np.ndarray:
-        """Return the places of some particles of a vent, (x, y) of the map [m], [count, 2]."""
+        """Return the places of consecutive particles of a vent, (x, y) [m], shape [count, 2]."""
         places = wp.empty(count, dtype=wp.vec2d, device=self._device)
         wp.launch(
             places_kernel(self.is_symmetric),
@@ -258,37 +263,40 @@ class VentSet:
         return read(places) + self._centre
 
     def emission_on(self, state: State) -> Any:
-        """Return the device function that emits what is due (``emission_function``)."""
+        """Return the ``emission_function`` for the particles of a state."""
         return emission_function(
             state.real, self.is_symmetric, state.has_velocity, state.has_age, state.bins_in_motion
         )
 
     def emit(self, state: State, way: Any) -> None:
-        """Append to the particles of a state what is due at its time."""
+        """Append the particles that are due at the time of a state."""
         if self.vents:
             threads = emitters(state, len(self.vents))
             kernel = emission_kernel(state.real, self.emission_on(state))
             state.launches(kernel, [threads, self.outlets, way], dim=threads)
 
     def emission(self, time: float) -> Emission:
-        """Return what the vents have emitted by a time [s] at which no step is under way."""
+        """Return the emission up to a time [s]; no step may be running."""
         given = [vent.volume_between(self.since, time) for vent in self.vents]
         released = read(self.released)[: len(self.vents)]
         return replace(self._before, volume=self._before.volume + given, released=released)
 
     def save(self) -> dict[str, np.ndarray]:
-        """Copy what is not in the vents themselves, for ``Emission`` at ``since``."""
+        """Copy the arrays of ``Emission`` for a checkpoint at ``since``."""
         released = read(self.released)[: len(self.vents)]
         return asdict(self._before) | {'released': released}
 
     def parting(self, number: int, waiting: float) -> list[tuple[float, float, float, float]]:
-        """Return the particles (x, y, volume [m3], temperature [K]) of a conduit that is emptied.
+        """Return the particles that empty the conduit of a vent.
 
-        They are of equal volume, at the next places of the vent.
+        They have equal volumes and are at the next places of the vent.
 
         Args:
-            number: Number of the vent.
+            number: Index of the vent.
             waiting: Volume in its conduit [m3].
+
+        Returns:
+            Rows of (x [m], y [m], volume [m3], temperature [K]).
         """
         vent = self.vents[number]
         count = max(min(math.ceil(waiting / self._particle_volume), _MOST_A_STEP), 0)

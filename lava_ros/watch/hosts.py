@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which requests a server answers: those that name it, and that its own page makes.
+"""Filter of HTTP requests by the host that they name and the page that makes them.
 
-A page of another site can have its name resolve to this machine (DNS rebinding). Its requests
-then reach the server, but they carry the name of the other site.
+Another site can let its name resolve to this machine (DNS rebinding). The requests of its page
+then reach the server, but their ``Host`` is the name of the other site.
 """
 
 from collections.abc import Callable, Iterable
@@ -28,23 +28,24 @@ from tornado.httputil import HTTPServerRequest
 from tornado.routing import AnyMatches, Router, Rule, RuleRouter
 from tornado.web import Application, ErrorHandler
 
-#: Names of this machine that are not those of a network.
+#: Names of the loopback interface.
 _LOOPBACK = ('localhost', '127.0.0.1', '::1')
 
 
 def own_hosts(address: str, sockets: Iterable[socket.socket]) -> Callable[[str], bool]:
-    """Say which hosts a server is asked for by.
+    """Return a function that checks if a ``Host`` is one of a server's own.
 
-    A server of one address is asked for by that, and one of this machine alone by any name of the
-    machine for itself. A server of every network is asked for by IP addresses, of which it cannot
-    tell its own, and by the machine's name. A page of another site has neither.
+    A server that listens at one address accepts that address, and on the loopback interface also
+    the other names of the interface. A server that listens on all networks accepts the name of the
+    machine and any IP address, because it cannot determine all of its own. A page of another site
+    is reached by neither.
 
     Args:
-        address: Where the server listens, as given.
-        sockets: The sockets that it listens at.
+        address: Address at which the server listens, as given.
+        sockets: Sockets at which it listens.
 
     Returns:
-        Whether a ``Host``, with its port, is one of the server's.
+        Function of a ``Host`` with its port: True if it is one of the server's.
     """
     bound = [sock.getsockname() for sock in sockets]
     port = bound[0][1]
@@ -71,19 +72,19 @@ def own_hosts(address: str, sockets: Iterable[socket.socket]) -> Callable[[str],
 
 
 def only_own(served: Router, is_own: Callable[[str], bool]) -> RuleRouter:
-    """Route requests to what is served, and refuse those of other hosts or pages with 403."""
+    """Route requests to ``served``; answer 403 to those for other hosts or from other pages."""
     refusing = Application([('.*', ErrorHandler, {'status_code': 403})])
     return RuleRouter([Rule(_Own(is_own), served), Rule(AnyMatches(), refusing)])
 
 
 class _Own:
-    """A matcher of Tornado: requests for this server, from no page or from its own."""
+    """Matcher of Tornado for requests to this server, from its own page or from no page."""
 
     def __init__(self, is_own: Callable[[str], bool]) -> None:
         self._is_own = is_own
 
     def match(self, request: HTTPServerRequest) -> dict[str, Any] | None:
-        """Return arguments for the handler, of which there are none; None for no match."""
+        """Return the arguments for the handler (an empty dict), None for no match."""
         host, origin = request.host.lower(), request.headers.get('Origin')
         is_same = origin is None or urlsplit(origin.lower()).netloc == host
         return {} if is_same and self._is_own(host) else None

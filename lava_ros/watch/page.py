@@ -275,7 +275,7 @@ def serve(
 ) -> BaseServer:
     """Serve the page at an address, ``0.0.0.0`` for every network, and return the server.
 
-    Requests that name another host than the address are refused (``hosts.only_own``).
+    Requests for another host than the address are answered with 403 (``hosts.only_own``).
 
     Port 0 chooses a free port. The page includes all that it needs. It is served while the
     server's ``io_loop`` runs; ``on_poll`` is called after each check for new frames.
@@ -299,7 +299,7 @@ def serve(
         on_poll()
 
     page = Application(FunctionHandler(lambda document: Page(frames).open(document)))
-    # What another page asks for is refused before Bokeh looks at its origin.
+    # Requests of other pages are refused before Bokeh checks their origin.
     tornado = BokehTornado(page, extra_websocket_origins=[f'*:{port}'])
     http = HTTPServer(only_own(tornado, own_hosts(address, sockets)))
     http.add_sockets(sockets)

@@ -234,7 +234,7 @@ def test_custom_data_can_change(tmp_path: Path, make_grid: MakeGrid) -> None:
 def test_description_that_always_changes_is_not_most_of_a_bag(
     tmp_path: Path, make_grid: MakeGrid
 ) -> None:
-    """It is at most a third of what is flushed, and what an attachment follows is the newest."""
+    """It is at most a third of the file, and an attachment follows the newest description."""
     path = tmp_path / 'bag' / 'bag_0.mcap'
     with BagWriter(tmp_path / 'bag', custom_data={'scene': ''}) as writer:
         for number in range(200):

@@ -194,7 +194,7 @@ def test_keys_in_a_terminal(replay, terminal, screen, heard):
     heard.until(lambda: len(heard.places) > 5, timeout=60.0)
     press(' ')
     heard.until(lambda: 'held' in ''.join(screen))
-    # what was on its way comes first
+    # messages that were sent before arrive first
     heard.until(lambda: heard.during(0.6) == [])
     place = heard.places[-1]
 

@@ -48,7 +48,7 @@ def test_every_argument_is_documented(path, monkeypatch):
 
 
 def test_the_node_gets_parameters_it_has(monkeypatch):
-    """Every one, by name and type, and none that was not given: a file of parameters has those."""
+    """Only given arguments are passed, with name and type; the parameter file has the others."""
     (node,), declared = start(monkeypatch, LAVA)
     assert node.command == ['lava_ros:lava_node', '--ros-args', '--log-level', 'info']
     assert node.name == 'lava'
@@ -127,7 +127,7 @@ def test_wrong_arguments_are_refused(monkeypatch, path, argument, words):
     ],
 )
 def test_masks_that_nobody_would_publish_are_refused(monkeypatch, arguments, words):
-    """A server would announce them all the same."""
+    """The servers would announce them even so."""
     started = []
     with pytest.raises(RuntimeError, match=words):
         start(monkeypatch, KEEPOUT, processes=started, **arguments)
@@ -135,7 +135,7 @@ def test_masks_that_nobody_would_publish_are_refused(monkeypatch, arguments, wor
 
 
 def test_words_of_another_launch_file_are_its_own(monkeypatch):
-    """A file that includes these has arguments that they do not know."""
+    """A file that includes these files may have further arguments."""
     start(monkeypatch, LAVA, scene='etna.yaml')
     module = runpy.run_path(str(LAVA))
     monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'robot.launch.py', 'robot:=r1'])
@@ -154,7 +154,7 @@ def test_words_of_another_launch_file_are_its_own(monkeypatch):
     ],
 )
 def test_a_node_that_records_is_restarted_when_it_is_killed(monkeypatch, arguments, respawns):
-    """It resumes what was recorded since the launch. One that ends by itself ends everything."""
+    """It resumes from bags since the launch. A node that ends by itself ends the whole launch."""
     before = time.time()
     (node,), _ = start(monkeypatch, LAVA, **arguments)
     assert node.action.respawn is respawns

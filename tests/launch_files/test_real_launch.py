@@ -111,7 +111,7 @@ def test_nothing_starts_without_rviz(launched, name):
 
 @pytest.mark.parametrize('then', ['exit 1', 'kill -9 $$', 'exit 0'])
 def test_the_filter_servers_end_with_the_node(launched, then):
-    """What they announce would not be published; launch waits for the ends of all."""
+    """The masks that they announce would not be published. Launch waits until all have ended."""
     text, told, _ = launched('nav2_keepout.launch.py', then=then)
     assert told is not None, text
     assert 'process[lava_node-1] was required' in text
@@ -123,7 +123,7 @@ def test_the_filter_servers_end_with_the_node(launched, then):
     ('words', 'starts'), [(['record:=true'], 3), (['respawn:=true'], 3), (['record:=false'], 1)]
 )
 def test_a_node_that_is_killed_is_started_again(launched, tmp_path, words, starts):
-    """Again and again, with the time of the launch; not one that nobody asked to."""
+    """The restart repeats, with the time of the launch, but only with respawn."""
     then = 'test "$(grep -c . starts)" -lt 3 && kill -9 $$'
     text, told, files = launched('lava.launch.py', *words, then=then)
     assert told is not None, text
@@ -137,7 +137,7 @@ def test_a_node_that_is_killed_is_started_again(launched, tmp_path, words, start
     'word', ['scen:=etna.yaml', 'time_scale:=fast', 'log_level:=loud', 'params_file:=none.yaml']
 )
 def test_wrong_arguments_start_nothing(launched, word):
-    """Launch says which one it is."""
+    """The error of launch contains its name."""
     text, told, _ = launched('nav2_keepout.launch.py', word)
     assert word.partition(':=')[0] in text
     assert told is None and 'process started' not in text

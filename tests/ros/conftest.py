@@ -242,7 +242,7 @@ def graph(tmp_path_factory):
 
 @pytest.fixture
 def alone(graph):
-    """Ends what a test has started in the graph, so that no other test hears it."""
+    """Ends everything that a test has started in the graph, so that no other test is affected."""
     yield
     graph.close()
 

@@ -59,7 +59,7 @@ def centres(grid):
 
 
 def lethal(grid, x, y):
-    """Whether the cells of a grid in columns at x and rows at y are lethal; none beyond it."""
+    """Mark the lethal cells of a grid in columns at x and rows at y; False beyond the grid."""
     info, corner = grid.info, grid.info.origin.position
     values = np.array(grid.data, np.int8).reshape(info.height, info.width) == LETHAL
     columns = np.floor((x - corner.x) / info.resolution).astype(int)

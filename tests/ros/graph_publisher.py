@@ -212,7 +212,7 @@ class Asking(ABC):
         """Call a service once and return its answer, None where none comes in time [s]."""
 
     def ask(self, kind, name, **fields):
-        """Call a service and return its answer; what may be called twice is, where none comes.
+        """Call a service and return its answer; call it again if none comes and that is harmless.
 
         A reply to a client that the node has not discovered yet is lost.
         """
@@ -250,7 +250,7 @@ class Asking(ABC):
         return {'success': result.success, 'message': result.message}
 
     def change(self, name, node='/lava'):
-        """Ask for a transition and return whether it went well, as its answer and state say.
+        """Request a transition; return True if its answer or the state shows success.
 
         ``shutdown`` is another in each state, and found by its label.
         """
@@ -274,7 +274,7 @@ class Asking(ABC):
 
 
 class Publisher(Asking):
-    """Tells nodes in a graph what a test says, and asks them."""
+    """Publishes the messages of a test to nodes in a graph, and calls their services."""
 
     def __init__(self, domain, remap=()):
         """Join the graph of a domain."""
@@ -311,11 +311,11 @@ class Publisher(Asking):
         return None
 
     def publish(self, *cases):
-        """Send messages by their names in ``CASES`` once somebody hears them."""
+        """Send messages by their names in ``CASES`` once there is a subscriber."""
         for case in cases:
             topic, make = CASES[case]
             publisher = self.publishers[topic]
-            wait_until(publisher.get_subscription_count, lambda: f'nobody hears {topic}')  # noqa: B023
+            wait_until(publisher.get_subscription_count, lambda: f'{topic} has no subscriber')  # noqa: B023
             publisher.publish(make())
 
     def clock(self, seconds):

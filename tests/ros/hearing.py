@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Waits for what nodes publish, message by message."""
+"""Waits for messages of nodes."""
 
 from abc import ABC, abstractmethod
 import time
@@ -35,7 +35,7 @@ class Hearing(ABC):
 
     @abstractmethod
     def hear(self):
-        """Read everything that has come so far, and return how much that is in all."""
+        """Read all messages received so far, and return their total number."""
 
     def wait(self, condition, timeout=PATIENCE):
         """Read messages until one fulfils a condition, and return it."""
@@ -73,11 +73,11 @@ class Hearing(ABC):
         return message['status'][name]
 
     def status_now(self, task, condition=lambda _: True, node='lava'):
-        """The same of diagnostics that are told from now on: what waits to be read is older."""
+        """Do as ``wait_for_status``, but skip diagnostics that were published before this call."""
         return self.wait_for_status(task, condition, node=node, since_ns=time.time_ns())
 
     def newest(self, *topics, condition=lambda _: True):
-        """The newest message of each topic once all are there, in whatever order they come."""
+        """Return the newest message of each topic once all have arrived, in any order."""
 
         def is_there(_=None):
             found.update({item['topic']: item for item in self.seen if item['topic'] in topics})
@@ -90,7 +90,7 @@ class Hearing(ABC):
         return found
 
     def at_rest(self, *topics):
-        """The same once time stands still and diagnostics tell of these messages."""
+        """Do as ``newest``, once time stands still and diagnostics report these messages."""
 
         def is_last(newest):
             status = newest['diagnostics']['status']['lava: simulation']

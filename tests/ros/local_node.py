@@ -103,7 +103,7 @@ class LocalNode(Asking, Hearing):
     def __init__(self, directory, patch, *, remap=(), **parameters):
         """Start a node with parameters (``__`` is a point) and diagnostics many times a second."""
         patch.setattr(active_node, 'HEARTBEAT', HEARTBEAT)
-        # a clock that stands still is what a test wants
+        # without a warning that the clock stands still
         patch.setattr(diagnostics, 'PATIENCE', float('inf'))
         patch.chdir(directory)
         self.directory, self.seen, self.now = Path(directory), [], 0.0
@@ -128,12 +128,12 @@ class LocalNode(Asking, Hearing):
 
     @property
     def log(self):
-        """What it has logged, a line each."""
+        """Lines that the node has logged."""
         return '\n'.join(self._log.lines)
 
     @property
     def worker(self):
-        """The thread of its simulation."""
+        """Worker of the simulation."""
         return self.node._active._worker
 
     def close(self):
@@ -149,7 +149,7 @@ class LocalNode(Asking, Hearing):
     # the clock
 
     def jump(self, to):
-        """Put the clock to a time [s]."""
+        """Set the clock to a time [s]."""
         self.now = to
         self.deliver('/clock', Clock(clock=codec.time_message(round(to * 1e9))))
 
@@ -169,7 +169,7 @@ class LocalNode(Asking, Hearing):
             )
 
     def run_commands(self):
-        """Wait until the simulation's thread has done all that it was told to so far."""
+        """Wait until the simulation's thread has run all commands so far."""
         self.worker.checkpoint().result(PATIENCE)
 
     def spin(self):
@@ -188,7 +188,7 @@ class LocalNode(Asking, Hearing):
         """Run callbacks until a text is in the log, beyond so many characters of it."""
         self.wait_until(lambda: text in self.log[after:], timeout)
 
-    # what it takes and answers
+    # inputs and services
 
     def deliver(self, topic, message):
         """Hand a message to the node, as it would come from a topic of a full name."""
@@ -223,14 +223,14 @@ class LocalNode(Asking, Hearing):
 
         def found():
             names = {item for way in ways for item, _ in way(name, space)}
-            # those that rclpy keeps to itself
+            # except internal topics of rclpy
             return names - {'/rosout', f'{space.rstrip("/")}/{name}/transition_event'}
 
         # the middleware learns of them one by one, in threads of its own
         self.wait_until(lambda: found() == made)
         return made
 
-    # what it says
+    # outputs
 
     def next(self, timeout):
         """Return the next message, AssertionError where none comes in time [s]."""
@@ -241,7 +241,7 @@ class LocalNode(Asking, Hearing):
         return line_of(*self._sent.popleft())
 
     def hear(self):
-        """Read everything that has come so far, and return how much that is in all."""
+        """Read all messages received so far, and return their total number."""
         while self._sent:
             self.seen.append(self.next(0.0))
         return len(self.seen)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What others in the graph may ask for without limit, and what they may not."""
+"""Rate limits of requests from the graph, and requests without a limit."""
 
 from concurrent.futures import Future
 from functools import partial
@@ -40,7 +40,7 @@ ON, OFF, NOTHING = SetBool.Request(data=True), SetBool.Request(data=False), Trig
 
 @pytest.mark.parametrize('name', LIMITS)
 def test_a_storm_is_refused(name):
-    """One more comes each period, however long none came before; other names have their own."""
+    """One more call is allowed each period, also after a rest; each name has its own limit."""
     now, refused = [1e6], []
     allowance = Allowance(lambda *words: refused.append(words), lambda: now[0])
     calls, period = LIMITS[name]
@@ -62,7 +62,7 @@ def test_a_storm_is_refused(name):
 
 
 class Doors:
-    """The services of a node, with what they call in its place, and a clock that stands still."""
+    """Services of a node with stand-ins for the functions that they call, and a clock at rest."""
 
     def __init__(self):
         entities, self.worker = Mock(), Mock()
@@ -84,12 +84,12 @@ class Doors:
         }
 
     def call(self, name, request):
-        """The answer of a service."""
+        """Call a service and return its answer."""
         kind, answer = self.services[name]
         return answer(request, kind.Response())
 
     def set_effects(self):
-        """The same as an answer, for a change of what the choice of effects goes by."""
+        """Change a setting of the effects and return the result as an answer."""
         node = SimpleNamespace(
             _settings=Settings(), _allowance=self.allowance, _bag_folder=self.active
         )
@@ -100,12 +100,12 @@ class Doors:
         return SimpleNamespace(success=True)
 
     def status(self):
-        """What diagnostics say of inputs."""
+        """Return the diagnostics of inputs."""
         status = self.inputs.log.status()
         return status.level, {item.key: item.value for item in status.values}
 
 
-#: How a client asks for each thing that is limited.
+#: Calls of a client for each limit.
 ASKED = {
     'reset': lambda doors: doors.call('reset', NOTHING),
     'record': lambda doors: doors.call('record', ON),
@@ -116,7 +116,7 @@ ASKED = {
 
 @pytest.mark.parametrize('name', LIMITS)
 def test_doors_are_limited(name):
-    """A storm of calls goes through a few times; the others are refused, counted and logged."""
+    """The first calls of a flood are accepted; the others are refused, counted and logged."""
     doors = Doors()
     answers = [ASKED[name](doors) for _ in range(STORM)]
     calls, period = LIMITS[name]
@@ -132,7 +132,7 @@ def test_doors_are_limited(name):
     ('name', 'request_'), [('pause', ON), ('pause', OFF), ('step', NOTHING), ('record', OFF)]
 )
 def test_doors_that_cost_nothing_are_open(name, request_):
-    """What only holds time, or ends a bag, is never refused for coming too often."""
+    """Calls that only stop time, or finish a bag, have no rate limit."""
     doors = Doors()
     answers = [doors.call(name, request_) for _ in range(STORM)]
     assert all(answer.success for answer in answers), answers[0].message
@@ -143,7 +143,7 @@ def test_doors_that_cost_nothing_are_open(name, request_):
     'kind', ['pause', 'step', 'reset', 'vents', 'terrain', 'effects', 'snapshot']
 )
 def test_commands_that_wait_replace_one_another(bench, kind):
-    """A busy simulation has one of each kind before it, however many were asked for."""
+    """At most one command of each kind waits for a busy simulation."""
     bench.start()
     bench.simulation.is_compiled.clear()
     held = bench.worker.set_effects({}, horizon=1.0)
@@ -166,7 +166,7 @@ def test_commands_that_wait_replace_one_another(bench, kind):
 
 
 def test_saves_are_bounded_in_size():
-    """What all have written is bounded as well, and that is counted."""
+    """The size of all saves together is limited as well, and refusals are counted."""
     doors = Doors()
     node = SimpleNamespace(
         _worker=doors.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,

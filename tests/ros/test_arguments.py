@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Mistakes in the arguments for ROS: one sentence, and the status of a wrong argument."""
+"""Mistakes in ROS arguments: one sentence, and the exit status of a usage error."""
 
 import logging
 from pathlib import Path
@@ -51,21 +51,21 @@ MISTAKES = {
     ('--params-file', 'type.yaml'): 'preset is 3, expected a string',
     ('--params-file', 'whole.yaml'): 'time_scale is 60, expected a double; a whole number is wr',
     ('--params-file', 'list.yaml'): 'effects_off is 3, expected a list of effects',
-    ('--params-file',): '--params-file is missing, expected a value behind it',
+    ('--params-file',): '--params-file is missing, expected a value after it',
     ('-r', '__ns:=/fleet-1'): "-r is '__ns:=/fleet-1', expected FROM:=TO, __ns:=/NAMESPACE",
     ('-r', '__ns:=fleet'): "-r is '__ns:=fleet', expected FROM:=TO, __ns:=/NAMESPACE",
     ('-r', '__node:=my-node'): "-r is '__node:=my-node', expected FROM:=TO",
     ('-r', 'hazard'): "-r is 'hazard', expected FROM:=TO",
     ('--remap', 'hazard:=a//b'): "--remap is 'hazard:=a//b', expected FROM:=TO",
-    ('-r',): '-r is missing, expected a value behind it',
+    ('-r',): '-r is missing, expected a value after it',
     ('--log-level', 'loud'): "--log-level is 'loud', expected debug, info, warn",
     ('--log-level', 'lava:=loud'): "--log-level is 'lava:=loud', expected debug, info, warn",
-    ('--log-level',): '--log-level is missing, expected a value behind it',
+    ('--log-level',): '--log-level is missing, expected a value after it',
     ('--enclave', 'here'): "ROS is \"Enclave name is not valid: 'context name must be absolute",
-    ('--unknown',): "--ros-args is '--unknown', expected flags of ROS",
-    ('word',): "--ros-args is 'word', expected flags of ROS",
+    ('--unknown',): "--ros-args is '--unknown', expected ROS flags",
+    ('word',): "--ros-args is 'word', expected ROS flags",
     ('--', 'word'): "an argument is 'word', expected --ros-args",
-    ('-p',): '-p is missing, expected a value behind it',
+    ('-p',): '-p is missing, expected a value after it',
     ('-p', 'scene'): "-p is 'scene', expected NAME:=VALUE",
     ('-p', 'scene:='): "-p is 'scene:=', expected NAME:=VALUE; an empty text is written NAME:=",
     ('-p', 'scene:=['): "-p is 'scene:=[', expected NAME:=VALUE",
@@ -105,7 +105,7 @@ def run(monkeypatch, tmp_path, capfd):
 
 @pytest.mark.parametrize('words', MISTAKES, ids=' '.join)
 def test_a_mistake_is_one_sentence(run, words):
-    """It names the argument and what would be right, and the status is 2."""
+    """The sentence contains the argument and a valid value, and the status is 2."""
     status, said = run('--ros-args', *words)
     (sentence,) = said.splitlines()
     assert sentence.startswith(f'lava_node cannot start: {MISTAKES[words]}')
@@ -114,7 +114,7 @@ def test_a_mistake_is_one_sentence(run, words):
 
 @pytest.mark.parametrize('words', [('--help',), ('scene.yaml',), ('-r', '__node:=other')])
 def test_words_for_nobody_are_refused(run, words):
-    """ROS would leave out what does not follow --ros-args."""
+    """ROS would ignore words that are not behind --ros-args."""
     status, said = run(*words)
     assert said.splitlines()[-1].startswith(
         f'lava_node cannot start: an argument is {words[0]!r}, expected --ros-args'
@@ -126,7 +126,7 @@ def test_words_for_nobody_are_refused(run, words):
     'command', [name for group in GROUPS.values() for name in group if name != 'node']
 )
 def test_other_commands_refuse_mistakes_too(command):
-    """Those that take no arguments for ROS say so as of any other argument."""
+    """Commands without ROS arguments refuse them like any unknown argument."""
     status, out, err = lava(command, '--ros-args', '-r', '__ns:=/fleet-1')
     assert (status, out) == (2, '')
     assert err.splitlines()[-1].startswith(f'lava {command}: ')
@@ -135,7 +135,7 @@ def test_other_commands_refuse_mistakes_too(command):
 
 @pytest.mark.parametrize('domain', ['one', '-1', '1.5', '233', '9999'])
 def test_a_domain_that_ros_cannot_use(monkeypatch, domain):
-    """What every command of ROS starts with names the variable."""
+    """The error at the start of any command that uses ROS contains the name of the variable."""
     monkeypatch.setenv('ROS_DOMAIN_ID', domain)
     with pytest.raises(LavaError, match='^ROS_DOMAIN_ID is .*, expected a whole number from 0 to'):
         start_ros([])

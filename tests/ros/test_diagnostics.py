@@ -22,7 +22,7 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import diagnostics
-from lava_ros.ros.diagnostics import ClockWatch, MIN_LOST, PATIENCE, TOLD
+from lava_ros.ros.diagnostics import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
 from lava_ros.ros.input_topics import InputLog
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
@@ -252,7 +252,7 @@ def test_a_clock_that_never_comes_or_stops_is_said():
     watch, now = ClockWatch(), 50.0
     assert _look(watch, 0, now) == _look(watch, 0, now + 0.9 * PATIENCE) == {}
     assert _look(watch, 0, now + PATIENCE)['clock'].startswith('/clock does not arrive')
-    # that of the system always moves
+    # the system clock always moves
     assert _look(watch, 0, now + PATIENCE, is_simulated=False) == {}
     assert _look(watch, 10**9, now + 10.0 * PATIENCE) == {}
     assert _look(watch, 2 * 10**9, now + 11.0 * PATIENCE) == {}
@@ -281,14 +281,15 @@ def test_a_clock_that_never_comes_or_stops_is_said():
     ],
 )
 def test_a_clock_that_is_not_followed_is_said(worker, kind, said, is_simulated):
-    """For a while after each jump and each loss, and again after the next."""
+    """The warning remains for a while after each jump or loss, and returns after the next."""
     watch = ClockWatch()
     assert _look(watch, 1, 0.0, is_simulated=is_simulated) == {}
-    for now in (1.0, 0.9 * TOLD):
+    for now in (1.0, 0.9 * WARNING_TIME):
         told = _look(watch, int(now * 1e9), now, is_simulated=is_simulated, **worker)
         assert list(told) == [kind] and told[kind].startswith(said)
-    assert _look(watch, 10**11, 2.0 * TOLD, is_simulated=is_simulated, **worker) == {}
+    assert _look(watch, 10**11, 2.0 * WARNING_TIME, is_simulated=is_simulated, **worker) == {}
     more = {name: value + MIN_LOST for name, value in worker.items()}
-    assert list(_look(watch, 10**12, 3.0 * TOLD, is_simulated=is_simulated, **more)) == [kind]
+    later = _look(watch, 10**12, 3.0 * WARNING_TIME, is_simulated=is_simulated, **more)
+    assert list(later) == [kind]
     # a new start has lost nothing
-    assert _look(watch, 10**13, 3.1 * TOLD, is_simulated=is_simulated) == {}
+    assert _look(watch, 10**13, 3.1 * WARNING_TIME, is_simulated=is_simulated) == {}

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Forecasts and ensembles of a node: maps, what was seen, withdrawals, the bag."""
+"""Forecasts and ensembles of a node: maps, observed outlines, withdrawals, the bag."""
 
 import json
 from pathlib import Path

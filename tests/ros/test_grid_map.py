@@ -266,7 +266,7 @@ def test_without_the_package_the_layer_is_refused(absent):
 
 
 def subscribed(**changes):
-    """What a node with settings subscribes to by topic, with its worker and its log."""
+    """Return the subscriptions of a node with settings by topic, its worker and its log."""
     entities, worker = Mock(), Mock()
     worker.set_terrain.return_value = Future()
     InputTopics(entities, worker, settings=lambda: Settings(**changes), steady=Clock())

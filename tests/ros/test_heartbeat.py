@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Masks and hazard of a node that does nothing, and of one that is dead."""
+"""Masks and hazard of a paused node, and of one that was killed."""
 
 import signal
 
@@ -38,7 +38,7 @@ layers:
 
 
 class Robot:
-    """A subscriber that asks for what the heartbeat promises."""
+    """A subscriber that requests the deadline and the liveliness of the heartbeat."""
 
     def __init__(self):
         self.context = Context()
@@ -71,7 +71,7 @@ class Robot:
         )
 
     def wait(self, condition):
-        """Take what comes until something holds."""
+        """Receive messages until a condition holds."""
 
         def is_so():
             self.executor.spin_once(timeout_sec=0.1)

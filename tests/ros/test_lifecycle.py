@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The managed node: transitions, those that fail, and what a state holds."""
+"""The managed node: transitions, failed ones included, and its behaviour in each state."""
 
 from pathlib import Path
 import threading
@@ -31,7 +31,7 @@ GRIDS = {'/hazard', '/height', '/temperature'}
 #: Names of a configured node.
 CONFIGURED = {*GRIDS, '/terrain', '/diagnostics', '/lava/step'}
 
-#: A node that cannot be configured, for no reason that it knows.
+#: Program of a node whose configuration fails with an unexpected error.
 FAULTY = """
 from lava_ros.ros.active_node import ActiveNode
 from lava_ros.ros.node import main
@@ -56,7 +56,7 @@ def change(node, *names):
 
 
 def refuse(node, name, words, state):
-    """Ask for a transition that goes wrong; the log says why, and the node is in a state."""
+    """Request a transition that fails; the log has the reason, and the node is in a state."""
     before = len(node.log)
     assert not node.change(name)
     assert node.state() == state
@@ -101,7 +101,7 @@ def has_lava(grid):
 
 
 def test_an_unconfigured_node_has_nothing_of_the_simulation(start):
-    """What the state does not have is refused."""
+    """Transitions that the state does not have are refused."""
     node = start('unconfigured')
     assert node.state() == 'unconfigured'
     alone = node.names()
@@ -116,7 +116,7 @@ def test_an_unconfigured_node_has_nothing_of_the_simulation(start):
 
 @pytest.mark.parametrize('words', ['gone.npz', 'RuntimeError: configure went wrong'])
 def test_configuring_that_fails_leaves_nothing_behind(start, monkeypatch, words):
-    """By a missing file, or an error nobody expected; then it can be tried again."""
+    """A missing file or an unexpected error is the cause; configure can then be called again."""
     node = start('unconfigured')
     alone, threads = node.names(), set(threading.enumerate())
     with monkeypatch.context() as patch:
@@ -132,7 +132,7 @@ def test_configuring_that_fails_leaves_nothing_behind(start, monkeypatch, words)
 
 
 def test_an_inactive_node_takes_inputs_and_publishes_no_maps(start):
-    """Diagnostics are told and a pause is remembered; no map, no step, no bag."""
+    """Diagnostics are published and a pause is kept, but there is no map, no step and no bag."""
     node = start('inactive')
     node.publish('click')
     inputs = node.status_now('inputs', lambda item: item['accepted'] == '3')
@@ -269,7 +269,7 @@ def test_a_recording_that_was_ended_does_not_begin_again(start, tmp_path):
     ],
 )
 def test_an_error_nobody_expected_leaves_the_node_unconfigured(start, monkeypatch, name, path):
-    """Nothing is left in the graph, and one can begin anew."""
+    """The node leaves nothing in the graph, and can be configured again."""
     node = start('unconfigured', record=True, bag_directory='bag')
     alone = node.names()
     change(node, 'configure', *path[:-1])

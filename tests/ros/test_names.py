@@ -23,7 +23,7 @@ pytestmark = pytest.mark.usefixtures('alone')
 
 ETNA, HEKLA = '/etna/lava', '/hekla/lava2'
 
-#: How each is started.
+#: Arguments of each node.
 REMAPS = {
     ETNA: ['__ns:=/etna', 'hazard:=/map', 'clicked_point:=/rviz/click'],
     HEKLA: ['__ns:=/hekla', '__node:=lava2'],
@@ -99,7 +99,7 @@ def test_a_click_opens_a_vent_where_it_is_remapped_to(start):
 
 
 def test_bags_are_each_nodes_own(start, tmp_path):
-    """Named by the same second they are two, each with what its node has said."""
+    """Bags of the same second have different names, each with the messages of its node."""
     nodes = {name: start(name, record=True) for name in NAMES}
     for name, node in nodes.items():
         node.newest(MAPS[name][0])
@@ -129,7 +129,7 @@ def launch(graph, name, **parameters):
 
 def test_the_terrain_of_a_file_is_there_for_who_comes_late(graph):
     """One that comes by the topics takes its place, and then it alone is there."""
-    # of images alone: what it publishes of its own terrain comes back to it
+    # images only: the terrain that the node publishes comes back to it
     launch(graph, HEKLA, terrain_scale=2.0)
     publisher = graph.publisher(remap=['__ns:=/hekla'])
     listener = graph.listener('/hekla/height')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node: what it takes, says, publishes and records, in process and in a real graph."""
+"""The node: inputs, log, topics and bags, in process and in a real graph."""
 
 import hashlib
 import json
@@ -145,7 +145,7 @@ def test_parameters(running):
 
 
 def test_changing_effects_does_not_stop_publishing(running):
-    """Effects go on and off in a flow that continues, with reasons; after each, lava is shown."""
+    """Effects are switched while the flow continues, with reasons; maps with lava follow."""
     for values, effect, text in (
         ({'effects_on': ['helmholtz']}, 'helmholtz', 'on: forced'),
         ({'effects_on': [], 'effects_off': ['cover']}, 'cover', 'off: forced'),
@@ -176,7 +176,7 @@ def test_reset(running):
 
 
 def test_the_bag_describes_itself(flowing, tmp_path):
-    """It begins with the inputs, and has the scene, parameters and effects of the run."""
+    """The bag begins with the inputs, and contains scene, parameters and effects of the run."""
     node = flowing(record=True, bag_directory='bag')
     node.publish('click')
     assert node.set(effects_on=['helmholtz'])['success']
@@ -210,7 +210,7 @@ def test_the_bag_describes_itself(flowing, tmp_path):
 
 
 def test_subscribers_of_a_real_graph(graph):
-    """All grids come, to who is late the last ones; the bag has the bytes of the wire."""
+    """All grids are published, the last also to late subscribers; the bag has the same bytes."""
     bag = graph.directory / 'bag'
     node = graph.node(time_scale=60.0, device='cpu', record=True, bag_directory=str(bag))
     publisher, listener = graph.publisher(), graph.listener(*GRIDS)
@@ -220,7 +220,7 @@ def test_subscribers_of_a_real_graph(graph):
         place = {name: grid[name] for name in ('frame_id', 'shape', 'resolution', 'origin')}
         assert list(place.values()) == ['map', [30, 40], 10.0, [0.0, 0.0]]
         assert grid['min'] == 0 and grid['max'] <= 100
-    # where there is no GPU Warp says so
+    # Warp prints a warning if there is no GPU
     assert not [line for line in node.log.splitlines() if line.startswith('Warp ')]
     assert publisher.call('pause', True)['success']
     last = listener.at_rest(*GRIDS)
@@ -262,7 +262,7 @@ def test_parameters_without_effect_are_warned_of(graph):
 
 
 def test_a_wrong_start_is_refused(graph):
-    """A node that cannot start says why in one sentence and ends with 2."""
+    """A node that cannot start prints the reason in one sentence and exits with 2."""
     nodes = [
         (graph.node(aside=True, **parameters), words)
         for parameters, words in (

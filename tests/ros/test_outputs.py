@@ -268,8 +268,8 @@ def points(marker):
 def test_markers_of_vents():
     """Old ones go first. A disc is as wide as its vent; a fissure is a line between its ends.
 
-    Both lie on the maps, and beside them is their name, or number, and what they give. A line goes
-    up to the ground.
+    Both lie on the maps, next to a label with their name or number and their discharge. A line
+    goes up to the ground.
     """
     first, *others = vent_markers(VENTS, 10.0, HILL, frame_id='map', stamp_ns=0).markers
     assert first.action == Marker.DELETEALL
@@ -326,7 +326,7 @@ GROUND, SPRINGS = {'terrain', 'terrain_info', 'relief'}, {'vents', 'vents_marker
     ],
 )
 def test_scene_messages_are_those_that_have_changed(change, time, expected):
-    """All at first and when they are to be told again, and then those of what is new."""
+    """All are made at first and after ``forget``, later only those that have changed."""
     scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages('map')
     assert set(messages.update(scene, 10.0, 1)) == GROUND | SPRINGS
     changed = messages.update(replace(scene, **change), time, 2)
@@ -350,7 +350,7 @@ CONFIGS = Path(__file__).parents[2] / 'msg_configs'
 
 
 class _Published:
-    """Publishers of a file's layers, their QoS and what they send, and a steady clock."""
+    """Publishers of the layers of a file, their QoS and messages, and a steady clock."""
 
     def __init__(self, file, recorder=None):
         self.sent, self.profiles, self.now = [], {}, 100.0
@@ -400,7 +400,7 @@ def test_a_grid_is_surrounded_up_to_its_least_size():
 
 
 def test_heartbeats_repeat_the_newest_map(tmp_path):
-    """With its stamp, when nothing else was sent for so long; the bag has each map once."""
+    """The map keeps its stamp and is sent after a heartbeat of silence; the bag has it once."""
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag')
     recorder.begin({})
@@ -440,7 +440,7 @@ def test_heartbeats_repeat_the_newest_map(tmp_path):
 
 
 def test_a_heartbeat_is_promised_by_qos():
-    """Twice its time is offered as deadline and lease; other layers promise nothing."""
+    """Deadline and lease are twice the heartbeat; other layers offer neither."""
     world = _Published('default.yaml')
     for topic, profile in world.profiles.items():
         if topic.endswith('get_map'):
@@ -463,7 +463,7 @@ def test_the_margin_of_keepout_masks_is_a_parameter():
 
 
 def test_masks_are_sent_when_they_change():
-    """Nav2 works its costmaps out anew for each: hazard comes with each frame, masks do not."""
+    """Nav2 updates its costmaps for each mask, so only hazard is sent with each frame."""
     world = _Published('nav2_speed.yaml')
     publishers, sent = world.publishers, world.sent
     first, thickness = _small_flow()

@@ -198,7 +198,7 @@ def test_only_message_types_are_imported(name: str) -> None:
         message_class(name)
 
 
-#: What a bag is replayed with, by the namespace that its node was in: what its topics become.
+#: Namespace of a recorded node and arguments of a replay: names of the replayed topics.
 NAMES = [
     ('/', [], {'/hazard': '/hazard'}),
     ('/', ['__ns:=/etna'], {'/hazard': '/etna/hazard', '/lava/events': '/etna/lava/events'}),

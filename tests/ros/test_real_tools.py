@@ -37,7 +37,7 @@ terrain: {file: st_helens.npz}
 vents: [{position: [4050.0, 3300.0], discharge: 60.0, radius: 30.0}]
 """
 
-#: What a robot tells its costmaps beside the shipped file.
+#: Parameters of a robot's costmaps in addition to the shipped file.
 ROBOT = {
     'global_frame': 'map',
     'robot_base_frame': 'base_link',
@@ -337,7 +337,7 @@ def test_a_mask_has_a_heartbeat_until_the_node_dies(tools):
 
 
 def test_a_node_that_is_killed_comes_back(tools):
-    """Launch starts it again, and it goes on from its bag; more than once."""
+    """Launch restarts it, and it resumes from its bag; more than once."""
     tools.say('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: false}')
     node, since_ns, checkpoint = tools.node.strip('/'), 0, 0.0
 

@@ -229,7 +229,7 @@ def written(tmp_path):
 
 
 def test_bags_written_since_a_time_are_found(tmp_path, written):
-    """The newest first, by the newest file of each, in the root and beside the given bag."""
+    """The newest first, by the newest file of each, in the root and next to the given bag."""
     for name, seconds in {
         'bags/old/old_0.mcap': 50.0,
         'bags/new/new_0.mcap': 40.0,

@@ -144,7 +144,7 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
 
 
 def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path):
-    """It says why in one sentence and ends with 2."""
+    """The node prints the reason in one sentence and exits with 2."""
     for name in ('empty', 'bag'):
         with BagWriter(tmp_path / name, custom_data={}) as writer:
             if name == 'bag':
@@ -167,7 +167,7 @@ def test_a_node_that_is_killed_again_and_again_is_restarted(graph, tmp_path):
     """By the same command: it resumes what it has recorded, or starts where there is nothing.
 
     Each time it records into another bag. Bags of other nodes, damaged ones and those from before
-    are left alone, and what was set meanwhile is kept.
+    are not used, and parameters that were set at run time are kept.
     """
     scene = tmp_path / 'scene.yaml'
     scene.write_text(
@@ -192,7 +192,7 @@ def test_a_node_that_is_killed_again_and_again_is_restarted(graph, tmp_path):
             scene=str(scene),
             time_scale=50.0,
             preset='draft',
-            # as if ~/record had begun the third bag: the recording goes on
+            # as if ~/record had begun the third bag: the recording continues
             record=number < 4,
             bag_directory=str(bags / 'first'),
             checkpoint_period=period,

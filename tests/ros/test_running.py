@@ -21,7 +21,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from ros.graph_publisher import elevation
 
-#: Those that are off unless they are named.
+#: Layers that are off unless they are named.
 OPTIONAL = ('height_raw', 'temperature_raw', 'lava_points')
 #: Actions of a marker.
 ADD, DELETEALL = 0, 3
@@ -57,7 +57,7 @@ def start(local, tmp_path):
 
 
 def labels(node, condition=bool):
-    """What is written beside the vents once that fulfils a condition."""
+    """Return the labels of the vents once they fulfil a condition."""
 
     def texts(newest):
         return [item['text'] for item in newest['vents_markers']['markers'] if item['text']]
@@ -77,7 +77,7 @@ def saved(answer):
 
 
 def test_an_inactive_node_has_no_map_to_give(local):
-    """It says so by a map without cells."""
+    """The answer is a map without cells."""
     node = local()
     assert node.change('configure')
     assert node.map('height')['shape'] == [0, 0]
@@ -230,7 +230,7 @@ def test_the_vent_that_a_click_opens_is_as_the_parameters_say(start):
     ],
 )
 def test_limits_of_inputs_can_be_changed(start, name, limit, case, words):
-    """What is beyond a limit that has just been set is refused, and taken again after that."""
+    """Input beyond a new limit is refused, and accepted again once the limit is raised."""
     node = start(pause=True)
     before = node.status_now('inputs')
     assert node.set(**{name: limit})['success']
@@ -243,7 +243,7 @@ def test_limits_of_inputs_can_be_changed(start, name, limit, case, words):
 
 
 def test_how_terrain_is_read_can_be_changed(start):
-    """Holes of the next terrain, and cells of the next cloud, are as the parameters say then."""
+    """New values of the parameters are used for the next terrain and the next cloud."""
     node = start(pause=True)
     node.publish('terrain_info', 'nan_hole')
     assert 'cells without data' in node.status_now('inputs')['last_error']
@@ -303,7 +303,7 @@ def test_how_bags_are_written_can_be_changed(start, tmp_path):
 
 
 def test_a_storm_of_saves_is_bounded(start, tmp_path):
-    """What comes too often is refused with the reason, and makes no bag."""
+    """Saves that come too often are refused with the reason, and make no bag."""
     node = start()
     answers = [node.call('save')]
     # where saves are slow their allowance grows meanwhile, and less than they take of it

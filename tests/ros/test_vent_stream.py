@@ -41,7 +41,7 @@ LAVA = {'viscosity': 1e4, 'arrhenius': 0.0, 'emissivity': 0.0, 'convection': 0.0
 
 
 def undisturbed(terrain: Terrain) -> Simulation:
-    """The same run without a node, with the vents given once."""
+    """Run the same eruption without a node, with the vents given once."""
     names = 'x', 'y', 'discharge', 'temperature', 'radius'
     vents = tuple(
         Vent((x, y), discharge, celsius + 273.15, radius=radius)

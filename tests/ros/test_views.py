@@ -48,7 +48,7 @@ DISPLAYS = {
     if 'Topic' in item
 }
 
-#: What the views draw: all of these are in the map frame.
+#: Topics that the views draw, all of them in the map frame.
 DRAWN = {f'/{topic}' for topic in DISPLAYS} | set(FOXGLOVE['configById']['3D!lava']['topics'])
 
 #: Height from which RViz's view from above looks down [m], a constant of it.
@@ -64,7 +64,7 @@ SNAPSHOTS = [snapshot_at(time, growing(time, TERRAIN), TERRAIN) for time in (200
 
 
 def of_the_node(directory: Path) -> Path:
-    """What a node records of layers and scene."""
+    """Record layers and scene as a node does."""
     recorder = Recorder()
     node = SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/')
     recording = SceneRecording(
@@ -93,13 +93,13 @@ def of_the_node(directory: Path) -> Path:
 
 
 def of_a_hindcast(directory: Path) -> Path:
-    """What a command records without a node."""
+    """Record snapshots as a command does without a node."""
     write_snapshots(directory, SCENE, SNAPSHOTS, custom_data={})
     return directory
 
 
 def recovered(directory: Path) -> Path:
-    """What is left of a recording that was cut off."""
+    """Recover a recording that was cut off."""
     whole = of_the_node(directory.with_name('whole'))
     (path,) = whole.glob('*.mcap')
     (whole / 'metadata.yaml').unlink()
@@ -118,7 +118,7 @@ WAYS = (of_the_node, of_a_hindcast, recovered, sample)
 
 @pytest.mark.parametrize('make', WAYS)
 def test_bags_hold_what_the_views_draw(make: Callable[[Path], Path], tmp_path: Path) -> None:
-    """Each topic is in the bag, latched, from the first map on; the ground is that of the maps."""
+    """Each topic is latched in the bag, no later than the first map; the ground is the same."""
     bag = BagReader(make(tmp_path / 'bag'))
     first: dict[str, Any] = {}
     for item in bag.messages():

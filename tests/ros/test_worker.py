@@ -89,7 +89,7 @@ def test_maps_show_where_the_clock_is(bench, step):
 @pytest.mark.parametrize('jump', [2.0 * MAX_LAG, 3600.0, 1e6, -2.0, -30.0, -1e6])
 @pytest.mark.parametrize('bench', [{'time_scale': 1.0}, {'time_scale': 1e5}], indirect=True)
 def test_jumps_of_the_clock_are_counted_and_not_followed(bench, jump):
-    """Simulated time does not leap, and goes on from there."""
+    """Simulated time does not jump, and continues with the next step of the clock."""
     bench.now = 1e7
     bench.run(bench.worker.set_terrain(TERRAIN))
     scale = bench.worker.time_scale
@@ -108,7 +108,7 @@ def test_jumps_of_the_clock_are_counted_and_not_followed(bench, jump):
 
 
 def test_a_clock_that_has_no_time_yet_or_jitters(bench):
-    """The first time of a clock is no jump, and what goes back a little is waited for."""
+    """The first time of a clock is not a jump, and simulated time waits for a small step back."""
     bench.now = 0.0
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.wait(lambda: bench.worker._clock._now == 0.0)
@@ -134,11 +134,11 @@ def test_a_slow_simulation_does_not_chase_the_clock(bench):
     assert bench.worker.status.lost == 0.0
     for _ in range(3):
         look(bench, bench.now + 0.9 * MAX_LAG)
-    # asking goes on, the target does not move further
+    # the clock continues, but the target does not move farther
     assert bench.worker._target <= bench.simulation.time + MAX_LAG * 100.0 + 1e-6
     bench.wait(lambda: bench.worker.status.lost > MAX_LAG)
     assert bench.worker.status.jumps == 0
-    # what it is behind is time of the clock, at every scale
+    # the lag is time of the clock, at every scale
     bench.run(bench.worker.set('time_scale', 1e-3))
     bench.wait(lambda: not bench.worker.status.is_behind)
 
@@ -335,7 +335,7 @@ def test_what_a_simulation_goes_on_from_is_known_until_it_starts_anew(bench):
     indirect=['bench'],
 )
 def test_restarted_simulation_catches_up_before_it_is_shown(bench, reached, expected):
-    """What was shown before the restart is reached again first, also while time stands still."""
+    """The time shown before the restart is reached first, also while the clock stands still."""
     scene = Scene(TERRAIN, (VENT,), lava=Lava())
 
     def resume():

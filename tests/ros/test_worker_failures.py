@@ -231,7 +231,7 @@ def test_a_flaw_of_the_former_simulation_is_none_of_the_next(bench):
     bench.wait(lambda: len(bench.made) == 2)
     former.is_copied.set()
     bench.run(reset)
-    # what follows from the former one is a command that comes before this one
+    # the previous snapshot queues its command before this one
     bench.worker._finisher.submit(int).result(PATIENCE)
     bench.run(bench.worker.pause(False))
     bench.wait_for_state(WorkerState.RUNNING)

@@ -333,7 +333,7 @@ FISSURE = Vent((0.0, 0.0), 5.0, radius=5.0, end=(100.0, 0.0))
         ([replace(VENT, name='')], [Vent((900.0, 20.0), 5.0)], [None]),
         ([VENT], [], []),
         ([], [VENT], [None]),
-        # a new vent beside one that stays, first in the list
+        # a new vent, first in the list, next to one that stays
         ([VENT], [replace(VENT, position=(12.0, 20.0), name='new'), VENT], [None, 0]),
         # two that tremble within each other's size, in another order
         (
@@ -369,7 +369,7 @@ def test_vents_are_matched(before, after, expected):
 
 
 def test_a_vent_is_no_smaller_than_the_least_size():
-    """A particle spacing, say: within it a vent that has moved is the same."""
+    """A vent that has moved within this size, such as a particle spacing, is the same."""
     moved = replace(VENT, position=(40.0, 20.0), name='')
     assert match_vents([VENT], [moved]) == [None]
     assert match_vents([VENT], [moved], least=40.0) == [0]

@@ -227,12 +227,12 @@ def test_each_array_is_needed(scene, array):
 
 
 def test_checkpoint_from_before_vents_kept_their_sequences_resumes():
-    """What is in the conduits is kept, and the lava is accounted for."""
+    """The lava in the conduits is kept, and the volume budget is closed."""
     checkpoint, _ = taken('bare')
     arrays = dict(checkpoint.arrays)
     del arrays['vents.phase'], arrays['vents.downhill']
     volume = arrays.pop('vents.volume')
-    # the particles since the vents were last changed, and what was in the conduits then
+    # the particles since the last change of the vents, and the volume in the conduits then
     released = arrays['vents.released'].copy()
     size = float(np.float32(4.0 * 4.0 * 0.5))
     earlier = (volume / size).astype(np.int32)

@@ -53,7 +53,7 @@ SOURCES = {
 
 
 class Flow(NamedTuple):
-    """What a run has come to; widths [m] and temperatures [K] are those of its particles."""
+    """Result of a run, with widths [m] and temperatures [K] of its particles."""
 
     is_wet: np.ndarray
     width: float
@@ -116,7 +116,7 @@ def run(source: str, kind: str, rate: float, device: str, effects: Effects) -> F
 
 @cache
 def undisturbed(source: str, device: str) -> Flow:
-    """The flow of a source that nobody updates."""
+    """Return the flow of a source without updates."""
     return run(source, 'none', 0.0, device, Effects(steep=True))
 
 
@@ -181,7 +181,7 @@ def test_updates_do_not_stop_slow_lava_far_from_the_centre(kind: str, device: st
             if number < updates and kind == 'terrain':
                 simulation.set_terrain(replace(ground, elevation=ground.elevation + number % 2))
             elif number < updates:
-                # what it has emitted becomes a particle when it closes
+                # its emitted volume becomes a particle when it closes
                 simulation.set_vents((slow, other) if number % 2 else (slow,))
             simulation.advance(1e4 + 500.0 * number)
             x = simulation.sample().position[:, 0]

@@ -131,7 +131,7 @@ def test_closing_vent_empties_its_conduit_in_whole_particles(
 
 
 def ground_with(**features: object) -> Terrain:
-    """Cells of 5 m: a border, and what a name says of places (x, y) of the map [m]."""
+    """Make a terrain of 5 m cells with the named features: hole, ridge or cliff."""
     x, y = np.meshgrid(5.0 * np.arange(60) + 2.5, 5.0 * np.arange(50) + 2.5)
     height = np.zeros_like(x)
     if 'hole' in features:

@@ -78,7 +78,7 @@ def own(port: int, name: str = '127.0.0.1') -> str:
     return f'{name}:{port}'
 
 
-#: What a server answers: hosts it is asked for by, and the page that asks, None for no page.
+#: Requests to a server: expected status, ``Host``, and the page that makes the request or None.
 ASKED = {
     'own address': (200, own, None),
     'own name': (200, lambda port: own(port, 'LocalHost'), None),

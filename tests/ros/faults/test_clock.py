@@ -157,12 +157,12 @@ def test_a_coarse_clock(clocked, step):
         clocked.jump(clocked.now + step)
         time.sleep(0.3)
     after = clocked.simulated()
-    # on a busy machine the map shown last may be of the step before
+    # on a busy machine the newest map may be that of an earlier step
     assert before + SCALE * (count - 1) * step <= after <= before + SCALE * (count * step + BEHIND)
 
 
 def test_a_clock_that_jumps(clocked):
-    """Ahead, back and to 0: no leap, no way back, and a warning; stamps as the clock has them."""
+    """Ahead, back and to 0: simulated time does not jump; a warning; stamps follow the clock."""
     before = clocked.simulated()
     for to in (1e6, 500.0, 0.0):
         where = 'ahead' if to > clocked.now else 'back'

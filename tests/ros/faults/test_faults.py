@@ -35,10 +35,10 @@ from ros.graph_publisher import PATIENCE, vents
 GRIDS = ('height', 'temperature', 'hazard')
 ERROR = 2
 
-#: What Warp raises when an allocation fails.
+#: Error of Warp when an allocation fails.
 NO_MEMORY = "Failed to allocate 1342177280 bytes on device 'cpu'"
 
-#: Memory that a node may take on for good when much is thrown at it [MiB].
+#: Maximum permanent growth of the memory of a node under load [MiB].
 MAX_GROWTH = 64.0
 
 #: A subscriber that takes everything and never reads.
@@ -139,7 +139,7 @@ def recover(node):
 
 
 def goes_on(node):
-    """Time goes on, and a map with lava comes."""
+    """Time continues, and a map with lava is published."""
     before, now = node.worker.eruption.time, node.now
     node.run(2.0)
     assert node.worker.eruption.time > before
@@ -174,7 +174,7 @@ def test_a_fault_is_told_and_the_last_maps_stay(node, monkeypatch, fault, words)
     (error,) = [line for line in node.log.splitlines() if '[ERROR]' in line]
     assert all(word in error for word in words), error
     assert '~/reset' in error
-    # nothing new is shown, and what was shown is sound, also for who asks late
+    # no new map is published, and the last one is valid, also for a late subscriber
     last = node.at_rest(*GRIDS)
     assert last['height']['wet'] > 0
     assert last['height']['min'] == 0
@@ -276,7 +276,7 @@ def test_new_terrain_under_a_moving_flow(node):
 
 @pytest.fixture
 def served(graph):
-    """A node in a real graph whose lava flows, with what publishes to it and who listens."""
+    """A node with flowing lava in a real graph, with a publisher and a listener."""
     node = graph.node(time_scale=100.0, device='cpu', preset='draft', spacing=4.0)
     publisher, listener = graph.publisher(), graph.listener(*GRIDS)
     publisher.publish('vents', 'terrain_info', 'terrain')
@@ -286,7 +286,7 @@ def served(graph):
 
 
 def test_a_flood_of_vents(served):
-    """1,000 messages a second: time, maps and answers go on, memory stays, the last counts."""
+    """1,000 messages a second: time, maps and answers continue, memory stays, the last is used."""
     node, publisher, listener = served
     before = memory(node.child.pid)
     # twice the middleware's queue at a time
@@ -301,7 +301,7 @@ def test_a_flood_of_vents(served):
     points = []
 
     def is_reached(status):
-        """Whether between two heartbeats the vents give what the last message said."""
+        """Return True if the vents emit the last discharge between two heartbeats."""
         points.append((float(status['simulated_time_s']), float(status['volume_emitted_m3'])))
         (t0, v0), (t1, v1) = points[-2:] if len(points) > 1 else points * 2
         return t1 > t0 and (v1 - v0) / (t1 - t0) == pytest.approx(40.0, rel=1e-3)
