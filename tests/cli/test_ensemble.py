@@ -105,7 +105,7 @@ def test_maps_of_a_scene(scene, tmp_path):
     bag = BagReader(out / 'atlas')
     assert yaml.safe_load(bag.custom_data['scene'])['uncertainty']['discharge']['factor'] == 1.5
     messages = {message.topic: message for message in bag.messages()}
-    others = ('terrain', 'terrain_info', 'vents', 'probability_class')
+    others = ('terrain', 'terrain_info', 'relief', 'vents', 'vents_markers', 'probability_class')
     assert {f'/lava/{name}' for name in (*MAPS, *others)} == set(messages)
     grid = read_grid(messages['/lava/inundation_probability'])
     np.testing.assert_array_equal(grid.cells, occupancy(probability))

@@ -155,7 +155,7 @@ def test_signalling_nan_in_a_cloud_warns_nobody(recwarn: pytest.WarningsRecorder
 @pytest.mark.parametrize(
     ('vent', 'viscosity', 'more', 'until', 'spacing'),
     [
-        (Vent((0.5, 0.5), 700.0, radius=1.0, velocity=(0.0, 40.0)), 165.0, 'inertia', 0.2, 2.0),
+        (Vent((0.5, 0.5), 400.0, radius=1.0, velocity=(0.0, 40.0)), 165.0, 'inertia', 0.2, 2.0),
         (Vent((20.0, 20.0), 440.0, radius=1.0), 2.5e8, '', 60.0, 1.0),
     ],
     ids=['thrown out of its vent', 'pushed by what is behind'],

@@ -114,8 +114,8 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
               'coincident', 'standard', 'spread'),
     Safeguard('phase', 'vents in one place whose particles are in one place',
               f'{SOLVER}/vents.py',
-              'row[9] = places[vent.position, vent.end]',
-              'row[9] = 0.0',
+              'phase[index] = next(number for number in count() if number not in taken)',
+              'phase[index] = 0.0',
               'vents_over_each_other', 'standard', 'distinct'),
 )
 
