@@ -154,7 +154,7 @@ class LocalNode(Asking, Hearing):
         self.deliver('/clock', Clock(clock=codec.time_message(round(to * 1e9))))
 
     def run(self, seconds):
-        """Let a time pass, which the simulation follows unless it ends [s]."""
+        """Let a time pass, which the simulation follows unless it ends, and have it shown [s]."""
         end, worker = self.now + seconds, self.worker
         reached = worker.eruption.time
         while self.now < end:
@@ -167,6 +167,14 @@ class LocalNode(Asking, Hearing):
                     or worker.status.state is WorkerState.FINISHED
                 )
             )
+        self.wait_until(self._has_shown_now)
+
+    def _has_shown_now(self):
+        """Return True if the newest snapshot is of now, and ask for one otherwise."""
+        worker = self.worker
+        if worker.latest.time < worker.eruption.time:
+            worker.request_snapshot()
+        return worker.latest.time >= worker.eruption.time
 
     def run_commands(self):
         """Wait until the simulation's thread has done all that it was told to so far."""
