@@ -43,10 +43,8 @@ HEARTBEAT = 0.02
 #: Longest step of the clock, which a simulation makes up for [s].
 STEP = 0.5
 
-
 #: There is lava after 2 s of the clock, and a step takes some milliseconds.
 COARSE = {'device': 'cpu', 'preset': 'draft', 'spacing': 4.0, 'time_scale': 20.0}
-
 
 
 class _Log:
@@ -107,7 +105,7 @@ class LocalNode(Asking, Hearing):
         patch.setattr(diagnostics, 'PATIENCE', float('inf'))
         patch.chdir(directory)
         self.directory, self.seen, self.now = Path(directory), [], 0.0
-        self._log, self._sent, self._ended = _Log(), deque(), False
+        self._log, self._sent = _Log(), deque()
         values = {**COARSE, 'use_sim_time': True, 'autostart': False, **parameters}
         context = Context()
         context.init(args=[], domain_id=own_domain('local'))
