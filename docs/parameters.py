@@ -12,17 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Write the table of parameters in docs/ROS.md: `python docs/parameters.py`."""
+"""Write the parameters into docs/ROS.md and params/lava.yaml: `python docs/parameters.py`."""
 
 from collections.abc import Iterator
 import json
 from pathlib import Path
 import re
+from textwrap import wrap
 
 from lava_ros.ros import parameters
 from lava_ros.scene import constants_of
 
 PAGE = Path(__file__).with_name('ROS.md')
+FILE = PAGE.parents[1] / 'params/lava.yaml'
 BEGIN, END = '<!-- parameters: begin -->\n', '<!-- parameters: end -->\n'
 HEAD = '| parameter | type | default | range | unit | may change | meaning |'
 
@@ -38,25 +40,27 @@ def specs() -> Iterator[parameters.ParameterSpec]:
     yield from parameters.constant_parameters(constants_of(None))
 
 
-def limits(spec: parameters.ParameterSpec) -> str:
-    """The range of a number."""
-    style = '.12g' if isinstance(spec.default, float) else '.0f'
-    return ' to '.join(format(limit, style) for limit in spec.limits or ())
+def default(spec: parameters.ParameterSpec) -> str:
+    """The default of a parameter as YAML."""
+    # ROS's tools take 7e-07 for a text
+    return re.sub(r'^(-?\d+)e', r'\1.0e', json.dumps(spec.default))
+
+
+def change(spec: parameters.ParameterSpec) -> str:
+    """Whether a parameter may change while the node runs."""
+    return 'no' if spec.read_only else 'at a reset' if LATER in spec.description else 'yes'
 
 
 def row(spec: parameters.ParameterSpec) -> str:
     """A parameter's row of the table."""
-    types = {bool: 'bool', int: 'integer', float: 'double', str: 'string', list: 'string_array'}
-    # ROS's tools take 7e-07 for a text
-    default = re.sub(r'^(-?\d+)e', r'\1.0e', json.dumps(spec.default))
     unit = re.search(r'\[([^\]]+)\]', spec.description)
     cells = (
         f'`{spec.name}`',
-        types[type(spec.default)],
-        f'`{default}`',
-        limits(spec),
+        parameters.TYPES[type(spec.default)],
+        f'`{default(spec)}`',
+        spec.range_text,
         unit.group(1) if unit else '',
-        'no' if spec.read_only else 'at a reset' if LATER in spec.description else 'yes',
+        change(spec),
         spec.description.replace('<', r'\<').replace('*', r'\*'),
     )
     return f'| {" | ".join(cells)} |'
@@ -74,5 +78,41 @@ def page(old: str) -> str:
     return f'{before}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}'
 
 
+#: What stands at the top of the file of parameters.
+FILE_HEAD = """\
+# Parameters of the node with their defaults: a file to copy and to change, for
+#     ros2 launch lava_ros lava.launch.py params_file:=my.yaml
+#     lava node --ros-args --params-file my.yaml
+# Arguments that the launch file is given win over what stands here. A number that is not whole in
+# the node is written 5.0. Written by docs/parameters.py.
+/**:
+  ros__parameters:
+"""
+
+#: What stands above the parameters whose defaults are those of the scene.
+OF_SCENE = """
+    # Lava and surroundings. They are those of the scene file unless they are set here; these are
+    # the values without a scene file.
+"""
+
+
+def entry(spec: parameters.ParameterSpec, *, is_set: bool) -> str:
+    """A parameter of the file, below what it means; one that is not set is a comment."""
+    when = {'no': 'read when the node is configured', 'yes': 'may change while the node runs'}
+    facts = '; '.join(filter(None, (spec.range_text, when.get(change(spec)))))
+    lines = wrap(f'{spec.description} ({facts})'.removesuffix(' ()'), 93)
+    comment = ''.join(f'    # {line}\n' for line in lines)
+    return f'{comment}    {"# " * (not is_set)}{spec.name}: {default(spec)}\n'
+
+
+def file() -> str:
+    """The file of parameters."""
+    constants = [spec.name for spec in parameters.constant_parameters(constants_of(None))]
+    own = [entry(spec, is_set=True) for spec in specs() if spec.name not in constants]
+    of_scene = [entry(spec, is_set=False) for spec in specs() if spec.name in constants]
+    return ''.join([FILE_HEAD, *own, OF_SCENE, *of_scene])
+
+
 if __name__ == '__main__':
     PAGE.write_text(page(PAGE.read_text(encoding='utf-8')), encoding='utf-8')
+    FILE.write_text(file(), encoding='utf-8')

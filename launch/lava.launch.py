@@ -22,7 +22,7 @@ ros2 launch lava_ros lava.launch.py --show-args
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
@@ -59,7 +59,7 @@ def _share(*words):
 
 # Everything else: name, default, description.
 ARGUMENTS = (
-    ('namespace', '', 'Namespace of the node and of RViz'),
+    ('namespace', '', 'Namespace of the node, or of the replay, and of RViz'),
     (
         'params_file',
         _share('params', 'lava.yaml'),
@@ -82,16 +82,12 @@ def _start(context):
     }
     replay = LaunchConfiguration('replay').perform(context)
     namespace = LaunchConfiguration('namespace')
-    # A process and no Node: that would add arguments for ROS, which the command refuses.
-    player = ExecuteProcess(
-        cmd=[
-            ExecutableInPackage(executable='lava', package='lava_ros'),
-            'replay',
-            replay,
-            '--rate',
-            LaunchConfiguration('replay_rate'),
-        ],
+    player = Node(
+        package='lava_ros',
+        executable='lava',
+        namespace=namespace,
         output='screen',
+        arguments=['replay', replay, '--rate', LaunchConfiguration('replay_rate')],
     )
     node = Node(
         package='lava_ros',

@@ -14,6 +14,7 @@
 
 """A worker thread on the bench: a simulation that only keeps time, and a clock moved by hand."""
 
+from dataclasses import replace
 import threading
 import time
 
@@ -102,12 +103,12 @@ class KeepsTime:
         return PendingSnapshot(finish)
 
     def set_vents(self, vents):
-        scene = Scene(self.scene.terrain, check_vents(vents, self.scene.terrain), lava=Lava())
+        scene = replace(self.scene, vents=check_vents(vents, self.scene.terrain))
         self.emitted_before, self.changed_at = self.emitted(), self.time
         self.scene = scene
 
     def set_terrain(self, terrain):
-        self.scene = Scene(terrain, self.scene.vents, lava=Lava())
+        self.scene = replace(self.scene, terrain=terrain)
 
 
 class Bench:
@@ -149,8 +150,8 @@ class Bench:
         """Start a scene with a vent."""
         self.run(self.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
 
-    def go_on(self, seconds=0.5):
+    def go_on(self, seconds=0.5, scale=1.0):
         """Move the clock, and let simulated time follow by as much."""
-        until = self.simulation.time + seconds
+        until = self.simulation.time + seconds * scale
         self.now += seconds
         self.wait(lambda: abs(self.simulation.time - until) < 1e-6)

@@ -148,17 +148,28 @@ class _File:
             self.record.start_ns = log_time
         self.record.end_ns = log_time
 
-    def attach(self, name: str, media_type: str, data: bytes, log_time: int) -> None:
-        """Put data beside the messages, after those so far."""
-        self._mcap.flush()
-        self._mcap.add_attachment(log_time, log_time, name, media_type, data)
-
-    def flush(self, custom_data: Mapping[str, str]) -> None:
-        """Hand everything to the operating system; OSError also for a file that was removed."""
+    def attach(
+        self, name: str, media_type: str, data: bytes, log_time: int,
+        custom_data: Mapping[str, str],
+    ) -> None:
+        """Put data beside the messages, after those so far and the description as it is now."""
         self._mcap.flush()
         if custom_data is not self._described:
             self._describe(custom_data)
-            self._mcap.flush()
+        self._mcap.add_attachment(log_time, log_time, name, media_type, data)
+
+    def flush(self, custom_data: Mapping[str, str]) -> None:
+        """Hand everything to the operating system; OSError also for a file that was removed.
+
+        A description that changes all the time is written again when the file has grown by twice
+        its size: it is never most of the file.
+        """
+        self._mcap.flush()
+        if custom_data is not self._described:
+            grown = self.size - self._described_at
+            if grown >= 2 * sum(map(len, custom_data.values())):
+                self._describe(custom_data)
+                self._mcap.flush()
         self._directory.check(self._stream)
 
     def finish(self, custom_data: Mapping[str, str]) -> None:
@@ -187,7 +198,7 @@ class _File:
         topics = (topic for _, topic in self._channels.values())
         data = bag_metadata.describe([self.record], topics, custom_data)
         self._mcap.add_metadata(bag_metadata.RECORD, bag_metadata.to_record(data))
-        self._described = custom_data
+        self._described, self._described_at = custom_data, self.size
 
 
 class BagWriter:
@@ -335,7 +346,8 @@ class BagWriter:
         where that is later. LavaError where the bag is closed; OSError where the file cannot be
         written.
         """
-        self._open().attach(name, media_type, data, max(stamp_ns, self._end_ns))
+        log_time = max(stamp_ns, self._end_ns)
+        self._open().attach(name, media_type, data, log_time, self._custom_data)
 
     def begin_file(self) -> None:
         """Finish the file at hand and go on in a new one; nothing is repeated in it.

@@ -22,7 +22,7 @@ import os
 import re
 import sys
 
-from lava_ros.cli.manual import Manual, parsed
+from lava_ros.cli.manual import Manual, parsed, ROS_COMMANDS
 from lava_ros.cli.output import check_outputs, Printable
 from lava_ros.errors import LavaError, printable
 
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = [f' {word}' if re.match(r'-[\d.]+,', word) else word for word in arguments]
     # What follows is ROS's to read, options that argparse would take for its own included.
     end = len(arguments)
-    if arguments[:1] == ['node'] and _ROS_ARGS in arguments:
+    if arguments and arguments[0] in ROS_COMMANDS and _ROS_ARGS in arguments:
         end = arguments.index(_ROS_ARGS)
     args = parsed(arguments[:end])
     args.ros_args = arguments[end:]

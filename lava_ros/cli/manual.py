@@ -45,6 +45,9 @@ GROUPS = {
     'set up': {'doctor': 'set_up', 'completion': 'set_up'},
 }
 
+#: The commands that pass ``--ros-args`` and everything after it to ROS.
+ROS_COMMANDS = ('node', 'feed', 'replay')
+
 COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()}
 
 #: Column at which the summaries of commands begin, and the widest line of the page.
@@ -160,9 +163,11 @@ def parser_of(name: str) -> Parser:
     """The parser of a command, which sets ``command`` and ``run``, its function."""
     module = import_module(f'{__package__}.{COMMANDS[name]}')
     command = getattr(module, _function(name))
-    parser = Parser(prog=f'lava {name}', description=command.run.__doc__, usage=command.usage)
+    parser = Parser(prog=f'lava {name}', description=command.run.__doc__)
     for names, options in command.arguments:
         parser.add_argument(*names, **options)
+    if name in ROS_COMMANDS:
+        parser.usage = f'{parser.format_usage().removeprefix("usage: ").rstrip()} [--ros-args ...]'
     parser.set_defaults(command=name, run=command.run, **command.defaults)
     return parser
 

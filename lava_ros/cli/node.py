@@ -28,7 +28,6 @@ from lava_ros.cli.scenes import scene_from_arguments, SCENE_OPTIONS
         '--resume', 'BAG', 'continue from the newest checkpoint of a bag, even if its recording '
         'was cut off',
     ),
-    usage='lava node [--resume BAG] [--ros-args ...]',
 )
 def node(args: argparse.Namespace) -> int:
     """Run the simulation as a ROS 2 node.
@@ -53,20 +52,21 @@ def feed(args: argparse.Namespace) -> int:
     """Publish terrain and vents as topics.
 
     The command publishes the latched topics terrain, terrain_info and vents until it is
-    interrupted.
+    interrupted. It passes --ros-args and everything after it to ROS, for example: lava feed
+    --ros-args -r __ns:=/etna.
     """
     require_ros()
     scene = scene_from_arguments(args)
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
-    from rclpy.signals import SignalHandlerOptions
 
+    from lava_ros.ros.arguments import start_ros
     from lava_ros.ros.monitor import SceneFeed
 
+    start_ros(args.ros_args)
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopping.append(number))
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     publisher = SceneFeed(scene, frame_id=args.frame)
     publisher.get_logger().info(
         f'publishing terrain of {scene.terrain.shape[1]} x {scene.terrain.shape[0]} cells '

@@ -41,7 +41,6 @@ class Command(NamedTuple):
 
     run: Run
     arguments: list[Argument]
-    usage: str | None
     defaults: dict[str, Any]
 
 
@@ -66,12 +65,10 @@ def argument(
     return tuple(names.split()), {'help': text, **options}
 
 
-def command(
-    *arguments: str | Argument, usage: str | None = None, **defaults: Any
-) -> Callable[[Run], Command]:
+def command(*arguments: str | Argument, **defaults: Any) -> Callable[[Run], Command]:
     """Make a command of a function; a name alone is an argument that several commands take."""
     declared = [_SHARED[item] if isinstance(item, str) else item for item in arguments]
-    return lambda run: Command(run, declared, usage, defaults)
+    return lambda run: Command(run, declared, defaults)
 
 
 _SHARED = {item[0][0]: item for item in (

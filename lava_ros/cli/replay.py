@@ -69,7 +69,8 @@ def replay(args: argparse.Namespace) -> int:
     Each topic has the QoS with which it was recorded, and /clock has the time of the bag. A bag
     whose recording was cut off is played up to its last complete message. Keys in a terminal:
     space pauses and resumes, left and right jump 5 s back and ahead (in bag time, times the rate),
-    up and down double and halve the speed, q quits.
+    up and down double and halve the speed, q quits. The command passes --ros-args and everything
+    after it to ROS: with -r __ns:=/etna the topics are those of a node in the namespace /etna.
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -115,6 +116,7 @@ def replay(args: argparse.Namespace) -> int:
             wait_for_subscribers=wait,
             on_step=show,
             transport=transport,
+            ros_arguments=args.ros_args,
         )
     print(f'{count} messages published')
     return 0

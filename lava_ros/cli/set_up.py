@@ -17,7 +17,6 @@
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
-from pathlib import Path
 
 from lava_ros import doctor as checks
 from lava_ros.cli.manual import COMMANDS, parser_of, summary_of
@@ -26,8 +25,7 @@ from lava_ros.cli.output import terminal, write_json
 from lava_ros.doctor import FAIL, Finding, OK, WARN
 from lava_ros.errors import LavaError, printable
 from lava_ros.files.optional import require
-from lava_ros.files.resources import share_path
-from lava_ros.maps.layer_files import load_layers
+from lava_ros.maps.layer_files import find_config, load_layers
 
 _STYLES = {OK: 'green', WARN: 'yellow', FAIL: 'bold red'}
 
@@ -81,9 +79,8 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
 
 
 def _check_layers(name: str) -> checks.Said:
-    path = Path(name)
     try:
-        layers = load_layers(path if path.is_file() else share_path(f'msg_configs/{name}'))
+        layers = load_layers(find_config(name, field='--msg-config'))
     except LavaError as error:
         return [(FAIL, str(error), 'correct the file, or name another: --msg-config')]
     return checks.check_qos(layers)

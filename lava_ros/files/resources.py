@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the package's data files are: msg_configs/, launch/."""
+"""Where the package's data files are: msg_configs/, examples/, launch/."""
 
 import os
 from pathlib import Path
@@ -30,18 +30,42 @@ def share_path(relative: str) -> Path:
     then in each ament prefix (``AMENT_PREFIX_PATH``), then where pip puts data files
     (``sys.prefix``). A LavaError lists these places.
     """
-    candidates = [root / relative for root in _roots()]
+    candidates = _candidates(relative)
     for candidate in candidates:
         if candidate.exists():
             return candidate
-    tried = ', '.join(str(candidate) for candidate in candidates)
-    raise LavaError('share path', relative, f'a file of {PACKAGE}; looked for {tried}')
+    right = f'a file of {PACKAGE}; looked for {_listed(candidates)}'
+    raise LavaError('share path', relative, right)
 
 
-def find_file(name: str, folder: str) -> Path:
-    """A file by its path, or else by its name in a folder of this package; LavaError if none."""
+def find_file(name: str | Path, folder: str, *, field: str, expected: str) -> Path:
+    """Find a file by its path, or else by its name in a folder of this package.
+
+    Args:
+        name: The path, or the name.
+        folder: The folder of this package, such as ``msg_configs``.
+        field: What an error calls it.
+        expected: What would be right, as an error says it.
+
+    Raises:
+        LavaError: There is no such file; lists where it was looked for.
+    """
     path = Path(name)
-    return path if path.is_file() else share_path(f'{folder}/{name}')
+    # a name alone: no path may lead out of the folder
+    own = _candidates(f'{folder}/{name}') if path.name == str(name) else []
+    for candidate in (path, *own):
+        if os.path.lexists(candidate):
+            return candidate
+    places = _listed([path.absolute(), *own])
+    raise LavaError(field, str(name), f'{expected}; looked for {places}')
+
+
+def _candidates(relative: str) -> list[Path]:
+    return [root / relative for root in _roots()]
+
+
+def _listed(paths: list[Path]) -> str:
+    return ', '.join(str(path) for path in paths)
 
 
 def _roots() -> list[Path]:

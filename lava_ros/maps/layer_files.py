@@ -22,6 +22,7 @@ from typing import Any
 
 from lava_ros.bag.qos import LATCHED, QosProfile
 from lava_ros.errors import LavaError
+from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.maps.layers import (
     ARRIVAL,
@@ -68,6 +69,14 @@ MOST_MARGIN = 1000.0
 MOST_CLASSES = 20
 
 _TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
+
+
+def find_config(name: str, *, field: str) -> Path:
+    """Find a file of layers by its path, or by its name in msg_configs/.
+
+    LavaError where there is none; an error calls it ``field``.
+    """
+    return find_file(name, 'msg_configs', field=field, expected='a readable YAML file')
 
 
 def load_layers(path: str | Path) -> tuple[Layer, ...]:

@@ -25,13 +25,14 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from lava_ros.errors import LavaError
-from lava_ros.files.resources import find_file
+from lava_ros.maps.layer_files import find_config
 from lava_ros.ros import codec, diagnostics, qos
+from lava_ros.ros.allowance import Allowance
 from lava_ros.ros.forecast_topics import ForecastTopics
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
 from lava_ros.ros.publishers import LayerPublishers, published_layers, ScenePublisher
-from lava_ros.ros.recorder import BagFolder, Recorder, SaveAllowance
+from lava_ros.ros.recorder import BagFolder, Recorder
 from lava_ros.ros.recording import CheckpointRecording, SceneRecording
 from lava_ros.ros.services import create_services
 from lava_ros.ros.sources import resumed_simulation, SimulationMaker, Sources
@@ -53,7 +54,7 @@ HEARTBEAT = 1.0
 class ActiveNode:
     """A configured node: it takes inputs and, while ``is_active``, lets time pass and publishes.
 
-    ``failure`` says why the node has to end, empty as long as it has not.
+    ``failure`` is why the node cannot resume and has to end, None as long as it has not.
     """
 
     def __init__(
@@ -71,13 +72,12 @@ class ActiveNode:
         """
         self._node = node
         self._settings = settings
-        self.failure = ''
+        self.failure: BaseException | None = None
         self._bag_folder = BagFolder(
             settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
         )
-        configs = {'msg_config': find_file(settings.msg_config, 'msg_configs')}
-        if settings.forecast_horizon:
-            configs['forecast_config'] = find_file(settings.forecast_config, 'msg_configs')
+        names = ['msg_config', 'forecast_config'][: 2 if settings.forecast_horizon else 1]
+        configs = {name: find_config(getattr(settings, name), field=name) for name in names}
         layers = published_layers(*configs.values(), settings=settings)
         self.is_active = self._is_paused = False
         self._is_recording_wanted = settings.record
@@ -105,7 +105,7 @@ class ActiveNode:
             on_snapshot=snapshot_ready.trigger,
         )
         self._checkpoints = CheckpointRecording(self._recorder, self._worker.checkpoint)
-        self._saves = SaveAllowance()
+        self._saved_bytes = 0
         self._layers = LayerPublishers[Snapshot](
             entities,
             [layer for layer in layers if not layer.is_forecast],
@@ -139,7 +139,10 @@ class ActiveNode:
             recorder=self._recorder,
             is_own=self._scene.is_own,
         )
-        create_services(self, entities, worker=self._worker, inputs=self._inputs)
+        self._allowance = Allowance(self._inputs.refuse)
+        create_services(
+            self, entities, worker=self._worker, inputs=self._inputs, allowance=self._allowance
+        )
         self._begin(sources)
         # The last thing: what fails before leaves no thread behind.
         self._worker.start()
@@ -188,10 +191,12 @@ class ActiveNode:
         return self._worker.stop(0.0)
 
     def check(self, settings: Settings) -> None:
-        """Refuse settings by LavaError: a bag where none may be written."""
+        """Refuse settings by LavaError: a bag where none may be written, effects too often."""
         # what has come in the way of a name since is no reason to refuse all else
         if settings.bag_directory != self._settings.bag_directory:
             self._bag_folder.path(settings.bag_directory)
+        if _chosen(settings) != _chosen(self._settings):
+            self._allowance.take('effects')
 
     def apply(self, new: Settings) -> None:
         """Use other settings from now on, or from the next start where they say so."""
@@ -201,7 +206,7 @@ class ActiveNode:
             value = getattr(new, name)
             if value != getattr(old, name):
                 command(name, self._worker.set(name, value))
-        if (new.forced, new.horizon) != (old.forced, old.horizon):
+        if _chosen(new) != _chosen(old):
             command('effects', self._worker.set_effects(new.forced, horizon=new.horizon))
         if new.constants != old.constants:
             command('lava', self._worker.set_constants(new.constants))
@@ -252,7 +257,11 @@ class ActiveNode:
         """
         if self._worker.latest is None:
             raise LavaError('save', 'no simulation yet', 'a terrain')
-        self._saves.take(self._settings.max_saved_bytes)
+        most = self._settings.max_saved_bytes
+        if self._saved_bytes >= most:
+            right = f'less than {most} (max_saved_bytes)'
+            error = LavaError('save', f'{self._saved_bytes} bytes saved so far', right)
+            self._allowance.refuse('save', error)
         is_own, before = not self._recorder.is_recording, self._recorder.size
         if is_own:
             self.start_recording()
@@ -263,7 +272,7 @@ class ActiveNode:
             CHECKPOINT_PERIOD, now_ns(self._node), timeout=CHECKPOINT_TIMEOUT
         )
         self._recorder.flush()
-        self._saves.note(max(0, self._recorder.size - before))
+        self._saved_bytes += max(0, self._recorder.size - before)
         directory = self._recorder.status.directory
         if is_own:
             self.stop_recording()
@@ -291,8 +300,8 @@ class ActiveNode:
 
     def _note_failure(self, going_on: 'Future[None]') -> None:
         # starting anew in its place would look like the eruption that was to go on
-        if not going_on.cancelled() and going_on.exception() is not None:
-            self.failure = f'cannot resume: {going_on.exception()}'
+        if not going_on.cancelled():
+            self.failure = going_on.exception()
 
     # outputs
 
@@ -308,8 +317,7 @@ class ActiveNode:
     def _publish(self, *, repeat: bool = False) -> None:
         """Publish the layers that are due and have something new; all of them at rest."""
         snapshot, scene = self._worker.latest, self._worker.eruption.scene
-        if scene is not None:
-            self._log.scene(scene, snapshot, self._worker.eruption.effects)
+        self._log.scene(self._worker.eruption, snapshot)
         if snapshot is None or not self.is_active:
             return
         stamp_ns = now_ns(self._node)
@@ -333,7 +341,9 @@ class ActiveNode:
         snapshot = self._layers.shown
         stamp_ns = now_ns(self._node)
         is_simulated = self._node.get_clock().ros_time_is_active
-        clock = self._clock_watch.look(stamp_ns, time.monotonic()) if is_simulated else ''
+        clock = self._clock_watch.look(
+            stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
+        )
         resolution = self._worker.eruption.resolution
         self._log.worker(worker, resolution, clock, is_paused=self._is_paused)
         message = DiagnosticArray(
@@ -383,3 +393,8 @@ class ActiveNode:
     def _report_checkpoint(self, reason: str) -> None:
         if reason:
             self._node.get_logger().warning(f'no checkpoint: {reason}')
+
+
+def _chosen(settings: Settings) -> tuple[Mapping[str, bool], float]:
+    """What the choice of effects goes by."""
+    return settings.forced, settings.horizon

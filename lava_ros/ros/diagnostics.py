@@ -15,20 +15,24 @@
 """What the node says about itself, on /diagnostics and in its log."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
+import math
 from pathlib import Path
 from socket import gethostname
+from types import MappingProxyType
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
 from lava_ros.ros.ensemble_forecasts import AheadStatus, Live
+from lava_ros.ros.followed_clock import MAX_LAG
 from lava_ros.ros.recorder import Recorder, RecorderStatus
 from lava_ros.ros.recording import LastCheckpoint
-from lava_ros.ros.session import is_on
+from lava_ros.ros.session import Eruption, is_on
 from lava_ros.ros.sources import DeadlineChoice
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
-from lava_ros.scene import Scene, temperature_doubts, Terrain
+from lava_ros.scene import temperature_doubts, Terrain
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.snapshot import Snapshot
@@ -47,18 +51,19 @@ def simulation_status(
     is_active: bool,
     frame_stamp_ns: int,
     resolution: Resolution | None = None,
-    clock: str = '',
+    clock: Mapping[str, str] = MappingProxyType({}),
 ) -> DiagnosticStatus:
     """The status of the simulation.
 
     ``snapshot`` was published last, with maps of the stamp ``frame_stamp_ns`` [ns]; ``resolution``
-    says how well particles resolve the flow, and ``clock`` what is wrong with the clock.
+    says how well particles resolve the flow, and ``clock`` what is wrong with the clock
+    (``ClockWatch.look``).
     """
     state = worker.state
     level, message = _LEVELS.get(state, OK), state.value
     warnings = snapshot.budget.warnings() if snapshot is not None else []
     # what starts says so itself
-    warnings += [clock, worker.hold_up if state is not WorkerState.STARTING else '']
+    warnings += [*clock.values(), worker.hold_up if state is not WorkerState.STARTING else '']
     warnings.append('running slower than the clock asks for' if worker.is_behind else '')
     if state is WorkerState.RUNNING and resolution is not None and resolution.is_coarse:
         warnings.append(resolution.text())
@@ -74,6 +79,8 @@ def simulation_status(
         'device': worker.device,
         'speed': f'{worker.speed:.4g}',
         'mean_speed': f'{worker.mean_speed:.4g}',
+        'clock_lost_s': f'{worker.lost:.4g}',
+        'clock_jumps': worker.jumps,
     }
     if resolution is not None:
         values |= {
@@ -234,28 +241,61 @@ def status(
 #: Wall time in which a simulated clock has to move [s]; a replay may take a while to begin.
 PATIENCE = 5.0
 
+#: Wall time for which a jump of the clock, or time that was lost, is told [s].
+TOLD = 10.0
+
+#: Least time of the clock whose loss is told [s]: less is lost when a simulation is paused.
+MIN_LOST = 1.0
+
 
 class ClockWatch:
-    """Looks at a simulated clock from time to time."""
+    """Looks from time to time at the clock, and at how simulated time follows it."""
 
     def __init__(self) -> None:
         """Begin without a look."""
         self._seen: tuple[int, float] | None = None
+        self._jumps, self._jumped = 0, -math.inf
+        self._lost, self._losing = 0.0, -math.inf
 
-    def look(self, stamp_ns: int, now: float) -> str:
-        """Say why simulated time stands still and what to do; empty while the clock moves.
+    def look(
+        self, stamp_ns: int, now: float, worker: WorkerStatus, *, is_simulated: bool
+    ) -> dict[str, str]:
+        """Describe by kind why simulated time does not follow the clock; empty where it does.
 
-        Its time is ``stamp_ns`` [ns], 0 before it is received; ``now`` is wall time [s].
+        Args:
+            stamp_ns: Time of the clock [ns], 0 before it is received.
+            now: Wall time [s].
+            worker: What follows the clock.
+            is_simulated: Whether the clock is that of the topic ``/clock``.
         """
         if self._seen is None or self._seen[0] != stamp_ns:
             self._seen = stamp_ns, now
-        if now - self._seen[1] < PATIENCE:
-            return ''
-        what = 'stands still' if stamp_ns else 'does not arrive'
-        return (
-            f'/clock {what}, so simulated time stands still: publish it, as `lava replay` and '
-            '`ros2 bag play --clock` do, or set use_sim_time to false'
-        )
+        if worker.jumps != self._jumps:
+            self._jumped = now if worker.jumps else -math.inf
+            # a jump is told as one, and not as lost time as well
+            self._jumps, self._lost = worker.jumps, worker.lost
+        elif abs(worker.lost - self._lost) >= MIN_LOST:
+            self._losing = now if worker.lost else -math.inf
+            self._lost = worker.lost
+        texts = {}
+        if is_simulated and now - self._seen[1] >= PATIENCE:
+            what = 'stands still' if stamp_ns else 'does not arrive'
+            texts['clock'] = (
+                f'/clock {what}, so simulated time stands still: publish it, as `lava replay` and '
+                '`ros2 bag play --clock` do, or set use_sim_time to false'
+            )
+        if now - self._jumped < TOLD:
+            where = 'ahead' if worker.jump > 0.0 else 'back'
+            texts[where] = (
+                f'the clock jumped {where} by {abs(worker.jump):.6g} s and simulated time did '
+                f'not: it follows steps of up to {MAX_LAG:g} s ahead'
+            )
+        if now - self._losing < TOLD:
+            texts['lost'] = (
+                f'simulated time has lost {worker.lost:.4g} s of the clock: it can be at most '
+                f'{MAX_LAG:g} s behind; a lower time_scale or a coarser preset loses less'
+            )
+        return texts
 
 
 class NodeLog:
@@ -266,9 +306,16 @@ class NodeLog:
         self._logger = logger
         self._told: dict[str, object] = {'state': WorkerState.WAITING}
 
-    def scene(self, scene: Scene, snapshot: Snapshot | None, effects: Mapping[str, str]) -> None:
-        """Log changes of terrain, vents and effects, as of the newest snapshot."""
-        terrain, vents = scene.terrain, scene.vents
+    def scene(self, session: Eruption, snapshot: Snapshot | None) -> None:
+        """Log changes of terrain, vents and effects, as of the newest snapshot.
+
+        Noise of an input (``Eruption.changes``) is not logged.
+        """
+        scene = session.scene
+        if scene is None or self._told.get('changes') == session.changes:
+            return
+        self._told['changes'] = session.changes
+        terrain, vents, effects = scene.terrain, scene.vents, session.effects
         self._tell('terrain', terrain, lambda: _terrain_text(terrain))
         # not the discharge: that of a feed changes all the time
         now = snapshot.time if snapshot is not None else 0.0
@@ -282,7 +329,12 @@ class NodeLog:
         self._tell('effects', names, lambda: f'effects: {", ".join(names) or "none"}')
 
     def worker(
-        self, worker: WorkerStatus, resolution: Resolution | None, clock: str, *, is_paused: bool
+        self,
+        worker: WorkerStatus,
+        resolution: Resolution | None,
+        clock: Mapping[str, str],
+        *,
+        is_paused: bool,
     ) -> None:
         """Log changes of the simulation's state, and what is wrong with its clock, if anything."""
         state = worker.state
@@ -296,9 +348,10 @@ class NodeLog:
         self._tell('state', state, lambda: text, 'error' if failed else 'info')
         if resolution is not None:
             severity = 'warning' if resolution.is_coarse else 'info'
-            self._tell('resolution', resolution, resolution.text, severity)
+            self._tell('resolution', resolution.text(), resolution.text, severity)
         # how long it has been so is part of the text
-        self._tell('clock', bool(clock), lambda: clock, 'warning')
+        for kind in ('clock', 'ahead', 'back', 'lost'):
+            self._tell(kind, kind in clock, partial(str, clock.get(kind, '')), 'warning')
         self._tell('hold-up', bool(worker.hold_up), lambda: worker.hold_up, 'warning')
 
     def volumes(self, snapshot: Snapshot) -> None:

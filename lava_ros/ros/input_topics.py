@@ -178,8 +178,9 @@ class InputTopics:
         self.wanted = f'waiting for terrain on {", ".join(terrains)}'
         commands: dict[str, tuple[Any, Callable[[Any], None]]] = {
             'vents': (PointCloud2, self._on_vents),
-            'clicked_point': (PointStamped, self._on_clicked_point),
         }
+        if self.settings().clicked_point_enabled:
+            commands['clicked_point'] = PointStamped, self._on_clicked_point
         if self.observe is not None:
             commands[_OUTLINE] = OccupancyGrid, self._on_outline
         # a subscription that asks for latched messages does not hear a volatile publisher
@@ -208,6 +209,11 @@ class InputTopics:
 
         future.add_done_callback(report)
 
+    def refuse(self, topic: str, error: LavaError) -> None:
+        """Report what was refused and stays at a warning: nothing better can be expected."""
+        self._reject(topic, error)
+        self.log.forgive(topic)
+
     def has_heard(self, terrain: Terrain) -> bool:
         """Whether a terrain came by ``terrain`` and ``terrain_info``."""
         return id(terrain) in self._heard
@@ -215,8 +221,7 @@ class InputTopics:
     def report_callback(self, error: Exception) -> None:
         """Report what a callback of the middleware itself raised."""
         reason = f'{type(error).__name__}: {error}'
-        self._reject('message', LavaError('message', reason, 'one that ROS can take'))
-        self.log.forgive('message')
+        self.refuse('message', LavaError('message', reason, 'one that ROS can take'))
 
     def _reject(self, topic: str, error: LavaError, number: int | None = None) -> None:
         if self.log.reject(topic, error, number):

@@ -23,11 +23,11 @@ from typing import Any
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier
 from std_msgs.msg import String
 
 from lava_ros.bag.qos import LATCHED
+from lava_ros.ros.arguments import start_ros
 from lava_ros.ros.qos import ros_profile
 
 #: How many messages are timed.
@@ -88,7 +88,7 @@ def probe() -> dict[str, Any]:
 
 def main() -> int:
     """Print what was seen as a line of JSON."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    start_ros()
     print(json.dumps(probe()), flush=True)
     rclpy.shutdown()
     return 0

@@ -31,14 +31,17 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import parameters
 from lava_ros.ros.active_node import ActiveNode
+from lava_ros.ros.arguments import check_words, start_ros
 from lava_ros.ros.sources import adopted, load_sources, Sources
 from lava_ros.ros.spinning import Entities, spin
 from lava_ros.scene import constants_of
+
+#: Exit status for arguments and parameters that cannot be used, as for other commands.
+USAGE_ERROR = 2
 
 # The parameters that are there before the node is configured; those of lava follow a scene.
 _DECLARED = parameters.SOURCES + parameters.PARAMETERS
@@ -54,11 +57,12 @@ class LavaNode(LifecycleNode):
     cleanup      finishes the bag, ends the simulation and leaves the graph
 
     A transition that is refused leaves the node where it was and says why in the log. One that
-    ends in an error nobody expected leaves it unconfigured. ``refusal`` says why one went wrong.
+    ends in an error nobody expected leaves it unconfigured. ``refusal`` says why one went wrong,
+    ``has_failed`` whether there was such an error.
     """
 
     def __init__(self, *, typed: Collection[str] = (), **options: Any) -> None:
-        """Declare the parameters; ParameterException where one of the lifecycle has a wrong type.
+        """Declare the parameters; LavaError where one of the lifecycle has a wrong type.
 
         ``typed`` are the names that a command line sets for this node.
         """
@@ -68,6 +72,7 @@ class LavaNode(LifecycleNode):
         self._constants: Mapping[str, Any] | None = None
         self._ending: ActiveNode | None = None
         self.refusal = ''
+        self.has_failed = self._is_starting = False
         self._typed = typed
         self._answer_all_requests()
         declared = parameters.declare(self, parameters.LIFECYCLE)
@@ -75,22 +80,26 @@ class LavaNode(LifecycleNode):
         parameters.fix(self, parameters.LIFECYCLE, fixed=True)
         for spec in _DECLARED:
             # a value of the wrong type is refused when the node is configured
-            with suppress(ParameterException):
+            with suppress(LavaError):
                 parameters.declare(self, (spec,))
-        self.add_pre_set_parameters_callback(partial(parameters.with_numbers, self))
+        self.add_pre_set_parameters_callback(partial(parameters.with_types, self))
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
     @property
-    def failure(self) -> str:
-        """Why the node has to end, empty as long as it has not."""
-        return self._active.failure if self._active is not None else ''
+    def failure(self) -> BaseException | None:
+        """Why the node has to end, None as long as it has not."""
+        return self._active.failure if self._active is not None else None
 
     def autostart(self) -> bool:
         """Configure and activate unless told not to; whether it went well (``refusal``)."""
         good = TransitionCallbackReturn.SUCCESS
         steps = (self.trigger_configure, self.trigger_activate) if self._is_autostarting else ()
-        return all(step() == good for step in steps)
+        self._is_starting = True
+        try:
+            return all(step() == good for step in steps)
+        finally:
+            self._is_starting = False
 
     def close(self) -> bool:
         """Finish the bag and end the simulation, and say whether its thread has ended."""
@@ -142,12 +151,14 @@ class LavaNode(LifecycleNode):
         # rclpy drops what a transition raises without a word.
         try:
             action()
-        except (LavaError, ParameterException) as error:
-            hint = ' (a parameter that is not whole is written 5.0)'
-            self.refusal = f'{error}{hint * isinstance(error, ParameterException)}'
-            self.get_logger().error(f'cannot {name}: {self.refusal}')
+        except LavaError as error:
+            self.refusal = str(error)
+            # at the start it is all that is said
+            if not self._is_starting:
+                self.get_logger().error(f'cannot {name}: {self.refusal}')
             return TransitionCallbackReturn.FAILURE
         except Exception as error:
+            self.has_failed = True
             self.refusal = f'{type(error).__name__}: {error}'
             self.get_logger().error(f'cannot {name}: {traceback.format_exc()}')
             return TransitionCallbackReturn.ERROR
@@ -257,7 +268,12 @@ class _PackageLog(logging.Handler):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node until SIGINT or SIGTERM: 0, or 1 when it cannot start or resume."""
+    """Run the node until SIGINT or SIGTERM.
+
+    Returns:
+        The exit status: 0, 2 for arguments and parameters that cannot be used, or 1 when the node
+        cannot start or resume for another reason.
+    """
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopping.append(number))
@@ -265,20 +281,22 @@ def main(args: list[str] | None = None) -> int:
     # again to a subscriber that has stopped reading is under way: seconds in which nobody is
     # served. It has to be set before rclpy.init; other middleware ignores it.
     os.environ.setdefault('RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS')
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    words = sys.argv[1:] if args is None else args
     try:
-        node = LavaNode(typed=parameters.typed(sys.argv if args is None else args))
-    except ParameterException as error:
+        start_ros(args)
+        check_words(words)
+        node = LavaNode(typed=parameters.typed(words))
+    except (LavaError, ParameterException) as error:
         print(f'lava_node cannot start: {error}', file=sys.stderr)
-        rclpy.shutdown()
-        return 1
+        rclpy.try_shutdown()
+        return USAGE_ERROR
     package = logging.getLogger('lava_ros')
     # in place of what prints it for the other commands
     package.handlers[:] = [_PackageLog(node)]
     package.setLevel(logging.INFO)
     if not node.autostart():
         print(f'lava_node cannot start: {node.refusal}', file=sys.stderr)
-        ended, status = node.close(), 1
+        ended, status = node.close(), 1 if node.has_failed else USAGE_ERROR
     else:
         ended, status = _run(node, lambda: bool(stopping))
     node.destroy_node()
@@ -297,17 +315,18 @@ def _run(node: LavaNode, is_stopping: Callable[[], bool]) -> tuple[bool, int]:
     try:
         spin(
             executor,
-            until=lambda: is_stopping() or bool(node.failure),
+            until=lambda: is_stopping() or node.failure is not None,
             on_error=node.report_callback,
         )
     finally:
         failure = node.failure
         ended = node.close()
-    if failure:
-        node.get_logger().error(failure)
+    if failure is not None:
+        node.get_logger().error(f'cannot resume: {failure}')
     node.get_logger().info('stopped' if ended else 'stopped; a step of the simulation was cut off')
     executor.shutdown()
-    return ended, 1 if failure else 0
+    status = 0 if failure is None else USAGE_ERROR if isinstance(failure, LavaError) else 1
+    return ended, status
 
 
 if __name__ == '__main__':

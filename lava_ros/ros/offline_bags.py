@@ -16,6 +16,7 @@
 
 from collections.abc import Iterable, Mapping
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 import shutil
 from typing import Any
@@ -48,22 +49,22 @@ class _Bag(BagWriter):
     """A bag that is written without a node."""
 
     def __init__(self, path: Path, namespace: str, scene: Scene, data: Mapping[str, str]) -> None:
-        described = {'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False), **data}
+        described = {
+            'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),
+            'namespace': namespace or '/',
+            **data,
+        }
         super().__init__(path, custom_data=described)
         self._namespace = namespace
+        self._messages = outputs.SceneMessages(_FRAME)
 
     def put(self, topic: str, message: Any, stamp_ns: int, qos: QosProfile = LATCHED) -> None:
         name, data = f'{self._namespace}/{topic}', codec.serialise(message)
         self.write(name, codec.type_name(type(message)), data, stamp_ns, qos=qos)
 
-    def put_terrain(self, terrain: Terrain, stamp_ns: int) -> None:
-        messages = outputs.terrain_messages(terrain, frame_id=_FRAME, stamp_ns=stamp_ns)
-        for topic, message in messages.items():
+    def put_scene(self, scene: Scene, time: float, stamp_ns: int) -> None:
+        for topic, message in self._messages.update(scene, time, stamp_ns).items():
             self.put(topic, message, stamp_ns)
-
-    def put_vents(self, rows: Any, terrain: Terrain, stamp_ns: int) -> None:
-        cloud = outputs.vents_message(rows, terrain, frame_id=_FRAME, stamp_ns=stamp_ns)
-        self.put('vents', cloud, stamp_ns)
 
     def put_layer(self, layer: Layer, shown: Snapshot | EnsembleForecast, stamp_ns: int) -> None:
         message = outputs.layer_message(layer, shown, frame_id=_FRAME, stamp_ns=stamp_ns)
@@ -100,8 +101,7 @@ def write_atlas_bag(
         if directory.exists():
             shutil.rmtree(directory)
         with closing(_Bag(directory, NAMESPACE, plan.scene, data)) as bag:
-            bag.put_terrain(terrain, stamp_ns)
-            bag.put_vents(outputs.vent_rows(plan.scene.vents, 0.0), terrain, stamp_ns)
+            bag.put_scene(plan.scene, 0.0, stamp_ns)
             for layer in load_layers(share_path('msg_configs/forecast.yaml')):
                 if layer.is_ensemble:
                     bag.put_layer(layer, shown, stamp_ns)
@@ -127,17 +127,15 @@ def write_snapshots(
     layers = [layer for layer in load_layers(config) if layer.enabled]
     data = {'msg_config': config.read_text(encoding='utf-8'), 'frame_id': _FRAME, **custom_data}
     with closing(_Bag(directory, '', scene, data)) as bag:
-        bag.put_terrain(scene.terrain, START_NS)
+        bag.put_scene(scene, 0.0, START_NS)
         later = list(terrains)
-        rows: Any = None
         for snapshot in snapshots:
             stamp = START_NS + round(snapshot.time * 1e9)
             while later and later[0][0] <= snapshot.time:
                 time, terrain = later.pop(0)
-                bag.put_terrain(terrain, START_NS + round(time * 1e9))
-            before, rows = rows, outputs.vent_rows(scene.vents, snapshot.time)
-            if rows != before:
-                bag.put_vents(rows, scene.terrain, stamp)
+                scene = replace(scene, terrain=terrain)
+                bag.put_scene(scene, time, START_NS + round(time * 1e9))
+            bag.put_scene(scene, snapshot.time, stamp)
             for layer in layers:
                 if layer.source != ARRIVED or snapshot.arrived is not None:
                     bag.put_layer(layer, snapshot, stamp)

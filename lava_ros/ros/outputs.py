@@ -15,6 +15,7 @@
 """What the simulation shows -> messages."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 import math
 from typing import Any
 
@@ -29,7 +30,7 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec
-from lava_ros.scene import Terrain, Vent
+from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot
 
 
@@ -73,12 +74,18 @@ def relief_message(terrain: Terrain, *, frame_id: str, stamp_ns: int) -> Occupan
 
     The light is from the north-west, 45 degrees high, as on printed maps.
     """
+    info = codec.map_metadata(terrain, stamp_ns)
+    return codec.occupancy_grid(_shade(terrain), info, codec.header(frame_id, stamp_ns))
+
+
+# a second for 25 million cells, and a bag repeats what is published
+@lru_cache(maxsize=1)
+def _shade(terrain: Terrain) -> np.ndarray:
+    """Compute the cells of a relief, int8, shape [rows, columns]."""
     north, east = np.gradient(terrain.elevation, terrain.resolution)
     facing = 0.5 * (east - north) + math.sqrt(0.5)
     shade = 100.0 * (1.0 - np.clip(facing / np.sqrt(1.0 + east**2 + north**2), 0.0, 1.0))
-    cells = np.rint(np.where(np.isfinite(shade), shade, -1.0)).astype(np.int8)
-    info = codec.map_metadata(terrain, stamp_ns)
-    return codec.occupancy_grid(cells, info, codec.header(frame_id, stamp_ns))
+    return np.rint(np.where(np.isfinite(shade), shade, -1.0)).astype(np.int8)
 
 
 def vent_rows(vents: Sequence[Vent], time: float) -> list[tuple[float, ...]]:
@@ -104,62 +111,127 @@ def vents_message(
 ) -> PointCloud2:
     """Make the cloud that stands for rows of ``vent_rows``, at the height of the terrain."""
     names = ('x', 'y', 'z', 'discharge', 'temperature', 'radius', 'id')
-    points = [
-        (*row[:2], float(terrain.elevation[terrain.cell_at(*row[:2])]), *row[2:]) for row in rows
-    ]
+    points = [(*row[:2], _elevation(terrain, *row[:2]), *row[2:]) for row in rows]
     columns = {name: [point[index] for point in points] for index, name in enumerate(names)}
     return codec.point_cloud(columns, codec.header(frame_id, stamp_ns))
 
 
-#: Namespaces of the markers: the places where lava comes out, and what is written beside them.
-PLACES, LABELS = 'vents', 'vent labels'
+#: Namespaces of the markers: the places where lava comes out, what is written beside them, and
+#: lines from the plane of the maps to the ground.
+PLACES, LABELS, ELEVATIONS = 'vents', 'vent labels', 'vent elevations'
 
-#: Colours of a vent that gives lava, one that gives none, and what is written [RGBA].
-OPEN, CLOSED, WORDS = (1.0, 0.35, 0.0, 0.9), (0.5, 0.5, 0.5, 0.6), (1.0, 1.0, 1.0, 1.0)
+#: Colours of a vent that gives lava, one that gives none, and what is written [RGBA]. Opaque, as
+#: RViz draws a translucent map over a translucent marker.
+OPEN, CLOSED, WORDS = (1.0, 0.35, 0.0, 1.0), (0.4, 0.65, 1.0, 1.0), (1.0, 1.0, 1.0, 1.0)
 
-#: Height of the letters over the terrain's shorter side, and of a vent's disc over its radius.
-LETTERS, THICKNESS = 0.015, 0.1
+#: Height of the letters over the terrain's shorter side, and the thickness of a vent's disc over
+#: its width, but at most so much [m].
+LETTERS, THICKNESS, MAX_THICKNESS = 0.028, 0.1, 1.0
 
 
 def vent_markers(
     vents: Sequence[Vent], time: float, terrain: Terrain, *, frame_id: str, stamp_ns: int
 ) -> MarkerArray:
-    """Make markers of the vents on the terrain, as they are at ``time``, simulated [s].
+    """Make markers of the vents, as they are at ``time``, simulated [s].
+
+    Viewers draw grids at z = 0, and RViz looks down from z = 500 m: a vent at the elevation of a
+    mountain would be away from its lava in the picture, or not in it. So the markers lie on the
+    maps, and a line from there to the ground shows the elevation. A vent that is narrower than the
+    letters is drawn as wide as they are high.
 
     Returns:
         A marker that deletes the earlier ones, then for each vent its disc, or the line of a
-        fissure, and a label with its name, discharge [m3/s] and temperature [Celsius].
+        fissure, a label with its name, discharge [m3/s] and temperature [Celsius], and a line to
+        the ground.
     """
     header = codec.header(frame_id, stamp_ns)
     letters = LETTERS * min(terrain.shape) * terrain.resolution
     markers = [Marker(header=header, action=Marker.DELETEALL)]
     for index, vent in enumerate(vents):
         discharge = vent.discharge_at(time)
-        place = Marker(header=header, ns=PLACES, id=index, action=Marker.ADD)
-        place.color = _color(*(OPEN if discharge > 0.0 else CLOSED))
-        start = _point(vent.position, terrain)
-        place.scale.x = 2.0 * vent.radius
+        width = max(2.0 * vent.radius, letters)
+        thickness = min(THICKNESS * width, MAX_THICKNESS)
+        ends = [vent.position] if vent.end is None else [vent.position, vent.end]
+        on_map = [Point(x=x, y=y) for x, y in ends]
+        on_ground = [Point(x=x, y=y, z=_elevation(terrain, x, y)) for x, y in ends]
+        place, label, elevation = (
+            Marker(header=header, ns=namespace, id=index, action=Marker.ADD)
+            for namespace in (PLACES, LABELS, ELEVATIONS)
+        )
+        place.color = elevation.color = _color(*(OPEN if discharge > 0.0 else CLOSED))
+        place.scale.x = width
         if vent.end is None:
             place.type = Marker.CYLINDER
-            place.pose.position = start
-            place.scale.y, place.scale.z = place.scale.x, THICKNESS * vent.radius
+            place.pose.position = on_map[0]
+            place.scale.y, place.scale.z = width, thickness
         else:
             place.type = Marker.LINE_STRIP
-            place.points = [start, _point(vent.end, terrain)]
-        label = Marker(header=header, ns=LABELS, id=index, action=Marker.ADD)
+            place.points = on_map
         label.type = Marker.TEXT_VIEW_FACING
-        label.pose.position = Point(x=start.x, y=start.y, z=start.z + vent.radius + letters)
+        x, y = max(ends, key=lambda end: end[1])
+        label.pose.position = Point(x=x, y=y + 0.5 * width + letters, z=thickness)
         label.scale.z = letters
         label.color = _color(*WORDS)
         celsius = vent.temperature - ZERO_CELSIUS
         label.text = f'{vent.name or index + 1}: {discharge:.3g} m3/s, {celsius:.0f} C'
-        markers += [place, label]
+        elevation.type = Marker.LINE_STRIP
+        elevation.scale.x = THICKNESS * width
+        elevation.points = [on_map[0], *on_ground, *on_map[1:]]
+        markers += [place, label, elevation]
     return MarkerArray(markers=markers)
 
 
-def _point(position: tuple[float, float], terrain: Terrain) -> Point:
-    x, y = position
-    return Point(x=x, y=y, z=float(terrain.elevation[terrain.cell_at(x, y)]))
+class SceneMessages:
+    """Makes the messages that show a scene, each when what it shows has changed.
+
+    The node publishes these messages, and every bag contains them.
+    """
+
+    def __init__(self, frame_id: str) -> None:
+        """Begin with nothing made."""
+        self._frame_id = frame_id
+        self.forget()
+
+    def forget(self) -> None:
+        """Make all messages again in the next call of ``update``."""
+        self._ground: Terrain | None = None
+        self._vents: object = None
+
+    def update(
+        self, scene: Scene, time: float, stamp_ns: int, *, ground: Terrain | None = None
+    ) -> dict[str, Any]:
+        """Make the messages that are not as in the last call.
+
+        Args:
+            scene: The scene.
+            time: Simulated time for which the vents are shown [s].
+            stamp_ns: ROS time of the messages [ns].
+            ground: The terrain under the flow that is shown, by default that of the scene.
+
+        Returns:
+            Messages by topic: ``terrain``, ``terrain_info`` and ``relief`` for new ground,
+            ``vents`` and ``vents_markers`` for new ground or changed vents. Those that the node
+            also takes come first.
+        """
+        options: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
+        ground = scene.terrain if ground is None else ground
+        inputs: dict[str, Any] = {}
+        pictures: dict[str, Any] = {}
+        if ground is not self._ground:
+            inputs |= terrain_messages(ground, **options)
+            pictures['relief'] = relief_message(ground, **options)
+            self._ground, self._vents = ground, None
+        rows = vent_rows(scene.vents, time)
+        shown = rows, [vent.name for vent in scene.vents]
+        if shown != self._vents:
+            inputs['vents'] = vents_message(rows, scene.terrain, **options)
+            pictures['vents_markers'] = vent_markers(scene.vents, time, scene.terrain, **options)
+            self._vents = shown
+        return inputs | pictures
+
+
+def _elevation(terrain: Terrain, x: float, y: float) -> float:
+    return float(terrain.elevation[terrain.cell_at(x, y)])
 
 
 def _color(red: float, green: float, blue: float, alpha: float) -> ColorRGBA:

@@ -23,6 +23,7 @@ from itertools import pairwise
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -71,6 +72,12 @@ class ParameterSpec:
         """Whether it is a list of texts."""
         return isinstance(self.default, list)
 
+    @property
+    def range_text(self) -> str:
+        """The range of a number: ``0 to 100``, empty without one."""
+        style = '.12g' if isinstance(self.default, float) else '.0f'
+        return ' to '.join(format(limit, style) for limit in self.limits or ())
+
     def setting(self, value: Any) -> Any:
         """What a value stands for in ``Settings``; a list becomes a tuple without empty texts.
 
@@ -78,13 +85,12 @@ class ParameterSpec:
         """
         texts = (value,)
         if self.is_list:
-            # ROS leaves a parameter unset that is an empty list at the start
-            if not isinstance(value, list | None):
+            if not isinstance(value, list):
                 kind = self.name.partition('_')[0]
                 example = 'inertia' if kind == 'effects' else 'lava_points'
                 raise LavaError(self.name, value, f"a list of {kind}, such as ['{example}']")
             # a list with one empty text is how ROS writes an empty list of texts
-            texts = tuple(text for text in value or () if text != '')
+            texts = tuple(text for text in value if text != '')
         for text in texts if self.choices else ():
             validation.choice(self.name, text, self.choices)
         return texts if self.is_list else self.read(value)
@@ -121,7 +127,11 @@ LIFECYCLE = (
 
 #: What says where terrain and lava come from; the defaults of ``lava.*`` depend on it.
 SOURCES = (
-    _FixedSpec('scene', '', 'Scene file (YAML) to start with; empty: none'),
+    _FixedSpec(
+        'scene',
+        '',
+        'Scene file (YAML) to start with: a path, or the name of a file in examples/; empty: none',
+    ),
     _FixedSpec(
         'terrain_file',
         '',
@@ -227,6 +237,10 @@ class Settings:
         'be late are left out, and each start and reset takes the spacing that goes with it; '
         '0: any',
         (0.0, 1e6),
+    )
+    clicked_point_enabled: bool = _fixed(
+        True,
+        'Subscribe to clicked_point, whose points open vents; false: a click in RViz opens none',
     )
     default_discharge: float = _parameter(
         10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
@@ -335,23 +349,62 @@ def constant_values(constants: Mapping[str, Any]) -> dict[str, Any]:
     return {spec.name: spec.default for spec in constant_parameters(constants)}
 
 
+#: How an empty list of texts comes: ROS leaves a parameter unset that is an empty list at the
+#: start, ``ros2 param dump`` writes that as null, and ROS reads null as a text.
+_EMPTY_LISTS = (None, '', '~', 'null', 'Null', 'NULL', 'None')
+
+#: What ROS calls the types of parameters.
+TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string', list: 'string_array'}
+
+
 def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
-    """Declare parameters that a node does not have yet, and return the values of all by name."""
+    """Declare parameters that a node does not have yet, and return the values of all by name.
+
+    LavaError where a value that was given at the start has another type or is out of range.
+    """
     for spec in specs:
         if not node.has_parameter(spec.name):
-            node.declare_parameter(spec.name, spec.default, spec.descriptor())
+            given = node._parameter_overrides.get(spec.name)
+            value = None if given is None else given.value
+            try:
+                node.declare_parameter(
+                    spec.name,
+                    spec.default,
+                    spec.descriptor(),
+                    ignore_override=spec.is_list and _is_empty(value),
+                )
+            except InvalidParameterTypeException:
+                right = f'a {TYPES[type(spec.default)]}'
+                if isinstance(spec.default, float):
+                    right += '; a whole number is written 5.0'
+                raise LavaError(spec.name, value, right) from None
+            except InvalidParameterValueException:
+                raise LavaError(spec.name, value, spec.range_text) from None
     return {spec.name: plain(node.get_parameter(spec.name).value) for spec in specs}
 
 
-def with_numbers(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
-    """Parameters that are set, with a number for a text that is one.
+def _is_empty(value: Any) -> bool:
+    """Whether a value stands for an empty list of texts."""
+    if value is None or isinstance(value, str):
+        return value in _EMPTY_LISTS
+    return hasattr(value, '__len__') and len(value) == 0
 
-    ``ros2 param load`` sends 7e-07 of its own dump as text: YAML's numbers have a point.
+
+def with_types(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
+    """Parameters that are set, with values of the types that the node's have.
+
+    ``ros2 param load`` sends 7e-07 of its own dump as text, for YAML's numbers have a point, and
+    null as the text None. An empty list of texts becomes one with an empty text, which has a type.
     """
     result = list(given)
     for index, item in enumerate(result):
-        is_text = item.type_ == Parameter.Type.STRING and node.has_parameter(item.name)
-        if is_text and node.get_parameter(item.name).type_ == Parameter.Type.DOUBLE:
+        if not node.has_parameter(item.name):
+            continue
+        is_list = node.describe_parameter(item.name).dynamic_typing
+        is_text = isinstance(item.value, str)
+        if is_list and _is_empty(item.value):
+            result[index] = Parameter(item.name, value=[''])
+        elif is_text and node.get_parameter(item.name).type_ == Parameter.Type.DOUBLE:
             with suppress(ValueError):
                 result[index] = Parameter(item.name, value=float(item.value))
     return result

@@ -14,7 +14,7 @@
 
 """Publishes a bag into the graph: the recorded bytes with the recorded QoS, and /clock."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 import signal
@@ -32,10 +32,16 @@ from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.replay import Transport
 from lava_ros.errors import LavaError
+from lava_ros.ros.arguments import start_ros
 from lava_ros.ros.codec import message_class, time_message
 from lava_ros.ros.qos import ros_profile
 
 CLOCK_TOPIC = '/clock'
+
+#: Topics that all namespaces of a graph share.
+SHARED_TOPICS = frozenset(
+    (CLOCK_TOPIC, '/diagnostics', '/parameter_events', '/rosout', '/tf', '/tf_static')
+)
 
 #: Time between steps when no clock is published [s]: often enough for a progress bar.
 QUIET_TICK = 0.1
@@ -54,6 +60,7 @@ def play(
     start_offset: float = 0.0,
     on_step: Callable[[replay.Step], None] = lambda step: None,
     transport: Transport | None = None,
+    ros_arguments: Sequence[str] = (),
 ) -> int:
     """Replay a bag in this process until it ends or SIGINT or SIGTERM arrives.
 
@@ -69,12 +76,14 @@ def play(
         start_offset: Where to start, from the bag's first message [s of bag time].
         on_step: Called after every message and clock tick.
         transport: Holds, quickens and moves the replay; None lets it run.
+        ros_arguments: ``--ros-args`` and what ROS is to read: a namespace, other names of topics.
 
     Returns:
         The number of messages published.
 
     Raises:
-        LavaError: An argument is out of range, no topic is left, or the bag is empty or damaged.
+        LavaError: An argument is out of range or nothing that ROS can read, no topic is left, or
+            the bag is empty or damaged.
     """
     patience = validation.number(
         'wait_for_subscribers', wait_for_subscribers, at_least=0.0, unit='s'
@@ -85,7 +94,7 @@ def play(
     if transport is not None:
         now, wait = transport.now, partial(transport.wait, stop=stop)
     first_ns: int | None = None
-    with _set_on_signals(stop), Context() as context:
+    with _set_on_signals(stop), _started(ros_arguments) as context:
         node = Node('lava_player', context=context, start_parameter_services=False)
         try:
             player = _Player(node, bag, clock=clock)
@@ -112,6 +121,16 @@ def play(
         return player.published
 
 
+@contextmanager
+def _started(arguments: Sequence[str]) -> Iterator[Context]:
+    context = Context()
+    start_ros(arguments, context=context)
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
+
+
 class _Player:
     """Publishers for the topics of a bag; ``published`` counts messages."""
 
@@ -129,8 +148,9 @@ class _Player:
             except LavaError as error:
                 self._logger.warning(f'{topic.name} is left out: {error}')
                 continue
+            name = _name_from(topic.name, bag, node.get_namespace())
             self._publishers[topic.name] = node.create_publisher(
-                kind, topic.name, ros_profile(topic.qos)
+                kind, name, ros_profile(topic.qos)
             )
         if not self._publishers:
             raise LavaError('bag', str(bag.path), 'a topic whose message type is installed')
@@ -163,6 +183,19 @@ class _Player:
             seconds = max(deadline - time.monotonic(), 0.0)
             if not publisher.wait_for_all_acked(Duration(nanoseconds=round(seconds * 1e9))):
                 self._logger.warning(f'a subscriber of {name} has not got everything')
+
+
+def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
+    """Name a topic of a bag as a node in a namespace would have named it.
+
+    In the root namespace topics keep their recorded names. Elsewhere a topic below the namespace
+    of the recorded node gets a relative name; a topic that was remapped out of that namespace, or
+    that all namespaces share, keeps its name.
+    """
+    if namespace == '/' or topic in SHARED_TOPICS:
+        return topic
+    recorded = bag.custom_data.get('namespace', '/')
+    return topic.removeprefix(f'{recorded.rstrip("/")}/')
 
 
 @contextmanager

@@ -35,7 +35,7 @@ from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.spinning import Entities
-from lava_ros.scene import Scene, Terrain
+from lava_ros.scene import Scene
 from lava_ros.simulation.snapshot import Snapshot
 
 #: What layers show.
@@ -181,9 +181,7 @@ class ScenePublisher:
     def __init__(self, entities: Entities, *, frame_id: str) -> None:
         """Create the publishers."""
         self._entities = entities
-        self._frame_id = frame_id
-        self._shown: Terrain | None = None
-        self._marked: object = None
+        self._messages = outputs.SceneMessages(frame_id)
         self._sent: dict[str, bytes] = {}
         self._publishers = self._create(terrain=Image, terrain_info=MapMetaData)
         self._drawn = self._create(relief=OccupancyGrid, vents_markers=MarkerArray)
@@ -194,24 +192,15 @@ class ScenePublisher:
         Once a terrain is received from elsewhere (``is_heard``), the one published here is
         withdrawn. ``time`` is simulated [s], ``stamp_ns`` the ROS time [ns].
         """
-        terrain, vents = scene.terrain, scene.vents
-        options: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
-        is_new, self._shown = terrain is not self._shown, terrain
-        # what is written beside the vents is all that changes of them
-        marked = vents, [vent.discharge_at(time) for vent in vents]
-        if is_new or marked != self._marked:
-            self._marked = marked
-            markers = outputs.vent_markers(vents, time, terrain, **options)
-            self._drawn['vents_markers'].publish(markers)
-        if not is_new:
-            return
-        relief = outputs.relief_message(terrain, **options)
-        self._drawn['relief'].publish(codec.serialise(relief))
-        if is_heard:
+        messages = self._messages.update(scene, time, stamp_ns)
+        for topic in self._drawn.keys() & messages.keys():
+            self._drawn[topic].publish(codec.serialise(messages[topic]))
+        own = self._publishers.keys() & messages.keys()
+        if own and is_heard:
             self._take_back()
             return
-        for topic, message in outputs.terrain_messages(terrain, **options).items():
-            data = codec.serialise(message)
+        for topic in own:
+            data = codec.serialise(messages[topic])
             self._sent[topic] = sha256(data).digest()
             self._publishers[topic].publish(data)
 

@@ -41,7 +41,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.errors import LavaError
-from lava_ros.files.resources import find_file
+from lava_ros.files.resources import share_path
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.simulation import Simulation
@@ -109,7 +109,7 @@ class Stepping:
 
     def __init__(self, particles: int, cells: int, device: str) -> None:
         """Start it, and wait until all is compiled."""
-        layers = load_layers(find_file('default.yaml', 'msg_configs'))
+        layers = load_layers(share_path('msg_configs/default.yaml'))
         (self._layer,) = (layer for layer in layers if layer.name == LAYER)
         self._shown = threading.Event()
         field = lava_field(particles, effect_sets()[EFFECTS], device, cells=cells)

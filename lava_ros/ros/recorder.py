@@ -194,38 +194,3 @@ class BagFolder:
         if root not in path.parents:
             raise LavaError('bag_directory', name, f'a new folder inside {root} (bag_root)')
         return Path(name)
-
-
-#: Saves that may come at once.
-SAVES = 5
-
-#: Wall time in which one more may come [s].
-SAVE_PERIOD = 10.0
-
-
-class SaveAllowance:
-    """Counts saves and what they have written, and refuses those that are too many."""
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start with the full allowance; ``clock`` returns wall time [s]."""
-        self._clock = clock
-        self._left, self._counted = float(SAVES), clock()
-        self._written = 0
-
-    def take(self, most: int) -> None:
-        """Count a save before it is written; all saves together may write ``most`` [bytes]."""
-        now = self._clock()
-        self._left = min(float(SAVES), self._left + (now - self._counted) / SAVE_PERIOD)
-        self._counted = now
-        if self._written >= most:
-            right = f'less than {most} (max_saved_bytes); ~/record has limits of its own'
-            raise LavaError('save', f'{self._written} bytes saved so far', right)
-        if self._left < 1.0:
-            wait = (1.0 - self._left) * SAVE_PERIOD
-            right = f'at most {SAVES} at once and one more each {SAVE_PERIOD:g} s; try again in '
-            raise LavaError('save', 'too many', f'{right}{wait:.1f} s')
-        self._left -= 1.0
-
-    def note(self, size: int) -> None:
-        """Note what a save has written [bytes]."""
-        self._written += size

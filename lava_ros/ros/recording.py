@@ -62,8 +62,7 @@ class SceneRecording:
         """Begin without a bag."""
         self._scene: Scene | None = None
         self._origin: Origin | None = None
-        self._terrain: Terrain | None = None
-        self._vents: list[tuple[float, ...]] | None = None
+        self._messages = outputs.SceneMessages(self.frame_id)
         self._told_ns = self._told_size = 0
         self._effects: dict[str, str] = {}
         self._history: list[dict[str, Any]] = []
@@ -81,18 +80,14 @@ class SceneRecording:
             put(self._description(scene, eruption))
             self._scene = scene
         if is_new or self._is_to_repeat(snapshot.terrain, stamp_ns):
-            self._terrain = self._vents = None
-        header: dict[str, Any] = {'frame_id': self.frame_id, 'stamp_ns': stamp_ns}
-        if snapshot.terrain is not self._terrain:
-            messages = outputs.terrain_messages(snapshot.terrain, **header)
-            for topic, message in messages.items():
-                self._write(topic, message, stamp_ns)
-            self._terrain = snapshot.terrain
+            self._messages.forget()
+        messages = self._messages.update(
+            scene, snapshot.time, stamp_ns, ground=snapshot.terrain
+        )
+        for topic, message in messages.items():
+            self._write(topic, message, stamp_ns)
+        if 'terrain' in messages:
             self._told_ns, self._told_size = stamp_ns, self.recorder.size
-        rows = outputs.vent_rows(scene.vents, snapshot.time)
-        if rows != self._vents:
-            self._write('vents', outputs.vents_message(rows, scene.terrain, **header), stamp_ns)
-            self._vents = rows
 
     def _is_to_repeat(self, terrain: Terrain, stamp_ns: int) -> bool:
         grown = self.recorder.size - self._told_size
@@ -128,6 +123,7 @@ class SceneRecording:
             'effects': json.dumps(self._history),
             **resumed,
             **self.configs,
+            'namespace': self.node.get_namespace(),
             'version': lava_ros.__version__,
             'device': eruption.device,
         }

@@ -25,6 +25,7 @@ from typing import Any, TYPE_CHECKING
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError
+from lava_ros.ros.allowance import Allowance
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.spinning import Entities
 from lava_ros.ros.worker import SimulationWorker
@@ -35,9 +36,17 @@ if TYPE_CHECKING:
 
 
 def create_services(
-    active: ActiveNode, entities: Entities, *, worker: SimulationWorker, inputs: InputTopics
+    active: ActiveNode,
+    entities: Entities,
+    *,
+    worker: SimulationWorker,
+    inputs: InputTopics,
+    allowance: Allowance,
 ) -> None:
-    """Create the services; what a command comes to is reported as that of an input."""
+    """Create the services; what a command comes to is reported as that of an input.
+
+    Calls that ``allowance`` does not have are refused.
+    """
     logger = entities.node.get_logger()
 
     def check_active(name: str) -> None:
@@ -53,6 +62,7 @@ def create_services(
     def reset(_: Any) -> str:
         if worker.eruption.scene is None:
             raise LavaError('reset', WorkerState.WAITING.value, 'a simulation that has started')
+        allowance.take('reset')
         logger.info('reset: starting again at time 0')
         return commanded('reset', worker.reset(), 'starting again at time 0')
 
@@ -65,6 +75,7 @@ def create_services(
 
     def save(_: Any) -> str:
         check_active('save')
+        allowance.take('save')
         return f'saved in {active.save()}'
 
     def pause(request: Any) -> str:
@@ -75,6 +86,7 @@ def create_services(
         if not request.data:
             return f'recorded {active.stop_recording() or "nothing"}'
         check_active('record')
+        allowance.take('record')
         return f'recording to {active.start_recording()}'
 
     def answer(action: Callable[[Any], str], request: Any, response: Any) -> Any:

@@ -25,7 +25,7 @@ import numpy as np
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
-from lava_ros.scene.vents import schedule
+from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.selection import Decision
@@ -33,6 +33,10 @@ from lava_ros.simulation.selection import Decision
 if TYPE_CHECKING:
     # The solver's package loads Warp; the worker's thread does that, not the importer.
     from lava_ros.simulation import Simulation, Snapshot
+
+
+#: Largest change of an elevation that is noise of a sensor [m].
+ELEVATION_NOISE = 0.1
 
 
 class SimulationError(Exception):
@@ -76,7 +80,8 @@ class Eruption:
         latest: The newest snapshot, None before the first; it stays after a failure.
         effects: The table of effects (``effect_table``), empty before there is a simulation.
         resolution: How many particles lie across the flow, None before there is a simulation.
-        changes: How often what comes has become another: by a start, vents, terrain, effects.
+        changes: Number of changes that outdate a forecast: starts, and changes of effects, vents
+            or terrain by more than the noise of a sensor (``are_alike``, ``ELEVATION_NOISE``).
         starts: How often a simulation has begun or gone on.
     """
 
@@ -98,6 +103,7 @@ class Eruption:
         self.origin: Origin | None = None
         self.latest: Snapshot | None = None
         self.effects: Mapping[str, str] = {}
+        self._foreseen: tuple[Scene | None, Effects | None] = None, None
         self.resolution: Resolution | None = None
         self.changes = self.starts = 0
 
@@ -172,8 +178,9 @@ class Eruption:
         scene = replace(self.scene, terrain=terrain)
         if self.simulation is not None:
             self.simulation.set_terrain(terrain)
-            self._note_change()
         self.scene = scene
+        if self.simulation is not None:
+            self._note_change(is_noise=self._is_foreseen(scene))
         return True
 
     def set_vents(self, vents: tuple[Vent, ...]) -> None:
@@ -183,6 +190,9 @@ class Eruption:
         """
         assert self.scene is not None
         scene = replace(self.scene, vents=vents)
+        # publishers often repeat their vents; the same ones again change nothing
+        if scene.vents == self.scene.vents:
+            return
         if self.simulation is None:
             self.schedule, self.scene = vents, scene
         elif vents and not self.scene.vents and self._is_without_lava():
@@ -191,7 +201,7 @@ class Eruption:
             self.simulation.set_vents(vents)
             self.schedule = schedule(self.schedule, vents, self.simulation.time)
             self.scene = scene
-            self._note_change()
+            self._note_change(is_noise=self._is_foreseen(scene))
 
     def set_constants(self, constants: Mapping[str, Any]) -> None:
         """Replace lava and surroundings from the next start on."""
@@ -247,23 +257,36 @@ class Eruption:
             if number > self._latest_number:
                 self.latest, self._latest_number = snapshot, number
 
-    def _note_change(self) -> None:
-        assert self.simulation is not None
+    def _note_change(self, *, is_noise: bool = False) -> None:
+        """Note that the simulation is another; noise of an input leaves ``changes`` as it was."""
+        assert self.simulation is not None and self.scene is not None
+        effects = self.simulation.effects
         self.resolution = self.simulation.resolution
-        self.effects = effect_table(self.simulation.effects, self.simulation.decisions())
+        self.effects = effect_table(effects, self.simulation.decisions())
         self._is_changed = True
-        self.changes += 1
+        if not is_noise or effects != self._foreseen[1]:
+            self.changes += 1
+            self._foreseen = self.scene, effects
+
+    def _is_foreseen(self, scene: Scene) -> bool:
+        """Return True if a scene is that of the last counted change, but for noise."""
+        former = self._foreseen[0]
+        return former is not None and (
+            are_alike(scene.vents, former.vents)
+            and _is_same(scene.terrain, former.terrain, within=ELEVATION_NOISE)
+        )
 
     def _is_without_lava(self) -> bool:
         self.renew_snapshot()
         return self.latest is not None and self.latest.budget.emitted == 0.0
 
 
-def _is_same(one: Terrain, other: Terrain) -> bool:
-    names = ('resolution', 'origin', 'epsg', 'offset')
+def _is_same(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
+    """Return True if two terrains have the same cells and elevations, within some metres."""
+    names = ('shape', 'resolution', 'origin', 'epsg', 'offset')
     return (
         all(getattr(one, name) == getattr(other, name) for name in names)
-        and np.array_equal(one.elevation, other.elevation, equal_nan=True)
+        and np.allclose(one.elevation, other.elevation, rtol=0.0, atol=within, equal_nan=True)
     )
 
 

@@ -35,7 +35,7 @@ from lava_ros.ros import parameters
 from lava_ros.ros.parameters import constant_values, Settings
 from lava_ros.ros.session import Origin
 from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
-from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.scene.terrain_files import load_terrain, terrain_path
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
@@ -76,7 +76,8 @@ def load_sources(node: Node) -> Sources:
                 right = 'left out beside resume: the checkpoint has it'
                 raise LavaError(name, values[name], right)
         return _resumed(node, values['resume'])
-    terrain = load_terrain(values['terrain_file']) if values['terrain_file'] else None
+    name = values['terrain_file']
+    terrain = load_terrain(terrain_path(name)) if name else None
     if not values['scene']:
         return Sources(terrain=terrain)
     return Sources(scene=scene_from_yaml(values['scene'], terrain=terrain))

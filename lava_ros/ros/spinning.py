@@ -24,7 +24,8 @@ from typing import Any
 import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
+
+from lava_ros.ros.arguments import start_ros
 
 #: Wait after a callback that failed: one that always does must not take the processor [s].
 PAUSE = 0.01
@@ -102,11 +103,7 @@ class Watcher:
     def __init__(self, name: str, domain_id: int | None, namespace: str = '') -> None:
         """Join the graph of a domain, None for that of the environment, under a name."""
         self._context = rclpy.Context()
-        rclpy.init(
-            context=self._context,
-            domain_id=domain_id,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        start_ros(context=self._context, domain_id=domain_id)
         self._node = rclpy.create_node(name, namespace=namespace, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)

@@ -24,6 +24,7 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
+from lava_ros.ros.followed_clock import FollowedClock, MAX_LAG
 from lava_ros.ros.session import Eruption, failure_text, Fork, Origin
 from lava_ros.ros.worker_status import (
     Command,
@@ -51,8 +52,8 @@ IDLE_WALL_TIME = 0.1
 #: Least wall time between two turns of commands, however many come [s].
 TURN_WALL_TIME = 0.02
 
-#: Clock time the simulation may be behind before it gives the rest up [s].
-MAX_LAG = 1.0
+#: Lag below which simulated time is where the clock is [s].
+ROUNDING = 1e-3
 
 #: Why a command is refused once the thread was told to end.
 _STOPPED = LavaError('simulation', 'stopped', 'one that runs')
@@ -62,8 +63,9 @@ _STOPPED = LavaError('simulation', 'stopped', 'one that runs')
 class SimulationWorker:
     """Runs a simulation in a thread of its own, after a clock.
 
-    Simulated time follows the clock times ``time_scale``. A simulation that cannot keep up falls
-    behind by ``MAX_LAG`` and then runs as fast as it can: lost time is not made up for.
+    Simulated time follows the clock times ``time_scale``, in steps of any size up to ``MAX_LAG``.
+    A simulation that cannot keep up falls behind by ``MAX_LAG`` and then runs as fast as it can.
+    The time that it gives up is counted in the status, and so are jumps of the clock.
 
     Commands return at once with a future. It holds a LavaError when the command is refused; the
     simulation then goes on with what it had. A command that stands for everything of its kind
@@ -92,7 +94,7 @@ class SimulationWorker:
         self._snapshot_asked = False
         self._finisher = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
         self._finishing: Future[None] | None = None
-        self._last_clock = 0.0
+        self._clock = FollowedClock(self.clock)
         self._target = 0.0
         self._step_target: float | None = None
         self._speed = SpeedMeter()
@@ -189,11 +191,11 @@ class SimulationWorker:
 
     def set(self, name: str, value: float | None) -> 'Future[None]':
         """Change ``time_scale``, ``end_time`` or ``max_particles``, as at the start."""
-        return self._put(lambda: setattr(self, name, value), kind=name)
+        return self._put(lambda: self._set(name, value), kind=name)
 
     def pause(self, paused: bool) -> 'Future[None]':
         """Hold simulated time, also in the middle of a step, or let it go on."""
-        return self._put(lambda: self._pause(paused))
+        return self._put(lambda: self._pause(paused), kind='pause')
 
     def reset(self) -> 'Future[None]':
         """Start the scene again at time 0, also after a failure; a pause stays."""
@@ -201,7 +203,7 @@ class SimulationWorker:
 
     def step(self, duration: float) -> 'Future[None]':
         """Advance a paused simulation by a duration [s]."""
-        return self._put(lambda: self._begin_step(duration))
+        return self._put(lambda: self._begin_step(duration), kind='step')
 
     def request_snapshot(self) -> None:
         """Ask for ``latest`` to be renewed when the slice at hand is done, if anything changed.
@@ -220,7 +222,6 @@ class SimulationWorker:
         return future
 
     def _run(self) -> None:
-        self._last_clock = self.clock()
         while not self._is_stopping:
             self._run_commands()
             if not self._is_stopping:
@@ -282,18 +283,14 @@ class SimulationWorker:
 
     def _advance(self) -> None:
         """Move simulated time one slice towards the clock."""
-        now = self.clock()
-        # A clock that jumps back, as at the start of a replay, moves nothing.
-        elapsed = max(0.0, now - self._last_clock)
-        self._last_clock = now
         if not self._is_moving():
             return
         before = self.eruption.time
         if self._step_target is not None:
             self._target = self._step_target
         else:
-            lag = MAX_LAG * self.time_scale
-            self._target = min(self._target + elapsed * self.time_scale, before + lag)
+            self._target += self._clock.elapse() * self.time_scale
+            self._give_up(before + MAX_LAG * self.time_scale)
         if self.end_time is not None:
             self._target = min(self._target, self.end_time)
         self._slice = 0.0
@@ -309,6 +306,11 @@ class SimulationWorker:
             self._speed.note(reached)
         if self._step_target is not None and self.eruption.time >= self._target:
             self._step_target = None
+
+    def _give_up(self, until: float) -> None:
+        """Do not follow the clock beyond a simulated time [s]."""
+        self._clock.lost += max(0.0, self._target - until) / self.time_scale
+        self._target = min(self._target, until)
 
     def _is_moving(self) -> bool:
         if self.eruption.simulation is None or self._is_finished():
@@ -336,22 +338,26 @@ class SimulationWorker:
             self._speed.clear()
         # What is at rest is shown as it is by the time its state says so.
         is_new = not self._is_moving() and self._is_snapshot_new()
-        lag = max(0.0, self._target - self.eruption.time)
+        # A step that the clock has just made is not yet a lag.
+        lag = (self._target - self.eruption.time) / self.time_scale - self._clock.step
         self._status = WorkerStatus(
             state=state,
             error=self._error,
             speed=self._speed.value,
             mean_speed=self._speed.mean,
-            is_behind=state is WorkerState.RUNNING and lag > 0.0,
+            is_behind=state is WorkerState.RUNNING and lag > ROUNDING,
             device=self.eruption.device,
-            lag=lag / self.time_scale,
+            lag=max(0.0, lag),
+            lost=self._clock.lost,
+            jump=self._clock.jump,
+            jumps=self._clock.jumps,
             turn=self._slice if self._is_moving() else 0.0,
         )
         if is_new:
             self.on_snapshot()
 
     def _follow_from_here(self) -> None:
-        self._last_clock = self.clock()
+        self._clock.start()
         self._target = self.eruption.time
         self._speed.clear()
         self._speed.note(self._target)
@@ -374,6 +380,8 @@ class SimulationWorker:
             finishing.add_done_callback(lambda _: again())
             return
         self._snapshot_asked = False
+        # Maps are due when the clock has moved: they show where it is, not its step before.
+        self._guard(self._advance)
         rest = self.eruption.begin_snapshot()
         if rest is not None:
             simulation = self.eruption.simulation
@@ -406,6 +414,7 @@ class SimulationWorker:
         self._error = ''
         self._step_target = None
         self._speed = SpeedMeter()
+        self._clock = FollowedClock(self.clock)
         self._follow_from_here()
         self._show()
 
@@ -448,7 +457,16 @@ class SimulationWorker:
         self.eruption.set_effects(forced, horizon=horizon)
         self._show()
 
+    def _set(self, name: str, value: float | None) -> None:
+        if name == 'time_scale':
+            # what is behind is time of the clock
+            lag = (self._target - self.eruption.time) / self.time_scale
+            self._target = self.eruption.time + lag * float(value or 0.0)
+        setattr(self, name, value)
+
     def _pause(self, paused: bool) -> None:
+        if paused and not self.paused:
+            self._give_up(self.eruption.time)
         self.paused = paused
         self._step_target = None
 

@@ -53,7 +53,11 @@ class WorkerStatus:
         mean_speed: The same since the simulation started, pauses left out.
         is_behind: Whether simulated time falls behind the clock.
         device: Name of the simulation's device, empty before there is one.
-        lag: Time of the clock that simulated time is behind [s]; more than ``MAX_LAG`` is lost.
+        lag: Time that simulated time is behind what the clock showed before its newest step, in
+            seconds of the clock.
+        lost: Time of the clock that simulated time has not followed since the start [s].
+        jump: The newest jump of the clock, which is not followed [s], negative for a jump back.
+        jumps: Jumps of the clock since the start.
         doing: What the thread is at: ``a step``, or the kind of a command; empty between two.
         turn: Wall time it has been at that, or at the last step where that took longer [s].
         waiting: Kinds of the commands that wait for it.
@@ -66,6 +70,9 @@ class WorkerStatus:
     is_behind: bool
     device: str
     lag: float = 0.0
+    lost: float = 0.0
+    jump: float = 0.0
+    jumps: int = 0
     doing: str = ''
     turn: float = 0.0
     waiting: tuple[str, ...] = ()

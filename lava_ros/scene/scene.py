@@ -24,11 +24,12 @@ from lava_ros import validation
 from lava_ros.effects import EFFECTS, possible
 from lava_ros.effects.effect import check_fields, number, with_fields
 from lava_ros.errors import LavaError
+from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import default_lava, lava_from_dict
 from lava_ros.scene.terrain import Terrain
-from lava_ros.scene.terrain_files import DEMO, load_terrain
+from lava_ros.scene.terrain_files import load_terrain, terrain_path
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict, uncertainty_to_dict
 from lava_ros.scene.vents import check_vents, Vent, vents_from_list
 
@@ -165,13 +166,15 @@ def read_scene(
 ) -> tuple[dict[str, Any], Terrain]:
     """Read a scene file without making a scene of it: what ``scene_from_dict`` takes.
 
+    A name of which there is no file is that of one of the package's ``examples/``.
+
     The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
     the scene file or ``st_helens.npz`` of the package, and the options of
     ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``fill_holes``
     fills the holes of the file's own, whatever the file says. LavaError where the file cannot be
     read, or has other keys, or its ground is not usable.
     """
-    path = Path(path)
+    path = find_file(path, 'examples', field='scene', expected='a readable YAML file')
     data = validation.keys('scene', read_yaml('scene', path), allowed=SCENE_KEYS)
     ground = data.pop('terrain', None)
     if terrain is None:
@@ -186,8 +189,7 @@ def read_scene(
             raise LavaError('scene.terrain.file', name, 'the name of a file, text')
         if fill_holes:
             options['fill_holes'] = True
-        is_demo = name == DEMO.name and not (path.parent / name).exists()
-        terrain = load_terrain(DEMO if is_demo else path.parent / name, **options)
+        terrain = load_terrain(terrain_path(name, path.parent), **options)
     return data, terrain
 
 

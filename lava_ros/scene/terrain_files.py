@@ -69,6 +69,15 @@ FILL_DISTANCE = 1000.0
 RIDGE_WINDOW = (744440.0, 4038400.0, 753440.0, 4046400.0)
 
 
+def terrain_path(name: str, folder: Path = Path()) -> Path:
+    """Return the path of an elevation file, relative to a folder.
+
+    Where there is no ``st_helens.npz``, the name is that of the package's own terrain.
+    """
+    path = folder / name
+    return DEMO if name == DEMO.name and not path.exists() else path
+
+
 def load_terrain(
     path: str | Path,
     *,

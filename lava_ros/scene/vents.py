@@ -15,9 +15,11 @@
 """Vents: where lava comes out, how much and how hot."""
 
 from bisect import bisect
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from itertools import count
 import math
 
 import numpy as np
@@ -244,32 +246,167 @@ def vents_from_list(
     return check_vents(vents, terrain)
 
 
-#: Most vents that have closed which are remembered, and most entries of a vent's series.
-MOST_CLOSED, LONGEST_SERIES = 100, 1000
+#: Maximum number of closed vents in a schedule, and of entries of a vent's series.
+MAX_CLOSED, MAX_SERIES = 100, 1000
+
+#: Largest change of a vent's temperature that is noise of a sensor [K].
+_TEMPERATURE_NOISE = 10.0
+
+#: Largest relative changes of a vent's radius and discharge that are noise of a sensor.
+_RADIUS_NOISE, _DISCHARGE_NOISE = 0.1, 0.05
+
+
+def distances(vent: Vent, others: Sequence[Vent]) -> np.ndarray:
+    """Return how far vents are from a vent [m], shape [others].
+
+    The distance of two fissures is that of their ends that are farther apart, whichever end is
+    given first. A disc and a fissure are infinitely far apart.
+    """
+
+    def ends(one: Vent) -> list[complex]:
+        start, end = complex(*one.position), complex(*(one.end or one.position))
+        return [start, end, complex(one.end is not None)]
+
+    if not others:
+        return np.empty(0)
+    rows = np.array([ends(other) for other in others])
+    start, end, kind = ends(vent)
+    ahead = np.abs(rows[:, :2] - (start, end)).max(axis=1)
+    reversed_ = np.abs(rows[:, :2] - (end, start)).max(axis=1)
+    return np.where(rows[:, 2] == kind, np.minimum(ahead, reversed_), np.inf)
+
+
+def extents(vents: Sequence[Vent], least: float = 0.0) -> np.ndarray:
+    """Return the size of each vent [m]: its radius or half of its length, at least ``least``."""
+    lengths = [math.dist(vent.position, vent.end or vent.position) for vent in vents]
+    radii = [vent.radius for vent in vents]
+    return np.maximum(np.maximum(radii, np.multiply(0.5, lengths)), least)
+
+
+def match_vents(
+    before: Sequence[Vent], after: Sequence[Vent], *, least: float = 0.0, by_name: bool = True
+) -> list[int | None]:
+    """Find the vents that continue others: those that are the same vent, changed or not.
+
+    A vent continues the one at the same place; else the nearest one that is no farther away than
+    the size of either, one of the same name or temperature first; else, with ``by_name``, the one
+    of its name.
+
+    Args:
+        before: Vents up to now.
+        after: Vents from now on.
+        least: Smallest size that a vent counts with [m].
+        by_name: Whether a vent that has moved farther than its size is known by its name.
+
+    Returns:
+        For each vent of ``after`` the index in ``before`` of the one that it continues, None for a
+        new vent. No index comes twice.
+    """
+    result: list[int | None] = [None] * len(after)
+    free = set(range(len(before)))
+    keys: list[Callable[[Vent], object]] = [
+        lambda vent: (vent.position, vent.end, vent.name, vent.temperature),
+        lambda vent: (vent.position, vent.end, vent.name),
+        lambda vent: (vent.position, vent.end),
+    ]
+
+    def take(pairs: Iterable[tuple[int, int]]) -> None:
+        for new, old in pairs:
+            if result[new] is None and old in free:
+                result[new] = old
+                free.remove(old)
+
+    def take_equal(key: Callable[[Vent], object]) -> None:
+        olds = defaultdict(list)
+        for old in sorted(free):
+            olds[key(before[old])].append(old)
+        news = [new for new, old in enumerate(result) if old is None]
+        take((new, old) for new in news for old in olds.get(key(after[new]), ()))
+
+    for key in keys:
+        take_equal(key)
+    rest = sorted(free)
+    candidates = [before[old] for old in rest]
+    sizes = extents(candidates, least)
+    near = []
+    for new, vent in enumerate(after):
+        if result[new] is None and rest:
+            apart = distances(vent, candidates)
+            reach = np.maximum(sizes, extents([vent], least))
+            for place in np.flatnonzero(apart <= reach):
+                old = candidates[place]
+                is_other = not vent.name or vent.name != old.name
+                is_changed = vent.temperature != old.temperature
+                near.append((is_other, is_changed, apart[place], new, rest[place]))
+    take((new, old) for *_, new, old in sorted(near))
+    if by_name:
+        # vents without a name have none in common, and a disc is not the fissure of its name
+        unnamed = count()
+        take_equal(lambda vent: (vent.name or next(unnamed), vent.end is None))
+    return result
 
 
 def schedule(before: Sequence[Vent], vents: Sequence[Vent], time: float) -> tuple[Vent, ...]:
     """Combine the discharges of vents before and after a change at ``time``, simulated [s].
 
     Each vent emits as in ``before`` up to that time, and as in ``vents`` from then on; a vent that
-    is no longer there emits 0. Vents that differ only in name and discharge are the same vent.
+    is no longer there emits 0. A vent that has moved within its own size, or changed no more than
+    by the noise of a sensor, is the same vent: its place and temperature are then the newest ones.
     """
-    coming = {_identity(vent): vent for vent in vents}
+    matches = match_vents(before, vents, by_name=False)
+    continued = {
+        old: new
+        for new, old in enumerate(matches)
+        if old is not None and _is_alike(before[old], vents[new])
+    }
     closed, open_ = [], []
-    for vent in before:
-        after = coming.pop(_identity(vent), None)
+    for index, vent in enumerate(before):
+        after = vents[continued[index]] if index in continued else None
         start = [(0.0, vent.discharge_at(0.0))] if time > 0.0 else []
         past = [*start, *(entry for entry in vent.series if 0.0 < entry[0] < time)]
         if after is not None:
             open_.append(_with(after, past, after, time))
         elif any(flux > 0.0 for _, flux in past):
             closed.append(_with(vent, past, None, time))
-    new = [_with(vent, [], vent, time) for vent in coming.values()]
-    return (*closed[-MOST_CLOSED:], *open_, *new)
+    known = set(continued.values())
+    new = [_with(vent, [], vent, time) for at, vent in enumerate(vents) if at not in known]
+    return (*closed[-MAX_CLOSED:], *open_, *new)
 
 
-def _identity(vent: Vent) -> Vent:
-    return replace(vent, name='', discharge=0.0)
+def are_alike(vents: Sequence[Vent], others: Sequence[Vent]) -> bool:
+    """Return True if vents differ from others by no more than the noise of a sensor.
+
+    Each is then in the place of one of the others, at a discharge that differs by at most 5 %.
+    """
+    if len(vents) != len(others):
+        return False
+    matches = match_vents(others, vents)
+    return all(
+        match is not None
+        and _is_alike(others[match], vent)
+        and distances(vent, [others[match]])[0] <= extents([others[match]])[0]
+        and _has_discharge_of(vent, others[match])
+        for vent, match in zip(vents, matches, strict=True)
+    )
+
+
+def _is_alike(one: Vent, other: Vent) -> bool:
+    """Return True if two vents have about the same temperature, radius and velocity."""
+    temperatures = [vent.temperature for vent in (one, other) if vent.temperature is not None]
+    return (
+        max(temperatures, default=0.0) - min(temperatures, default=0.0) <= _TEMPERATURE_NOISE
+        and math.isclose(one.radius, other.radius, rel_tol=_RADIUS_NOISE)
+        and one.velocity == other.velocity
+    )
+
+
+def _has_discharge_of(one: Vent, other: Vent) -> bool:
+    if len(one.series) != len(other.series):
+        return False
+    (times, fluxes), (other_times, other_fluxes) = np.swapaxes([one.series, other.series], 1, 2)
+    return np.array_equal(times, other_times) and np.allclose(
+        fluxes, other_fluxes, rtol=_DISCHARGE_NOISE, atol=0.0
+    )
 
 
 def _with(
@@ -285,4 +422,20 @@ def _with(
     if not changes or (changes[0] == (0.0, now[1]) and len(changes) == 1):
         # it has always been what it is
         return replace(vent, discharge=now[1])
-    return replace(vent, discharge=tuple(changes[-LONGEST_SERIES:]))
+    return replace(vent, discharge=tuple(_condensed(changes)))
+
+
+def _condensed(series: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return a series of at most ``MAX_SERIES`` entries with the same volume.
+
+    The older half of its entries are joined in pairs, each with the mean flux of both.
+    """
+    while len(series) > MAX_SERIES:
+        older, joined = len(series) // 4 * 2, []
+        for index in range(0, older, 2):
+            (start, first), (middle, second) = series[index : index + 2]
+            end = series[index + 2][0]
+            volume = first * (middle - start) + second * (end - middle)
+            joined.append((start, volume / (end - start)))
+        series = joined + series[older:]
+    return series

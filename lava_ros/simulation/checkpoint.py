@@ -364,13 +364,7 @@ def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
     if np.shape(state.get('left')) == (1,):
         state['left'] = np.append(state['left'], 0.0)
     simulation._state.load(state, checkpoint.capacity)
-    vents, shape = parts.pop('vents', {}), (len(checkpoint.scene.vents),)
-    carried = fitting('vents.carried', vents.get('carried'), shape, np.float64)
-    released = fitting('vents.released', vents.get('released'), shape, np.int32)
-    simulation._vents = simulation._vent_set(
-        checkpoint.scene.vents, since=checkpoint.since, carried=carried
-    )
-    simulation._vents.load(released)
+    simulation._load_vents(parts.pop('vents', {}), since=checkpoint.since)
     # the state has the vents' heights; lava that has frozen since may have raised the ground
     giving = simulation._vents.giving(checkpoint.time, others_than=())
     simulation._counted = simulation._vents, set(giving)

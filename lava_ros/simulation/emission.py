@@ -19,9 +19,10 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import cos_pi, quick_kernel, sin_pi
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import bin_function
+from lava_ros.simulation.outlets import due_function, group_function, Outlets, place_function
 from lava_ros.simulation.state import (
     FULL,
     IS_LAST,
@@ -30,7 +31,7 @@ from lava_ros.simulation.state import (
     State,
     TIME,
 )
-from lava_ros.simulation.vents import due_functions, Outlets, VentSet
+from lava_ros.simulation.vents import VentSet
 
 #: Relative error of the time at which a particle is due.
 _ROUNDING = 1e-9
@@ -48,64 +49,11 @@ def emission_function(
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
 
-    group_of, next_two = due_functions(symmetric)
+    group_of, next_two = group_function(symmetric), due_function(symmetric)
+    place_of = place_function(symmetric)
     put = bin_function(real, False)
     # the motion of the others goes on meanwhile, and needs to know how many there are
     total = NEWCOMERS if bins else PARTICLES
-
-    @wp.func
-    def place_of(v: int, n: int, outlets: Outlets) -> vec2:
-        """Place of a vent's n-th particle: stratified, never the same place twice.
-
-        The additive recurrence of the plastic number spreads any number of points evenly. With
-        symmetry each of its points is in one part of the vent, and the others mirror it.
-        """
-        group = group_of(v, outlets)
-        part = n % group
-        turns = wp.float64(n // group + 1)
-        # vents in one place begin elsewhere, or their particles would be in one place
-        a = wp.float64(0.7548776662466927) * turns
-        a += wp.float64(0.6180339887498949) * outlets.shape[v, 9]
-        b = wp.float64(0.5698402909980532) * turns
-        b += wp.float64(0.4142135623730951) * outlets.shape[v, 9]
-        a = a - wp.floor(a)
-        b = b - wp.floor(b)
-        radius = outlets.shape[v, 4]
-        length = outlets.shape[v, 6]
-        x = wp.float64(0.0)
-        y = wp.float64(0.0)
-        if length > wp.float64(0.0):
-            across = wp.float64(2.0) * b - wp.float64(1.0)
-            if wp.static(symmetric):
-                a = wp.float64(0.5) * a
-                across = b
-                if part % 2 == 1:
-                    a = wp.float64(1.0) - a
-                if part >= 2:
-                    across = -across
-            across *= radius / length
-            along_x = outlets.shape[v, 2] - outlets.shape[v, 0]
-            along_y = outlets.shape[v, 3] - outlets.shape[v, 1]
-            x = a * along_x - across * along_y
-            y = a * along_y + across * along_x
-        elif wp.static(symmetric):
-            # in half turns; away from the sides of its eighth, lest a point meet its mirror image
-            angle = wp.float64(0.25) * (wp.float64(0.1) + wp.float64(0.8) * a)
-            x = radius * wp.sqrt(b) * cos_pi(angle)
-            y = radius * wp.sqrt(b) * sin_pi(angle)
-            if part % 2 == 1:
-                swapped = x
-                x = y
-                y = swapped
-            if (part // 2) % 2 == 1:
-                x = -x
-            if part >= 4:
-                y = -y
-        else:
-            angle = wp.float64(2.0) * a + outlets.shape[v, 10]
-            x = radius * wp.sqrt(b) * cos_pi(angle)
-            y = radius * wp.sqrt(b) * sin_pi(angle)
-        return vec2(real(outlets.shape[v, 0] + x), real(outlets.shape[v, 1] + y))
 
     @wp.func
     def released(v: int, due: int, outlets: Outlets, m: arguments_type(real)) -> int:
@@ -128,7 +76,7 @@ def emission_function(
                 m.age[i] = real(0.0)
             place = place_of(v, outlets.released[v] + n, outlets)
             volume, heat = real(outlets.particle_volume), real(outlets.shape[v, 5])
-            p = vec4(place[0], place[1], volume, heat)
+            p = vec4(real(place[0]), real(place[1]), volume, heat)
             m.particle[i] = p
             if wp.static(bins):
                 put(i, p, m)

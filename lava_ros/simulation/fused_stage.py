@@ -30,9 +30,10 @@ import warp as wp
 from lava_ros.simulation.backend.compiled import announce, FEW_THREADS, quick_kernel
 from lava_ros.simulation.emission import emission_of, emitters
 from lava_ros.simulation.motion_arguments import arguments_type
+from lava_ros.simulation.outlets import Outlets
 from lava_ros.simulation.state import State
 from lava_ros.simulation.timestep import choice_of, pace_type
-from lava_ros.simulation.vents import Outlets, VentSet
+from lava_ros.simulation.vents import VentSet
 
 #: Threads of the block.
 DIRECTORS = FEW_THREADS[0]

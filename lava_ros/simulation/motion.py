@@ -34,10 +34,10 @@ from lava_ros.simulation.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.heat import temperature_function
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import bin_function, NeighborGrid
+from lava_ros.simulation.outlets import Outlets
 from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import terrain_functions
 from lava_ros.simulation.timestep import pace_type
-from lava_ros.simulation.vents import Outlets
 
 #: Displacements in a step over those its length was chosen for: speeds may rise this much in it.
 _MOST_REACH = 2.0

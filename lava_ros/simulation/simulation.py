@@ -14,7 +14,7 @@
 
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
@@ -29,6 +29,7 @@ from lava_ros import validation
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
+from lava_ros.scene.vents import match_vents
 from lava_ros.simulation import state as at
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launch
@@ -54,7 +55,7 @@ from lava_ros.simulation.snapshot import (
 from lava_ros.simulation.stage import Stage
 from lava_ros.simulation.state import centre_of, count_in, room_for, State
 from lava_ros.simulation.terrain import StaggeredTerrain
-from lava_ros.simulation.vents import check_rates, parting, VentSet
+from lava_ros.simulation.vents import check_rates, Emission, VentSet
 
 #: Particles there is room for at the start.
 _FIRST_CAPACITY = 4096
@@ -136,7 +137,8 @@ class Simulation:
         self._place(scene.terrain)
         self._start_with(particles)
         check_rates(scene.vents, self.particle_volume)
-        self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
+        new = Emission.of_new_vents(len(scene.vents))
+        self._vents = self._vent_set(scene.vents, since=0.0, before=new)
         #: The vents, and the numbers of those that ``_raise_top`` has already counted.
         self._counted: tuple[VentSet, set[int]] = self._vents, set()
         places = _NOWHERE if particles is None else self._state.read_particles()[:, :2]
@@ -347,9 +349,9 @@ class Simulation:
     def set_vents(self, vents: Iterable[Vent]) -> None:
         """Replace the vents from now on.
 
-        A vent that keeps its place keeps what is in its conduit; what is in the conduit of a vent
-        that closes comes out at once, in whole particles and a last, smaller one; what waits in
-        any vent as one.
+        A vent that is the same as before (``scene.vents.match_vents``) keeps what is in its
+        conduit and the sequence of places at which its particles come out. The conduit of a vent
+        that closes is emptied at once.
 
         Raises:
             LavaError: A vent is not on the terrain, its lava solid or its discharge more than the
@@ -362,22 +364,19 @@ class Simulation:
         self._settle()
         scene = replace(self.scene, vents=vents)
         now = self.time
-        conduits: dict[Any, float] = defaultdict(float)
-        for vent, volume in zip(self._vents.vents, self._vents.pending(now), strict=True):
-            conduits[vent.position, vent.end] += float(volume)
-        carried = [conduits.pop((vent.position, vent.end), 0.0) for vent in vents]
-        self._emitted_before += self._vents.emitted(now)
-        last = [
-            (vent, conduits.pop((vent.position, vent.end), 0.0)) for vent in self._vents.vents
-        ]
-        self._vents = self._vent_set(vents, since=now, carried=carried)
+        former = self._vents
+        matches = match_vents(former.vents, vents, least=self.accuracy.spacing or 0.0)
+        closing = set(range(len(former.vents))).difference(matches)
+        waiting = former.pending(now)
+        self._emitted_before += former.emitted(now)
+        new = Emission.of_new_vents(len(vents), self._emitted_before, self.particle_volume)
+        before = former.emission(now).continued(matches, new)
+        self._vents = self._vent_set(vents, since=now, before=before)
         self.scene = scene
         self._raise_top()
         self._decide()
         self._append([
-            (*place, volume, vent.temperature)
-            for vent, waiting in last
-            for place, volume in parting(vent, waiting, self.particle_volume)
+            row for number in closing for row in former.parting(number, waiting[number])
         ])
         self._state.launches.forget()
 
@@ -393,13 +392,13 @@ class Simulation:
         self._settle()
         rows = self._state.read_particles()
         rows[:, :2] += centre_of(self.scene.terrain) - centre_of(terrain)
-        pending = self._vents.pending(self.time)
+        before = self._vents.emission(self.time)
         self._emitted_before += self._vents.emitted(self.time)
         self.scene = scene
         self._place(terrain)
         self._state.write_particles(rows)
         self._cover()
-        self._vents = self._vent_set(scene.vents, since=self.time, carried=pending)
+        self._vents = self._vent_set(scene.vents, since=self.time, before=before)
         self._decide()
         self._sort()
         self._state.top.fill_(-at.FAR)
@@ -550,13 +549,16 @@ class Simulation:
         self._state.write_particles(np.concatenate([self._state.read_particles(), added]))
         self._state.launches.forget()
 
-    def _vent_set(
-        self, vents: tuple[Vent, ...], *, since: float, carried: Iterable[float]
-    ) -> VentSet:
+    def _vent_set(self, vents: tuple[Vent, ...], *, since: float, before: Emission) -> VentSet:
         terrain, volume = self.scene.terrain, self.particle_volume
         return VentSet(
-            vents, terrain, self.accuracy, volume, self._device, since=since, carried=carried
+            vents, terrain, self.accuracy, volume, self._device, since=since, before=before
         )
+
+    def _load_vents(self, arrays: Mapping[str, np.ndarray], *, since: float) -> None:
+        """Let the vents continue from the arrays of a checkpoint."""
+        before = Emission.from_arrays(arrays, len(self.scene.vents))
+        self._vents = self._vent_set(self.scene.vents, since=since, before=before)
 
     def _run_stages(self) -> None:
         """Take one stage on the CPU, a graph of several on a GPU; past the target they idle."""

@@ -344,16 +344,14 @@ class State:
         return count_in(self.read_clock()[1])
 
     def write_particles(self, values: np.ndarray) -> None:
-        """Replace all particles by rows of (x, y from the centre, volume, temperature).
+        """Replace all particles by rows of (x, y from the centre, volume, temperature), float64.
 
         The first of them are the particles that there were: they keep their velocity and age.
         """
         count = min(self.count, len(values))
-        kept = {
-            name: getattr(self, name).numpy()[:count].copy()
-            for name in self._carried
-            if name != 'remainder'
-        }
+        kept = {name: getattr(self, name).numpy()[:count].copy() for name in self._carried}
+        if self.has_remainder:
+            kept['remainder'] = values[:, :2] - values[:, :2].astype(np.float32)
         if len(values) > FULLEST * self.capacity:
             self._allocate(room_for(len(values)))
         self._put('particle', values)
@@ -421,7 +419,10 @@ class State:
         count = self.count
         if not count:
             return np.empty((0, 4))
-        return read(self.particle[:count]).astype(np.float64)
+        rows = read(self.particle[:count]).astype(np.float64)
+        if self.has_remainder:
+            rows[:, :2] += read(self.remainder[:count])
+        return rows
 
 
 def count_in(counts: np.ndarray) -> int:

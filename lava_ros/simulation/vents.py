@@ -14,10 +14,9 @@
 
 """Vents: particles of constant volume, as many as the integral of the discharge asks for."""
 
-from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Sequence
-from functools import lru_cache
-from itertools import pairwise
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from itertools import count, pairwise
 import math
 from typing import Any
 
@@ -26,9 +25,19 @@ import warp as wp
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain, Vent
+from lava_ros.scene.vents import distances, extents
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.checkpoint import fitting
+from lava_ros.simulation.outlets import (
+    DISC_GROUP,
+    FISSURE_GROUP,
+    foresee_kernel,
+    Outlets,
+    places_kernel,
+)
 from lava_ros.simulation.state import centre_of
+from lava_ros.simulation.vent_ground import is_open, permitted_places
 
 #: Particles that the vents may bring in a second: more is no flow that anybody can compute.
 MOST_A_SECOND = 1e6
@@ -36,83 +45,75 @@ MOST_A_SECOND = 1e6
 #: Particles that all vents together bring in a step, and at least each.
 _MOST_A_STEP, _LEAST_MOST = 2**18, 64
 
-#: Particles that come out of a disc and of a fissure at once, so that they have its symmetries.
-_DISC_GROUP, _FISSURE_GROUP = 8, 4
-
 #: Part of a particle that rounding may keep back.
 _ROUNDING = 1e-6
 
-#: Golden section: multiples of it, less their whole parts, are spread evenly.
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+#: Places that are tried around a vent that has ground near it where no lava may come out.
+_TRIED = 4096
 
 
-@wp.struct
-class Outlets:
-    """The tables of some vents, and what has come out of them, on a device.
+@dataclass(frozen=True)
+class Emission:
+    """What some vents have emitted, and how their particles are spread.
 
-    ``starts`` says which of the breakpoints of ``times``, ``fluxes`` and ``volumes`` are a vent's,
-    shape [vents + 1]. ``released`` and ``due`` are those of ``VentSet``, ``most`` the particles
-    that a vent may bring in a step.
+    It is all that a vent keeps when it changes: the next particle comes out at the next place of
+    its sequence, however often the vent or the ground is updated.
+
+    Attributes:
+        volume: Volume that each vent has emitted [m3], float64, shape [vents].
+        released: Particles that have come out of each vent, int32.
+        phase: Where the sequence of places of each vent begins: vents in one place have phases of
+            their own. NaN where it is still to be chosen.
+        downhill: Direction in which the ground fell when the vent opened [half turns], NaN where
+            it is still to be found.
     """
 
-    shape: wp.array2d(dtype=wp.float64)
-    starts: wp.array(dtype=wp.int32)
-    times: wp.array(dtype=wp.float64)
-    fluxes: wp.array(dtype=wp.float64)
-    volumes: wp.array(dtype=wp.float64)
-    particle_volume: wp.float64
-    most: wp.int32
-    released: wp.array(dtype=wp.int32)
-    due: wp.array(dtype=wp.vec2d)
+    volume: np.ndarray
+    released: np.ndarray
+    phase: np.ndarray
+    downhill: np.ndarray
 
+    @classmethod
+    def of_new_vents(
+        cls, number: int, volume: float = 0.0, particle_volume: float = 1.0
+    ) -> 'Emission':
+        """Return that of vents which open after other vents have emitted a volume [m3].
 
-@lru_cache
-def due_functions(symmetric: bool) -> tuple[Any, Any]:
-    """Particles of a vent that come out at once, and when the next two of these groups do."""
+        Their sequences begin as far on as if all of it were theirs. A vent that closes and opens
+        again therefore emits at other places than before.
+        """
+        whole = DISC_GROUP * math.ceil(volume / (DISC_GROUP * particle_volume))
+        unknown = np.full(number, np.nan)
+        released = np.full(number, whole, dtype=np.int32)
+        return cls(released * particle_volume, released, unknown, unknown)
 
-    @wp.func
-    def group_of(v: int, outlets: Outlets) -> int:
-        if wp.static(symmetric):
-            return wp.where(
-                outlets.shape[v, 6] > wp.float64(0.0),
-                wp.static(_FISSURE_GROUP),
-                wp.static(_DISC_GROUP),
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray], number: int) -> 'Emission':
+        """Return that of a number of vents in a checkpoint (``VentSet.save``).
+
+        Raises:
+            LavaError: An array is missing, or is not of so many vents.
+        """
+        # checkpoints from before vents kept their sequences have none of these
+        unknown = np.full(number, np.nan)
+        former = {'phase': unknown, 'downhill': unknown, 'volume': arrays.get('carried')}
+        kinds = {'released': np.int32}
+        return cls(**{
+            name: fitting(
+                f'vents.{name}', arrays.get(name, former.get(name)), (number,),
+                kinds.get(name, np.float64),
             )
-        return 1
+            for name in (item.name for item in fields(cls))
+        })
 
-    @wp.func
-    def due_at(v: int, volume: wp.float64, outlets: Outlets) -> wp.float64:
-        """Time at which a vent has given a volume, infinite when it never will."""
-        last = outlets.starts[v + 1]
-        for k in range(outlets.starts[v], last):
-            flux = outlets.fluxes[k]
-            if flux > wp.float64(0.0):
-                rest = wp.max(volume - outlets.volumes[k], wp.float64(0.0))
-                time = outlets.times[k] + rest / flux
-                if k + 1 == last or time <= outlets.times[k + 1]:
-                    return time
-        return wp.float64(wp.inf)
-
-    @wp.func
-    def next_two(v: int, outlets: Outlets) -> wp.vec2d:
-        released, group = outlets.released[v], group_of(v, outlets)
-        following = outlets.particle_volume * wp.float64(released + group)
-        after = outlets.particle_volume * wp.float64(released + 2 * group)
-        return wp.vec2d(due_at(v, following, outlets), due_at(v, after, outlets))
-
-    return group_of, next_two
-
-
-@lru_cache
-def _kernel(symmetric: bool) -> Any:
-    _, next_two = due_functions(symmetric)
-
-    @wp.kernel(module='unique', enable_backward=False)
-    def foresee(outlets: Outlets):
-        v = wp.tid()
-        outlets.due[v] = next_two(v, outlets)
-
-    return foresee
+    def continued(self, matches: Sequence[int | None], new: 'Emission') -> 'Emission':
+        """Return that of vents which each continue one of these, or are ``new`` where None."""
+        old = [index for index, match in enumerate(matches) if match is not None]
+        chosen = [match for match in matches if match is not None]
+        result = {name: values.copy() for name, values in vars(new).items()}
+        for name, values in vars(self).items():
+            result[name][old] = values[chosen]
+        return Emission(**result)
 
 
 class VentSet:
@@ -137,7 +138,7 @@ class VentSet:
         device: Any,
         *,
         since: float,
-        carried: Iterable[float],
+        before: Emission,
     ) -> None:
         """Lay out the vents' tables.
 
@@ -148,38 +149,37 @@ class VentSet:
             particle_volume: Volume of a particle [m3].
             device: Warp device.
             since: Time from which they emit [s].
-            carried: Volume already in each vent's conduit [m3].
+            before: What each vent has emitted until then.
         """
-        assert accuracy.spacing is not None
+        spacing, thickness = accuracy.spacing, accuracy.thickness
+        assert spacing is not None
         self.vents = vents
         self.since = since
-        self._carried = np.array(list(carried), dtype=np.float64)
         # asked at each advance: found once
         self._opening = [vent.opens_after(since) for vent in self.vents]
         self._particle_volume = particle_volume
         self.is_symmetric = accuracy.symmetric
         self._device = device
+        self._before = self._with_places(before, terrain, spacing)
+        conduits = before.volume - before.released * particle_volume
+        self._is_filled = conduits > _ROUNDING * particle_volume
         shape = np.zeros((len(self.vents), 11))
-        centre = centre_of(terrain)
-        places: Counter[Any] = Counter()
+        self._centre = centre_of(terrain)
         starts, times, fluxes, volumes = [0], [], [], []
-        for row, vent, conduit in zip(shape, vents, self._carried.tolist(), strict=True):
+        for row, vent, emitted in zip(shape, vents, before.volume.tolist(), strict=True):
             end = vent.position if vent.end is None else vent.end
-            row[0:2] = vent.position - centre
-            row[2:4] = end - centre
-            row[4] = max(vent.radius, accuracy.spacing)
+            row[0:2] = vent.position - self._centre
+            row[2:4] = end - self._centre
+            row[4] = max(vent.radius, spacing)
             row[5] = vent.temperature
             row[6] = math.dist(vent.position, end)
             row[7:9] = vent.velocity
-            row[9] = places[vent.position, vent.end]
-            places[vent.position, vent.end] += 1
-            # in half turns: a scene that is turned has the same places of particles, turned
-            row[10] = _downhill(terrain, vent.position) / math.pi
             begins = [max(time, since) for time, _ in vent.series]
             times += begins
             fluxes += [flux for _, flux in vent.series]
-            volumes += [conduit + volume for volume in vent.volumes_at(begins, since=since)]
+            volumes += [emitted + volume for volume in vent.volumes_at(begins, since=since)]
             starts.append(len(times))
+        shape[:, 9], shape[:, 10] = self._before.phase, self._before.downhill
         self._areas = [math.pi * row[4] ** 2 + 2.0 * row[4] * row[6] for row in shape]
         self.released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
         self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
@@ -195,27 +195,97 @@ class VentSet:
         self.outlets.particle_volume = particle_volume
         self.outlets.most = max(_MOST_A_STEP // max(len(self.vents), 1), _LEAST_MOST)
         self.outlets.released, self.outlets.due = self.released, self.due
-        self._foresee()
-
-    def _foresee(self) -> None:
+        self._restrict(terrain, shape[:, 4], spacing if thickness is None else thickness)
         if self.vents:
+            self.released.assign(before.released)
             wp.launch(
-                _kernel(self.is_symmetric),
+                foresee_kernel(self.is_symmetric),
                 dim=len(self.vents),
                 inputs=[self.outlets],
-                device=self._device,
+                device=device,
             )
 
-    def save(self) -> dict[str, np.ndarray]:
-        """Copy what is not in the vents themselves: their conduits, and what has come out."""
-        released = read(self.released)[: len(self.vents)]
-        return {'carried': self._carried.copy(), 'released': released}
+    def _with_places(self, before: Emission, terrain: Terrain, spacing: float) -> Emission:
+        """Choose phases and directions where there are none yet."""
+        phase, downhill = before.phase.copy(), before.downhill.copy()
+        sizes = extents(self.vents, spacing) if self.vents else np.empty(0)
+        for index in np.flatnonzero(np.isnan(phase)):
+            # vents over one another begin elsewhere, or their particles would be in one place
+            vent = self.vents[index]
+            near = distances(vent, self.vents) <= np.maximum(sizes, sizes[index])
+            taken = set(phase[near].tolist())
+            phase[index] = next(number for number in count() if number not in taken)
+        for index in np.flatnonzero(np.isnan(downhill)):
+            # in half turns: a scene that is turned has the same places of particles, turned
+            downhill[index] = _downhill(terrain, self.vents[index].position) / math.pi
+        return Emission(before.volume, before.released, phase, downhill)
 
-    def load(self, released: np.ndarray) -> None:
-        """Go on after as many particles as ``save`` has found released."""
-        if len(released):
-            self.released.assign(released)
-            self._foresee()
+    def _restrict(self, terrain: Terrain, radii: np.ndarray, rise: float) -> None:
+        """Give a list of places to each vent around which lava may not come out everywhere."""
+        places, first = [np.empty((0, 2))], [0]
+        nowhere = wp.empty(0, dtype=wp.vec2d, device=self._device)
+        self.outlets.places = nowhere
+        self.outlets.first_place = wp.zeros(
+            len(self.vents) + 1, dtype=wp.int32, device=self._device
+        )
+        for number, (vent, radius) in enumerate(zip(self.vents, radii.tolist(), strict=True)):
+            if not is_open(vent, radius, terrain, rise):
+                tried = self.places(number, 0, _TRIED)
+                found = permitted_places(vent, tried, terrain, rise)
+                if len(found) < _TRIED or not np.array_equal(found, tried):
+                    places.append(found - self._centre)
+            first.append(sum(map(len, places)))
+        if first[-1]:
+            self.outlets.places = wp.array(
+                np.concatenate(places), dtype=wp.vec2d, device=self._device
+            )
+            self.outlets.first_place.assign(np.array(first, dtype=np.int32))
+        self._is_restricted = np.diff(first) > 0
+
+    def places(self, number: int, first: int, count: int) -> np.ndarray:
+        """Return the places of some particles of a vent, (x, y) of the map [m], [count, 2]."""
+        places = wp.empty(count, dtype=wp.vec2d, device=self._device)
+        wp.launch(
+            places_kernel(self.is_symmetric),
+            dim=count,
+            inputs=[number, first, self.outlets],
+            outputs=[places],
+            device=self._device,
+        )
+        return read(places) + self._centre
+
+    def emission(self, time: float) -> Emission:
+        """Return what the vents have emitted by a time [s] at which no step is under way."""
+        given = [vent.volume_between(self.since, time) for vent in self.vents]
+        released = read(self.released)[: len(self.vents)]
+        return replace(self._before, volume=self._before.volume + given, released=released)
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy what is not in the vents themselves, for ``Emission`` at ``since``."""
+        released = read(self.released)[: len(self.vents)]
+        return asdict(self._before) | {'released': released}
+
+    def parting(self, number: int, waiting: float) -> list[tuple[float, float, float, float]]:
+        """Return the particles (x, y, volume [m3], temperature [K]) of a conduit that is emptied.
+
+        They are of equal volume, at the next places of the vent.
+
+        Args:
+            number: Number of the vent.
+            waiting: Volume in its conduit [m3].
+        """
+        vent = self.vents[number]
+        count = max(min(math.ceil(waiting / self._particle_volume), _MOST_A_STEP), 0)
+        if self.is_symmetric and count > 1:
+            group = FISSURE_GROUP if vent.end else DISC_GROUP
+            count = group * math.ceil(count / group)
+        if not count:
+            return []
+        if self.is_symmetric and count == 1 and not self._is_restricted[number]:
+            places = 0.5 * np.add(vent.position, vent.end or vent.position)[None]
+        else:
+            places = self.places(number, int(read(self.released)[number]), count)
+        return [(x, y, waiting / count, vent.temperature) for x, y in places.tolist()]
 
     def giving(self, until: float, *, others_than: Container[int]) -> list[int]:
         """Numbers of the vents with lava in their conduits, or that emit some by ``until`` [s].
@@ -225,7 +295,7 @@ class VentSet:
         return [
             number
             for number, time in enumerate(self._opening)
-            if number not in others_than and (self._carried[number] > 0.0 or time < until)
+            if number not in others_than and (self._is_filled[number] or time < until)
         ]
 
     def emitted(self, time: float) -> float:
@@ -243,11 +313,11 @@ class VentSet:
             released = read(self.released)
         released = released[: len(self.vents)]
         given = [vent.volume_between(self.since, time) for vent in self.vents]
-        return self._carried + given - released * self._particle_volume
+        return self._before.volume + given - released * self._particle_volume
 
     def late(self, pending: float) -> float:
         """The part of what is pending [m3] that room and steps have kept from coming out."""
-        groups = [_FISSURE_GROUP if vent.end else _DISC_GROUP for vent in self.vents]
+        groups = [FISSURE_GROUP if vent.end else DISC_GROUP for vent in self.vents]
         count = sum(groups) if self.is_symmetric else len(groups)
         usual = count * self._particle_volume * (1.0 + _ROUNDING)
         return pending - usual if pending > usual else 0.0
@@ -281,31 +351,6 @@ def check_rates(vents: Sequence[Vent], particle_volume: float) -> None:
                 f'at most {most:.3g} m3/s of all vents together, {MOST_A_SECOND:g} particles of '
                 f'{particle_volume:.3g} m3 in a second',
             )
-
-
-def parting(
-    vent: Vent, waiting: float, particle_volume: float
-) -> Iterator[tuple[tuple[float, float], float]]:
-    """Places and volumes [m3] of the particles of a conduit that is emptied.
-
-    They are equal and spread over the vent with its symmetries; a single one is in its middle.
-    """
-    count = min(math.ceil(waiting / particle_volume), _MOST_A_STEP)
-    if count > 1 and not vent.end:
-        count = _DISC_GROUP * math.ceil(count / _DISC_GROUP)
-    for n in range(count):
-        x, y = vent.position
-        if vent.end:
-            share = (n + 0.5) / count
-            x, y = x + share * (vent.end[0] - x), y + share * (vent.end[1] - y)
-        elif count > 1:
-            group, member = divmod(n, _DISC_GROUP)
-            distance = vent.radius * math.sqrt((_DISC_GROUP * group + 0.5) / count)
-            angle = 0.25 * math.pi * ((group + 0.5) * _GOLDEN % 1.0)
-            # either side of each axis
-            angle = 0.5 * math.pi * (member // 2) + (angle if member % 2 else -angle)
-            x, y = x + distance * math.cos(angle), y + distance * math.sin(angle)
-        yield (x, y), waiting / count
 
 
 def _downhill(terrain: Terrain, place: tuple[float, float]) -> float:

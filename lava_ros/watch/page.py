@@ -63,6 +63,7 @@ from lava_ros.maps.plot import (
 )
 from lava_ros.pages.report.survey import View
 from lava_ros.watch.frames import Frames, Level, Status
+from lava_ros.watch.hosts import only_own, own_hosts
 
 #: Most cells of a map that is sent; of a larger one several are shown as their largest.
 MOST_CELLS = 600_000
@@ -274,15 +275,14 @@ def serve(
 ) -> BaseServer:
     """Serve the page at an address, ``0.0.0.0`` for every network, and return the server.
 
+    Requests that name another host than the address are refused (``hosts.only_own``).
+
     Port 0 chooses a free port. The page includes all that it needs. It is served while the
     server's ``io_loop`` runs; ``on_poll`` is called after each check for new frames.
 
     Raises:
         LavaError: The address is not this machine's, or the port is taken.
     """
-    names = {address, 'localhost'} if address in ('127.0.0.1', 'localhost') else {address}
-    # who asks by the name of one of several networks is known by no other sign
-    names = {'*'} if address in ('0.0.0.0', '::') else names
     if not address:
         # to Python, that is every network
         raise LavaError('--address', address, 'an address of this machine, such as 127.0.0.1')
@@ -299,8 +299,9 @@ def serve(
         on_poll()
 
     page = Application(FunctionHandler(lambda document: Page(frames).open(document)))
-    tornado = BokehTornado(page, extra_websocket_origins=[f'{name}:{port}' for name in names])
-    http = HTTPServer(tornado)
+    # What another page asks for is refused before Bokeh looks at its origin.
+    tornado = BokehTornado(page, extra_websocket_origins=[f'*:{port}'])
+    http = HTTPServer(only_own(tornado, own_hosts(address, sockets)))
     http.add_sockets(sockets)
     server = BaseServer(IOLoop.current(), tornado, http)
     looks = PeriodicCallback(poll, POLL)

@@ -231,6 +231,29 @@ def test_custom_data_can_change(tmp_path: Path, make_grid: MakeGrid) -> None:
     assert BagReader(tmp_path / 'bag' / 'bag_0.mcap').custom_data == {'b': '2'}
 
 
+def test_description_that_always_changes_is_not_most_of_a_bag(
+    tmp_path: Path, make_grid: MakeGrid
+) -> None:
+    """It is at most a third of what is flushed, and what an attachment follows is the newest."""
+    path = tmp_path / 'bag' / 'bag_0.mcap'
+    with BagWriter(tmp_path / 'bag', custom_data={'scene': ''}) as writer:
+        for number in range(200):
+            writer.write('/hazard', GRID, make_grid(number), number, qos=LATCHED)
+            writer.set_custom_data({'scene': f'{number} {2000 * "x"}'})
+            writer.flush()
+        size = writer.size
+        writer.attach('state', 'text/plain', b'1', 0)
+        writer.flush()
+        assert BagReader(tmp_path / 'bag').custom_data['scene'].startswith('199 ')
+    with path.open('rb') as stream:
+        # the last two are those of the attachment and of the end
+        *described, _, last = [
+            len(str(item.metadata)) for item in StreamReader(stream).records
+            if isinstance(item, Metadata)
+        ]
+    assert last > 2000 and 0.2 * size < sum(described) < 0.5 * size
+
+
 VOLATILE = QosProfile()
 
 

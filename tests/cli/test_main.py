@@ -36,6 +36,8 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.scene.materials import material_named
 
+ROOT = Path(__file__).parents[2]
+
 #: What is said of a time that is none.
 TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
 
@@ -111,6 +113,27 @@ def test_ros_arguments_reach_the_node(monkeypatch):
         assert lava('node', *more)[0] == 7
     resume = ['--ros-args', '-p', r'resume:="bags/my \"old\" bag: #1"']
     assert seen == [words, [*words, *resume], []]
+
+
+def test_ros_arguments_reach_a_replay(monkeypatch):
+    """The command has its own words before --ros-args."""
+    seen: list[tuple[float, list[str]]] = []
+    monkeypatch.setattr(
+        'lava_ros.ros.player.play',
+        lambda bag, **given: seen.append((given['rate'], given['ros_arguments'])) or 0,
+    )
+    words = ['--ros-args', '-r', '__ns:=/etna', '-r', 'hazard:=/map']
+    sample = str(ROOT / 'bags/sample')
+    for more in (words, []):
+        assert lava('replay', sample, '--rate', '2', *more)[0] == 0
+    assert seen == [(2.0, words), (2.0, [])]
+
+
+@pytest.mark.parametrize('words', [['feed'], ['replay', str(ROOT / 'bags/sample')]])
+@pytest.mark.parametrize('wrong', [['-r', '__ns:=no slash'], ['--nope']])
+def test_what_ros_cannot_read_is_refused(words, wrong):
+    """In one sentence that names it."""
+    assert wrong[-1] in refused(*words, '--ros-args', *wrong)
 
 
 @pytest.mark.parametrize('command', ['node', 'feed', 'demo'])
@@ -316,8 +339,6 @@ def test_zsh_gets_a_script(monkeypatch):
     monkeypatch.setitem(sys.modules, 'shtab', None)
     assert "pip install 'lava_ros[completion]'" in refused('completion', 'bash')
 
-
-ROOT = Path(__file__).parents[2]
 
 PROGRAM = """
 import sys

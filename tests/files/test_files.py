@@ -284,14 +284,38 @@ def test_ament_comes_before_pip(installed, monkeypatch):
     assert str(installed / 'prefix/share/lava_ros/msg_configs/none.yaml') in str(caught.value)
 
 
-def test_a_file_of_the_user_comes_first(tmp_path, monkeypatch):
+def find(name: str, folder: str = 'msg_configs') -> Path:
+    """Find a file of the user or of the package."""
+    return share.find_file(name, folder, field='which', expected='a file')
+
+
+@pytest.mark.parametrize(
+    ('folder', 'name'),
+    [('msg_configs', 'default.yaml'), ('msg_configs', 'forecast.yaml'), ('examples', 'etna.yaml')],
+)
+def test_a_file_of_the_user_comes_first(tmp_path, monkeypatch, folder, name):
     """A path is taken as it is; a name without such a file is looked for in the package."""
     monkeypatch.chdir(tmp_path)
-    assert share.find_file('default.yaml', 'msg_configs').parent.name == 'msg_configs'
-    (tmp_path / 'default.yaml').write_text('layers: {}')
-    assert share.find_file('default.yaml', 'msg_configs') == Path('default.yaml')
-    with pytest.raises(LavaError, match='nothing.yaml'):
-        share.find_file('nothing.yaml', 'msg_configs')
+    found = find(name, folder)
+    assert found.parent.name == folder and found.is_file()
+    (tmp_path / name).write_text('layers: {}')
+    assert find(name, folder) == Path(name)
+
+
+def test_a_file_that_is_not_found(tmp_path, monkeypatch):
+    """The error lists where it was looked for; a path is not looked for in the package."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(LavaError) as caught:
+        find('nothing.yaml')
+    said = str(caught.value)
+    assert said.startswith(
+        f"which is 'nothing.yaml', expected a file; looked for {tmp_path / 'nothing.yaml'}, "
+    )
+    assert 'msg_configs/nothing.yaml' in said
+    for name in ('../msg_configs/default.yaml', './default.yaml', str(tmp_path / 'default.yaml')):
+        with pytest.raises(LavaError) as caught:
+            find(name)
+        assert str(caught.value).count('default.yaml') == 2
 
 
 #: 350 bytes that stand for 9 to the 9th values.

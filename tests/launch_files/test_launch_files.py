@@ -22,7 +22,8 @@ import yaml
 
 from launch_files.stand_in import start
 from lava_ros.maps.layer_files import load_layers
-from lava_ros.ros.parameters import PARAMETERS, SOURCES
+from lava_ros.ros.parameters import constant_parameters, LIFECYCLE, PARAMETERS, SOURCES
+from lava_ros.scene import constants_of
 
 ROOT = Path(__file__).parents[2]
 LAVA = ROOT / 'launch/lava.launch.py'
@@ -89,6 +90,9 @@ def test_a_replay_takes_the_place_of_the_node(monkeypatch):
         ['rviz2:rviz2', '-d', str(ROOT / 'rviz/lava.rviz')],
     ]
     assert processes[1].parameters == {}
+    assert [process.namespace for process in processes] == ['', '']
+    processes, _ = start(monkeypatch, LAVA, replay='bags/demo', rviz='true', namespace='etna')
+    assert [process.namespace for process in processes] == ['etna', 'etna']
     (_, viewer), _ = start(monkeypatch, LAVA, rviz='true', use_sim_time='true')
     assert viewer.parameters == {'use_sim_time': True}
 
@@ -174,15 +178,23 @@ def test_filters_hear_of_masks_that_are_published(word):
 
 
 def test_the_parameter_file_is_one_for_the_node(tmp_path):
-    """ROS reads it, and each parameter in it, those in comments too, is one of the node's."""
+    """ROS reads every parameter of the node from it, with its default; a comment may be removed.
+
+    The constants of the lava are comments: set there, they would replace those of a scene.
+    """
     from rclpy.parameter import parameter_dict_from_yaml_file
 
     path = ROOT / 'params/lava.yaml'
+    constants = constant_parameters(constants_of(None))
+    own = {spec.name: spec.default for spec in LIFECYCLE + SOURCES + PARAMETERS}
     read = parameter_dict_from_yaml_file(str(path), use_wildcard=True)
-    assert list(read) == ['frame_id']
+    assert set(read) == set(own)
     complete = tmp_path / 'complete.yaml'
-    text = re.sub(r'^    # ', '    ', path.read_text(encoding='utf-8'), flags=re.MULTILINE)
-    complete.write_text(text, encoding='utf-8')
-    for name, value in yaml.safe_load(text)['/**']['ros__parameters'].items():
-        assert type(value) is type(SPECS[name].default), name
-    assert len(parameter_dict_from_yaml_file(str(complete), use_wildcard=True)) > 4
+    text = path.read_text(encoding='utf-8')
+    complete.write_text(re.sub(r'^    # ([\w.]+: \S+)$', r'    \1', text, flags=re.MULTILINE))
+    read = parameter_dict_from_yaml_file(str(complete), use_wildcard=True)
+    expected = own | {spec.name: spec.default for spec in constants}
+    values = yaml.safe_load(complete.read_text(encoding='utf-8'))['/**']['ros__parameters']
+    assert set(read) == set(values) == set(expected)
+    for name, value in values.items():
+        assert (type(value), value) == (type(expected[name]), expected[name]), name

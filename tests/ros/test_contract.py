@@ -40,6 +40,7 @@ from ros.graph_publisher import wait_until
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'ROS.md'
+FILE = ROOT / 'params' / 'lava.yaml'
 POLICY = ROOT / 'sros2' / 'lava_ros.policy.xml'
 
 #: What is there only with grid_map_msgs.
@@ -226,13 +227,14 @@ def test_parameters(shown):
         assert item['range'] == (expected and pytest.approx(expected)), name
 
 
-def test_the_table_of_parameters_is_the_one_that_is_made():
-    """docs/parameters.py would write the page as it is."""
+def test_what_lists_the_parameters_is_up_to_date():
+    """docs/parameters.py would write the page and the file of parameters as they are."""
     spec = importlib.util.spec_from_file_location('parameters', PAGE.with_name('parameters.py'))
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     text = PAGE.read_text(encoding='utf-8')
     assert module.page(text) == text, 'run python docs/parameters.py'
+    assert module.file() == FILE.read_text(encoding='utf-8'), 'run python docs/parameters.py'
 
 
 def test_transitions(shown):

@@ -22,7 +22,7 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import diagnostics
-from lava_ros.ros.diagnostics import ClockWatch, PATIENCE
+from lava_ros.ros.diagnostics import ClockWatch, MIN_LOST, PATIENCE, TOLD
 from lava_ros.ros.input_topics import InputLog
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
@@ -51,11 +51,17 @@ def _snapshot(**budget):
     )
 
 
-def _simulation(state=WorkerState.RUNNING, snapshot=None, *, is_active=True, clock='', **changes):
+def _worker(state=WorkerState.RUNNING, **changes):
     fields = {'error': '', 'speed': 2.0, 'mean_speed': 3.0, 'is_behind': False, 'device': 'cpu'}
-    worker = WorkerStatus(state=state, **fields | changes)
+    return WorkerStatus(state=state, **fields | changes)
+
+
+def _simulation(
+    state=WorkerState.RUNNING, snapshot=None, *, is_active=True, clock=None, **changes
+):
+    clock = clock or {}
     return diagnostics.simulation_status(
-        worker, snapshot, is_active=is_active, frame_stamp_ns=99, clock=clock
+        _worker(state, **changes), snapshot, is_active=is_active, frame_stamp_ns=99, clock=clock
     )
 
 
@@ -129,7 +135,7 @@ LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
         ),
         ({}, LONG, 'a step takes 3.2 s or more; waiting for it: reset, snapshot'),
         # a node that waits for /clock is running, and nothing moves
-        ({}, {'clock': '/clock does not arrive'}, '/clock does not arrive'),
+        ({}, {'clock': {'clock': '/clock does not', 'lost': 'time'}}, '/clock does not; time'),
     ],
 )
 def test_what_is_warned_of(budget, worker, said):
@@ -147,6 +153,8 @@ def test_simulation_values():
         'device': 'cpu',
         'speed': '2',
         'mean_speed': '3',
+        'clock_lost_s': '0',
+        'clock_jumps': '0',
         'simulated_time_s': '12.5',
         'frame_stamp_ns': '99',
         'particles': '3',
@@ -235,12 +243,52 @@ def test_statuses_carry_the_name_of_their_node():
         assert message.status[0].hardware_id == gethostname()
 
 
+def _look(watch, stamp_ns, now, *, is_simulated=True, **worker):
+    return watch.look(stamp_ns, now, _worker(**worker), is_simulated=is_simulated)
+
+
 def test_a_clock_that_never_comes_or_stops_is_said():
     """After a while of the wall clock, and no more once it moves."""
     watch, now = ClockWatch(), 50.0
-    assert watch.look(0, now) == watch.look(0, now + 0.9 * PATIENCE) == ''
-    assert watch.look(0, now + PATIENCE).startswith('/clock does not arrive')
-    assert watch.look(10**9, now + 10.0 * PATIENCE) == ''
-    assert watch.look(2 * 10**9, now + 11.0 * PATIENCE) == ''
-    assert watch.look(2 * 10**9, now + 12.0 * PATIENCE).startswith('/clock stands still')
-    assert watch.look(10**9, now + 13.0 * PATIENCE) == ''
+    assert _look(watch, 0, now) == _look(watch, 0, now + 0.9 * PATIENCE) == {}
+    assert _look(watch, 0, now + PATIENCE)['clock'].startswith('/clock does not arrive')
+    # that of the system always moves
+    assert _look(watch, 0, now + PATIENCE, is_simulated=False) == {}
+    assert _look(watch, 10**9, now + 10.0 * PATIENCE) == {}
+    assert _look(watch, 2 * 10**9, now + 11.0 * PATIENCE) == {}
+    later = _look(watch, 2 * 10**9, now + 12.0 * PATIENCE)
+    assert later['clock'].startswith('/clock stands still')
+    assert _look(watch, 10**9, now + 13.0 * PATIENCE) == {}
+
+
+@pytest.mark.parametrize('is_simulated', [True, False])
+@pytest.mark.parametrize(
+    ('worker', 'kind', 'said'),
+    [
+        (
+            {'jump': 3600.0, 'jumps': 1, 'lost': 3600.0},
+            'ahead',
+            'the clock jumped ahead by 3600 s and simulated time did not: it follows steps of up '
+            'to 60 s ahead',
+        ),
+        (
+            {'jump': -500.0, 'jumps': 2},
+            'back',
+            'the clock jumped back by 500 s and simulated time did not: it follows steps of up '
+            'to 60 s ahead',
+        ),
+        ({'lost': 12.5}, 'lost', 'simulated time has lost 12.5 s of the clock: it can be at most'),
+    ],
+)
+def test_a_clock_that_is_not_followed_is_said(worker, kind, said, is_simulated):
+    """For a while after each jump and each loss, and again after the next."""
+    watch = ClockWatch()
+    assert _look(watch, 1, 0.0, is_simulated=is_simulated) == {}
+    for now in (1.0, 0.9 * TOLD):
+        told = _look(watch, int(now * 1e9), now, is_simulated=is_simulated, **worker)
+        assert list(told) == [kind] and told[kind].startswith(said)
+    assert _look(watch, 10**11, 2.0 * TOLD, is_simulated=is_simulated, **worker) == {}
+    more = {name: value + MIN_LOST for name, value in worker.items()}
+    assert list(_look(watch, 10**12, 3.0 * TOLD, is_simulated=is_simulated, **more)) == [kind]
+    # a new start has lost nothing
+    assert _look(watch, 10**13, 3.1 * TOLD, is_simulated=is_simulated) == {}

@@ -150,10 +150,11 @@ def test_a_bag_has_the_maps(tmp_path):
     maps = tally.maps()
     write_atlas_bag(tmp_path / 'bag', maps, plan, stamp_ns=7, custom_data={'ensemble': '{}'})
     bag = BagReader(tmp_path / 'bag')
-    assert set(bag.custom_data) == {'scene', 'version', 'ensemble'}
+    assert set(bag.custom_data) == {'scene', 'namespace', 'version', 'ensemble'}
     assert {name.removeprefix('/lava/') for name in bag.topics} == {
-        'terrain', 'terrain_info', 'vents', 'inundation_probability', 'probability_class',
-        'arrival_time_p10', 'arrival_time_p50', 'arrival_time_p90', 'expected_thickness',
+        'terrain', 'terrain_info', 'relief', 'vents', 'vents_markers', 'inundation_probability',
+        'probability_class', 'arrival_time_p10', 'arrival_time_p50', 'arrival_time_p90',
+        'expected_thickness',
     }
     messages = {
         item.topic.removeprefix('/lava/'): deserialize_message(

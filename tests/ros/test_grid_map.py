@@ -265,20 +265,21 @@ def test_without_the_package_the_layer_is_refused(absent):
     assert '\n' not in sentence
 
 
-def subscribed():
-    """What a node subscribes to by topic, with its worker and its log."""
+def subscribed(**changes):
+    """What a node with settings subscribes to by topic, with its worker and its log."""
     entities, worker = Mock(), Mock()
     worker.set_terrain.return_value = Future()
-    InputTopics(entities, worker, settings=Settings, steady=Clock())
+    InputTopics(entities, worker, settings=lambda: Settings(**changes), steady=Clock())
     made = [call.args[1:] for call in entities.create.call_args_list]
     topics = {words[1]: (words[0], *words[2:]) for words in made if len(words) == 4}
     return topics, worker.set_terrain, entities.node.get_logger().error
 
 
 def test_without_the_package_maps_are_not_subscribed_to(absent):
-    """The other topics are there."""
+    """The other topics are there, that of clicks unless it is switched off."""
     usual = {'terrain', 'terrain_info', 'terrain_cloud', 'vents', 'clicked_point'}
     assert set(subscribed()[0]) == usual
+    assert set(subscribed(clicked_point_enabled=False)[0]) == usual - {'clicked_point'}
 
 
 def test_a_map_becomes_the_terrain(monkeypatch):

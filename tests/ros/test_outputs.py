@@ -30,11 +30,20 @@ from lava_ros.bag.decoding import cloud_columns, image_array
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.ros import codec, inputs, outputs
-from lava_ros.ros.outputs import CLOSED, LABELS, OPEN, PLACES, vent_markers
+from lava_ros.ros.outputs import (
+    CLOSED,
+    ELEVATIONS,
+    LABELS,
+    LETTERS,
+    OPEN,
+    PLACES,
+    SceneMessages,
+    vent_markers,
+)
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import LayerPublishers
 from lava_ros.ros.recorder import Recorder
-from lava_ros.scene import Terrain, Vent
+from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.snapshot import Snapshot, StepReport
 from recording import snapshot_at
@@ -249,15 +258,21 @@ VENTS = (
 )
 
 
+def points(marker):
+    """The points of a line."""
+    return [(item.x, item.y, item.z) for item in marker.points]
+
+
 def test_markers_of_vents():
     """Old ones go first. A disc is as wide as its vent; a fissure is a line between its ends.
 
-    Both lie on the ground, and beside them is their name, or number, and what they give.
+    Both lie on the maps, and beside them is their name, or number, and what they give. A line goes
+    up to the ground.
     """
     first, *others = vent_markers(VENTS, 10.0, HILL, frame_id='map', stamp_ns=0).markers
     assert first.action == Marker.DELETEALL
     assert {item.action for item in others} == {Marker.ADD}
-    assert len({(item.ns, item.id) for item in others}) == len(others) == 4
+    assert len({(item.ns, item.id) for item in others}) == len(others) == 6
     assert {item.header.frame_id for item in others} == {'map'}
     disc, fissure = (item for item in others if item.ns == PLACES)
     assert disc.type == Marker.CYLINDER
@@ -265,13 +280,19 @@ def test_markers_of_vents():
     assert (at.x, at.y, at.z) == (105.0, 205.0, 0.0)
     assert (disc.scale.x, disc.scale.y) == (6.0, 6.0)
     assert fissure.type == Marker.LINE_STRIP
-    ends = [(end.x, end.y, end.z) for end in fissure.points]
-    assert ends == [(125.0, 215.0, 32.0), (115.0, 205.0, 1.0)]
-    assert fissure.scale.x == 4.0
+    assert points(fissure) == [(125.0, 215.0, 0.0), (115.0, 205.0, 0.0)]
+    # narrower than the letters are high
+    assert fissure.scale.x == LETTERS * 200.0 > 4.0
     assert disc.pose.orientation.w == fissure.pose.orientation.w == 1.0
     one, two = (item for item in others if item.ns == LABELS)
-    assert one.pose.position.z > 0.0 and one.scale.z > 0.0
+    assert one.pose.position.y > 208.0 and one.scale.z > 0.0
     assert two.text.startswith('2: 6 m3/s')
+    pole, frame = (item for item in others if item.ns == ELEVATIONS)
+    assert pole.type == frame.type == Marker.LINE_STRIP
+    assert points(pole) == [(105.0, 205.0, 0.0), (105.0, 205.0, 0.0)]
+    assert points(frame) == [
+        (125.0, 215.0, 0.0), (125.0, 215.0, 32.0), (115.0, 205.0, 1.0), (115.0, 205.0, 0.0)
+    ]
     (only,) = vent_markers((), 0.0, HILL, frame_id='map', stamp_ns=0).markers
     assert only.action == Marker.DELETEALL
 
@@ -285,6 +306,42 @@ def test_discharge_of_the_moment(time, color, words):
     _, disc, label, *_ = vent_markers(VENTS, time, HILL, frame_id='map', stamp_ns=0).markers
     assert (disc.color.r, disc.color.g, disc.color.b, disc.color.a) == pytest.approx(color)
     assert label.text == words
+
+
+GROUND, SPRINGS = {'terrain', 'terrain_info', 'relief'}, {'vents', 'vents_markers'}
+
+
+@pytest.mark.parametrize(
+    ('change', 'time', 'expected'),
+    [
+        ({}, 10.0, set()),
+        # the discharge of one of them
+        ({}, 20.0, SPRINGS),
+        ({'vents': (replace(VENTS[0], name='south'), VENTS[1])}, 10.0, SPRINGS),
+        ({'vents': VENTS[:1]}, 10.0, SPRINGS),
+        # their elevation
+        ({'terrain': replace(HILL, elevation=HILL.elevation + 1.0)}, 10.0, GROUND | SPRINGS),
+    ],
+)
+def test_scene_messages_are_those_that_have_changed(change, time, expected):
+    """All at first and when they are to be told again, and then those of what is new."""
+    scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages('map')
+    assert set(messages.update(scene, 10.0, 1)) == GROUND | SPRINGS
+    changed = messages.update(replace(scene, **change), time, 2)
+    assert set(changed) == expected
+    messages.forget()
+    again = messages.update(replace(scene, **change), time, 3)
+    assert set(again) == GROUND | SPRINGS
+    assert again['relief'].header.stamp.nanosec == 3
+
+
+def test_scene_messages_show_the_ground_of_the_flow():
+    """The scene may have new ground before the flow is on it."""
+    scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages('map')
+    old = Terrain(np.zeros((4, 5)), 10.0)
+    shown = messages.update(scene, 10.0, 1, ground=old)
+    assert (shown['terrain'].height, shown['relief'].info.width) == (4, 5)
+    assert set(messages.update(scene, 10.0, 2)) == GROUND | SPRINGS
 
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'

@@ -14,11 +14,17 @@
 
 """Parameters: descriptors and the settings they make."""
 
+from functools import partial
+
 import pytest
+import rclpy
+from rclpy.parameter import Parameter
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import parameters
+from lava_ros.ros.arguments import start_ros
 from lava_ros.scene import constants_of, Lava
+from ros_domain import own_domain
 
 
 def _specs():
@@ -71,8 +77,51 @@ def test_effects_are_forced_by_name():
     assert settings.layers_on == ('a',)
     assert settings.forced == {'inertia': True, 'merging': True, 'steep': False}
     assert settings.horizon == 7200.0
-    for empty in ([], [''], None):
+    for empty in ([], ['']):
         assert parameters.settings_from(_values(effects_on=empty)).forced == {}
+
+
+@pytest.fixture(scope='module')
+def node_with():
+    """Make nodes that have the parameters that arguments give them."""
+    made = []
+
+    def make(*words):
+        context = rclpy.Context()
+        start_ros(['--ros-args', *words], context=context, domain_id=own_domain('graph'))
+        made.append((rclpy.create_node('lava', context=context), context))
+        node = made[-1][0]
+        parameters.declare(node, _specs())
+        node.add_pre_set_parameters_callback(partial(parameters.with_types, node))
+        return node
+
+    yield make
+    for node, context in made:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+LISTS = [spec.name for spec in _specs() if spec.is_list]
+
+
+@pytest.mark.parametrize('name', LISTS)
+@pytest.mark.parametrize('text', ['[]', 'null', '~', "['']", "''", 'None'])
+def test_an_empty_list_survives_a_dump(node_with, tmp_path, name, text):
+    """However it is written at the start, the node has a list that ROS's tools can write."""
+    file = tmp_path / 'dump.yaml'
+    file.write_text(f'/lava: {{ros__parameters: {{{name}: {text}}}}}')
+    for words in (('-p', f'{name}:={text}'), ('--params-file', str(file))):
+        assert node_with(*words).get_parameter(name).value == ['']
+
+
+@pytest.mark.parametrize('value', [[], [''], '', 'None', 'null', None])
+def test_an_empty_list_is_set_and_loaded(node_with, value):
+    """``ros2 param load`` sends null as a text, and ``ros2 param set`` an empty list of bytes."""
+    node = node_with('-p', 'effects_off:=[cooling]')
+    assert node.get_parameter('effects_off').value == ['cooling']
+    (done,) = node.set_parameters([Parameter('effects_off', value=value)])
+    assert done.successful, done.reason
+    assert node.get_parameter('effects_off').value == ['']
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,7 @@ class Listener:
 
     def __init__(self, node: Node) -> None:
         """Subscribe to the bag's topics and the clock."""
+        self.node = node
         self.raw: Written = {'/map': [], '/text': []}
         self.clock: list[int] = []
         latched = QoSProfile(
@@ -195,3 +196,51 @@ def test_only_message_types_are_imported(name: str) -> None:
     """A name from a bag that is no installed message type raises."""
     with pytest.raises(LavaError, match='message_type'):
         message_class(name)
+
+
+#: What a bag is replayed with, by the namespace that its node was in: what its topics become.
+NAMES = [
+    ('/', [], {'/hazard': '/hazard'}),
+    ('/', ['__ns:=/etna'], {'/hazard': '/etna/hazard', '/lava/events': '/etna/lava/events'}),
+    ('/', ['__ns:=/etna'], {'/diagnostics': '/diagnostics', '/tf_static': '/tf_static'}),
+    ('/', ['__ns:=/etna', 'hazard:=/map'], {'/hazard': '/map', '/height': '/etna/height'}),
+    ('/', ['/hazard:=/map'], {'/hazard': '/map'}),
+    ('/etna', [], {'/etna/hazard': '/etna/hazard'}),
+    ('/etna', ['__ns:=/hekla'], {'/etna/hazard': '/hekla/hazard', '/map': '/map'}),
+    # of ros2 bag record
+    (None, ['__ns:=/etna'], {'/hazard': '/etna/hazard', '/etna/hazard': '/etna/etna/hazard'}),
+]
+
+
+@pytest.mark.parametrize(('recorded', 'rules', 'names'), NAMES)
+def test_names_are_resolved_as_a_node_resolves_them(
+    tmp_path: Path,
+    listener: Listener,
+    recorded: str | None,
+    rules: list[str],
+    names: dict[str, str],
+) -> None:
+    """A replay takes the place of the node in its namespace; shared topics stay where they are."""
+    data = {} if recorded is None else {'namespace': recorded}
+    with BagWriter(tmp_path / 'bag', custom_data=data) as writer:
+        for topic in names:
+            text = serialize_message(String(data=topic))
+            writer.write(topic, TEXT, text, 0, qos=LATCHED)
+    heard: dict[str, list[str]] = {name: [] for name in names.values()}
+    for name, texts in heard.items():
+        listener.node.create_subscription(
+            String, name, lambda message, texts=texts: texts.append(message.data), 10
+        )
+    words = ['--ros-args', *(word for rule in rules for word in ('-r', rule))]
+    play(BagReader(tmp_path / 'bag'), wait_for_subscribers=PATIENCE, ros_arguments=words)
+    expected = {name: [topic] for topic, name in names.items()}
+    wait_until(lambda: heard == expected, lambda: f'{heard} is not {expected}')
+
+
+@pytest.mark.parametrize('words', [['-r', 'x'], ['--nope'], ['-r', '__ns:=no slash']])
+def test_what_ros_cannot_read_is_refused(bag: tuple[BagReader, Written], words: list[str]) -> None:
+    """By the word, before anything is published."""
+    with pytest.raises(LavaError) as raised:
+        play(bag[0], ros_arguments=['--ros-args', *words])
+    assert raised.value.field in ('--ros-args', '-r')
+    assert raised.value.value == words[-1]

@@ -22,7 +22,7 @@ from std_msgs.msg import String
 from lava_ros.bag import BagReader, LATCHED
 from lava_ros.errors import LavaError
 from lava_ros.ros import codec
-from lava_ros.ros.recorder import BagFolder, Recorder, SAVE_PERIOD, SaveAllowance, SAVES
+from lava_ros.ros.recorder import BagFolder, Recorder
 
 
 def _write(recorder, text, stamp_ns=1):
@@ -225,27 +225,3 @@ def test_nodes_that_share_a_folder(here):
         assert first.name.removesuffix(end).count('_') == 0
         assert second not in (first, here)
         assert not second.exists()
-
-
-def test_saves_are_bounded():
-    """A storm is refused and one more comes each period, however long none came before.
-
-    What all have written is bounded as well; a larger bound lets more come.
-    """
-    now = [1e6]
-    allowance = SaveAllowance(lambda: now[0])
-    now[0] += 100.0 * SAVE_PERIOD
-    taken = []
-    for _ in range(200):
-        try:
-            allowance.take(1)
-            taken.append(now[0])
-        except LavaError as error:
-            assert 'again in' in str(error)
-        now[0] += 0.05 * SAVE_PERIOD
-    assert len(taken) == SAVES + 9
-    allowance.note(1000)
-    now[0] += SAVE_PERIOD
-    with pytest.raises(LavaError, match=r"1000 bytes saved so far', expected less than 1000 \("):
-        allowance.take(1000)
-    allowance.take(1001)

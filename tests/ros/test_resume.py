@@ -143,7 +143,7 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
 
 
 def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path):
-    """It says why in one sentence and ends with 1."""
+    """It says why in one sentence and ends with 2."""
     for name in ('empty', 'bag'):
         with BagWriter(tmp_path / name, custom_data={}) as writer:
             if name == 'bag':
@@ -157,7 +157,7 @@ def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path):
         )
     ]
     for node, words in nodes:
-        assert node.wait_for_end() == 1
+        assert node.wait_for_end() == 2
         assert 'Traceback' not in node.log
         assert [line for line in node.log.splitlines() if words in line], node.log
 

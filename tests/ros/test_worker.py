@@ -24,8 +24,9 @@ import pytest
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.ros import worker_status as speed
+from lava_ros.ros.followed_clock import MAX_LAG
 from lava_ros.ros.session import effect_table, is_on, Origin
-from lava_ros.ros.worker import MAX_LAG, SimulationWorker
+from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import LONGEST_TURN, SpeedMeter, WorkerState
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
@@ -43,30 +44,86 @@ def test_terrain_starts_the_simulation(bench):
     assert bench.worker.status.device == 'paper'
 
 
-@pytest.mark.parametrize('bench', [{'time_scale': 1.0}, {'time_scale': 1e5}], indirect=True)
-def test_time_scales(bench):
-    """At every scale time follows a clock that stutters, jumps and goes back, within the lag."""
+@pytest.mark.parametrize('step', [0.01, 0.3, 1.0, 5.0, 30.0, MAX_LAG])
+@pytest.mark.parametrize(
+    'bench', [{'time_scale': scale} for scale in (0.01, 1.0, 1e5)], indirect=True
+)
+def test_time_follows_steps_of_the_clock(bench, step):
+    """Simulated time is where the clock is, at every scale and however coarse the clock is."""
     bench.run(bench.worker.set_terrain(TERRAIN))
-    scale, expected, clock = bench.worker.time_scale, 0.0, bench.now
-    for step in (0.25, 0.0, 0.5, -30.0, 0.125, 1e6, -2e6, 0.5):
-        clock += step
-        bench.now = clock
-        expected += min(max(step, 0.0), MAX_LAG) * scale
-        bench.wait(lambda: bench.simulation.time == pytest.approx(expected))  # noqa: B023
-        # The clock has to be seen where it is now before it moves on.
-        bench.wait(lambda: bench.worker._last_clock == clock)  # noqa: B023
-    steps = np.diff([0.0, *bench.simulation.advanced_to])
-    assert (steps >= 0.0).all()
-    assert steps.max() <= MAX_LAG * scale * (1.0 + 1e-9)
+    scale = bench.worker.time_scale
+    for count in range(1, 6):
+        look(bench, bench.now + step)
+        bench.wait(lambda: bench.simulation.time == pytest.approx(count * step * scale))  # noqa: B023
+    status = bench.worker.status
+    assert (status.lost, status.jumps, status.is_behind) == (0.0, 0, False)
     # another scale holds from then on
+    before = bench.simulation.time
     bench.run(bench.worker.set('time_scale', 2.0))
     bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(expected + 1.0, abs=1e-6))
+    bench.wait(lambda: bench.simulation.time == pytest.approx(before + 1.0, abs=1e-6))
+
+
+def look(bench, now):
+    """Move the clock, and wait until the worker has looked at it."""
+    bench.now = now
+    bench.wait(lambda: bench.worker._clock._now == now)
+
+
+@pytest.mark.parametrize('step', [0.01, 5.0, 30.0])
+def test_maps_show_where_the_clock_is(bench, step):
+    """A snapshot that is asked for at a step of the clock is of its end."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    for count in range(1, 4):
+        # Held, the worker looks at neither before both have come.
+        bench.simulation.is_compiled.clear()
+        held = bench.worker.set_effects({}, horizon=float(count))
+        bench.wait(lambda: bench.worker.status.doing == 'effects')
+        bench.now += step
+        bench.worker.request_snapshot()
+        bench.simulation.is_compiled.set()
+        bench.run(held)
+        bench.wait(lambda: bench.shown[-1].time == pytest.approx(count * step))  # noqa: B023
+
+
+@pytest.mark.parametrize('jump', [2.0 * MAX_LAG, 3600.0, 1e6, -2.0, -30.0, -1e6])
+@pytest.mark.parametrize('bench', [{'time_scale': 1.0}, {'time_scale': 1e5}], indirect=True)
+def test_jumps_of_the_clock_are_counted_and_not_followed(bench, jump):
+    """Simulated time does not leap, and goes on from there."""
+    bench.now = 1e7
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    scale = bench.worker.time_scale
+    bench.go_on(0.5, scale)
+    look(bench, bench.now + jump)
+    bench.wait(lambda: bench.worker.status.jumps == 1)
+    status = bench.worker.status
+    assert bench.simulation.time == pytest.approx(0.5 * scale)
+    assert (status.jump, status.lost) == pytest.approx((jump, max(0.0, jump)))
+    assert not status.is_behind
+    bench.go_on(0.5, scale)
+    assert bench.worker.status.jumps == 1
+    # a new start counts from 0
+    bench.run(bench.worker.reset())
+    bench.wait(lambda: (bench.worker.status.jumps, bench.worker.status.lost) == (0, 0.0))
+
+
+def test_a_clock_that_has_no_time_yet_or_jitters(bench):
+    """The first time of a clock is no jump, and what goes back a little is waited for."""
+    bench.now = 0.0
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.wait(lambda: bench.worker._clock._now == 0.0)
+    look(bench, 1.7e9)
+    bench.go_on(0.5)
+    for step in (-0.25, 0.125, 0.25):
+        bench.now += step
+        time.sleep(0.25)
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.625))
+    assert (bench.worker.status.jumps, bench.worker.status.lost) == (0, 0.0)
 
 
 @pytest.mark.parametrize('bench', [{'speed': 5.0, 'time_scale': 100.0}], indirect=True)
 def test_a_slow_simulation_does_not_chase_the_clock(bench):
-    """Lost time is given up beyond the lag, and the achieved speed is reported."""
+    """Lost time is given up beyond the lag, and counted; the achieved speed is reported."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     for _ in range(10):
         bench.now += 0.05
@@ -74,10 +131,16 @@ def test_a_slow_simulation_does_not_chase_the_clock(bench):
     bench.wait(lambda: bench.worker.status.is_behind)
     # Exactly 5 on an idle machine, less on a busy one.
     assert 0.0 < bench.worker.status.speed < 6.5
-    # 100 s were asked for, and are the lag; asking goes on, the target does not move further.
-    bench.now += 1000.0
-    bench.wait(lambda: len(bench.simulation.advanced_to) > 12)
+    assert bench.worker.status.lost == 0.0
+    for _ in range(3):
+        look(bench, bench.now + 0.9 * MAX_LAG)
+    # asking goes on, the target does not move further
     assert bench.worker._target <= bench.simulation.time + MAX_LAG * 100.0 + 1e-6
+    bench.wait(lambda: bench.worker.status.lost > MAX_LAG)
+    assert bench.worker.status.jumps == 0
+    # what it is behind is time of the clock, at every scale
+    bench.run(bench.worker.set('time_scale', 1e-3))
+    bench.wait(lambda: not bench.worker.status.is_behind)
 
 
 def test_pause_and_step(bench):
@@ -204,6 +267,45 @@ def test_first_vents_start_again(bench):
     bench.run(bench.worker.add_vent(VENT))
     assert len(bench.made) == 2
     assert bench.worker.eruption.scene.vents == bench.simulation.scene.vents == (VENT,)
+
+
+@pytest.mark.parametrize(
+    ('kind', 'noise', 'change'),
+    [
+        ('vents', [replace(VENT, discharge=VENT.peak * 1.01)], [replace(VENT, discharge=9.0)]),
+        ('vents', [replace(VENT, temperature=VENT.temperature + 1.0)], []),
+        ('vents', [VENT], [VENT, VENT]),
+        (
+            'terrain',
+            replace(TERRAIN, elevation=TERRAIN.elevation + 0.05),
+            replace(TERRAIN, elevation=TERRAIN.elevation + 0.2),
+        ),
+    ],
+)
+def test_noise_of_an_input_outdates_no_forecast(bench, kind, noise, change):
+    """The simulation takes it; ``changes``, by which forecasts are dropped, counts the rest."""
+    session, put = bench.worker.eruption, getattr(bench.worker, f'set_{kind}')
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(bench.worker.set_vents([VENT]))
+    before = session.changes
+    bench.run(put(noise))
+    assert session.changes == before
+    given = bench.simulation.scene
+    assert (given.terrain if kind == 'terrain' else list(given.vents)) == noise
+    bench.run(put(change))
+    assert session.changes == before + 1
+
+
+def test_slow_drift_outdates_forecasts(bench):
+    """Each step of it is noise, and all of them together are not."""
+    session = bench.worker.eruption
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(bench.worker.set_vents([VENT]))
+    before = session.changes
+    for step in range(1, 11):
+        discharge = VENT.peak * (1.0 + 0.02 * step)
+        bench.run(bench.worker.set_vents([replace(VENT, discharge=discharge)]))
+    assert before < session.changes < before + 10
 
 
 def test_what_a_simulation_goes_on_from_is_known_until_it_starts_anew(bench):

@@ -36,8 +36,9 @@ from lava_ros.scene import (
     vents_from_list,
 )
 from lava_ros.scene.materials import DEFAULT, material_named, materials
+from lava_ros.scene.terrain_files import terrain_path
 from lava_ros.scene.uncertainty import Uncertainty
-from lava_ros.scene.vents import schedule
+from lava_ros.scene.vents import are_alike, match_vents, schedule
 
 
 def flat(rows=10, columns=20, **options):
@@ -206,6 +207,23 @@ def test_scene_from_yaml_refuses_by_name(tmp_path, text, field):
         scene_from_yaml(scene_file(tmp_path, text))
 
 
+def test_scenes_of_the_package_are_found_anywhere(tmp_path, monkeypatch):
+    """By their names, with their terrain, unless there is such a file."""
+    monkeypatch.chdir(tmp_path)
+    scene = scene_from_yaml('etna.yaml')
+    assert scene.vents[0].name == 'crater'
+    assert terrain_path('st_helens.npz').is_file()
+    (tmp_path / 'etna.yaml').write_text('vents: here')
+    (tmp_path / 'st_helens.npz').write_text('')
+    with pytest.raises(LavaError, match='scene.terrain is missing'):
+        scene_from_yaml('etna.yaml')
+    assert terrain_path('st_helens.npz') == Path('st_helens.npz')
+    with pytest.raises(LavaError, match='looked for') as caught:
+        scene_from_yaml('nothing.yaml')
+    for place in (tmp_path / 'nothing.yaml', 'examples/nothing.yaml'):
+        assert str(place) in str(caught.value)
+
+
 @pytest.mark.parametrize('name', ['etna', 'uncertain'])
 def test_scenes_of_the_package_can_be_used(name):
     """Their vent is in the crater of the terrain that comes with the package; one is uncertain."""
@@ -267,18 +285,120 @@ def test_vents_close_and_open():
     assert schedule((), (VENT,), 0.0) == (VENT,)
 
 
-def test_what_is_remembered_is_bounded(monkeypatch):
-    """A topic may change vents for ever."""
-    monkeypatch.setattr('lava_ros.scene.vents.LONGEST_SERIES', 50)
-    monkeypatch.setattr('lava_ros.scene.vents.MOST_CLOSED', 10)
+def test_schedule_is_bounded_and_keeps_the_volume(monkeypatch):
+    """A topic may change vents for ever: the series is condensed, its volume stays exact."""
+    monkeypatch.setattr('lava_ros.scene.vents.MAX_SERIES', 50)
+    monkeypatch.setattr('lava_ros.scene.vents.MAX_CLOSED', 10)
     vents = ()
-    for time in range(100):
-        vents = schedule(vents, (replace(VENT, discharge=float(1 + time % 2)),), time)
-    assert len(vents[0].discharge) == 50
+    for time in range(200):
+        vents = schedule(vents, (replace(VENT, discharge=float(1 + time % 3)),), time)
+        series = vents[0].series
+        assert len(series) <= 50 and series[0][0] <= 0.0
+    emitted = sum(1.0 + time % 3 for time in range(200))
+    assert vents[0].volume_between(0.0, 200.0) == pytest.approx(emitted)
+    assert vents[0].discharge_at(198.5) == 1.0
     for time in range(20):
-        place = Vent((float(time), 0.0), 1.0)
+        place = Vent((1000.0 + 100.0 * time, 0.0), 1.0)
         vents = schedule(vents, (place,), 5000.0 + time)
     assert len(vents) == 10 + 1
+
+
+def test_schedule_follows_a_vent_that_trembles():
+    """Noise of a sensor makes no new vents; a change of temperature does."""
+    vents = ()
+    for time in range(100):
+        noise = 1e-3 * (time % 2)
+        trembling = replace(
+            VENT, position=(10.0 + noise, 20.0), discharge=5.0 + noise, temperature=1300.0 + noise
+        )
+        vents = schedule(vents, (trembling,), float(time))
+    assert len(vents) == 1 and vents[0].position == trembling.position
+    assert vents[0].volume_between(0.0, 100.0) == pytest.approx(500.05)
+    hotter = replace(trembling, temperature=1350.0)
+    assert [vent.temperature for vent in schedule(vents, (hotter,), 100.0)] == [1300.001, 1350.0]
+
+
+FISSURE = Vent((0.0, 0.0), 5.0, radius=5.0, end=(100.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ('before', 'after', 'expected'),
+    [
+        ([VENT], [VENT], [0]),
+        ([VENT], [replace(VENT, discharge=9.0, temperature=1200.0, radius=3.0)], [0]),
+        # within its size, farther away with its name, farther away with another or no name
+        ([VENT], [replace(VENT, position=(19.0, 20.0), name='second')], [0]),
+        ([VENT], [replace(VENT, position=(900.0, 20.0))], [0]),
+        ([VENT], [replace(VENT, position=(900.0, 20.0), name='second')], [None]),
+        ([replace(VENT, name='')], [Vent((900.0, 20.0), 5.0)], [None]),
+        ([VENT], [], []),
+        ([], [VENT], [None]),
+        # a new vent beside one that stays, first in the list
+        ([VENT], [replace(VENT, position=(12.0, 20.0), name='new'), VENT], [None, 0]),
+        # two that tremble within each other's size, in another order
+        (
+            [VENT, replace(VENT, position=(15.0, 20.0), name='second')],
+            [
+                replace(VENT, position=(14.0, 20.0), name='second'),
+                replace(VENT, position=(11.0, 20.0)),
+            ],
+            [1, 0],
+        ),
+        # two in one place, told apart by their temperatures, in another order
+        (
+            [Vent((0.0, 0.0), 1.0, 1300.0), Vent((0.0, 0.0), 1.0, 1200.0)],
+            [Vent((0.0, 0.0), 2.0, 1200.0), Vent((0.0, 0.0), 2.0, 1300.0)],
+            [1, 0],
+        ),
+        (
+            [Vent((0.0, 0.0), 1.0, 1300.0), Vent((0.0, 0.0), 1.0, 1200.0)],
+            [Vent((1e-3, 0.0), 2.0, 1200.0), Vent((2e-3, 0.0), 2.0, 1300.0)],
+            [1, 0],
+        ),
+        # a fissure that is given from its other end, grows, or becomes a disc
+        ([FISSURE], [replace(FISSURE, position=(100.0, 0.0), end=(0.0, 0.0))], [0]),
+        ([FISSURE], [replace(FISSURE, end=(140.0, 0.0))], [0]),
+        ([FISSURE], [replace(FISSURE, end=(220.0, 0.0))], [None]),
+        ([FISSURE], [replace(FISSURE, end=None)], [None]),
+        ([replace(FISSURE, name='f')], [replace(FISSURE, name='f', end=None)], [None]),
+    ],
+)
+def test_vents_are_matched(before, after, expected):
+    """A vent continues the one in its place, near it or of its name, whatever else changed."""
+    assert match_vents(before, after) == expected
+
+
+def test_a_vent_is_no_smaller_than_the_least_size():
+    """A particle spacing, say: within it a vent that has moved is the same."""
+    moved = replace(VENT, position=(40.0, 20.0), name='')
+    assert match_vents([VENT], [moved]) == [None]
+    assert match_vents([VENT], [moved], least=40.0) == [0]
+
+
+@pytest.mark.parametrize(
+    ('change', 'expected'),
+    [
+        ({}, True),
+        ({'discharge': 5.2}, True),
+        ({'discharge': 5.3}, False),
+        ({'discharge': ((0.0, 5.0),)}, False),
+        ({'position': (10.0, 29.0)}, True),
+        ({'position': (10.0, 31.0)}, False),
+        ({'temperature': 1305.0}, True),
+        ({'temperature': 1311.0}, False),
+        ({'radius': 10.5}, True),
+        ({'radius': 12.0}, False),
+        ({'velocity': (1.0, 0.0)}, False),
+        ({'name': 'renamed'}, True),
+    ],
+)
+def test_noise_of_a_sensor(change, expected):
+    """A change within the noise of a sensor is none; one vent more is a change."""
+    vent = replace(VENT, temperature=1300.0)
+    other = replace(vent, **change)
+    assert are_alike([other], [vent]) is expected
+    assert not are_alike([other, vent], [vent]) and not are_alike([], [vent])
+    assert are_alike([], [])
 
 
 @pytest.mark.parametrize('name', materials())

@@ -307,8 +307,8 @@ def test_lava_has_fallen_from_wherever_it_came(device):
     simulation.set_effects({'inertia': False, 'crust': True})
     assert top(simulation) == pytest.approx(80.0)
     simulation.set_terrain(Terrain(ground.elevation + 500.0, 10.0))
-    # what was in the conduit of the vent that closed came out there
-    assert top(simulation) == pytest.approx(580.0, abs=0.01)
+    # what was in the conduit of the vent that closed came out within its radius of 10 m
+    assert top(simulation) == pytest.approx(580.0, abs=2.0)
 
 
 def relaxed(longest_step, integrator='rkl2', viscosity=2e4, **options):

@@ -14,6 +14,7 @@
 
 """The tables of vents on a device, and vents that are choked, too strong or closed."""
 
+from dataclasses import replace
 from itertools import count
 import math
 from types import SimpleNamespace
@@ -21,12 +22,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 import lava_ros.simulation.simulation as simulation_module
-from lava_ros.simulation.vents import MOST_A_SECOND, parting, VentSet
+from lava_ros.simulation.vents import Emission, MOST_A_SECOND, VentSet
 
 VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
 
@@ -36,6 +38,16 @@ def flow(*vents: Vent, **accuracy: object) -> Simulation:
     scene = Scene(Terrain(np.zeros((50, 50)), 2.0), vents, Lava(viscosity=1e4, arrhenius=0.0))
     knobs = Accuracy(spacing=1.0, thickness=1.0, **accuracy)
     return Simulation(scene, accuracy=knobs, device='cpu')
+
+
+def vent_set(
+    *vents: Vent, slope: float = 0.0, spacing: float = 1.0, symmetric: bool = False
+) -> VentSet:
+    """Lay out vents on ground that rises to the east, particles of 1 m3."""
+    ground = Terrain(np.tile(slope * 2.0 * np.arange(50.0), (50, 1)), 2.0)
+    accuracy = Accuracy(spacing=spacing, thickness=1.0, symmetric=symmetric)
+    before = Emission.of_new_vents(len(vents))
+    return VentSet(vents, ground, accuracy, 1.0, 'cpu', since=0.0, before=before)
 
 
 def test_parts_of_a_stage_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -93,26 +105,95 @@ def test_a_strong_vent_comes_out_in_many_steps() -> None:
 
 @pytest.mark.parametrize('end', [None, (70.0, 50.0)])
 @pytest.mark.parametrize('waiting', [0.0, 0.4, 1.0, 700.3, 1e9])
-def test_a_conduit_is_emptied_in_whole_particles(waiting: float, end: object) -> None:
+@pytest.mark.parametrize('symmetric', [False, True])
+def test_closing_vent_empties_its_conduit_in_whole_particles(
+    waiting: float, end: tuple[float, float] | None, symmetric: bool
+) -> None:
     """Their volumes add up, none is larger than a particle, and they have the vent's symmetry."""
-    vent = Vent((50.0, 50.0), 20.0, radius=10.0, end=end)
-    found = list(parting(vent, waiting, 1.0))
-    volumes = [volume for _, volume in found]
+    vent = Vent((50.0, 50.0), 20.0, temperature=1400.0, radius=10.0, end=end)
+    found = vent_set(vent, symmetric=symmetric).parting(0, waiting)
+    places, volumes = np.array(found).reshape(-1, 4)[:, :2], [row[2] for row in found]
     assert sum(volumes) == pytest.approx(waiting)
-    assert len(found) <= 2**18
+    assert len(found) <= 2**18 and {row[3] for row in found} <= {1400.0}
     if waiting < 1e6:
         least = math.ceil(waiting)
         assert least <= len(found) < least + 8 and max(volumes, default=0.0) <= 1.0
-    for x, y in dict.fromkeys(place for place, _ in found):
-        inside = math.hypot(x - 50.0, y - 50.0) <= 10.0
-        assert inside if end is None else 50.0 <= x <= 70.0 and y == 50.0
+    x, y = places.T
+    near = np.hypot(np.maximum(x - (end or vent.position)[0], np.minimum(x - 50.0, 0.0)), y - 50.0)
+    assert (near <= 10.0 * math.sqrt(2.0)).all()
     if 1.0 < waiting < 1e6:
-        assert len({place for place, _ in found}) == len(found)
-        middle = 60.0 if end else 50.0
-        relative = np.array([place for place, _ in found]) - (middle, 50.0)
+        assert len(np.unique(places, axis=0)) == len(found)
+    if symmetric and 1.0 < waiting < 1e6:
+        relative = places - ((60.0 if end else 50.0), 50.0)
         for turned in (-relative, relative * (-1, 1), *([] if end else [relative[:, ::-1]])):
             order = [np.lexsort(np.round(points, 6).T) for points in (relative, turned)]
             assert relative[order[0]] == pytest.approx(turned[order[1]], abs=1e-9)
+
+
+def ground_with(**features: object) -> Terrain:
+    """Cells of 5 m: a border, and what a name says of places (x, y) of the map [m]."""
+    x, y = np.meshgrid(5.0 * np.arange(60) + 2.5, 5.0 * np.arange(50) + 2.5)
+    height = np.zeros_like(x)
+    if 'hole' in features:
+        height[np.hypot(x - 100.0, y - 100.0) < 12.0] = np.nan
+    if 'ridge' in features:
+        height = 40.0 - 2.0 * np.abs(x - 120.0).clip(0.0, 20.0)
+    if 'cliff' in features:
+        height[x > 120.0] = 143.0
+    return Terrain(height, 5.0, origin=(-0.0, 0.0))
+
+
+#: A ground, a vent on it, and the side of x [m] that lava has to stay on.
+NARROW = {
+    'border': (ground_with(), Vent((8.0, 120.0), 5.0, radius=1.0), 300.0),
+    'corner': (ground_with(), Vent((1.0, 249.0), 5.0, radius=1.0), 300.0),
+    'wide at a border': (ground_with(), Vent((8.0, 120.0), 5.0, radius=60.0), 300.0),
+    'fissure along a border': (
+        ground_with(), Vent((8.0, 120.0), 5.0, radius=1.0, end=(200.0, 2.0)), 300.0
+    ),
+    'hole': (ground_with(hole=True), Vent((82.0, 100.0), 5.0, radius=1.0), 300.0),
+    'fissure across a hole': (
+        ground_with(hole=True), Vent((62.0, 100.0), 5.0, radius=1.0, end=(162.0, 101.0)), 300.0
+    ),
+    'ridge': (ground_with(ridge=True), Vent((97.0, 120.0), 5.0, radius=1.0), 120.0),
+    'fissure along a ridge': (
+        ground_with(ridge=True), Vent((99.0, 50.0), 5.0, radius=1.0, end=(102.0, 200.0)), 120.0
+    ),
+    'cliff': (ground_with(cliff=True), Vent((112.0, 120.0), 5.0, radius=1.0), 120.0),
+}
+
+
+@pytest.mark.parametrize('symmetric', [False, True])
+@pytest.mark.parametrize('name', NARROW)
+def test_lava_comes_out_where_it_could_have_flowed(name: str, symmetric: bool) -> None:
+    """Not beyond the map, on a hole, behind a ridge or on a cliff, however wide a particle is."""
+    terrain, vent, most = NARROW[name]
+    # lava that does not move stays where it has come out
+    lava = Lava(viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
+    simulation = Simulation(
+        Scene(terrain, (vent,), lava), effects=Effects(), device='cpu',
+        accuracy=Accuracy(spacing=40.0, thickness=2.0, symmetric=symmetric),
+    )
+    simulation.advance(200.4 * simulation.particle_volume / 5.0)
+    simulation.set_vents([])
+    sample = simulation.sample()
+    budget = simulation.budget()
+    assert budget.left == 0.0 and budget.error < 1e-6 and budget.pending < 1e-3
+    assert terrain.covered(sample.position).all()
+    assert sample.position[:, 0].max() <= most
+    # still spread over the ground that there is
+    assert np.ptp(sample.position, axis=0).max() > 5.0
+    assert len(np.unique(sample.position, axis=0)) > 50
+
+
+def test_a_vent_on_open_ground_has_its_usual_places() -> None:
+    """Ground that rises by less than the flow is thick leaves a vent as it is."""
+    vent = Vent((50.0, 50.0), 20.0, radius=2.0)
+    level, sloping = (
+        vent_set(vent, slope=slope, spacing=20.0).places(0, 0, 100) for slope in (0.0, 0.04)
+    )
+    around = np.sort(np.hypot(*(level - 50.0).T)), np.sort(np.hypot(*(sloping - 50.0).T))
+    assert around[0] == pytest.approx(around[1]) and around[0][-1] > 15.0
 
 
 def test_a_long_discharge_series_becomes_a_table() -> None:
@@ -123,7 +204,9 @@ def test_a_long_discharge_series_becomes_a_table() -> None:
     series = tuple((float(time), float(time % 7)) for time in range(count))
     object.__setattr__(vent, 'discharge', series)
     ground, accuracy = Terrain(np.zeros((3, 3)), 1.0), Accuracy(spacing=1.0)
-    vents = VentSet((vent,), ground, accuracy, 1.0, 'cpu', since=10.0, carried=[4.0])
+    before = Emission.of_new_vents(1)
+    before = replace(before, volume=np.array([4.0]))
+    vents = VentSet((vent,), ground, accuracy, 1.0, 'cpu', since=10.0, before=before)
     volumes = vents.outlets.volumes.numpy()
     assert volumes.shape == (count,)
     assert volumes[:14].tolist() == 11 * [4.0] + [7.0, 11.0, 16.0]

@@ -14,9 +14,13 @@
 
 """The live view without a browser: what is served, and what the page holds as frames come."""
 
+from http.client import HTTPConnection
 import socket
+from socket import gethostname
 import sys
 import time
+from unittest.mock import Mock
+from urllib.parse import urlsplit
 from urllib.request import urlopen
 
 import numpy as np
@@ -33,6 +37,7 @@ from lava_ros.maps.frames import Recording
 from lava_ros.maps.layers import ARRIVED, PROBABILITY
 from lava_ros.watch import page
 from lava_ros.watch.frames import BagFrames, Level, watched_layers
+from lava_ros.watch.hosts import own_hosts
 from lava_ros.watch.page import Page, serve
 from recording import record, TERRAIN
 from watch_page import Growing, served
@@ -66,6 +71,80 @@ def test_a_document_is_served_and_changes(frames):
         while _slider(address, session) != (5, 5):
             assert time.monotonic() < end
             time.sleep(0.2)
+
+
+def own(port: int, name: str = '127.0.0.1') -> str:
+    """The host of a server on this machine."""
+    return f'{name}:{port}'
+
+
+#: What a server answers: hosts it is asked for by, and the page that asks, None for no page.
+ASKED = {
+    'own address': (200, own, None),
+    'own name': (200, lambda port: own(port, 'LocalHost'), None),
+    'own page': (200, own, lambda port: f'http://{own(port)}'),
+    'another host': (403, lambda port: own(port, 'evil.example'), None),
+    'another host and its page': (
+        403, lambda port: own(port, 'evil.example'), lambda port: f'http://evil.example:{port}'
+    ),
+    'a page of another site': (403, own, lambda port: 'http://evil.example'),
+    'a page of nowhere': (403, own, lambda port: 'null'),
+    'another address': (403, lambda port: own(port, '203.0.113.1'), None),
+    'another port': (403, lambda port: '127.0.0.1:1', None),
+    'no port': (403, lambda port: '127.0.0.1', None),
+    'no number': (403, lambda port: 'localhost:here', None),
+    'a longer name': (403, lambda port: own(port, 'localhost.evil.example'), None),
+}
+
+
+@pytest.fixture(scope='module')
+def server(tmp_path_factory):
+    """The port of a page that stays the same."""
+    with served(Growing(tmp_path_factory.mktemp('served'), 4)) as address:
+        yield urlsplit(address).port
+
+
+@pytest.mark.parametrize('who', ASKED)
+@pytest.mark.parametrize('path', ['/', '/static/js/bokeh.min.js', '/autoload.js', '/ws', '/none'])
+def test_others_are_refused(server, who, path):
+    """Pages, files and WebSockets alike, by the host that is asked and the page that asks."""
+    expected, host, origin = ASKED[who]
+    headers = {'Host': host(server)}
+    if origin is not None:
+        headers['Origin'] = origin(server)
+    if path == '/ws':
+        headers |= {'Upgrade': 'websocket', 'Connection': 'Upgrade'}
+        headers |= {'Sec-WebSocket-Version': '13', 'Sec-WebSocket-Key': 'bGF2YSBpcyBob3QgISEhIQ=='}
+    asking = HTTPConnection('127.0.0.1', server, timeout=30.0)
+    asking.request('GET', path, headers=headers)
+    status = asking.getresponse().status
+    asking.close()
+    if expected == 403:
+        assert status == 403
+    else:
+        # of its own, the server has these
+        assert status == {'/ws': 101, '/autoload.js': 400, '/none': 404}.get(path, 200)
+
+
+@pytest.mark.parametrize(
+    ('address', 'bound', 'accepted', 'refused_hosts'),
+    [
+        ('127.0.0.1', ['127.0.0.1'], ['127.0.0.1:50', '[::1]:50'],
+         ['lava:50', '10.0.0.1:50', 'a@127.0.0.1:50']),
+        ('localhost', ['127.0.0.1', '::1'], ['localhost:50', '[::1]:50'], ['[::2]:50']),
+        ('10.0.0.1', ['10.0.0.1'], ['10.0.0.1:50'], ['localhost:50', '10.0.0.1', '10.0.0.2:50']),
+        ('robot1', ['10.0.0.1'], ['robot1:50', '10.0.0.1:50'], ['evil.example:50']),
+        ('0.0.0.0', ['0.0.0.0'], ['10.0.0.9:50', f'{gethostname()}:50', 'localhost:50'],
+         ['evil.example:50', '10.0.0.9:51', '10.0.0.9.evil.example:50']),
+        ('::', ['::'], ['[fe80::1]:50', '10.0.0.9:50'], ['evil.example:50', 'fe80::1:50', '']),
+    ],
+)
+def test_hosts_of_an_address(address, bound, accepted, refused_hosts):
+    """A server of every network is asked for by any IP address, and by no other site's name."""
+    sockets = [Mock(getsockname=lambda name=name: (name, 50)) for name in bound]
+    is_own = own_hosts(address, sockets)
+    assert all(is_own(host.lower()) for host in accepted)
+    assert not any(is_own(host) for host in refused_hosts)
 
 
 def _slider(address: str, session: str) -> tuple[int, int]:

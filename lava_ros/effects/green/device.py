@@ -60,9 +60,9 @@ from lava_ros.simulation.kernels import (
 from lava_ros.simulation.motion import motion_of
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.outlets import Outlets
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.timestep import pace_type
-from lava_ros.simulation.vents import Outlets
 
 #: The squared distance within which K0 is that at it, over the area of a particle's own disc: the
 #: mean of ln r over the disc is there. As K0 is convex in ln r, its own mean is no less, and a

@@ -1,0 +1,114 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Ground around a vent: the places at which its lava may come out.
+
+A vent that is narrower than the particle spacing is widened to it, and any vent may reach beyond
+the map. Lava comes out on the map alone, and outside the vent's own radius only where it could
+have flowed: the ground on the way there rises by no more than the flow is thick.
+"""
+
+import math
+
+import numpy as np
+
+from lava_ros.scene import Terrain, Vent
+
+#: Places that are enough to spread the particles of a vent.
+ENOUGH = 64
+
+#: Factors by which places move towards the vent's centre or line until there are enough.
+_FACTORS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.0)
+
+
+def is_open(vent: Vent, reach: float, terrain: Terrain, rise: float) -> bool:
+    """Return True if all ground within a distance of a vent is known and about as low as the vent.
+
+    Args:
+        vent: The vent.
+        reach: Distance from its centre or line [m].
+        terrain: The ground.
+        rise: Height above the vent that ground outside the vent's own radius may have [m].
+    """
+    ends = np.array([vent.position, vent.end or vent.position])
+    low = (ends.min(axis=0) - reach - terrain.origin) // terrain.resolution
+    high = (ends.max(axis=0) + reach - terrain.origin) // terrain.resolution + 1
+    if low.min() < 0 or (high > terrain.shape[::-1]).any():
+        return False
+    (left, bottom), (right, top) = low.astype(int), high.astype(int)
+    window = np.s_[bottom:top, left:right]
+    if not terrain.has_data[window].all():
+        return False
+    if reach <= vent.radius:
+        return True
+    count = 2 + math.ceil(math.dist(*ends) / terrain.resolution)
+    line = ends[0] + np.linspace(0.0, 1.0, count)[:, None] * (ends[1] - ends[0])
+    return bool(terrain.elevation[window].max() <= _elevation(terrain, line).min() + rise)
+
+
+def permitted_places(
+    vent: Vent, places: np.ndarray, terrain: Terrain, rise: float
+) -> np.ndarray:
+    """Return the places around a vent at which lava may come out.
+
+    Where these are few, places nearer to the vent's centre or line are returned.
+
+    Args:
+        vent: The vent, whose position and end are on the terrain.
+        places: Places (x, y) of the map [m], shape [count, 2].
+        terrain: The ground.
+        rise: Height by which the ground outside the vent's own radius may rise [m].
+
+    Returns:
+        Places (x, y) [m], shape [number, 2]: at least one.
+    """
+    start = np.asarray(vent.position)
+    along = np.asarray(vent.end or vent.position) - start
+    share = (places - start) @ along / max(float(along @ along), 1e-300)
+    base = start + np.clip(share, 0.0, 1.0)[:, None] * along
+    for factor in _FACTORS:
+        moved = base + factor * (places - base)
+        found = moved[_is_permitted(vent.radius, base, moved, terrain, rise)]
+        if len(found) >= ENOUGH:
+            return found
+    return found if len(found) else start[None]
+
+
+def _is_permitted(
+    radius: float, base: np.ndarray, places: np.ndarray, terrain: Terrain, rise: float
+) -> np.ndarray:
+    """Return which places may be reached from the points ``base`` of the vent, shape [count]."""
+    permitted = terrain.covered(places)
+    distance = np.linalg.norm(places - base, axis=1)
+    outside = np.flatnonzero(permitted & (distance > radius))
+    if len(outside):
+        base, way, distance = base[outside], (places - base)[outside], distance[outside]
+        count = 2 + math.ceil(2.0 * distance.max() / terrain.resolution)
+        fractions = np.linspace(0.0, 1.0, count)
+        ground = _elevation(terrain, base[:, None] + fractions[:, None] * way[:, None])
+        is_own = fractions * distance[:, None] <= radius
+        highest = np.where(is_own, ground, -np.inf).max(axis=1)
+        # ground without data is NaN and compares as False
+        permitted[outside] = (is_own | (ground <= highest[:, None] + rise)).all(axis=1)
+    return permitted
+
+
+def _elevation(terrain: Terrain, places: np.ndarray) -> np.ndarray:
+    """Return the elevation of the cells at places of shape [..., 2] [m], NaN without data."""
+    cells = (places - terrain.origin) // terrain.resolution
+    column, row = np.moveaxis(cells.astype(np.int64), -1, 0)
+    rows, columns = terrain.shape
+    on_grid = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    found = terrain.elevation[np.where(on_grid, row, 0), np.where(on_grid, column, 0)]
+    return np.where(on_grid, found, np.nan)

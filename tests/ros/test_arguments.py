@@ -1,0 +1,144 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Mistakes in the arguments for ROS: one sentence, and the status of a wrong argument."""
+
+import logging
+from pathlib import Path
+import signal
+
+import pytest
+
+from command_line import lava
+from lava_ros.cli.manual import GROUPS
+from lava_ros.errors import LavaError
+from lava_ros.ros import node
+from lava_ros.ros.arguments import start_ros
+from ros_domain import own_domain
+
+BAG = Path(__file__).parents[2] / 'bags/sample'
+
+FILES = {
+    'null.yaml': '/**: {ros__parameters: {scene: }}',
+    'typo.yaml': '/**: {ros_parameters: {preset: draft}}',
+    'flat.yaml': 'preset: draft',
+    'open.yaml': '/**: {ros__parameters: {preset: [draft}}',
+    'mixed.yaml': '/**: {ros__parameters: {layers_on: [a, 1]}}',
+    'type.yaml': '/**: {ros__parameters: {preset: 3}}',
+    'whole.yaml': '/lava: {ros__parameters: {time_scale: 60}}',
+    'list.yaml': '/**: {ros__parameters: {effects_off: 3}}',
+}
+
+MISTAKES = {
+    ('--params-file', 'nofile.yaml'): "--params-file is 'nofile.yaml', expected a file of",
+    ('--params-file', '.'): "--params-file is '.', expected a file of parameters",
+    ('--params-file', 'null.yaml'): "--params-file is 'null.yaml', expected a file of parameters",
+    ('--params-file', 'typo.yaml'): "--params-file is 'typo.yaml', expected a file of parameters",
+    ('--params-file', 'flat.yaml'): "--params-file is 'flat.yaml', expected a file of parameters",
+    ('--params-file', 'open.yaml'): "--params-file is 'open.yaml', expected a file of parameters",
+    ('--params-file', 'mixed.yaml'): "--params-file is 'mixed.yaml', expected a file of param",
+    ('--params-file', 'type.yaml'): 'preset is 3, expected a string',
+    ('--params-file', 'whole.yaml'): 'time_scale is 60, expected a double; a whole number is wr',
+    ('--params-file', 'list.yaml'): 'effects_off is 3, expected a list of effects',
+    ('--params-file',): '--params-file is missing, expected a value behind it',
+    ('-r', '__ns:=/fleet-1'): "-r is '__ns:=/fleet-1', expected FROM:=TO, __ns:=/NAMESPACE",
+    ('-r', '__ns:=fleet'): "-r is '__ns:=fleet', expected FROM:=TO, __ns:=/NAMESPACE",
+    ('-r', '__node:=my-node'): "-r is '__node:=my-node', expected FROM:=TO",
+    ('-r', 'hazard'): "-r is 'hazard', expected FROM:=TO",
+    ('--remap', 'hazard:=a//b'): "--remap is 'hazard:=a//b', expected FROM:=TO",
+    ('-r',): '-r is missing, expected a value behind it',
+    ('--log-level', 'loud'): "--log-level is 'loud', expected debug, info, warn",
+    ('--log-level', 'lava:=loud'): "--log-level is 'lava:=loud', expected debug, info, warn",
+    ('--log-level',): '--log-level is missing, expected a value behind it',
+    ('--enclave', 'here'): "ROS is \"Enclave name is not valid: 'context name must be absolute",
+    ('--unknown',): "--ros-args is '--unknown', expected flags of ROS",
+    ('word',): "--ros-args is 'word', expected flags of ROS",
+    ('--', 'word'): "an argument is 'word', expected --ros-args",
+    ('-p',): '-p is missing, expected a value behind it',
+    ('-p', 'scene'): "-p is 'scene', expected NAME:=VALUE",
+    ('-p', 'scene:='): "-p is 'scene:=', expected NAME:=VALUE; an empty text is written NAME:=",
+    ('-p', 'scene:=['): "-p is 'scene:=[', expected NAME:=VALUE",
+    ('-p', 'time_scale:=fast'): "time_scale is 'fast', expected a double",
+    ('-p', 'time_scale:=1e9'): 'time_scale is 1000000000.0, expected 0.001 to 1000000',
+    ('-p', 'max_vents:=-1'): 'max_vents is -1, expected 0 to 100000',
+    ('-p', 'autostart:=3'): 'autostart is 3, expected a bool',
+    ('-p', 'use_sim_time:=3'): "Trying to set parameter 'use_sim_time' to '3'",
+    ('-p', 'layers_on:=3'): 'layers_on is 3, expected a list of layers',
+    ('-p', 'discharge:=60.0'): '-p discharge is 60.0, expected a parameter that this node has',
+    ('-p', 'scene:=nothing.yaml'): "scene is 'nothing.yaml', expected ",
+}
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capfd):
+    """Run the node's program with arguments, where there are files of parameters."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(own_domain('graph')))
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, encoding='utf-8')
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    package = logging.getLogger('lava_ros')
+    kept, level = package.handlers[:], package.level
+
+    def start(*words):
+        status = node.main(list(words))
+        return status, capfd.readouterr().err
+
+    yield start
+    package.handlers[:] = kept
+    package.setLevel(level)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize('words', MISTAKES, ids=' '.join)
+def test_a_mistake_is_one_sentence(run, words):
+    """It names the argument and what would be right, and the status is 2."""
+    status, said = run('--ros-args', *words)
+    (sentence,) = said.splitlines()
+    assert sentence.startswith(f'lava_node cannot start: {MISTAKES[words]}')
+    assert status == 2
+
+
+@pytest.mark.parametrize('words', [('--help',), ('scene.yaml',), ('-r', '__node:=other')])
+def test_words_for_nobody_are_refused(run, words):
+    """ROS would leave out what does not follow --ros-args."""
+    status, said = run(*words)
+    assert said.splitlines()[-1].startswith(
+        f'lava_node cannot start: an argument is {words[0]!r}, expected --ros-args'
+    )
+    assert status == 2
+
+
+@pytest.mark.parametrize(
+    'command', [name for group in GROUPS.values() for name in group if name != 'node']
+)
+def test_other_commands_refuse_mistakes_too(command):
+    """Those that take no arguments for ROS say so as of any other argument."""
+    status, out, err = lava(command, '--ros-args', '-r', '__ns:=/fleet-1')
+    assert (status, out) == (2, '')
+    assert err.splitlines()[-1].startswith(f'lava {command}: ')
+    assert 'Traceback' not in err
+
+
+@pytest.mark.parametrize('domain', ['one', '-1', '1.5', '233', '9999'])
+def test_a_domain_that_ros_cannot_use(monkeypatch, domain):
+    """What every command of ROS starts with names the variable."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', domain)
+    with pytest.raises(LavaError, match='^ROS_DOMAIN_ID is .*, expected a whole number from 0 to'):
+        start_ros([])
+    status, out, err = lava('replay', BAG)
+    assert (status, out) == (2, '')
+    assert err.startswith('lava replay: ROS_DOMAIN_ID is ')

@@ -1,0 +1,103 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A monitoring system that publishes the vents five times a second, over DDS."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from lava_ros.maps.frames import Recording
+from lava_ros.ros.codec import float_image, header
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.presets import preset_accuracy
+from ros.graph_publisher import cloud, info, wait_until
+
+#: Simulated time of the run [s], and how much of it passes in a second.
+END, SCALE = 600.0, 50.0
+
+RATE = 5.0
+
+COLUMNS = {
+    'id': [3.0, 7.0], 'x': [60.0, 130.0], 'y': [105.0, 205.0], 'z': [0.0, 0.0],
+    'discharge': [8.0, 4.0], 'temperature': [1100.0, 1080.0], 'radius': [20.0, 15.0],
+}
+
+LAVA = {'viscosity': 1e4, 'arrhenius': 0.0, 'emissivity': 0.0, 'convection': 0.0,
+        'crust_cover': 0.0, 'latent_heat': 0.0, 'solidus': 0.0, 'yield_strength': 0.0}
+
+
+def undisturbed(terrain: Terrain) -> Simulation:
+    """The same run without a node, with the vents given once."""
+    names = 'x', 'y', 'discharge', 'temperature', 'radius'
+    vents = tuple(
+        Vent((x, y), discharge, celsius + 273.15, radius=radius)
+        for x, y, discharge, celsius, radius in zip(*(COLUMNS[n] for n in names), strict=True)
+    )
+    accuracy = preset_accuracy('standard', spacing=8.0)
+    simulation = Simulation(Scene(terrain, vents, Lava(**LAVA)), accuracy=accuracy, device='cpu')
+    simulation.advance(END)
+    return simulation
+
+
+def test_stream_of_vents_leaves_the_flow_as_it_is(graph):
+    """Footprint, thickness and number of particles are those of one message."""
+    terrain = Terrain(np.tile(500.0 - 2.0 * np.arange(60.0), (30, 1)), 10.0)
+    bag = graph.directory / 'stream'
+    constants = {f'lava.{name}': value for name, value in LAVA.items()}
+    node = graph.node(
+        device='cpu', time_scale=SCALE, end_time=END, spacing=8.0, record=True,
+        bag_directory=str(bag), **constants,
+    )
+    listener, publisher = graph.listener(), graph.publisher()
+    for topic, message in (
+        ('terrain', float_image(terrain.elevation, header('map', 0))),
+        ('terrain_info', info(width=60)),
+    ):
+        wait_until(publisher.publishers[topic].get_subscription_count)
+        publisher.publishers[topic].publish(message)
+    vents = publisher.publishers['vents']
+    wait_until(vents.get_subscription_count)
+    sent, is_finished = 0, threading.Event()
+
+    def stream() -> None:
+        nonlocal sent
+        while not is_finished.wait(1.0 / RATE):
+            # as a tracker has it: a little elsewhere and a little more each time
+            noise = 1e-3 * (sent % 2)
+            changed = {name: np.add(COLUMNS[name], noise) for name in ('x', 'discharge')}
+            vents.publish(cloud(COLUMNS | changed))
+            sent += 1
+
+    thread = threading.Thread(target=stream)
+    thread.start()
+    try:
+        status = listener.wait_for_status('simulation', lambda item: item['state'] == 'finished')
+    finally:
+        is_finished.set()
+        thread.join()
+    assert node.end() == 0
+    assert sent > 20
+
+    expected = undisturbed(terrain)
+    frame = Recording(bag).frame_at(END)
+    thickness = frame.layers['thickness'].values
+    wanted = expected.snapshot().thickness
+    wet, dry = (thickness > 0.1) & (wanted > 0.1), (thickness > 0.1) | (wanted > 0.1)
+    assert wet.sum() >= 0.97 * dry.sum() > 60
+    assert np.nanmax(thickness) == pytest.approx(np.nanmax(wanted), rel=0.05)
+    assert int(status['particles']) == pytest.approx(expected.particle_count, rel=0.05)
+    assert float(status['volume_emitted_m3']) == pytest.approx(12.0 * END, rel=1e-3)

@@ -1,0 +1,210 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""RViz and Foxglove show ground, hazard and vents, of a running node and of every bag."""
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+import struct
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message
+from visualization_msgs.msg import Marker
+import yaml
+
+from lava_ros.bag import BagReader, LATCHED
+from lava_ros.bag.recovery import recover
+from lava_ros.maps.layer_files import load_layers
+from lava_ros.ros import outputs
+from lava_ros.ros.codec import message_class
+from lava_ros.ros.offline_bags import write_snapshots
+from lava_ros.ros.publishers import LayerPublishers
+from lava_ros.ros.recorder import Recorder
+from lava_ros.ros.recording import SceneRecording
+from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
+from recording import growing, snapshot_at
+
+ROOT = Path(__file__).parents[2]
+RVIZ = yaml.safe_load((ROOT / 'rviz/lava.rviz').read_text(encoding='utf-8'))
+FOXGLOVE = json.loads((ROOT / 'foxglove/lava.json').read_text(encoding='utf-8'))
+DISPLAYS = {
+    item['Topic']['Value']: item
+    for item in RVIZ['Visualization Manager']['Displays']
+    if 'Topic' in item
+}
+
+#: What the views draw: all of these are in the map frame.
+DRAWN = {f'/{topic}' for topic in DISPLAYS} | set(FOXGLOVE['configById']['3D!lava']['topics'])
+
+#: Height from which RViz's view from above looks down [m], a constant of it.
+CAMERA = 500.0
+
+TERRAIN = Terrain(2000.0 + np.add.outer(np.arange(30.0), 2.0 * np.arange(40.0)), 5.0)
+VENTS = (
+    Vent((7.5, 75.0), ((0.0, 10.0), (500.0, 2.0)), 1423.0, name='north'),
+    Vent((120.0, 20.0), 5.0, 1423.0, end=(160.0, 60.0), name='fissure'),
+)
+SCENE = Scene(TERRAIN, VENTS, lava=Lava())
+SNAPSHOTS = [snapshot_at(time, growing(time, TERRAIN), TERRAIN) for time in (200.0, 600.0)]
+
+
+def of_the_node(directory: Path) -> Path:
+    """What a node records of layers and scene."""
+    recorder = Recorder()
+    node = SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/')
+    recording = SceneRecording(
+        node, recorder, frame_id='map', configs={}, parameters=dict
+    )
+
+    def create(kind: str, message: Any, topic: str, given: Any) -> Any:
+        return SimpleNamespace(publish=lambda data: None, topic_name=f'/{topic}')
+
+    enabled = [
+        layer for layer in load_layers(ROOT / 'msg_configs/default.yaml') if layer.enabled
+    ]
+    layers: Any = LayerPublishers(
+        SimpleNamespace(create=create), enabled, recorder, frame_id='map'
+    )
+    recorder.arm(directory)
+    for snapshot in SNAPSHOTS:
+        stamp = int(snapshot.time * 1e9)
+        eruption = SimpleNamespace(
+            scene=SCENE, effects={}, schedule=VENTS, origin=None, device='cpu'
+        )
+        recording.write(eruption, snapshot, stamp)
+        layers.publish(snapshot, stamp, also_not_due=True, repeat=False)
+    recorder.stop()
+    return directory
+
+
+def of_a_hindcast(directory: Path) -> Path:
+    """What a command records without a node."""
+    write_snapshots(directory, SCENE, SNAPSHOTS, custom_data={})
+    return directory
+
+
+def recovered(directory: Path) -> Path:
+    """What is left of a recording that was cut off."""
+    whole = of_the_node(directory.with_name('whole'))
+    (path,) = whole.glob('*.mcap')
+    (whole / 'metadata.yaml').unlink()
+    path.write_bytes(path.read_bytes()[:-100])
+    recover(BagReader(whole), directory)
+    return directory
+
+
+def sample(directory: Path) -> Path:
+    """The one that comes with the package."""
+    return ROOT / 'bags/sample'
+
+
+WAYS = (of_the_node, of_a_hindcast, recovered, sample)
+
+
+@pytest.mark.parametrize('make', WAYS)
+def test_bags_hold_what_the_views_draw(make: Callable[[Path], Path], tmp_path: Path) -> None:
+    """Each topic is in the bag, latched, from the first map on; the ground is that of the maps."""
+    bag = BagReader(make(tmp_path / 'bag'))
+    first: dict[str, Any] = {}
+    for item in bag.messages():
+        kind = message_class(bag.topics[item.topic].message_type)
+        first.setdefault(item.topic, (item.stamp_ns, deserialize_message(item.data, kind)))
+    assert set(first) >= DRAWN
+    for topic in DRAWN:
+        assert bag.topics[topic].qos == LATCHED, topic
+    stamp_ns, hazard = first['/hazard']
+    for topic in ('/relief', '/vents_markers'):
+        assert first[topic][0] <= stamp_ns
+    relief = first['/relief'][1]
+    for name in ('width', 'height', 'resolution', 'origin'):
+        assert getattr(relief.info, name) == getattr(hazard.info, name)
+    drawn = [item for item in first['/vents_markers'][1].markers if item.action == Marker.ADD]
+    labels = [item.text.partition(':')[0] for item in drawn if item.text]
+    assert labels in (['north', 'fissure'], ['crater'])
+    assert {item.header.frame_id for item in drawn} == {relief.header.frame_id} == {'map'}
+
+
+def test_a_change_of_the_vents_is_recorded(tmp_path: Path) -> None:
+    """The discharge changes between the two frames, the ground does not."""
+    for make in (of_the_node, of_a_hindcast):
+        bag = BagReader(make(tmp_path / make.__name__))
+        topics = [item.topic for item in bag.messages()]
+        assert topics.count('/vents_markers') == topics.count('/vents') == 2
+        assert topics.count('/relief') == topics.count('/terrain') == 1
+
+
+@pytest.mark.parametrize('elevation', [-50.0, 450.0, 2500.0, 8000.0])
+@pytest.mark.parametrize('resolution', [0.01, 30.0, 1000.0])
+def test_vents_are_below_the_camera(elevation: float, resolution: float) -> None:
+    """On mountains of any height and size, on top of the maps, with their labels."""
+    view = RVIZ['Visualization Manager']['Views']['Current']
+    assert view['Class'] == 'rviz_default_plugins/TopDownOrtho'
+    terrain = Terrain(np.full((20, 30), elevation), resolution)
+    x, y = 10.0 * resolution, 5.0 * resolution
+    vents = (
+        Vent((x, y), 1.0, 1423.0, radius=min(resolution, 1e4)),
+        Vent((x, y), 1.0, 1423.0, radius=0.1, end=(2.0 * x, y)),
+    )
+    _, *markers = outputs.vent_markers(vents, 0.0, terrain, frame_id='map', stamp_ns=0).markers
+    for item in markers:
+        if item.ns == outputs.ELEVATIONS:
+            assert max(point.z for point in item.points) == max(elevation, 0.0)
+            continue
+        heights = [item.pose.position.z, *(point.z for point in item.points)]
+        assert 0.0 <= min(heights) <= max(heights) <= 1.0 < CAMERA
+        # RViz draws translucent maps over translucent markers
+        assert item.color.a == 1.0
+
+
+def test_maps_let_the_ground_show() -> None:
+    """The relief is behind, all others are transparent where there is no lava."""
+    for topic, display in DISPLAYS.items():
+        if 'Color Scheme' in display:
+            is_ground = topic == 'relief'
+            assert display['Draw Behind'] is is_ground
+            assert display['Color Scheme'] == ('map' if is_ground else 'costmap')
+            assert 0.4 <= display['Alpha'] < 1.0
+    topics = FOXGLOVE['configById']['3D!lava']['topics']
+    modes = {name: item['colorMode'] for name, item in topics.items() if 'colorMode' in item}
+    assert {name for name, mode in modes.items() if mode == 'map'} == {'/relief'}
+    assert {mode for name, mode in modes.items() if name != '/relief'} == {'costmap'}
+
+
+def test_the_window_of_rviz_leaves_the_map_its_place() -> None:
+    """Panels have their docks, those at the left are a quarter of the width; Etna is in the view.
+
+    Without the state of Qt's window RViz leaves the map 80 pixels.
+    """
+    window = RVIZ['Window Geometry']
+    state = bytes.fromhex(window['QMainWindow State'])
+    for panel in RVIZ['Panels']:
+        assert panel['Name'].encode('utf-16-be') in state
+    # mark and version, then the areas with docks: which, width, height
+    marks = struct.unpack_from('>IIBIIII', state)
+    assert marks[:3] == (0xFF, 0, 0xFD)
+    areas, left, docks = marks[3:6]
+    assert (areas, left) == (2, 0)
+    assert 200 <= docks <= 0.3 * window['Width']
+    view = RVIZ['Visualization Manager']['Views']['Current']
+    terrain = scene_from_yaml(ROOT / 'examples/etna.yaml').terrain
+    # the title, the tools and the time are above and below
+    place = {'X': window['Width'] - docks, 'Y': window['Height'] - 200}
+    for axis, cells, start in zip('XY', terrain.shape[::-1], terrain.origin, strict=True):
+        length = cells * terrain.resolution
+        assert view[axis] == start + 0.5 * length
+        assert 0.5 < view['Scale'] * length / place[axis] <= 1.0
