@@ -42,6 +42,10 @@ raise SystemExit(main())
 """
 QUICK = QUICK_MODULE.format('ros.node')
 
+#: How long a process may take to end before it is killed [s].
+GRACE = 5.0
+
+
 def _environment(aside):
     environment = dict(os.environ)
     environment['ROS_DOMAIN_ID'] = str(own_domain('aside' if aside else 'graph'))
@@ -205,9 +209,16 @@ class Graph:
             yield ' '.join(process.child.args[1:3]), process.log[-5000:]
 
     def close(self):
-        """End what still runs."""
+        """End what still runs: what is killed leaves its shared memory in /dev/shm."""
+        for process in self._started:
+            process.child.stdin.close()
+            process.child.terminate()
         while self._started:
-            self._started.pop().end(signal.SIGKILL)
+            process = self._started.pop()
+            try:
+                process.wait_for_end(GRACE)
+            except subprocess.TimeoutExpired:
+                process.end(signal.SIGKILL)
         while self._publishers:
             self._publishers.pop().close()
 

@@ -74,7 +74,7 @@ def main():
     node.create_subscription(Path, 'plan', show, LATCHED)
     threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
     while any(item.get_subscription_count() == 0 for item in (*maps, *poses.values())):
-        pass
+        time.sleep(0.01)
     print('ready', flush=True)
     for line in sys.stdin:
         order = json.loads(line)

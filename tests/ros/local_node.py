@@ -43,10 +43,8 @@ HEARTBEAT = 0.02
 #: Longest step of the clock, which a simulation makes up for [s].
 STEP = 0.5
 
-
 #: There is lava after 2 s of the clock, and a step takes some milliseconds.
 COARSE = {'device': 'cpu', 'preset': 'draft', 'spacing': 4.0, 'time_scale': 20.0}
-
 
 
 class _Log:
@@ -107,7 +105,7 @@ class LocalNode(Asking, Hearing):
         patch.setattr(diagnostics, 'PATIENCE', float('inf'))
         patch.chdir(directory)
         self.directory, self.seen, self.now = Path(directory), [], 0.0
-        self._log, self._sent, self._ended = _Log(), deque(), False
+        self._log, self._sent = _Log(), deque()
         values = {**COARSE, 'use_sim_time': True, 'autostart': False, **parameters}
         context = Context()
         context.init(args=[], domain_id=own_domain('local'))
@@ -154,7 +152,7 @@ class LocalNode(Asking, Hearing):
         self.deliver('/clock', Clock(clock=codec.time_message(round(to * 1e9))))
 
     def run(self, seconds):
-        """Let a time pass, which the simulation follows unless it ends [s]."""
+        """Let a time pass, which the simulation follows unless it ends, and have it shown [s]."""
         end, worker = self.now + seconds, self.worker
         reached = worker.eruption.time
         while self.now < end:
@@ -167,6 +165,14 @@ class LocalNode(Asking, Hearing):
                     or worker.status.state is WorkerState.FINISHED
                 )
             )
+        self.wait_until(self._has_shown_now)
+
+    def _has_shown_now(self):
+        """Return True if the newest snapshot is of now, and ask for one otherwise."""
+        worker = self.worker
+        if worker.latest.time < worker.eruption.time:
+            worker.request_snapshot()
+        return worker.latest.time >= worker.eruption.time
 
     def run_commands(self):
         """Wait until the simulation's thread has run all commands so far."""

@@ -175,13 +175,13 @@ def test_time_stands_still_while_inactive(start):
     node = start('active', record=True, bag_directory='bag')
     node.run(2.0)
     change(node, 'deactivate')
-    assert node.call('pause', True)['success']
-    assert node.call('pause', False)['success']
     before = node.status_now('simulation', lambda item: item['state'] == 'paused')
+    assert node.call('pause', False)['success']
     since = len(node.seen)
     node.jump(node.now + 100.0)
+    node.run_commands()
     after = node.status_now('simulation')
-    assert after['lifecycle'] == 'inactive'
+    assert (after['lifecycle'], after['state']) == ('inactive', 'paused')
     assert after['simulated_time_s'] == before['simulated_time_s']
     assert {item['topic'] for item in node.seen[since:]} == {'diagnostics'}
     recorder = node.status_now('recorder')
@@ -209,6 +209,8 @@ def test_a_step_ends_with_the_deactivation(start):
     node.run_commands()
     reached = node.worker.eruption.time
     for _ in range(3):
+        # a turn of the simulation's thread each
+        node.run_commands()
         assert float(node.status_now('simulation')['simulated_time_s']) <= reached < 1e6
     assert node.worker.eruption.time == reached
 
@@ -251,13 +253,21 @@ def test_cleaning_up_finishes_the_bag_and_leaves_the_graph(start, tmp_path):
     refuse(node, 'activate', 'a folder that does not exist yet', 'inactive')
 
 
-def test_a_recording_that_was_ended_does_not_begin_again(start, tmp_path):
-    """The bag that is there must not keep the node inactive."""
+@pytest.mark.parametrize('is_moved', [False, True])
+def test_a_recording_that_was_ended_does_not_begin_again(start, tmp_path, is_moved):
+    """By whoever asked for it, or as its folder is gone: what is left keeps no node inactive."""
     node = start('active', record=True, bag_directory='bag')
     node.newest('height')
-    assert node.call('record', False) == {'success': True, 'message': 'recorded bag'}
-    change(node, 'deactivate', 'activate', 'deactivate')
-    assert not BagReader(tmp_path / 'bag').recovered
+    if is_moved:
+        (tmp_path / 'bag').rename(tmp_path / 'moved')
+        node.status_now('recorder', lambda item: item['state'] == 'off')
+    else:
+        assert node.call('record', False) == {'success': True, 'message': 'recorded bag'}
+        assert not BagReader(tmp_path / 'bag').recovered
+    change(node, 'deactivate', 'activate')
+    node.jump(node.now + 1.0)
+    assert node.status_now('recorder')['state'] == 'off'
+    assert (tmp_path / 'bag').exists() is not is_moved
 
 
 @pytest.mark.parametrize(

@@ -328,3 +328,4 @@ def test_subscribers_that_never_read(graph, served):
     stopped.child.send_signal(signal.SIGCONT)
     heard = len(stopped.seen)
     stopped.wait(lambda _: len(stopped.seen) > heard + 3)
+    deaf.end(signal.SIGKILL)
