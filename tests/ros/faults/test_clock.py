@@ -92,9 +92,9 @@ class Clocked:
         return float(status['simulated_time_s'])
 
 
-@pytest.fixture(scope='module')
-def clocked(graph):
-    """One node for all tests, one after the other."""
+@pytest.fixture
+def clocked(graph, alone):
+    """A node of the test's own."""
     return Clocked(graph)
 
 
@@ -163,6 +163,7 @@ def test_a_coarse_clock(clocked, step):
 
 def test_a_clock_that_jumps(clocked):
     """Ahead, back and to 0: simulated time does not jump; a warning; stamps follow the clock."""
+    clocked.run(2.0)
     before = clocked.simulated()
     for to in (1e6, 500.0, 0.0):
         where = 'ahead' if to > clocked.now else 'back'
@@ -181,7 +182,8 @@ def test_a_clock_that_jumps(clocked):
 
 
 def test_a_clock_that_shows_no_time(clocked):
-    """A time before 0 is refused, once in the log, and the node goes on."""
+    """A time before 0 is refused, once in the log, and the node continues."""
+    clocked.run(2.0)
     before = clocked.simulated()
     for _ in range(3):
         clocked.jump(-20.0)
