@@ -243,7 +243,8 @@ def test_shell_blocks(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch)
     """Every line ends well; those that live side by side live until they are told to end."""
     environment = _environment(shop)
     if 'run: together' in block.remarks:
-        _run_together(_commands(block), shop, environment)
+        commands = [_with_free_port(command) for command in _commands(block)]
+        _run_together(commands, shop, environment)
         return
     monkeypatch.chdir(shop)
     for name, text in environment.items():
@@ -259,6 +260,13 @@ def test_shell_blocks(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch)
             )
             status, said = done.returncode, [done.stdout, done.stderr]
         assert status == 0, '\n'.join([f'{block}: {command}', *said])
+
+
+def _with_free_port(command: str) -> str:
+    """Return a command that serves at any free port: another may have the document's."""
+    if not command.startswith('lava watch'):
+        return command
+    return re.sub(r'( --port \d+)?$', ' --port 0', command, count=1)
 
 
 def _run_together(commands: list[str], folder: Path, environment: dict[str, str]) -> None:
