@@ -142,7 +142,7 @@ def _resumed(node: Node, bag: str) -> Sources:
         node.get_logger().warning(f'a newer checkpoint cannot be used: {error}')
     checkpoint = found.checkpoint
     node.get_logger().info(
-        f'going on at {checkpoint.time:.3f} s simulated with {checkpoint.particle_count} '
+        f'resuming at {checkpoint.time:.3f} s simulated with {checkpoint.particle_count} '
         f'particles, from a checkpoint of lava_ros {checkpoint.written_by} in {bag}'
     )
     origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)

@@ -42,7 +42,7 @@ raise SystemExit(main())
 """
 QUICK = QUICK_MODULE.format('ros.node')
 
-#: How long a process may take to end before it is killed [s].
+#: Time that a process has to end before it is killed [s].
 GRACE = 5.0
 
 
@@ -209,7 +209,7 @@ class Graph:
             yield ' '.join(process.child.args[1:3]), process.log[-5000:]
 
     def close(self):
-        """End what still runs: what is killed leaves its shared memory in /dev/shm."""
+        """End the processes that still run: a killed one leaves its shared memory in /dev/shm."""
         for process in self._started:
             process.child.stdin.close()
             process.child.terminate()

@@ -168,7 +168,7 @@ class LocalNode(Asking, Hearing):
         self.wait_until(self._has_shown_now)
 
     def _has_shown_now(self):
-        """Return True if the newest snapshot is of now, and ask for one otherwise."""
+        """Return True if the newest snapshot is of the present time; otherwise request one."""
         worker = self.worker
         if worker.latest.time < worker.eruption.time:
             worker.request_snapshot()

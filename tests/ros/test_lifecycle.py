@@ -255,7 +255,7 @@ def test_cleaning_up_finishes_the_bag_and_leaves_the_graph(start, tmp_path):
 
 @pytest.mark.parametrize('is_moved', [False, True])
 def test_a_recording_that_was_ended_does_not_begin_again(start, tmp_path, is_moved):
-    """By whoever asked for it, or as its folder is gone: what is left keeps no node inactive."""
+    """Ended by a service call or with its folder, it does not keep a node inactive."""
     node = start('active', record=True, bag_directory='bag')
     node.newest('height')
     if is_moved:

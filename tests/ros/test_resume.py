@@ -101,7 +101,7 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
         record=True,
         bag_directory=str(second_bag),
     )
-    node.wait_for_log(f'going on at {checkpoint.time:.3f} s simulated')
+    node.wait_for_log(f'resuming at {checkpoint.time:.3f} s simulated')
     reached = heard('simulation', lambda item: has_lava(item) and int(item['steps']) > steps)
     # both halves of the terrain, and the vents
     accepted = 0
