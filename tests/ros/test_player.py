@@ -162,7 +162,8 @@ def test_signals_end_a_loop_cleanly(
     thread.start()
     assert play(bag[0], loop=True, rate=50, wait_for_subscribers=PATIENCE) >= 50
     thread.join(PATIENCE)
-    assert set(listener.back()) == {50 * SECOND}
+    # /clock keeps the newest time alone: the first one of a turn need not have been received
+    assert all(50 * SECOND <= time_ns < 51 * SECOND for time_ns in listener.back())
     assert signal.getsignal(number) is handler
 
 

