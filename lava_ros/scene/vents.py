@@ -16,7 +16,7 @@
 
 from bisect import bisect
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import count
@@ -249,6 +249,9 @@ def vents_from_list(
 #: Maximum number of closed vents in a schedule, and of entries of a vent's series.
 MAX_CLOSED, MAX_SERIES = 100, 1000
 
+#: Maximum number of nearest vents that a vent is compared with.
+MAX_CANDIDATES = 16
+
 #: Maximum change of a vent's temperature that counts as noise of a sensor [K].
 _TEMPERATURE_NOISE = 10.0
 
@@ -256,24 +259,23 @@ _TEMPERATURE_NOISE = 10.0
 _RADIUS_NOISE, _DISCHARGE_NOISE = 0.1, 0.05
 
 
-def distances(vent: Vent, others: Sequence[Vent]) -> np.ndarray:
-    """Return the distances of vents from a vent [m], shape [others].
+def distances(vents: Sequence[Vent], others: Sequence[Vent]) -> Iterator[np.ndarray]:
+    """Yield, for each vent, its distances from other vents [m], shape [others].
 
     The distance between two fissures is the larger of the distances between their ends, which may
     be given in either order. A disc and a fissure are infinitely far apart.
     """
 
-    def ends(one: Vent) -> list[complex]:
-        start, end = complex(*one.position), complex(*(one.end or one.position))
-        return [start, end, complex(one.end is not None)]
+    def ends(some: Sequence[Vent]) -> np.ndarray:
+        places = [(*vent.position, *(vent.end or vent.position)) for vent in some]
+        return np.array(places, dtype=np.float64).reshape(-1, 2).view(np.complex128).reshape(-1, 2)
 
-    if not others:
-        return np.empty(0)
-    rows = np.array([ends(other) for other in others])
-    start, end, kind = ends(vent)
-    ahead = np.abs(rows[:, :2] - (start, end)).max(axis=1)
-    reversed_ = np.abs(rows[:, :2] - (end, start)).max(axis=1)
-    return np.where(rows[:, 2] == kind, np.minimum(ahead, reversed_), np.inf)
+    rows, is_fissure = ends(others), np.array([other.end is not None for other in others], bool)
+    for vent, row in zip(vents, ends(vents), strict=True):
+        ahead = np.abs(rows - row).max(axis=1)
+        reversed_ = np.abs(rows - row[::-1]).max(axis=1)
+        is_alike = is_fissure == (vent.end is not None)
+        yield np.where(is_alike, np.minimum(ahead, reversed_), np.inf)
 
 
 def extents(vents: Sequence[Vent], least: float = 0.0) -> np.ndarray:
@@ -327,17 +329,18 @@ def match_vents(
         take_equal(key)
     rest = sorted(free)
     candidates = [before[old] for old in rest]
-    sizes = extents(candidates, least)
-    near = []
-    for new, vent in enumerate(after):
-        if result[new] is None and rest:
-            apart = distances(vent, candidates)
-            reach = np.maximum(sizes, extents([vent], least))
-            for place in np.flatnonzero(apart <= reach):
-                old = candidates[place]
-                is_other = not vent.name or vent.name != old.name
-                is_changed = vent.temperature != old.temperature
-                near.append((is_other, is_changed, apart[place], new, rest[place]))
+    news = [new for new, old in enumerate(result) if old is None] if rest else []
+    moved = [after[new] for new in news]
+    sizes, near = extents(candidates, least), []
+    for new, vent, size, apart in zip(
+        news, moved, extents(moved, least), distances(moved, candidates), strict=True
+    ):
+        nearest = np.argsort(apart, kind='stable')[:MAX_CANDIDATES]
+        for place in nearest[apart[nearest] <= np.maximum(sizes[nearest], size)]:
+            old = candidates[place]
+            is_other = not vent.name or vent.name != old.name
+            is_changed = vent.temperature != old.temperature
+            near.append((is_other, is_changed, apart[place], new, rest[place]))
     take((new, old) for *_, new, old in sorted(near))
     if by_name:
         # vents without a name are different, and a disc never continues a fissure
@@ -384,7 +387,7 @@ def are_alike(vents: Sequence[Vent], others: Sequence[Vent]) -> bool:
     return all(
         match is not None
         and _is_alike(others[match], vent)
-        and distances(vent, [others[match]])[0] <= extents([others[match]])[0]
+        and next(distances([vent], [others[match]]))[0] <= extents([others[match]])[0]
         and _has_discharge_of(vent, others[match])
         for vent, match in zip(vents, matches, strict=True)
     )

@@ -216,11 +216,11 @@ class VentSet:
     def _with_places(self, before: Emission, terrain: Terrain, spacing: float) -> Emission:
         """Return an emission in which the missing phases and directions are chosen."""
         phase, downhill = before.phase.copy(), before.downhill.copy()
-        sizes = extents(self.vents, spacing) if self.vents else np.empty(0)
-        for index in np.flatnonzero(np.isnan(phase)):
+        sizes, new = extents(self.vents, spacing), np.flatnonzero(np.isnan(phase))
+        apart = distances([self.vents[index] for index in new], self.vents)
+        for index, distance in zip(new, apart, strict=True):
             # overlapping vents need different phases, or their particles would coincide
-            vent = self.vents[index]
-            near = distances(vent, self.vents) <= np.maximum(sizes, sizes[index])
+            near = distance <= np.maximum(sizes, sizes[index])
             taken = set(phase[near].tolist())
             phase[index] = next(number for number in count() if number not in taken)
         for index in np.flatnonzero(np.isnan(downhill)):

@@ -368,6 +368,16 @@ def test_vents_are_matched(before, after, expected):
     assert match_vents(before, after) == expected
 
 
+def test_many_vents_that_tremble_are_matched():
+    """Each continues itself, though all of them lie within each other's size."""
+    places = np.random.default_rng(0).uniform(0.0, 8.0, (300, 2)).tolist()
+    before, after = (
+        [Vent((x + noise, y), 1.0, 1400.0, name=f'vent {n}') for n, (x, y) in enumerate(places)]
+        for noise in (0.0, 1e-3)
+    )
+    assert match_vents(before, after[::-1]) == list(range(300))[::-1]
+
+
 def test_a_vent_is_no_smaller_than_the_least_size():
     """A vent that has moved within this size, such as a particle spacing, is the same."""
     moved = replace(VENT, position=(40.0, 20.0), name='')
