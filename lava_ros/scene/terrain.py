@@ -127,13 +127,21 @@ class Terrain:
         cell = self.cell_at(x, y)
         return cell is not None and bool(self.has_data[cell])
 
-    def covered(self, places: np.ndarray) -> np.ndarray:
-        """Which of the map positions, shape [count, 2], lie on a cell with data: bool, [count]."""
+    def elevations_at(self, places: np.ndarray) -> np.ndarray:
+        """Return the elevation of the cells at map positions [m], NaN off the grid.
+
+        Args:
+            places: Map positions (x, y) [m], shape [..., 2].
+        """
         cells = np.floor((places - np.asarray(self.origin)) / self.resolution)
         rows, columns = self.shape
-        on_grid = ((cells >= 0) & (cells < (columns, rows))).all(axis=1)
-        column, row = np.where(on_grid[:, None], cells, 0).astype(np.int64).T
-        return on_grid & self.has_data[row, column]
+        on_grid = ((cells >= 0) & (cells < (columns, rows))).all(axis=-1)
+        column, row = np.moveaxis(np.where(on_grid[..., None], cells, 0).astype(np.int64), -1, 0)
+        return np.where(on_grid, self.elevation[row, column], np.nan)
+
+    def covered(self, places: np.ndarray) -> np.ndarray:
+        """Which of the map positions, shape [count, 2], lie on a cell with data: bool, [count]."""
+        return np.isfinite(self.elevations_at(places))
 
     def bounds(self, *, projected: bool = False) -> str:
         """What the terrain covers, in map or in projected coordinates, for messages."""

@@ -57,7 +57,7 @@ def is_open(vent: Vent, reach: float, terrain: Terrain, rise: float) -> bool:
         return True
     count = 2 + math.ceil(math.dist(*ends) / terrain.resolution)
     line = ends[0] + np.linspace(0.0, 1.0, count)[:, None] * (ends[1] - ends[0])
-    return bool(terrain.elevation[window].max() <= _elevation(terrain, line).min() + rise)
+    return bool(terrain.elevation[window].max() <= terrain.elevations_at(line).min() + rise)
 
 
 def permitted_places(
@@ -99,19 +99,9 @@ def _is_permitted(
         base, way, distance = base[outside], (places - base)[outside], distance[outside]
         count = 2 + math.ceil(2.0 * distance.max() / terrain.resolution)
         fractions = np.linspace(0.0, 1.0, count)
-        ground = _elevation(terrain, base[:, None] + fractions[:, None] * way[:, None])
+        ground = terrain.elevations_at(base[:, None] + fractions[:, None] * way[:, None])
         is_own = fractions * distance[:, None] <= radius
         highest = np.where(is_own, ground, -np.inf).max(axis=1)
         # ground without data is NaN and compares as False
         permitted[outside] = (is_own | (ground <= highest[:, None] + rise)).all(axis=1)
     return permitted
-
-
-def _elevation(terrain: Terrain, places: np.ndarray) -> np.ndarray:
-    """Return the elevation of the cells at places of shape [..., 2] [m], NaN without data."""
-    cells = (places - terrain.origin) // terrain.resolution
-    column, row = np.moveaxis(cells.astype(np.int64), -1, 0)
-    rows, columns = terrain.shape
-    on_grid = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    found = terrain.elevation[np.where(on_grid, row, 0), np.where(on_grid, column, 0)]
-    return np.where(on_grid, found, np.nan)

@@ -235,7 +235,7 @@ def test_bench_effects_writes_its_table(tmp_path, monkeypatch):
     rows = table(output)
     assert [row['benchmark'] for row in rows] == ['bare', 'green']
     assert float(rows[0]['ratio']) == 1.0
-    # which of them takes longer is the machine's: two repetitions on a busy one tell nothing
+    # two repetitions on a busy machine do not show which of them takes longer
     bare, green = (float(row['value']) for row in rows)
     assert float(rows[1]['ratio']) == pytest.approx(green / bare, rel=1e-4)
     assert rows[0]['command'] == f'lava {words}'
