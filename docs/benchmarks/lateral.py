@@ -15,11 +15,11 @@
 """Which of the two forms of the lateral stress a scene calls for: what lava covers with each.
 
 The sum (`green`) and the solve (`helmholtz`) are two forms of one effect. Each scene of
-`lava bench choice` that is named is run with its chosen effects and neither, and with either. A
+`lava bench choice` that is named is run with its expected effects and neither, and with either. A
 row has the Jaccard index of the footprints of two of the three, each of many runs, and those of
 both halves of the runs of each, which is what chance leaves. It makes choice_lateral.csv:
 
-    python docs/benchmarks/lateral.py strong --preset standard --runs 8 > choice_lateral.csv
+    python docs/benchmarks/lateral.py strong --refinement 1 2 --runs 8 > choice_lateral.csv
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from __future__ import annotations
 import argparse
 import csv
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, product
 import sys
 
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
-from lava_ros.simulation.selection import decide, effects_for
+from lava_ros.simulation.resolution import resolved_accuracy
+from lava_ros.simulation.selection import effects_for
 from lava_ros.verification.benchmarks.scenes import scenes
-from lava_ros.verification.benchmarks.selection import covered, footprint, jaccard, noise
+from lava_ros.verification.benchmarks.selection import footprint, jaccard, noise, run_copies
 from lava_ros.verification.measure import machine_name
 
 FORMS = ('neither', 'green', 'helmholtz')
@@ -45,34 +46,34 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('scene', nargs='+', choices=items)
     parser.add_argument('--preset', default=DEFAULT)
+    parser.add_argument('--refinement', type=float, nargs='+', default=[1.0],
+                        help='how much finer than the preset')
     parser.add_argument('--runs', type=int, default=24)
     parser.add_argument('--device', default='cpu')
     chosen = parser.parse_args()
-    accuracy = preset_accuracy(chosen.preset)
+    preset = preset_accuracy(chosen.preset)
     table = csv.writer(sys.stdout, lineterminator='\n')
-    table.writerow(
-        ['scene', 'preset', 'runs', 'h_over_l', 'one', 'other', 'jaccard', 'device', 'machine']
-    )
-    for name in chosen.scene:
+    table.writerow(['scene', 'preset', 'refinement', 'runs', 'h_over_l', 'one', 'other', 'jaccard',
+                    'device', 'machine'])
+    for name, finer in product(chosen.scene, chosen.refinement):
         item = items[name]
+        accuracy = replace(preset, refinement=preset.refinement * finer)
+        accuracy = resolved_accuracy(accuracy, item.scene, horizon=item.horizon)
         arguments = {'accuracy': accuracy, 'horizon': item.horizon}
         effects = effects_for(item.scene, **arguments)
-        ratio = next(
-            decision.value
-            for decision in decide(item.scene, **arguments)
-            if decision.name == 'helmholtz'
-        )
         runs = {}
         for form in FORMS:
             only = {other: other == form for other in FORMS[1:]}
-            runs[form] = covered(
+            runs[form] = run_copies(
                 item.scene,
                 chosen.runs,
                 replace(effects, **only),
                 device=chosen.device,
+                duration=item.duration,
                 **arguments,
-            )
-        case = [name, chosen.preset, chosen.runs, f'{ratio:.3g}']
+            ).cells
+        ratio = accuracy.thickness / (accuracy.ratio * accuracy.spacing)
+        case = [name, chosen.preset, f'{finer:g}', chosen.runs, f'{ratio:.3g}']
         machine = [chosen.device, machine_name(chosen.device)]
         for form, cells in runs.items():
             table.writerow([*case, form, form, f'{noise(cells):.4f}', *machine])

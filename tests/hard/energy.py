@@ -52,6 +52,7 @@ import numpy as np
 from scipy.special import k0, k1
 
 from hard.ground import along, Bound, head, lift, Moment
+from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.kernels import SQUARED_SUPPORT
 from lava_ros.simulation.state import STEPS
 
@@ -232,7 +233,7 @@ def _mean(moment: Moment, distance: np.ndarray) -> np.ndarray:
     simulation, lava = moment.simulation, moment.lava
     simulation._stage.compute_flow()
     local = simulation._state.flow.numpy()[: len(lava.volume), 1:].astype(float)
-    k, area = math.sqrt(3.0) / lava.thickness, lava.volume / lava.thickness
+    k, area = math.sqrt(LATERAL_DRAG) / lava.thickness, lava.volume / lava.thickness
     disc = np.sqrt(area / math.pi)
     # in the disc of a particle, and as near as the solver tells distances apart, K0 is level
     least = np.maximum(math.exp(-0.5) * disc, simulation.radius / SQUARED_SUPPORT)

@@ -20,8 +20,10 @@ import math
 
 import numpy as np
 import pytest
+from scipy import sparse
 from scipy.integrate import quad, solve_bvp, solve_ivp, trapezoid
 from scipy.optimize import brentq
+from scipy.sparse.linalg import spsolve
 
 from lava_ros.verification import exact
 
@@ -218,19 +220,36 @@ def test_lister_scales():
     assert math.log(y1 / y0, 4.0) == pytest.approx(1.0 / 3.0, abs=0.03)
 
 
-@pytest.mark.parametrize(
-    ('ratio', 'mean'), [(1.0, 0.192), (2.5, 0.550), (5.0, 0.769), (20.0, 0.942)]
-)
-def test_channel(ratio, mean):
-    """The mean over the width of the solution of u'' = k^2 (u - 1) with u = 0 at the walls."""
-    assert exact.channel_mean_velocity(2.0 * ratio, 2.0) == pytest.approx(mean, abs=1e-3)
-    y = np.linspace(-0.5 * ratio, 0.5 * ratio, 101)
+@pytest.mark.parametrize('ratio', [1.0, 2.5, 5.0])
+def test_channel_velocity_is_that_of_stokes_flow(ratio):
+    """Finite differences of lap u = -1 in a channel, u = 0 on bed and walls, du/dz = 0 on top."""
+    count = 40
+    step, across = 1.0 / count, round(ratio * count)
+
+    def second_difference(cells: int, last: float) -> sparse.spmatrix:
+        # walls are half a cell beyond the outer cells
+        middle = np.full(cells, -2.0)
+        middle[0], middle[-1] = -3.0, last
+        return sparse.diags_array([np.ones(cells - 1), middle, np.ones(cells - 1)],
+                                  offsets=[-1, 0, 1])
+
+    up, sideways = second_difference(count, -1.0), second_difference(across, -3.0)
+    laplacian = sparse.kronsum(sideways, up, format='csc') / step**2
+    speed = spsolve(laplacian, -np.ones(count * across))
+    mean = exact.channel_mean_velocity(2.0 * ratio, 2.0)
+    assert 3.0 * speed.mean() == pytest.approx(mean, rel=2e-3)
+
+
+@pytest.mark.parametrize('wavelength', [2.0, 4.0, 20.0])
+def test_wave_response_is_that_of_stokes_flow(wavelength):
+    """The mean of U'' = x^2 U - 1 over depth, U = 0 at the bed, U' = 0 on top, times 3."""
+    x = 2.0 * math.pi / wavelength
     solved = solve_bvp(
-        lambda y, u: np.array([u[1], 3.0 * (u[0] - 1.0)]), lambda a, b: np.array([a[0], b[0]]),
-        y, np.zeros((2, 101)), tol=1e-6, max_nodes=5000,
+        lambda z, u: np.array([u[1], x**2 * u[0] - 1.0]), lambda a, b: np.array([a[0], b[1]]),
+        np.linspace(0.0, 1.0, 51), np.zeros((2, 51)), tol=1e-8,
     )
-    found = quad(lambda y: solved.sol(y)[0], y[0], y[-1])[0] / ratio
-    assert found == pytest.approx(exact.channel_mean_velocity(ratio, 1.0), rel=1e-4)
+    mean = quad(lambda z: solved.sol(z)[0], 0.0, 1.0)[0]
+    assert exact.wave_response(math.pi / wavelength, 2.0) == pytest.approx(3.0 * mean, rel=1e-6)
 
 
 WEIGHT = 2600.0 * 9.81

@@ -23,6 +23,7 @@ EFFECT = Effect(
     title='lateral viscous stress, as a sum',
     symbol='h / l',
     number=lambda scales: scales.lateral,
+    needs_extent=True,
     threshold=math.inf,
     admits='nothing: helmholtz is the better form',
     source='docs/benchmarks/choice_lateral.csv',

@@ -18,12 +18,12 @@ With u' = h^3 u the depth-averaged balance is lap u' - k^2 u' = b, and its Green
 plane is -K0(k r) / (2 pi). The velocity is the K0-weighted mean of the driving term b.
 Where the paper's print is inconsistent this is what is computed:
 
-* k = sqrt(3) / h: from 3.37, with the isotropic Newtonian stress tau = 2 mu eps in place of the
-  paper's tau = mu eps (whose k is sqrt(3/2) / h).
+* k = sqrt(5/2) / h (``LATERAL_DRAG``): from 3.37, whose k is sqrt(3/2) / h, with the isotropic
+  Newtonian stress tau = 2 mu eps in place of the paper's tau = mu eps and the parabolic profile.
 * K0 takes k r, r the distance of two particles (3.38 prints |u|, 3.41 drops the k).
 * the mean of b is divided by k^2 h^3, as u = u' / h^3 and the integral of the Green's function is
-  1 / k^2 (3.40 multiplies by h^3). With b = k^2 h^3 u_local, k^2 = 3 / h^2, that is the weighted
-  mean of h u_local over the particle's own h.
+  1 / k^2 (3.40 multiplies by h^3). With b = k^2 h^3 u_local that is the weighted mean of
+  h u_local over the particle's own h.
 * a particle's own weight is the mean of K0 over its own area (the paper takes K0(0.001)).
 * the weights are divided by their own sum: inside the flow that is the disc's integral
   (2 pi / k^2)(1 - k l K1(k l)) up to the error of the sum, and at a free edge it leaves out the
@@ -36,6 +36,7 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.backend.compiled import (
     load1,
     load4,
@@ -191,7 +192,7 @@ def _velocity_function(
         """Thickness and velocity."""
         support = m.constants.radius
         height = here[2] / own
-        k = real(wp.static(math.sqrt(3.0))) / height
+        k = real(wp.static(math.sqrt(LATERAL_DRAG))) / height
         powers = powers_of(k * support)
         # inside its own disc K0 is level
         unit = real(wp.static(math.sqrt(SQUARED_SUPPORT))) / support

@@ -14,13 +14,13 @@
 
 """Lateral viscous stress by solving the depth-integrated momentum balance on the particles.
 
-3 mu u / h - div(mu h grad u) = -rho g h grad S, or (3 / h) u - div(h grad u) = (3 / h) u_local
-for a viscosity that varies little over a thickness. On a uniform layer its response to sin(q x)
-is 1 / (1 + q^2 h^2 / 3), k^2 = 3 / h^2, which the Green's function approximates; its natural
-boundary is free of stress, as the edge of a flow is.
+3 mu u / h - 6/5 div(mu h grad u) = -rho g h grad S, or d u / h - div(h grad u) = d u_local / h
+with d = 5/2 (``LATERAL_DRAG``), for a viscosity that varies little over a thickness. On a uniform
+layer its response to sin(q x) is 1 / (1 + q^2 / k^2), k^2 = d / h^2, which the Green's function
+approximates; its natural boundary is free of stress, as the edge of a flow is.
 
 On ``steep`` ground u_local is cos^4 b of what the level gives, so the drag on u is 1 / cos^4 b of
-3 / h too: the same weight drives lava. The work of the weight is then that of a positive definite
+d / h too: the same weight drives lava. The work of the weight is then that of a positive definite
 matrix, and the energy never grows; with the level's drag neighbours pushed lava up walls.
 
 The Laplacian is the SPH one of Brookshaw (1985): with F = -2 W'(r) / r the sum over neighbours of
@@ -36,6 +36,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import load as load_effect
+from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
     FEW_THREADS,
@@ -180,7 +181,7 @@ def _kernels(
             m.solution[i] = vec2(f[1], f[2])
             m.correction[i] = vec2()
             if wp.static(is_steep):
-                # the drag of the sweeps is 3 over this
+                # the drag of the sweeps is LATERAL_DRAG over this
                 drags = f[0] * steep(gradient_at(m.ground, p[0], p[1]))
                 m.flow[i] = vec3(drags, f[1], f[2])
 
@@ -214,7 +215,7 @@ def _kernels(
             return
         f = m.flow[i]
         scale = real(wp.static(factor)) * inverse * inverse * inverse * inverse
-        drag = real(3.0) / f[0]
+        drag = real(wp.static(LATERAL_DRAG)) / f[0]
         # it counted as a neighbour of its own
         own = terms(p[2] * (p[3] + p[3]), real(0.0), inverse)[1]
         diagonal = drag + scale * (diagonal - own)
@@ -238,11 +239,12 @@ def _kernels(
 def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
     """Momentum and relaxation of each sweep, for thickness and radius [m].
 
-    The neighbours' sum over the drag 3 / h is 28 h^2 / (3 l^2) for Wendland C2: the integral of
+    The neighbours' sum over the drag d / h is 28 h^2 / (d l^2) for Wendland C2: the integral of
     F is 28 / l^2. The smallest eigenvalue of the preconditioned matrix is one over one plus that.
     So many Chebyshev sweeps reduce the error by ``REDUCTION``.
     """
-    condition = LARGEST_EIGENVALUE * (1.0 + 28.0 * thickness**2 / (3.0 * radius**2))
+    stress_over_drag = 28.0 * thickness**2 / (LATERAL_DRAG * radius**2)
+    condition = LARGEST_EIGENVALUE * (1.0 + stress_over_drag)
     sweeps = max(2, math.ceil(0.5 * math.sqrt(condition) * math.log(2.0 / REDUCTION)))
     smallest = LARGEST_EIGENVALUE / condition
     centre = 0.5 * (LARGEST_EIGENVALUE + smallest)

@@ -175,21 +175,39 @@ def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) ->
     return gravity * thickness**2 * math.sin(slope) / (3.0 * nu)
 
 
-def green_response(wave_number: float, thickness: float) -> float:
-    """Velocity over local velocity for a driving term sin(q x), 1 / (1 + q^2 / k^2).
+def wave_response(wave_number: float, thickness: float) -> float:
+    """Depth-averaged Stokes flow over local velocity under a driving force sin(q y) along x.
 
-    It follows from lap u' - k^2 u' = b with k = sqrt(3) / h (see ``effects.green``); q [1/m], h
-    [m].
+    A layer of thickness h without slip below and without stress on top has u = U(z) sin(q y) with
+    mu (U'' - q^2 U) = -F, so U = F / (mu q^2) (1 - cosh(q (h - z)) / cosh(q h)). Its mean over
+    F h^2 / (3 mu) is 3 / x^2 (1 - tanh(x) / x), x = q h: 1 - 2/5 x^2 + 17/105 x^4 - ... for long
+    waves.
+
+    Args:
+        wave_number: q [1/m].
+        thickness: h [m].
+
+    Returns:
+        The ratio, from 0 to 1.
     """
-    return 1.0 / (1.0 + wave_number**2 * thickness**2 / 3.0)
+    x = wave_number * thickness
+    return 3.0 / x**2 * (1.0 - math.tanh(x) / x)
 
 
 def channel_mean_velocity(width: float, thickness: float) -> float:
-    """Mean velocity in a channel with no-slip walls, relative to that of a wide sheet.
+    """Mean Stokes flow in an open channel with no-slip walls, over that of a wide sheet.
 
-    The channel is W [m] wide and h [m] thick. u'' - k^2 u = -k^2 u0 with k = sqrt(3) / h and u = 0
-    at y = -W/2 and W/2 has u = u0 (1 - cosh(k y) / cosh(k W / 2)), whose mean is u0 (1 - tanh(k W
-    / 2) / (k W / 2)).
+    A channel of width W and thickness h is half of a duct of width W and height 2 h, whose series
+    (Boussinesq 1868; White 1991, Viscous Fluid Flow) gives, with the odd n,
+    1 - 384 h / (pi^5 W) sum tanh(n pi W / (4 h)) / n^5.
+
+    Args:
+        width: W [m].
+        thickness: h [m].
+
+    Returns:
+        The ratio, from 0 to 1.
     """
-    half = 0.5 * math.sqrt(3.0) * width / thickness
-    return 1.0 - math.tanh(half) / half
+    n = np.arange(1.0, 2000.0, 2.0)
+    series = np.sum(np.tanh(0.25 * math.pi * n * width / thickness) / n**5)
+    return float(1.0 - 384.0 * thickness / (math.pi**5 * width) * series)
