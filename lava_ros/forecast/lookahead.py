@@ -14,6 +14,7 @@
 
 """Runs from look to look at the flow: members of ensembles, and a fork that runs ahead."""
 
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 import time as wall_clock
 from typing import TYPE_CHECKING
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
     from lava_ros.simulation.looks import Seen
     from lava_ros.simulation.simulation import Simulation
 
-#: Looks at the flow within a horizon; arrivals are known to half of the time between two.
+#: Looks at the flow within a horizon; arrivals are known to half of the time between two, or to a
+#: time step where that is longer.
 LOOKS = 240
 
 #: Looks of the first forecast of a scene, which takes less than half of the time.
@@ -57,7 +59,9 @@ class Looking:
 
         Args:
             simulation: The simulation.
-            due: Simulated times of the other looks [s], increasing.
+            due: Simulated times of the other looks [s], increasing. Each is taken at the first end
+                of a time step at or after its time, and the last one exactly then, so the flow
+                does not depend on the looks. One that an earlier look has passed is left out.
             threshold: Thickness at which lava counts as arrived [m].
             max_particles: Most particles, None for any number.
             of: How errors refer to the simulation, such as ' of member 3'.
@@ -87,12 +91,13 @@ class Looking:
         Raises:
             LavaError: There are too many particles, or the flow cannot be shown as a map.
         """
-        due = self._due[self._done]
-        if self.simulation.advance(due, wall_limit=wall_limit) >= due:
+        due, limit = self._due[self._done], self._due[-1]
+        time = self.simulation.advance(due, limit=limit, wall_limit=wall_limit)
+        if time >= due:
             self._check_size(self.simulation.particle_count)
             self.simulation.look(self._looks)
             self._check_flow(self._looks.flaw())
-            self._done += 1
+            self._note_look(time)
 
     def advancing(self) -> Iterator[None]:
         """Run to the next look, in parts: while a GPU is at work others can go on.
@@ -102,10 +107,11 @@ class Looking:
         Raises:
             LavaError: There are too many particles.
         """
-        yield from self.simulation.advancing(self._due[self._done])
+        due, limit = self._due[self._done], self._due[-1]
+        time = yield from self.simulation.advancing(due, limit=limit)
         self._check_size(self.simulation.most_particles)
         yield from self.simulation.looking(self._looks)
-        self._done += 1
+        self._note_look(time)
 
     def seen(self, *, where_wet: bool = False) -> 'Seen':
         """What has been seen so far, of all cells or of the rectangle of wet ones.
@@ -116,6 +122,9 @@ class Looking:
         seen = self.simulation.seen(self._looks, where_wet=where_wet)
         self._check_flow(seen.flaw)
         return seen
+
+    def _note_look(self, time: float) -> None:
+        self._done = bisect_right(self._due, time)
 
     def _check_size(self, count: int) -> None:
         if self._max_particles is not None and count > self._max_particles:
@@ -130,8 +139,8 @@ class Looking:
 class LookAhead(Looking):
     """A forecast in the making, by a simulation that runs ahead of the one it was forked from.
 
-    The flow is the one that the forked simulation would have, to the bit on the same device when
-    it is deterministic and is advanced to the same times.
+    The flow is the one that the forked simulation would have if it were advanced to the horizon,
+    to the bit on the same device when it is deterministic.
     """
 
     def __init__(
@@ -208,7 +217,7 @@ class LookAhead(Looking):
 
 
 def moments(horizon: float, looks: int) -> list[float]:
-    """Times of the looks after the start [s], the last of them at the horizon."""
+    """Times after the start at which looks are due [s], the last of them at the horizon."""
     interval = horizon / looks
     early = [interval / 2.0**power for power in range(EARLY_LOOKS, 0, -1)]
     return early + [interval * number for number in range(1, looks)] + [horizon]

@@ -99,6 +99,7 @@ ARRAYS = {
     'members': Array('int32'),
     'home': Array('int32'),
     'clock': Array('float64', 5),
+    'limit_time': Array('float64', 1),
     'left': Array('float64', 2),
 }
 
@@ -136,9 +137,12 @@ class State:
             area V/h [m2] of each ordered particle.
         clock: Simulated time, step, target time, latest full step and, with inertia, the step
             before [s], float64.
+        limit_time: Time that no step may pass [s], at or after the target, float64; in no
+            checkpoint.
         counts: Particles, steps, what limited the step, whether the capacity was reached; then the
             stage at hand (0 from the last one on), the stages of the step, whether it is the last
-            one, the velocity evaluations so far, the stage at hand, the last one included,
+            one, the velocity evaluations so far, the stage at hand, the last one included (0 past
+            the target, where stages idle),
             which sides of the neighbour grid's window particles are near (the sum of 1 in the
             west, 2 in the south, 4 in the east, 8 in the north), and the particles after those
             counted first that have come out since the cells were built.
@@ -330,9 +334,14 @@ class State:
             rows = wp.array(values, dtype=array.dtype, device=self.device)
             wp.copy(array, rows, count=len(values))
 
-    def write_target(self, time: float) -> None:
-        """Replace the target time [s] of ``clock``, when all that is launched so far is done."""
+    def write_target(self, time: float, limit: float | None = None) -> None:
+        """Replace the target time of ``clock`` and, if given, ``limit_time`` [s].
+
+        Stages that have been launched already still have the former ones.
+        """
         self._target.fill_(time)
+        if limit is not None:
+            self.limit_time.fill_(limit)
 
     def write_count(self, place: int, value: int) -> None:
         """Replace one of the ``counts``."""

@@ -92,6 +92,7 @@ def pace_type(real: Any) -> Any:
         rates: wp.array(dtype=real)
         due: wp.array(dtype=wp.vec2d)
         clock: wp.array(dtype=wp.float64)
+        limit_time: wp.array(dtype=wp.float64)
         counts: wp.array(dtype=wp.int32)
         stage: wp.array(dtype=real)
         cold: wp.array(dtype=wp.int32)
@@ -105,6 +106,10 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
     """Return the device function that begins a step or goes on to its next stage.
 
     The last stage advances the clock. One thread calls it, when all rates are known.
+
+    Steps are shortened for the time that they may not pass, never for the target: from the first
+    end of a step at or after it stages idle. Those change nothing that a later step starts from,
+    so however often a simulation stops on its way, its steps are the same.
     """
 
     @wp.func
@@ -113,6 +118,7 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
         # all is read before anything is written: after that it would be read again, one by one
         time = pace.clock[at.TIME]
         target = pace.clock[at.TARGET]
+        end = pace.limit_time[0]
         step = pace.clock[at.STEP]
         j = pace.counts[at.STAGE] + 1
         s = pace.counts[at.STAGES]
@@ -123,16 +129,15 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
         advection = wp.float64(pace.rates[at.ADVECTION])
         if wp.static(freezes):
             pace.cold[0] = 0
-        if wp.static(has_velocity):
-            pace.clock[at.FORMER_STEP] = step
         if j == 1:
-            remaining = target - time
-            if remaining <= wp.float64(0.0):
-                pace.clock[at.STEP] = wp.float64(0.0)
-                pace.counts[at.IS_LAST] = 1
+            if time >= target:
+                pace.counts[at.IS_LAST] = 0
                 pace.counts[at.CURRENT] = 0
                 pace.stage[at.VELOCITY] = real(0.0)
                 return
+            if wp.static(has_velocity):
+                pace.clock[at.FORMER_STEP] = step
+            remaining = end - time
             step = pace.longest
             limit = 0
             explicit = pace.longest
@@ -190,8 +195,8 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
             pace.counts[at.IS_LAST] = 1
             pace.counts[at.STAGE] = 0
             time += step
-            if wp.abs(target - time) < wp.float64(1e-9) * step:
-                time = target
+            if wp.abs(end - time) < wp.float64(1e-9) * step:
+                time = end
             pace.clock[at.TIME] = time
         else:
             pace.counts[at.IS_LAST] = 0
@@ -234,7 +239,7 @@ def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
     pace.longest, pace.fixed = longest, accuracy.fixed_step or 0.0
     pace.few = int(FEW * accuracy.refinement)
     pace.due = due
-    for name in ('rates', 'clock', 'counts', 'stage', 'cold', 'chosen'):
+    for name in ('rates', 'clock', 'limit_time', 'counts', 'stage', 'cold', 'chosen'):
         if hasattr(state, name):
             setattr(pace, name, getattr(state, name))
     return pace

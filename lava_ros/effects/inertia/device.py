@@ -57,7 +57,15 @@ from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.motion_arguments import arguments_type
-from lava_ros.simulation.state import ADVECTION, DIFFUSION, FORMER_STEP, PARTICLES, State, STEP
+from lava_ros.simulation.state import (
+    ADVECTION,
+    CURRENT,
+    DIFFUSION,
+    FORMER_STEP,
+    PARTICLES,
+    State,
+    STEP,
+)
 from lava_ros.simulation.terrain import terrain_functions
 
 #: Wave speed of the dissipation over the speed of approach, until it reaches c.
@@ -179,6 +187,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     @quick_kernel
     def accelerate(i: int, m: arguments_type(real)):
         if i >= m.counts[PARTICLES]:
+            return
+        if m.counts[CURRENT] == 0:
+            # past the target; the next step starts from the velocity in the middle of this one
+            m.velocity[i] = m.ordered_velocity[i]
             return
         p = load(m.ordered, i)
         f = m.flow[i]

@@ -1,0 +1,232 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""However often a flow is looked at on its way, its last bit is the same."""
+
+from dataclasses import asdict, replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.forecast.lookahead import Looking
+from lava_ros.hindcast.case import Case, Event
+from lava_ros.hindcast.run import Run, Settings
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation import state as at
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.batch import Batch
+from lava_ros.simulation.checkpoint import from_bytes
+
+END, OUTPUTS = 400.0, (1, 4, 7, 24)
+
+LAVA = Lava(viscosity=2e3, density=2600.0)
+
+COOLING = Lava(viscosity=5e3, density=2600.0, convection=300.0, yield_strength=500.0,
+               yield_rate=0.01, solidus=1395.0, conductivity=900.0)
+
+SCENES = {
+    'bare': (LAVA, Effects(arrhenius=False, cooling=False)),
+    'freezing': (COOLING, Effects(yielding=True, solidification=True, conduction=True)),
+    'inertia': (replace(LAVA, viscosity=50.0), Effects(inertia=True)),
+    'helmholtz': (LAVA, Effects(helmholtz=True)),
+    'merging': (COOLING, Effects(merging=True, solidification=True)),
+}
+
+#: The second one opens later and higher up, on lava that may have frozen.
+VENTS = (
+    Vent((95.0, 150.0), ((0.0, 30.0), (100.0, 5.0), (300.0, 60.0)), radius=12.0),
+    Vent((60.0, 140.0), ((210.0, 8.0),), end=(80.0, 170.0), radius=4.0),
+)
+
+
+def hill(rise=0.0):
+    """A rough slope towards +x that lava runs off, with a hole that it falls into."""
+    x, y = np.meshgrid(np.arange(28) * 10.0, np.arange(30) * 10.0)
+    height = 900.0 - 0.25 * x + 3.0 * np.sin(x / 17.0) * np.cos(y / 23.0) + rise * (y > 160.0)
+    height[14:16, 16:18] = np.nan
+    return Terrain(height, 10.0)
+
+
+def begun(name, device):
+    """An eruption before its first step."""
+    lava, effects = SCENES[name]
+    return Simulation(
+        Scene(hill(), VENTS, lava),
+        effects=effects,
+        accuracy=Accuracy(spacing=4.0, thickness=0.5, longest_step=20.0, deterministic=True),
+        device=device,
+        notes_arrival=True,
+    )
+
+
+def result_of(simulation):
+    """Everything that later steps and maps depend on, by name, without what idle stages write."""
+    # whoever has left or frozen is dropped, and all are in the order of their cells
+    simulation.sample()
+    clock, counts = simulation._state.read_clock()
+    checkpoint = simulation.checkpoint()
+    passing = ('state.clock', 'state.counts', 'state.stage', 'state.rates')
+    arrays = {name: item for name, item in checkpoint.arrays.items() if name not in passing}
+    places = [at.PARTICLES, at.STEPS, at.EVALUATIONS, at.LIMIT, at.STAGES]
+    return arrays | {
+        'clock': clock[[at.TIME, at.STEP, at.FULL_STEP]],
+        'counts': counts[places],
+        'capacity': np.array(checkpoint.capacity),
+    }
+
+
+@lru_cache
+def without_stops(name, device):
+    """The same of a run that is not stopped."""
+    simulation = begun(name, device)
+    simulation.advance(END)
+    return result_of(simulation)
+
+
+def stops(count):
+    """So many times up to the end, evenly."""
+    return [END * (number / count) for number in range(1, count + 1)]
+
+
+def looked_at(simulation, count):
+    """Take looks as a forecast does, in parts that end wherever they do."""
+    looking = Looking(simulation, stops(count), threshold=0.1, max_particles=None)
+    while not looking.is_done:
+        looking.advance(wall_limit=0.01)
+    return simulation
+
+
+def looked_at_in_a_batch(simulation, count):
+    """Take looks as the members of an ensemble do."""
+    looking = Looking(simulation, stops(count), threshold=0.1, max_particles=None)
+
+    def route():
+        while not looking.is_done:
+            yield from looking.advancing()
+
+    Batch().run([route()])
+    return simulation
+
+
+def resumed(simulation):
+    """The simulation of a checkpoint's bytes."""
+    data = simulation.checkpoint().to_bytes()
+    return Simulation.resume(from_bytes(data), device=simulation.device)
+
+
+#: What is done at a stop.
+READINGS = {
+    'snapshots': lambda simulation: simulation.snapshot(),
+    'pending snapshots': lambda simulation: simulation.begin_snapshot().result(),
+    'samples': lambda simulation: simulation.sample(),
+    'budgets': lambda simulation: simulation.budget(),
+    'checkpoints': lambda simulation: simulation.checkpoint(),
+    'resumed checkpoints': resumed,
+}
+
+
+def read_out(simulation, count, reading):
+    """Stop on the way, and read something each time."""
+    for time in stops(count):
+        reached = simulation.advance(time, limit=END)
+        assert reached == simulation.time
+        assert time <= reached <= min(time + 20.0, END)
+        read = READINGS[reading](simulation)
+        simulation = read if reading == 'resumed checkpoints' else simulation
+    return simulation
+
+
+def assert_same(found, expected):
+    """Fail on the names of what is not the same to the bit."""
+    assert found.keys() == expected.keys()
+    assert [name for name in expected if found[name].tobytes() != expected[name].tobytes()] == []
+
+
+@pytest.mark.parametrize('kind', ['looks', 'looks in a batch', *READINGS])
+@pytest.mark.parametrize('name', SCENES)
+def test_stops_do_not_change_the_flow(name, kind, device):
+    """Particles, what has frozen and when lava came are those of a run without a stop."""
+    ways = {'looks': looked_at, 'looks in a batch': looked_at_in_a_batch}
+    expected = without_stops(name, device)
+    for count in OUTPUTS:
+        simulation = begun(name, device)
+        if kind in ways:
+            simulation = ways[kind](simulation, count)
+        else:
+            simulation = read_out(simulation, count, kind)
+        assert_same(result_of(simulation), expected)
+    assert (expected['arrived.times'] > 0.0).sum() > 50
+    assert 'freezing' != name or expected['state.frozen'][0] > 100.0
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_maps_do_not_change_the_flow(name, device, tmp_path):
+    """Nor do those of a hindcast, of which the ground changes and which is interrupted."""
+    lava, effects = SCENES[name]
+    case = Case(
+        name='hill', title='', source='', scene=Scene(hill(), VENTS, lava), material=None,
+        footprint=np.zeros((30, 28), dtype=bool), start=0.0, end=END, volume=1.0,
+        events=(Event(130.0, hill(2.0), 'it rose'),),
+    )
+    settings = Settings('draft', spacing=8.0, device=device, forced=asdict(effects))
+    results = []
+    for count in OUTPUTS:
+        times = []
+        folder = tmp_path / str(count)
+        for stop in (1, count + 1):
+            run = Run(case, replace(settings, maps=count), folder=folder)
+            for snapshot in run.parts():
+                if snapshot is not None:
+                    times.append(snapshot.time)
+                    if len(times) == stop:
+                        break
+        assert len(times) == len(run.kept()) <= count
+        assert times == sorted(set(times)) and times[-1] == END
+        results.append(result_of(run._simulation))
+    for found in results[1:]:
+        assert_same(found, results[0])
+
+
+def test_a_step_may_not_pass_its_limit():
+    """It is refused before the time to reach; without one the time is reached exactly."""
+    simulation = begun('bare', 'cpu')
+    with pytest.raises(LavaError, match='limit'):
+        simulation.advance(20.0, limit=10.0)
+    assert simulation.advance(33.3) == 33.3
+    passed = simulation.advance(40.1, limit=END)
+    assert 40.1 < passed == simulation.advance(40.1, limit=END)
+    assert simulation.advance(passed + 1e-3, limit=passed + 1e-3) == passed + 1e-3
+
+
+def test_a_vent_that_opens_later_counts_as_without_stops(device):
+    """The bound on the fall of lava has its ground before lava froze there, also when resumed."""
+    vents = Vent((150.0, 150.0), 30.0, radius=12.0), Vent((170.0, 150.0), ((350.0, 8.0),))
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((30, 30)), 10.0), vents, replace(COOLING, convection=1000.0)),
+        effects=Effects(solidification=True),
+        accuracy=Accuracy(spacing=4.0, thickness=0.5, deterministic=True),
+        device=device,
+    )
+    tops = []
+    for time in stops(4):
+        simulation.advance(time, limit=END)
+        simulation = resumed(simulation)
+        frozen = simulation.snapshot().frozen
+        tops.append((time, float(simulation._state.top.numpy()[0]), float(frozen[15, 17])))
+    assert frozen[15, 17] > 0.1
+    assert {top for _, top, _ in tops} == {0.0}, tops
