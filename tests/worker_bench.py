@@ -41,7 +41,8 @@ class KeepsTime:
 
     device, failure, flawed = 'paper', None, False
     time = slowness = emitted_before = changed_at = 0.0
-    particle_count = begun = 0
+    particle_count = begun = review_count = 0
+    accuracy = Accuracy()
     horizon = HORIZON
 
     def __init__(self, scene, speed=None):

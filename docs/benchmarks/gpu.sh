@@ -24,6 +24,7 @@ declare -A command=(
     [live]="python3 docs/benchmarks/forecast.py cuda:0 GPU 256"
     [hard]="python3 -m hard.run --device cuda:0 --jobs 8 --csv $out"
     [steps]="$lava bench steps --device cuda:0 --repetitions 5 --output $out/steps_h200.csv"
+    [choice]="$lava bench choice --device cuda:0 --preset standard --runs 24 --output $out/choice_gpu.csv"
     [effects]="$lava bench effects --device cuda:0 --repetitions 5 --output $out/effects_h200.csv"
     [accuracy]="$lava accuracy --device cuda:0 --case green --case radiating_sheet --longest 20 --output $out/accuracy"
     [calibrate]="$lava calibrate $cases/etna2001 $cases/etna2006 --preset standard --directions 4 --device cuda:0 -o $out/calibration"
@@ -32,7 +33,7 @@ declare -A command=(
 )
 declare -A limit=(
     [batch]=120 [members]=280 [day]=100 [day_standard]=120 [whole]=400 [atlas]=400 [live]=110 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
-    [calibrate]=500 [eruptions]=300 [probability]=500
+    [calibrate]=500 [eruptions]=300 [probability]=500 [choice]=600
 )
 [ $# -gt 0 ] || set -- batch members day day_standard whole atlas live hard steps effects accuracy calibrate eruptions probability
 mkdir -p "$out"

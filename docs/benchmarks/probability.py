@@ -128,7 +128,7 @@ def rows_of(folder: str, args: argparse.Namespace, command: str):
     for size in (*sizes, args.members):
         started = time.monotonic()
         runner = partial(run_here, device=args.device)
-        said = run_ensemble(plan, draw_members(plan.scene, size), store, runner=runner)
+        said = run_ensemble(draw_members(plan.scene, size), store, runner=runner)
         # of members that were there nobody knows how long they took
         seconds = seconds + time.monotonic() - started if said.resumed == done else None
         done = size if seconds is not None else -1

@@ -39,7 +39,7 @@ def lines_of(name: str | Path) -> list[dict[str, str]]:
 def scores() -> Iterator[Line]:
     """Sets of constants on the mapped flows."""
     yield ('constants', 'flow', 'preset', 'majority', 'single runs', 'area', 'length')
-    for row in lines_of('eruptions_h200.csv'):
+    for row in lines_of('eruptions.csv'):
         yield (
             row['constants'],
             row['case'].removeprefix('etna'),

@@ -133,14 +133,13 @@ def ensemble(args: argparse.Namespace) -> int:
     tags = {'scene': name, 'seed': str(args.seed), 'preset': args.preset}
 
     def write_maps(maps: HazardMaps) -> list[str]:
-        return [str(path) for path in write_atlas(output, maps, plan, tags, args.formats)]
+        return [str(path) for path in write_atlas(output, maps, store.plan, tags, args.formats)]
 
     started = time.monotonic()
     try:
         with Progress() as progress:
             progress.show('members begin', 0.0)
             done = run_ensemble(
-                plan,
                 members,
                 store,
                 runner=runner,
@@ -155,6 +154,7 @@ def ensemble(args: argparse.Namespace) -> int:
         print('lava ensemble: interrupted; the same command continues', file=sys.stderr)
         raise
     wall = time.monotonic() - started
+    plan = store.plan
     report = _report(args, plan, done, wall, where)
     if scene.uncertainty.eruption:
         lengths = [member.eruption[0] for member in members if member.eruption]
@@ -164,7 +164,7 @@ def ensemble(args: argparse.Namespace) -> int:
         report['score'] = chances_of(done.maps.probability, mapped_on(case, plan))
     report['files'] = [*write_maps(done.maps), *_write_bag(output / BAG, plan, done, report)]
     write_json(report, args.json)
-    _print(report)
+    _print(report, plan)
     return 0
 
 
@@ -223,6 +223,8 @@ def _report(
         'members_beyond': maps.members_beyond,
         'threshold_m': plan.threshold,
         'preset': args.preset,
+        'effects': list(plan.effects),
+        'switched_on': [asdict(item) for item in plan.switched_on],
         'seed': args.seed,
         **where,
         'wall_s': wall,
@@ -250,12 +252,13 @@ def _write_bag(bag: Path, plan: Plan, done: Ensemble, report: dict[str, Any]) ->
         return []
     from lava_ros.ros.offline_bags import write_atlas_bag
 
-    data = {'ensemble': json.dumps(report)}
+    effects = [{'time': 0.0, 'effects': plan.explain_effects()}]
+    data = {'ensemble': json.dumps(report), 'effects': json.dumps(effects)}
     write_atlas_bag(bag, done.maps, plan, stamp_ns=time.time_ns(), custom_data=data)
     return [str(bag)]
 
 
-def _print(report: dict[str, Any]) -> None:
+def _print(report: dict[str, Any], plan: Plan) -> None:
     ran = report['members'] - report['resumed']
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
     print(f'{ran} members run in {report["wall_s"]:.0f} s{pace}, {report["resumed"]} from before')
@@ -269,7 +272,11 @@ def _print(report: dict[str, Any]) -> None:
         f'standard error of a probability of 50 %: {report["sampling_error_percent"]:.2g} '
         f'percentage points, from {report["members"]} members'
     )
-    print(f'error of the arrival times: up to {report["arrival_error_s"]:g} s')
+    print(f'effects of all members: {", ".join(plan.effects) or "none"}')
+    for item in plan.switched_on:
+        print(f'{item.effect} was switched on from the start: {item.reason}')
+    error = report['arrival_error_s']
+    print(f'error of the arrival times: up to {error:g} s and a time step of the flow')
     if report['members_beyond']:
         print(f'lava of {report["members_beyond"]} members left the map: no map shows that part')
     if report.get('eruptions_cut_off'):
@@ -337,7 +344,10 @@ def plan(args: argparse.Namespace) -> int:
         f'{found.members} run{"s" * (found.members > 1)} in about {found.wall_time:.2g} s of '
         f'{within:g} s' + ('; more time would not help' if found.is_finest else '')
     )
-    print(f'numerical error: about {100.0 * found.error:.2g} % of the covered area')
+    print(
+        f'numerical error: about {100.0 * found.error:.2g} % of the covered area, and '
+        f'{100.0 * found.cell_error:.2g} % by the cells of {scene.terrain.resolution:g} m'
+    )
     if found.members > 1:
         print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
     write_json(asdict(found), args.json)

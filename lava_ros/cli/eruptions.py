@@ -43,6 +43,7 @@ from lava_ros.hindcast.calibration import (
     write_trials,
 )
 from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.expected_error import estimate_error, ExpectedError
 from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
 from lava_ros.hindcast.replicates import agreement, MOST, run_replicates
 from lava_ros.hindcast.run import Result, Run, Settings, UNFINISHED
@@ -52,6 +53,7 @@ from lava_ros.hindcast.unknowns import unknowns_of
 from lava_ros.maps.plot import duration
 from lava_ros.scene import Terrain
 from lava_ros.simulation.defaults import device_of
+from lava_ros.simulation.selection import decision_as_dict
 
 #: What a hindcast leaves in its folder.
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
@@ -72,7 +74,7 @@ TABLE, CALIBRATION = 'runs.csv', 'calibration.json'
         'area that at least half of them cover; from 2 to 8, which are all directions (default: '
         'none)', 1,
     ),
-    argument('--maps', 'N', 'number of maps of the run', 24),
+    argument('--maps', 'N', 'number of maps of the run, which does not change the flow', 24),
 )
 def hindcast(args: argparse.Namespace) -> int:
     """Simulate a mapped eruption, and compare the flow with the map.
@@ -116,18 +118,19 @@ def hindcast(args: argparse.Namespace) -> int:
                 progress=lambda share: progress.show(f'{runs} runs', share),
             )
         several = agreement(case, [item.snapshot for item in results])
+    expected = estimate_error(case, settings, result, several)
     picture, page = output / PICTURE, output / PAGE
     files = write_maps(case, result, output, several)
     draw_comparison(case, result.snapshot, judged, picture)
-    write_page(case, settings, result, judged, picture, page, several)
+    write_page(case, settings, result, judged, picture, page, expected, several)
     files = [*files, picture, page, *_write_bag(case, run, result, output / BAG)]
     shutil.rmtree(unfinished, ignore_errors=True)
-    data = _as_dict(case, settings, result, judged)
+    data = _as_dict(case, settings, result, judged, expected)
     if several is not None:
         data['runs'] = several.as_dict()
     write_json(data, output / RESULT, args.json)
     print(case.title)
-    rows = [*facts(judged, several).items()]
+    rows = [*facts(judged, expected, several).items()]
     rows += [(f'volume {term}', value) for term, value in result.snapshot.budget.rows()]
     for term, value in [*rows, ('wall time', f'{result.wall_time:.1f} s on {result.device}')]:
         print(f'  {term:26} {value}')
@@ -178,7 +181,9 @@ def _write_bag(case: Case, run: Run, result: Result, bag: Path) -> list[Path]:
     return [bag]
 
 
-def _as_dict(case: Case, settings: Settings, result: Result, judged: Score) -> dict[str, Any]:
+def _as_dict(
+    case: Case, settings: Settings, result: Result, judged: Score, expected: ExpectedError
+) -> dict[str, Any]:
     """A hindcast as plain data."""
     snapshot, budget = result.snapshot, result.snapshot.budget
     return {
@@ -198,8 +203,10 @@ def _as_dict(case: Case, settings: Settings, result: Result, judged: Score) -> d
             budget.emitted / (result.accuracy.spacing**2 * result.accuracy.thickness)  # type: ignore[operator]
         ),
         'effects': list(result.effects),
+        'decisions': [decision_as_dict(item) for item in result.decisions],
         'accuracy': asdict(result.accuracy),
-        'resolution': {**asdict(result.resolution), 'footprint_error': result.resolution.error},
+        'resolution': asdict(result.resolution),
+        'expected_error': expected.as_dict(),
         'cell_m': case.scene.terrain.resolution * settings.coarseness(case),
         'lava': asdict(case.scene.lava),
         'vents': [asdict(vent) for vent in case.scene.vents],

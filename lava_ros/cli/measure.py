@@ -53,10 +53,11 @@ SHOWN: dict[str, tuple[tuple[str, str, str], ...]] = {
     'publishing': _SPREAD,
     'members': _SPREAD,
     'choice': (
-        ('scene', 'scene', ''), ('Jaccard', 'jaccard', '.3f'),
-        ('halves: chosen', 'noise_auto', '.3f'), ('all', 'noise_all', '.3f'),
-        ('chosen [s]', 'seconds_auto', '.2f'), ('all [s]', 'seconds_all', '.2f'),
-        ('chosen', 'effects_auto', ''),
+        ('scene', 'scene', ''), ('effect', 'effect', ''), ('expected', 'expected', '.2g'),
+        ('measured', 'measured', '.2g'), ('threshold', 'threshold', '.2g'),
+        ('stated', 'stated', '.2%'), ('changed', 'changed', '.2%'), ('chance', 'chance', '.2%'),
+        ('front', 'front_changed', '.2%'), ('chosen [s]', 'seconds', '.2f'),
+        ('with it [s]', 'seconds_with', '.2f'),
     ),
     'convergence': (
         ('scene', 'scene', ''), ('preset', 'preset', ''), ('spacing [m]', 'spacing_m', '.3g'),
@@ -242,7 +243,8 @@ def _judged(result: Run, judged: Sequence[tuple[Measurement, float]]) -> dict[st
     '--device', '--preset', '--json',
     argument(
         '--particles', 'N', 'number of particles, for effects, steps, publishing and members; '
-        'steps and members take several (default: by the device)', int, nargs='+',
+        'steps and members take several (default: by the device); for choice the largest number '
+        'of a run (default: any)', int, nargs='+',
     ),
     argument(
         '--repetitions', 'N', 'number of measurements, for all but choice and convergence', 5
@@ -263,7 +265,8 @@ def bench(args: argparse.Namespace) -> int:
     effects: time of a step with each effect, and with all effects, relative to a step without.
     steps: time of steps and snapshots, and memory, from few particles to many, beside a reference
     step. publishing: time of steps while maps are published ten times a second, and memory on a
-    large map. choice: twelve scenes with the effects that they need, and with all effects.
+    large map. choice: scenes with the effects that they call for, with each effect that is
+    left off besides, and with all effects: what the footprint changes by, and what is stated.
     convergence: footprints at the presets from coarse to fine, of scenes or of mapped eruptions.
     members: members of an ensemble, from one to many at once.
     """
@@ -305,8 +308,6 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
     repetitions = validation.whole('--repetitions', args.repetitions, at_least=1, at_most=1000)
     runs = {'choice': 24}.get(args.benchmark, 8) if args.runs is None else args.runs
     runs = validation.whole('--runs', runs, at_least=2, at_most=1000)
-    if args.benchmark == 'choice':
-        return {'preset': args.preset, 'runs': runs}
     if args.benchmark == 'convergence':
         # not where it is not needed: what accuracy imports is little
         from lava_ros.hindcast.case import load_case
@@ -319,4 +320,6 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
         if len(particles) > 1:
             raise LavaError('--particles', particles, f'one number for {args.benchmark}')
         (particles,) = particles
+    if args.benchmark == 'choice':
+        return {'preset': args.preset, 'runs': runs, 'particles': particles}
     return {'repetitions': repetitions, 'particles': particles}

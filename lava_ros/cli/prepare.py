@@ -20,52 +20,96 @@ import csv
 from dataclasses import asdict, fields
 import json
 import math
-from typing import Any
 
 from lava_ros.cli.options import argument, command, forced_effects, seconds_of
-from lava_ros.cli.output import write_json
+from lava_ros.cli.output import Progress, write_json
 from lava_ros.cli.scenes import SCENE, scene_from_arguments
+from lava_ros.effects import EFFECTS
+from lava_ros.effects.effect import Effect
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.files.resources import share_path
 from lava_ros.maps.gis import write_grid
+from lava_ros.maps.numbers import percent
+from lava_ros.maps.plot import duration
+from lava_ros.scene import Scene
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import Constant, material_named
 from lava_ros.scene.materials import materials as known_materials
 from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
 from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
-from lava_ros.simulation.selection import decide, Decision
+from lava_ros.simulation.selection import decide, Decision, decision_as_dict
 
 #: What effects cost, measured by `lava bench effects`.
 COSTS = 'docs/benchmarks/effects_h200.csv'
 
 
-@command(*SCENE, '--preset', '--horizon', '--on', '--off', '--json')
+@command(
+    *SCENE, '--preset', '--horizon', '--on', '--off', '--device',
+    argument(
+        '--measure', None, 'simulate the scene up to the horizon, and print the numbers of the '
+        'flow itself', action='store_true',
+    ),
+    '--json',
+)
 def effects(args: argparse.Namespace) -> int:
     """Print which physical effects a scene needs, and why.
 
-    A dimensionless number of the scene decides about each effect. The command prints the number,
-    its threshold, what the effect costs in time, and what leaving it out costs in accuracy.
+    A dimensionless number decides about each effect. The command prints the number that is
+    expected of the flow, its threshold, what the effect costs in time, and what leaving it out
+    costs in accuracy. With --measure it also prints the largest number in a run.
     """
     horizon = seconds_of('--horizon', args.horizon)
-    decisions = decide(
-        scene_from_arguments(args),
-        forced_effects(args),
-        accuracy=preset_accuracy(args.preset),
-        horizon=horizon,
-    )
+    scene, forced = scene_from_arguments(args), forced_effects(args)
+    accuracy = preset_accuracy(args.preset)
+    if args.measure:
+        decisions = _measured(scene, forced, accuracy, horizon, args.device)
+    else:
+        decisions = decide(scene, forced, accuracy=accuracy, horizon=horizon)
     costs = step_costs()
     width = max(len(item.reason) for item in decisions)
-    line = f'{{:16}} {{:3}} {{:{width}}}  {{:>6}}  {{}}'.format
-    print(line('effect', '', 'because', 'step', 'without it, below the threshold'))
+    line = f'{{:16}} {{:3}} {{:{width}}}  {{:>8}}  {{:>6}}  {{}}'.format
+    print(line('effect', '', 'because', 'measured', 'step', 'without it, at the threshold'))
     for item in decisions:
         cost = f'x {costs[item.name]:.2f}' if item.name in costs else '?'
         switch = 'on' if item.is_on else '-'
-        print(line(item.name, switch, item.reason, cost, item.effect.admits))
+        measured = '-' if math.isnan(item.measured) else f'{item.measured:.2g}'
+        print(line(item.name, switch, item.reason, measured, cost, _without(item.effect)))
     print(f'step: time of a step with this effect alone over one without ({COSTS}); ?: unknown')
-    write_json([_decision(item, costs) for item in decisions], args.json)
+    # None where the time of a step has not been measured
+    rows = [
+        {**decision_as_dict(item), 'step_time_over_bare': costs.get(item.name)}
+        for item in decisions
+    ]
+    write_json(rows, args.json)
     return 0
+
+
+def _measured(
+    scene: Scene, forced: Mapping[str, bool], accuracy: Accuracy, horizon: float,
+    device: str | None,
+) -> tuple[Decision, ...]:
+    """Simulate a scene up to a horizon [s], and return the decisions with measured numbers."""
+    # the solver loads Warp, which the expected numbers do not need
+    from lava_ros.simulation.simulation import Simulation
+
+    simulation = Simulation(
+        scene, effects=forced, accuracy=accuracy, device=device, horizon=horizon
+    )
+    with Progress() as progress:
+        for _ in simulation.advancing(horizon):
+            progress.show(duration(simulation.time), simulation.time / horizon)
+    simulation.review(EFFECTS)
+    return simulation.decisions()
+
+
+def _without(effect: Effect) -> str:
+    """Say what leaving an effect out costs where its number is at the threshold."""
+    if not effect.cost:
+        return effect.admits
+    return f'{effect.admits}; {percent(effect.cost)} of the footprint'
 
 
 def step_costs() -> dict[str, float]:
@@ -76,25 +120,6 @@ def step_costs() -> dict[str, float]:
     """
     with share_path(COSTS).open(newline='', encoding='utf-8') as file:
         return {row['benchmark']: float(row['ratio']) for row in csv.DictReader(file)}
-
-
-def _decision(decision: Decision, costs: Mapping[str, float]) -> dict[str, Any]:
-    effect = decision.effect
-    return {
-        'effect': decision.name,
-        'title': effect.title,
-        'on': decision.is_on,
-        'forced': decision.is_forced,
-        'number': effect.symbol,
-        'value': None if math.isnan(decision.value) else decision.value,
-        # JSON has no infinity: what is only on when asked for has no threshold
-        'threshold': None if math.isinf(effect.threshold) else effect.threshold,
-        'reason': decision.reason,
-        # None where it has not been measured
-        'step_time_over_bare': costs.get(decision.name),
-        'without_it': effect.admits,
-        'source': effect.source,
-    }
 
 
 @command(

@@ -221,8 +221,8 @@ def animate(args: argparse.Namespace) -> int:
     'bag', '--threshold', '--epsg',
     argument('-o --output', 'DIR', 'folder to write to: new or empty', required=True),
     argument(
-        '--at', 'TIME', 'simulated time of the maps: 2h, 90min; arrival and peak height cover '
-        'the time up to it (default: the last)',
+        '--at', 'TIME', 'write the newest maps up to this simulated time: 2h, 90min; arrival and '
+        'peak height cover the time up to it (default: the last)',
     ),
     argument(
         '--every', None, 'write height, temperature and hazard of every frame, in numbered files',

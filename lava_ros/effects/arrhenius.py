@@ -22,17 +22,20 @@ from functools import lru_cache
 import math
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects.effect import Effect, number
+import numpy as np
+
+from lava_ros.effects.effect import Effect, footprint_change, number
 
 if TYPE_CHECKING:
     from lava_ros.effects.scales import Scales
 
 
-def _stiffening(scales: 'Scales') -> float:
+def _stiffening(scales: 'Scales') -> np.ndarray:
     """Logarithm of the largest ratio of viscosities: by cooling, or of vents and reference."""
     lava = scales.lava
-    end = lava.viscosity_at(scales.end_temperature) / lava.viscosity
-    return max(abs(math.log(end)), abs(math.log(scales.viscosity / lava.viscosity)))
+    at_vent = abs(math.log(lava.viscosity_at(scales.vent_temperature) / lava.viscosity))
+    end = scales.law(lava.viscosity_at, scales.rest_temperature) / lava.viscosity
+    return np.maximum(np.abs(np.log(end)), at_vent)
 
 
 EFFECT = Effect(
@@ -42,6 +45,7 @@ EFFECT = Effect(
     number=_stiffening,
     threshold=0.03,
     admits='3 % of the speed',
+    cost=footprint_change(0.03),
     source='speed is as 1 / mu',
     exists=lambda lava: lava.arrhenius > 0.0,
     is_default=True,

@@ -20,7 +20,7 @@ rho c h dT/dt = -eps sigma (T^4 - Ta^4) - lambda (T - Ta), which is -s(T) (T - T
 from functools import lru_cache
 from typing import Any
 
-from lava_ros.effects.effect import Effect
+from lava_ros.effects.effect import Effect, footprint_change
 
 EFFECT = Effect(
     rank=100,
@@ -29,6 +29,7 @@ EFFECT = Effect(
     number=lambda scales: scales.heat_lost,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
+    cost=footprint_change(0.03),
     source='column at rest',
     exists=lambda lava: lava.radiates,
     is_default=True,

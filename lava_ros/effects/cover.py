@@ -28,7 +28,7 @@ moves, so its temperature does not depend on age: where lava stays, ``crust`` is
 from functools import lru_cache
 from typing import Any
 
-from lava_ros.effects.effect import Effect, number
+from lava_ros.effects.effect import Effect, footprint_change, number
 
 EFFECT = Effect(
     rank=110,
@@ -37,6 +37,7 @@ EFFECT = Effect(
     number=lambda scales: scales.heat_lost,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
+    cost=footprint_change(0.03),
     source='column at rest',
     exists=lambda lava: lava.radiates and lava.crust_cover > 0.0,
     excludes={'crust': 'they are one effect'},

@@ -38,7 +38,7 @@ lost is right to 2 % at any age (4 % with convection alone), the surface to 8 K 
 from functools import lru_cache
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects.effect import Effect, flag
+from lava_ros.effects.effect import Effect, flag, footprint_change
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
@@ -64,6 +64,7 @@ EFFECT = Effect(
     number=lambda scales: scales.heat_lost,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
+    cost=footprint_change(0.03),
     source='column at rest',
     exists=lambda lava: lava.radiates and lava.crust,
     replaces=('cooling',),

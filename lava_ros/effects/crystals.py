@@ -23,20 +23,36 @@ phi = phi_m, the law is infinite: 1 - phi / phi_m is never taken below ``LEAST_R
 from functools import lru_cache
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects.effect import choice, Effect, number
+import numpy as np
+
+from lava_ros.effects.effect import choice, Effect, footprint_change, number
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
+    from lava_ros.effects.scales import Scales
     from lava_ros.scene import Lava
 
 #: The exponent e of each law.
 EXPONENTS = {'none': 0.0, 'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
+
+#: Smallest 1 - phi / phi_m: a factor of 3e7 (Einstein-Roscoe) or 1e6 (Maron-Pierce).
+LEAST_ROOM = 1e-3
 
 
 def fraction(lava: 'Lava', temperature: float) -> float:
     """Volume fraction of crystals at a temperature [K]: none at the liquidus."""
     share = (lava.liquidus - temperature) / (lava.liquidus - lava.solidus)
     return float(lava.crystals * min(max(share, 0.0), 1.0)) if lava.solidus else 0.0
+
+
+def _stiffening(scales: 'Scales') -> np.ndarray:
+    """Logarithm of what the crystals in each column at the horizon multiply its viscosity by."""
+    lava = scales.lava
+    crystals = np.interp(
+        scales.rest_temperature, [lava.solidus, lava.liquidus], [lava.crystals, 0.0]
+    )
+    room = np.maximum(1.0 - crystals / lava.packing, LEAST_ROOM)
+    return EXPONENTS[lava.crystal_law] * np.log(1.0 / room)
 
 
 def _check(lava: 'Lava') -> None:
@@ -47,11 +63,12 @@ def _check(lava: 'Lava') -> None:
 EFFECT = Effect(
     rank=60,
     title='crystals stiffen lava',
-    symbol='crystal fraction at the horizon',
-    number=lambda scales: fraction(scales.lava, scales.end_temperature),
-    threshold=0.01,
-    admits='4 % of the speed: 2.5 fraction / 0.6',
-    source='Einstein-Roscoe',
+    symbol='ln of the viscosity ratio',
+    number=_stiffening,
+    threshold=0.03,
+    admits='3 % of the speed',
+    cost=footprint_change(0.03),
+    source='speed is as 1 / mu',
     exists=lambda lava: lava.crystal_law != 'none' and lava.crystals > 0.0,
     constants={
         'crystal_law': choice('none', 'What crystals do to viscosity', EXPONENTS),
@@ -67,9 +84,6 @@ EFFECT = Effect(
     },
     benchmark={'crystal_law': 'einstein-roscoe', 'crystals': 0.4},
 )
-
-#: Smallest 1 - phi / phi_m: a factor of 3e7 (Einstein-Roscoe) or 1e6 (Maron-Pierce).
-LEAST_ROOM = 1e-3
 
 
 @lru_cache

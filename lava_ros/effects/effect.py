@@ -23,6 +23,8 @@ from typing import Any, TYPE_CHECKING
 from lava_ros import validation
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from lava_ros.effects.scales import Scales
     from lava_ros.scene import Lava, Scene
 
@@ -84,6 +86,16 @@ def with_fields(more: Mapping[str, Any]) -> Callable[[type], type]:
     return extended
 
 
+def footprint_change(speed: float) -> float:
+    """Return the largest fraction of a footprint that a change of the speed by a fraction changes.
+
+    Down a valley whose sides rise evenly lava is as long as the root of its mobility k and as wide
+    as k^(-1/4): one footprint is longer by a half of the fraction, the other is wider by a
+    quarter. On a plane, and between walls, it is less (docs/MODEL.md).
+    """
+    return 0.75 * speed
+
+
 @dataclass(frozen=True)
 class Array:
     """An array that an effect keeps on the device.
@@ -111,9 +123,15 @@ class Effect:
         rank: Where it stands among the others: in tables, in sums and in passes.
         title: What it is, in a few words.
         symbol: The number that decides, as a formula.
-        number: Computes it; above ``threshold`` the effect is on. None: only when asked for.
+        number: Computes it for each column of lava, or for all of them; above ``threshold`` the
+            effect is on. None: only when asked for.
+        fraction: Fraction of the lava's volume whose number decides: that fraction has no larger
+            one.
+        needs_extent: Whether the number says nothing of lava that has not left its vent yet.
         threshold: Where the effect begins to matter; infinite if it is only on when asked for.
-        admits: What leaving the effect out below the threshold costs.
+        admits: What leaving the effect out costs where the number is at the threshold.
+        cost: The same as the largest fraction of the footprint that changes, the cells that lava
+            covers with or without the effect, not both. It is proportional to the number.
         source: Where threshold and cost are from.
         exists: Whether a lava has such a thing at all. One with an ``environment`` needs a number
             of it that is not 0 besides.
@@ -136,9 +154,12 @@ class Effect:
     rank: int
     title: str
     symbol: str = ''
-    number: Callable[[Scales], float] | None = None
+    number: Callable[[Scales], np.ndarray | float] | None = None
+    fraction: float = 0.9
+    needs_extent: bool = False
     threshold: float = 0.0
     admits: str = ''
+    cost: float = 0.0
     source: str = ''
     exists: Callable[[Lava], bool] = lambda lava: True
     is_default: bool = False

@@ -37,21 +37,23 @@ from functools import lru_cache
 import math
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects.effect import Effect, number
+import numpy as np
+
+from lava_ros.effects.effect import Effect, footprint_change, number
 
 if TYPE_CHECKING:
     from lava_ros.effects.scales import Scales
     from lava_ros.scene import Scene
 
 
-def _share(scales: 'Scales') -> float:
-    """Heat that a half-space takes up to the horizon over that of the column."""
+def _heat_taken(scales: 'Scales') -> np.ndarray:
+    """Effect of the heat that a half-space takes from each column up to the horizon."""
     lava = scales.lava
     taken = 2.0 * lava.ground_conductivity * math.sqrt(
-        scales.horizon / (math.pi * lava.ground_diffusivity)
+        scales.duration / (math.pi * lava.ground_diffusivity)
     )
-    share = taken / (lava.density * lava.specific_heat * scales.thickness)
-    return scales.matters(min(share, 1.0))
+    capacity = lava.density * lava.specific_heat * scales.columns.thickness
+    return scales.matters(np.minimum(taken / capacity, 1.0))
 
 
 def _contact(scene: 'Scene') -> float:
@@ -65,9 +67,10 @@ EFFECT = Effect(
     rank=130,
     title='heat into the ground',
     symbol='heat taken',
-    number=_share,
+    number=_heat_taken,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
+    cost=footprint_change(0.03),
     source='half-space, verification/exact/heat.py',
     exists=lambda lava: lava.ground_conductivity > 0.0,
     constants={

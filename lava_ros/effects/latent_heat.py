@@ -25,7 +25,9 @@ content changes by exactly what was lost, for any step.
 from functools import lru_cache
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects.effect import Effect, number
+import numpy as np
+
+from lava_ros.effects.effect import Effect, footprint_change, number
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
@@ -33,11 +35,16 @@ if TYPE_CHECKING:
     from lava_ros.scene import Lava
 
 
-def _released(scales: 'Scales') -> float:
+def _kept_warm(scales: 'Scales') -> np.ndarray:
+    """Effect of the latent heat that each column gives up to the horizon.
+
+    It warms by no more than the column has cooled below the liquidus.
+    """
     lava = scales.lava
-    if scales.end_temperature >= lava.liquidus:
-        return 0.0
-    return float(lava.latent_heat / (lava.specific_heat * scales.warmth))
+    below = np.maximum(lava.liquidus - scales.rest_temperature, 0.0)
+    frozen = np.minimum(below / (lava.liquidus - lava.solidus), 1.0)
+    warming = np.minimum(frozen * lava.latent_heat / lava.specific_heat, below)
+    return scales.matters(warming / scales.warmth)
 
 
 def _check(lava: 'Lava') -> None:
@@ -48,10 +55,11 @@ def _check(lava: 'Lava') -> None:
 EFFECT = Effect(
     rank=150,
     title='latent heat',
-    symbol='L / c over the heat',
-    number=_released,
+    symbol='latent heat given',
+    number=_kept_warm,
     threshold=0.01,
-    admits='1 % of the temperature',
+    admits='1 % of the temperature or 3 % of the speed',
+    cost=footprint_change(0.03),
     source='heat balance',
     exists=lambda lava: lava.latent_heat > 0.0,
     constants={

@@ -24,13 +24,25 @@ import math
 from types import SimpleNamespace
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects import EFFECTS, Effects, excluded_by, possible, without_replaced
+from lava_ros.effects import (
+    EFFECTS,
+    Effects,
+    excluded_by,
+    existing,
+    possible,
+    without_replaced,
+)
 
 if TYPE_CHECKING:
     from lava_ros.scene import Lava, Scene
 
 #: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018).
 STEFAN_BOLTZMANN = 5.670374419e-8
+
+#: Drag of the bed over lateral stress, (k h)^2, for the profile f(z) = 3 z/h - 1.5 (z/h)^2: the
+#: means of (h df/dz)^2 and of f^2 are 3 and 6/5. It is the limit of Stokes flow for long waves
+#: across the flow (docs/MODEL.md derives it; the method's authors use it too, SCA 2024).
+LATERAL_DRAG = 2.5
 
 #: Constants that the laws of flow of every lava have, and those of its heat balance.
 _FLOW = ('viscosity', 'reference_temperature', 'liquidus', 'solidus')
@@ -45,6 +57,7 @@ class _Host:
     types = SimpleNamespace(vector=lambda length, real: lambda *items: items or (0.0,) * length)
     func = staticmethod(lambda function: function)
     clamp = staticmethod(lambda value, least, most: min(max(value, least), most))
+    static = staticmethod(lambda value: value)
 
 
 HOST = _Host()
@@ -174,6 +187,26 @@ def heat_type(real: Any) -> Any:
 def heat_of(scene: 'Scene', effects: Effects, real: Any) -> Any:
     """Collect the constants of the heat balance for the device."""
     return _filled(heat_type(real)(), heat_values(scene, tuple(effects)))
+
+
+def heat_balance(scene: 'Scene') -> Callable[[float, float, float, float], tuple[float, float]]:
+    """Return the heat balance of a column on the host, with every effect that the scene has.
+
+    Returns:
+        A function of thickness [m], temperature [K], age [s] and speed [m/s] that gives s [1/s]
+        and f [K/s] of dT/dt = f - s T.
+    """
+    effects = _all_of(existing(scene))
+    values = SimpleNamespace(**heat_values(scene, tuple(effects)))
+    every = [one.terms(HOST, float, object) for one in effects.having('terms').values()]
+
+    def balance(
+        thickness: float, temperature: float, age: float, speed: float
+    ) -> tuple[float, float]:
+        terms = [one(values, thickness, temperature, age, 0.0, speed) for one in every]
+        return sum(rate for rate, _ in terms), sum(source for _, source in terms)
+
+    return balance
 
 
 def heat_loss(scene: 'Scene') -> Callable[[float], float]:

@@ -12,58 +12,111 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The scales of a scene, from which the numbers are made that decide about effects."""
+"""The scales of a flow, from which the numbers are made that decide about effects."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lava_ros.effects.effect import footprint_change
+
 if TYPE_CHECKING:
     from lava_ros.scene import Lava, Scene
 
-#: Share of the way to the solidus, cooled through up to the horizon, above which lava may freeze:
-#: what is thinner than expected is colder.
+#: Fraction of the way to the solidus above which lava may freeze.
 FREEZES = 0.9
+
+#: Distance of the temperatures at which a law is evaluated [K]; between them its logarithm is
+#: interpolated.
+_STEP = 5.0
+
+#: The first and the last of them are multiples of it [K], so that the same ones serve many times.
+_RANGE = 50.0
+
+
+@lru_cache(maxsize=64)
+def _logarithms(
+    law: Callable[[float], float], low: float, high: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Temperatures [K] from one to another and the logarithms of a law there."""
+    nodes = np.maximum(np.arange(low, high + 0.5 * _STEP, _STEP), 1.0)
+    return nodes, np.log([max(law(float(node)), 1e-300) for node in nodes])
+
+
+def volume_quantile(values: np.ndarray, volume: np.ndarray, fraction: float) -> float:
+    """Return the value that a fraction of the volume does not exceed; shapes [columns]."""
+    order = np.argsort(values)
+    total = np.cumsum(volume[order], dtype=np.float64)
+    index = int(np.searchsorted(total, fraction * total[-1]))
+    return float(values[order[min(index, len(order) - 1)]])
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of lava: those that are expected, or those of a running simulation.
+
+    Attributes:
+        volume: Their volume [m3], float64, shape [columns] as of all others.
+        thickness: Vertical thickness [m].
+        slope: Slope of the lava's surface, rise over run.
+        ground_slope: Slope of the ground, rise over run.
+        temperature: Temperature [K].
+        speed: Depth-averaged speed [m/s].
+        width: Width of the flow [m], NaN where it is unknown.
+    """
+
+    volume: np.ndarray
+    thickness: np.ndarray
+    slope: np.ndarray
+    ground_slope: np.ndarray
+    temperature: np.ndarray
+    speed: np.ndarray
+    width: np.ndarray
+
+    def quantile(self, values: np.ndarray | float, fraction: float) -> float:
+        """Return the value that a fraction of the volume does not exceed.
+
+        Args:
+            values: Of each column, shape [columns], or one for all.
+            fraction: Fraction of the volume, 0 to 1.
+        """
+        return volume_quantile(np.broadcast_to(values, self.volume.shape), self.volume, fraction)
 
 
 @dataclass(frozen=True)
 class Scales:
-    """The scales of a scene.
+    """The scales of a flow.
 
     Attributes:
         scene: The scene.
-        temperature: Temperature of the hottest vent, or the material's reference [K].
-        end_temperature: What a column of the expected thickness has cooled to at the horizon [K].
-        thickness: Expected thickness h [m].
-        viscosity: Viscosity at ``temperature`` [Pa s].
-        slope: Typical slope of the flow's surface, rise over run: that of the terrain, or the
-            flow's thickness over its reach where that is more.
-        steepest: Largest slope of the terrain.
-        relief: Highest less lowest elevation [m].
-        speed: Depth-averaged speed of a sheet of that thickness on that slope [m/s].
-        width: Width of the flow [m], NaN without a discharge.
+        columns: Columns of lava.
+        vent_temperature: Temperature of the hottest vent, or the material's reference [K].
+        rest_temperature: Temperature of each column, had it radiated and convected from its bare
+            surface, at rest, for ``duration`` [K], shape [columns].
+        fall: Largest difference of elevation that lava covers [m].
         kernel_radius: Radius of the smoothing kernel l [m].
         spacing: Distance of particles [m].
-        horizon: How far ahead is looked [s].
+        duration: Time from the start of the eruption to the horizon [s].
+        is_measured: Whether the columns are those of a running simulation.
+        is_extended: Whether the flow has left its vent.
     """
 
     scene: Scene
-    temperature: float
-    end_temperature: float
-    thickness: float
-    viscosity: float
-    slope: float
-    steepest: float
-    relief: float
-    speed: float
-    width: float
+    columns: Columns
+    vent_temperature: float
+    rest_temperature: np.ndarray
+    fall: float
     kernel_radius: float
     spacing: float
-    horizon: float
+    duration: float
+    is_measured: bool = False
+    is_extended: bool = True
 
     @property
     def lava(self) -> Lava:
@@ -73,39 +126,68 @@ class Scales:
     @property
     def warmth(self) -> float:
         """Temperature above that of the air [K], at least 1 K: lava without vents may be cold."""
-        return max(self.temperature - self.scene.ambient_temperature, 1.0)
+        return max(self.vent_temperature - self.scene.ambient_temperature, 1.0)
+
+    @cached_property
+    def viscosity(self) -> np.ndarray:
+        """Viscosity of each column [Pa s]."""
+        return self.law(self.lava.viscosity_at, self.columns.temperature)
+
+    @cached_property
+    def stress(self) -> np.ndarray:
+        """Shear stress at the base of each column [Pa]."""
+        columns = self.columns
+        return self.lava.density * self.scene.gravity * columns.thickness * columns.slope
+
+    def law(self, law: Callable[[float], float], temperature: np.ndarray) -> np.ndarray:
+        """Evaluate a law whose values are positive at many temperatures [K]."""
+        low = math.floor(float(temperature.min()) / _RANGE) * _RANGE
+        high = math.ceil(float(temperature.max()) / _RANGE) * _RANGE
+        return np.exp(np.interp(temperature, *_logarithms(law, low, high)))
 
     @property
-    def lateral(self) -> float:
-        """Thickness over half of the flow's width, at the viscosity between vent and horizon.
+    def lateral(self) -> np.ndarray:
+        """Thickness over half of the flow's width.
 
-        Half of the width is the shortest wave of a flow; where the kernel is wider, or there is no
-        discharge, it is the kernel's radius.
+        Half of the width is the shortest wave of a flow; where the kernel is wider, or the width
+        is unknown, it is the kernel's radius.
         """
-        end = self.lava.viscosity_at(max(self.end_temperature, self.lava.solidus))
-        # lava a thousand times as stiff has all but stopped
-        ratio = min(end / self.viscosity, 1e3)
-        # the expected thickness is as mu^(1/4), and the geometric mean the root of a product
-        half = np.fmax(0.5 * self.width, self.kernel_radius)
-        return float(self.thickness * ratio**0.125 / half)
+        half = np.fmax(0.5 * self.columns.width, self.kernel_radius)
+        return self.columns.thickness / half
 
     @property
-    def freezing(self) -> float:
-        """How far towards the solidus a column cools up to the horizon."""
-        above = max(self.temperature - self.lava.solidus, 1.0)
-        return (self.temperature - self.end_temperature) / above
+    def freezing(self) -> np.ndarray:
+        """Fraction of the way to the solidus that each column has cooled through.
 
-    @property
-    def heat_lost(self) -> float:
-        """What the share of its heat matters that a column loses up to the horizon."""
-        return self.matters((self.temperature - self.end_temperature) / self.warmth)
-
-    def matters(self, share: float) -> float:
-        """What a share of a column's heat matters: itself, or its part in the speed.
-
-        1 % of the number is 1 % of the temperature, or 3 % of the viscosity and of the speed.
+        A running simulation has the temperatures; before it, columns count as if at rest.
         """
-        change = share * self.warmth
-        colder = max(self.temperature - change, self.scene.ambient_temperature)
-        ratio = self.lava.viscosity_at(colder) / self.viscosity
-        return max(share, abs(math.log(ratio)) / 3.0)
+        above = max(self.vent_temperature - self.lava.solidus, 1.0)
+        if self.is_measured:
+            return (self.vent_temperature - self.columns.temperature) / above
+        return (self.vent_temperature - self.rest_temperature) / above
+
+    @property
+    def heat_lost(self) -> np.ndarray:
+        """Effect of the fraction of its heat that a column at rest loses up to the horizon."""
+        return self.matters((self.vent_temperature - self.rest_temperature) / self.warmth)
+
+    def matters(self, fraction: np.ndarray | float) -> np.ndarray:
+        """Return the effect of a fraction of a column's heat: itself, or what it does to the flow.
+
+        1 % of the number is 1 % of the temperature, or 3 % of the viscosity and of the speed, or a
+        change of the yield strength that changes as much of the footprint.
+        """
+        fraction = np.atleast_1d(fraction)
+        ambient = self.scene.ambient_temperature
+        colder = np.maximum(self.vent_temperature - fraction * self.warmth, ambient)
+        largest = fraction
+        # lava that stops covers an area as one over its strength
+        strong = 1.0 / footprint_change(1.0)
+        for law, weight in (
+            (self.lava.viscosity_at, 1.0), (self.lava.yield_strength_at, strong)
+        ):
+            at_vent = law(self.vent_temperature)
+            if at_vent > 0.0:
+                ratio = self.law(law, colder) / at_vent
+                largest = np.maximum(largest, weight * np.abs(np.log(ratio)) / 3.0)
+        return largest

@@ -28,7 +28,9 @@ from functools import lru_cache
 import math
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects.effect import Effect
+import numpy as np
+
+from lava_ros.effects.effect import Effect, footprint_change
 from lava_ros.effects.scales import FREEZES
 
 if TYPE_CHECKING:
@@ -40,11 +42,13 @@ if TYPE_CHECKING:
 FROZEN_SIDE = 0.75 * 1.5 / 0.65
 
 
-def _steepness(scales: 'Scales') -> float:
-    """Largest slope of the ground, which what freezes becomes a part of."""
-    if scales.lava.solidus <= 0.0 or scales.freezing <= FREEZES:
-        return scales.steepest
-    return max(scales.steepest, FROZEN_SIDE * scales.thickness / scales.kernel_radius)
+def _steepness(scales: 'Scales') -> np.ndarray:
+    """Slope of the ground below each column, and of the sides of what may freeze."""
+    slope, thickness = scales.columns.ground_slope, scales.columns.thickness
+    if scales.lava.solidus <= 0.0:
+        return slope
+    side = np.where(scales.freezing > FREEZES, FROZEN_SIDE * thickness, 0.0)
+    return np.maximum(slope, side / scales.kernel_radius)
 
 
 EFFECT = Effect(
@@ -53,7 +57,8 @@ EFFECT = Effect(
     symbol='slope',
     number=_steepness,
     threshold=math.tan(math.radians(5.0)),
-    admits='up to 1.5 % of the speed: 1 - cos^4',
+    admits='1.5 % of the speed: 1 - cos^4',
+    cost=footprint_change(0.015),
     source='docs/MODEL.md, steep slopes; the sides of frozen lava count',
     is_default=True,
 )

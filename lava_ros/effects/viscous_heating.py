@@ -25,15 +25,17 @@ gravity does the work; the sum is the same, but for the kinetic energy.
 from functools import lru_cache
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects.effect import Array, Effect
+import numpy as np
+
+from lava_ros.effects.effect import Array, Effect, footprint_change
 
 if TYPE_CHECKING:
     from lava_ros.effects.scales import Scales
 
 
-def _warming(scales: 'Scales') -> float:
-    """Warming by a fall through the whole relief over the heat of the lava."""
-    warming = scales.scene.gravity * scales.relief / scales.lava.specific_heat
+def _warming(scales: 'Scales') -> np.ndarray:
+    """Effect of the warming by the fall of the flow."""
+    warming = scales.scene.gravity * scales.fall / scales.lava.specific_heat
     return scales.matters(warming / scales.warmth)
 
 
@@ -44,6 +46,7 @@ EFFECT = Effect(
     number=_warming,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
+    cost=footprint_change(0.03),
     source='energy of the fall',
     # g / c [K/m]
     heat={'fall': lambda scene: scene.gravity / scene.lava.specific_heat},

@@ -24,7 +24,9 @@ Volcanology 63, 20-44). That is 1.75 W/(m2 K) for 1 m/s. It raises the convectio
 
 from typing import TYPE_CHECKING
 
-from lava_ros.effects.effect import Effect, number
+import numpy as np
+
+from lava_ros.effects.effect import Effect, footprint_change, number
 
 if TYPE_CHECKING:
     from lava_ros.effects.scales import Scales
@@ -34,11 +36,11 @@ if TYPE_CHECKING:
 TRANSFER = 0.0036 * 0.4412 * 1099.0
 
 
-def _share(scales: 'Scales') -> float:
-    """Share of its heat that the wind takes from a column up to the horizon."""
-    lava = scales.lava
-    taken = TRANSFER * scales.scene.wind_speed * scales.horizon
-    return scales.matters(min(taken / (lava.density * lava.specific_heat * scales.thickness), 1.0))
+def _heat_taken(scales: 'Scales') -> np.ndarray:
+    """Effect of the heat that the wind takes from each column up to the horizon."""
+    capacity = scales.lava.density * scales.lava.specific_heat * scales.columns.thickness
+    taken = TRANSFER * scales.scene.wind_speed * scales.duration
+    return scales.matters(np.minimum(taken / capacity, 1.0))
 
 
 def _convection(scene: 'Scene') -> float:
@@ -50,9 +52,10 @@ EFFECT = Effect(
     rank=125,
     title='forced convection by wind',
     symbol='heat taken',
-    number=_share,
+    number=_heat_taken,
     threshold=0.01,
     admits='1 % of the temperature or 3 % of the speed',
+    cost=footprint_change(0.03),
     source='column at rest',
     exists=lambda lava: lava.radiates,
     environment={

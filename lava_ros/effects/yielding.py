@@ -31,19 +31,18 @@ measurements have it.
 from functools import lru_cache
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects.effect import Effect, number
+import numpy as np
+
+from lava_ros.effects.effect import Effect, footprint_change, number
 
 if TYPE_CHECKING:
     from lava_ros.effects.scales import Scales
 
 
-def _bingham(scales: 'Scales') -> float:
-    lava = scales.lava
-    weight = lava.density * scales.scene.gravity * scales.thickness * scales.slope
-    strength = max(
-        lava.yield_strength_at(scales.temperature), lava.yield_strength_at(scales.end_temperature)
-    )
-    return strength / weight
+def _bingham(scales: 'Scales') -> np.ndarray:
+    """Yield strength of each column over the stress at its base."""
+    strength = scales.law(scales.lava.yield_strength_at, scales.columns.temperature)
+    return strength / scales.stress
 
 
 EFFECT = Effect(
@@ -53,6 +52,7 @@ EFFECT = Effect(
     number=_bingham,
     threshold=0.01,
     admits='1.5 % of the speed: 3/2 of the number',
+    cost=footprint_change(0.015),
     source='exact sheet, verification/exact/rheology.py',
     exists=lambda lava: lava.yield_strength > 0.0,
     constants={

@@ -14,8 +14,8 @@
 
 """An ensemble from its first member to its maps, kept in a folder, resumable at any moment."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import asdict, dataclass
 from functools import partial
 import hashlib
@@ -38,6 +38,7 @@ from lava_ros.forecast.members import batch_of, Plan, running
 from lava_ros.forecast.pool import DEATHS, Pool, process_number
 from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
 from lava_ros.forecast.sampling import Member, Susceptibility
+from lava_ros.forecast.sentinels import CalledEffect, is_sentinel, log_called, Sentinels
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import scene_to_dict
 from lava_ros.simulation.backend.threads import usable_cores
@@ -49,17 +50,21 @@ FIRST_MAPS = 16
 PATIENCE = 30.0
 
 #: Version of the format of a folder.
-VERSION = 2
+VERSION = 3
 
 #: The file in a folder that describes its ensemble.
 MANIFEST = 'ensemble.json'
 
 #: Runs members, in any order, and gives the footprint of each.
-Runner = Callable[[Plan, Sequence[Member]], Iterable[Footprint]]
+Runner = Callable[[Plan, Sequence[Member]], Generator[Footprint, None, None]]
 
 
 class Store:
-    """A folder with the finished members of one ensemble, a file each."""
+    """A folder with the finished members of one ensemble, a file each.
+
+    Attributes:
+        plan: What the members have in common, with the effects that sentinels have called for.
+    """
 
     def __init__(
         self,
@@ -74,20 +79,40 @@ class Store:
         Raises:
             LavaError: The folder cannot be written, or holds another ensemble or other files.
         """
-        folder = Path(folder)
+        self.plan = plan
+        self._folder = folder = Path(folder)
         self._members = folder / 'members'
-        manifest, path = _manifest(plan, seed, susceptibility), folder / MANIFEST
+        self._seed, self._susceptibility = seed, susceptibility
+        path = folder / MANIFEST
         try:
             if path.exists():
-                _check_same(json.loads(path.read_text(encoding='utf-8')), manifest, folder)
+                known = json.loads(path.read_text(encoding='utf-8'))
+                self.plan = plan.switching_on(_switched_on(known))
+                _check_same(known, self._manifest(), folder)
             elif folder.exists() and any(folder.iterdir()):
                 right = 'a folder that is new, empty, or of this ensemble'
                 raise LavaError('--output', str(folder), right)
             self._members.mkdir(parents=True, exist_ok=True)
-            write_output('--output', path, json.dumps(manifest, indent=1) + '\n')
+            self._write_manifest()
         except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
             right = f'a folder to write to ({error})'
             raise LavaError('--output', str(folder), right) from error
+
+    def restart(self, called: Sequence[CalledEffect]) -> None:
+        """Drop all members, and take those of a plan with further effects from now on.
+
+        Raises:
+            LavaError: The folder cannot be written.
+        """
+        self.plan = self.plan.switching_on(called)
+        try:
+            # members first: none may be left beside a description that is not theirs
+            for path in self._members.glob('*.npz'):
+                path.unlink()
+        except OSError as error:
+            right = f'a folder to write to ({error})'
+            raise LavaError('--output', str(self._folder), right) from error
+        self._write_manifest()
 
     def write(self, footprint: Footprint) -> None:
         """Keep a member.
@@ -126,27 +151,41 @@ class Store:
     def _path(self, index: int) -> Path:
         return self._members / f'{index:07d}.npz'
 
+    def _write_manifest(self) -> None:
+        text = json.dumps(self._manifest(), indent=1) + '\n'
+        write_output('--output', self._folder / MANIFEST, text)
 
-def _manifest(plan: Plan, seed: int, susceptibility: Susceptibility | None) -> dict[str, Any]:
-    elevation = np.ascontiguousarray(plan.scene.terrain.elevation)
-    manifest = {
-        'version': VERSION,
-        'lava_ros': lava_ros.__version__,
-        'scene': scene_to_dict(plan.scene),
-        'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
-        'plan': {
-            'horizon_s': plan.horizon,
-            'accuracy': asdict(plan.accuracy),
-            'effects': asdict(plan.effects),
-            'threshold_m': plan.threshold,
-            'looks': plan.looks,
-            'start_s': None if plan.start is None else plan.start.time,
-        },
-        'seed': seed,
-        'susceptibility': None if susceptibility is None else susceptibility.digest,
-    }
-    # as it will be read back
-    return json.loads(json.dumps(manifest))
+    def _manifest(self) -> dict[str, Any]:
+        plan, susceptibility = self.plan, self._susceptibility
+        elevation = np.ascontiguousarray(plan.scene.terrain.elevation)
+        manifest = {
+            'version': VERSION,
+            'lava_ros': lava_ros.__version__,
+            'scene': scene_to_dict(plan.scene),
+            'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
+            'plan': {
+                'horizon_s': plan.horizon,
+                'accuracy': asdict(plan.accuracy),
+                'forced': plan.forced,
+                'effects': asdict(plan.effects),
+                'switched_on': [asdict(item) for item in plan.switched_on],
+                'threshold_m': plan.threshold,
+                'looks': plan.looks,
+                'start_s': None if plan.start is None else plan.start.time,
+            },
+            'seed': self._seed,
+            'susceptibility': None if susceptibility is None else susceptibility.digest,
+        }
+        # as it will be read back
+        return json.loads(json.dumps(manifest))
+
+
+def _switched_on(manifest: Any) -> tuple[CalledEffect, ...]:
+    """Read the effects that sentinels have called for; none of a file without such a list."""
+    try:
+        return tuple(map(CalledEffect.from_dict, manifest['plan']['switched_on']))
+    except (KeyError, TypeError, ValueError):
+        return ()
 
 
 def _check_same(old: Any, new: Any, folder: Path, name: str = '') -> None:
@@ -176,7 +215,6 @@ class Ensemble:
 
 
 def run_ensemble(
-    plan: Plan,
     members: Sequence[Member],
     store: Store,
     *,
@@ -188,25 +226,28 @@ def run_ensemble(
     """Run the members that the store does not have yet, and merge all of them.
 
     The maps depend on the members alone, and not on the order in which they finish, on what ran
-    them, or on how often that was interrupted.
+    them, or on how often that was interrupted. If a sentinel calls for effects that are off, the
+    store drops all members, and they run again with these effects: at most as often as there are
+    effects. Sentinels run first.
 
     Args:
-        plan: What the members have in common.
         members: The first members of the ensemble.
-        store: Where finished ones are kept.
+        store: Where finished ones and the plan are kept.
         runner: What runs them.
         outline: Where lava was seen; members then weigh by how well they agree.
         on_finished: Called after each member with the number of finished members, and of those
             that the store had before.
         on_maps: Called with the maps of the first members, in order of number, each time that
-            their number has doubled; never with an outline. Cheap members finish first: maps of
-            those would be of small eruptions.
+            their number has doubled; never with an outline, nor before all sentinels have run.
+            Cheap members finish first: maps of those would be of small eruptions.
 
     Raises:
         LavaError: A member fails, none agrees with the outline, or a file cannot be written.
     """
     if outline is not None:
-        validation.number('observed.time', outline.time, at_most=plan.horizon, unit='s')
+        at_most = store.plan.horizon
+        validation.number('observed.time', outline.time, at_most=at_most, unit='s')
+    plan = store.plan
     tally, weights = Tally(plan), None
     agreement = np.full(len(members), np.nan)
     done: set[int] = set()
@@ -227,14 +268,30 @@ def run_ensemble(
         take(footprint)
     resumed, next_maps = len(done), max(FIRST_MAPS, 2 * tally.count)
     missing = [member for member in members if member.index not in done]
-    for footprint in runner(plan, missing) if missing else ():
-        store.write(footprint)
-        take(footprint)
-        if on_finished is not None:
-            on_finished(len(done), resumed)
-        if on_maps is not None and next_maps <= tally.count < len(members):
-            next_maps = 2 * tally.count
-            on_maps(tally.maps())
+    missing.sort(key=lambda member: not is_sentinel(member.index))
+    sentinels = Sentinels(member.index for member in missing)
+    with closing(runner(plan, missing)) if missing else nullcontext(()) as footprints:
+        for footprint in footprints:
+            sentinels.note(footprint.index, footprint.called)
+            if sentinels.called:
+                break
+            if footprint.called:
+                continue
+            store.write(footprint)
+            take(footprint)
+            if on_finished is not None:
+                on_finished(len(done), resumed)
+            is_due = sentinels.are_done and next_maps <= tally.count < len(members)
+            if on_maps is not None and is_due:
+                next_maps = 2 * tally.count
+                on_maps(tally.maps())
+    if sentinels.called:
+        log_called(sentinels.called)
+        store.restart(sentinels.called)
+        return run_ensemble(
+            members, store, runner=runner, outline=outline, on_finished=on_finished,
+            on_maps=on_maps,
+        )
     _check_complete(done, members)
     if outline is not None:
         weights = weigh(agreement)
@@ -254,7 +311,7 @@ def _check_complete(done: set[int], members: Sequence[Member]) -> None:
 
 def run_here(
     plan: Plan, members: Sequence[Member], *, device: str | None = None
-) -> Iterable[Footprint]:
+) -> Generator[Footprint, None, None]:
     """Run members in this process, and give their footprints as they finish, in any order.
 
     ``device`` is the Warp device; None for the first GPU, or the CPU without one.
@@ -266,7 +323,7 @@ def run_here(
 
 def run_in_processes(
     plan: Plan, members: Sequence[Member], *, workers: int, device: str | None = None
-) -> Iterable[Footprint]:
+) -> Generator[Footprint, None, None]:
     """Run members in up to ``workers`` processes of this machine, in any order.
 
     ``device`` is the Warp device of all; with None they share the GPUs out, if there are any.
@@ -310,7 +367,7 @@ def _gpus() -> tuple[str, ...]:
 
 def run_on_cluster(
     plan: Plan, members: Sequence[Member], *, scheduler: str, device: str | None = None
-) -> Iterable[Footprint]:
+) -> Generator[Footprint, None, None]:
     """Run members on the workers of a Dask scheduler that somebody else has started, in any order.
 
     Workers keep nothing: a member goes to one as a few numbers and comes back as its footprint.

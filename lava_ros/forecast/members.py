@@ -26,6 +26,14 @@ from lava_ros.effects import EFFECTS, Effects, possible
 from lava_ros.errors import LavaError
 from lava_ros.forecast.lookahead import Looking
 from lava_ros.forecast.sampling import Member, rough_terrain
+from lava_ros.forecast.sentinels import (
+    CalledEffect,
+    find_called,
+    is_sentinel,
+    log_called,
+    REVIEWS,
+    Sentinels,
+)
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.uncertainty import Distribution
@@ -39,7 +47,7 @@ if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
 
 #: Most and fewest looks at the flow in a run, and the time between two where that lies between: an
-#: arrival is known to half of it, and shorter ones would shorten the steps.
+#: arrival is known to half of it, and a look takes as long as a stage of a step.
 MOST_LOOKS, FEWEST_LOOKS, LOOK = 120, 20, 60.0
 
 #: Thickness from which on lava has arrived [m].
@@ -69,8 +77,12 @@ class Plan:
         accuracy: The resolution.
         effects: The physics, the same for all members.
         threshold: Thickness from which on lava has arrived [m].
-        looks: Looks at the flow, evenly spaced up to the horizon.
+        looks: Looks at the flow, evenly spaced up to the horizon, each at the end of the time step
+            in which it is due.
         start: Where all members start; None: the scene before there is lava. Times count from it.
+        forced: Effects that the user forces on or off, by name; None: sentinels do not review the
+            effects.
+        switched_on: The effects that sentinels have called for, and that are on because of that.
     """
 
     scene: Scene
@@ -80,11 +92,28 @@ class Plan:
     threshold: float = THRESHOLD
     looks: int = MOST_LOOKS
     start: Checkpoint | None = None
+    forced: Mapping[str, bool] | None = None
+    switched_on: tuple[CalledEffect, ...] = ()
 
     @property
     def interval(self) -> float:
         """Time between two looks [s]."""
         return self.horizon / self.looks
+
+    def switching_on(self, called: Sequence[CalledEffect]) -> 'Plan':
+        """Return this plan with effects that sentinels have called for, on from the start."""
+        effects = replace(self.effects, **{item.effect: True for item in called})
+        return replace(self, effects=effects, switched_on=(*self.switched_on, *called))
+
+    def explain_effects(self) -> dict[str, str]:
+        """Return for each effect that can be chosen whether it is on, and the reason if known."""
+        reasons = {item.effect: f': {item.reason}' for item in self.switched_on}
+        reasons |= dict.fromkeys(self.forced or {}, ': forced')
+        return {
+            name: ('on' if name in self.effects else 'off') + reasons.get(name, '')
+            for name, item in EFFECTS.items()
+            if item.number is not None
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +127,7 @@ class MemberFields:
         peak: Largest thickness [m], float32, same shape; 0 without lava.
         left: Share of the emitted volume that has left the map.
         corner: Row and column of the part's first cell.
+        called: The effects that the flow of a sentinel calls for, and that are off in its plan.
     """
 
     index: int
@@ -105,6 +135,7 @@ class MemberFields:
     peak: np.ndarray
     left: float = 0.0
     corner: tuple[int, int] = (0, 0)
+    called: tuple[CalledEffect, ...] = ()
 
 
 def make_plan(
@@ -118,7 +149,8 @@ def make_plan(
 ) -> Plan:
     """Settle what all members have in common.
 
-    An effect that a tenth of the members call for, by one of their values, is on for all.
+    An effect that a tenth of the members are expected to call for, by one of their values, is on
+    for all. Sentinels review this choice on their flow (``sentinels``).
 
     Args:
         scene: The scene.
@@ -145,7 +177,8 @@ def make_plan(
     rivals = rivals or [name for name in _RIVALS if name in called_for][:1]
     called_for -= set(_RIVALS) - set(rivals)
     together = Effects(**{name: name in called_for for name in EFFECTS})
-    return Plan(scene, horizon, accuracy, together, threshold, looks)
+    forced = dict(effects or {})
+    return Plan(scene, horizon, accuracy, together, threshold, looks, forced=forced)
 
 
 def plan_from(
@@ -157,8 +190,9 @@ def plan_from(
 ) -> Plan:
     """Plan an ensemble that continues a running simulation for ``horizon`` [s].
 
-    Members have the simulation's resolution and effects; the properties drawn for a member apply
-    from the checkpoint ``start`` on. The other arguments are those of ``make_plan``.
+    Members have the simulation's resolution and effects, which the simulation itself reviews; the
+    properties drawn for a member apply from the checkpoint ``start`` on. The other arguments are
+    those of ``make_plan``.
 
     Raises:
         LavaError: An argument is not usable.
@@ -235,7 +269,8 @@ def run_members(
 ) -> list[MemberFields]:
     """Run members from the plan's start to the horizon.
 
-    ``device`` is the Warp device; None for the first GPU, or the CPU without one.
+    Members run again for as long as a sentinel calls for effects that are off, with these effects
+    on for all. ``device`` is the Warp device; None for the first GPU, or the CPU without one.
 
     Returns:
         The fields of the members, in their order.
@@ -243,8 +278,15 @@ def run_members(
     Raises:
         LavaError: A member has no valid scene, or its simulation fails.
     """
-    done = {item.index: item for item in running(plan, members, device=device) if item}
-    return [done[member.index] for member in members]
+    while True:
+        done = {item.index: item for item in running(plan, members, device=device) if item}
+        sentinels = Sentinels(())
+        for item in done.values():
+            sentinels.note(item.index, item.called)
+        if not sentinels.called:
+            return [done[member.index] for member in members]
+        log_called(sentinels.called)
+        plan = plan.switching_on(sentinels.called)
 
 
 def running(
@@ -311,9 +353,17 @@ class MemberRun(Looking):
         simulation = _started(plan, member, device)
         start = simulation.time
         self._index, self._start = member.index, start
+        self._forced = plan.forced or {}
+        self._called: tuple[CalledEffect, ...] = ()
+        is_reviewed = plan.forced is not None and is_sentinel(member.index)
+        self._reviews: tuple[float, ...] = REVIEWS if is_reviewed else ()
         super().__init__(
             simulation,
-            [start + look * plan.interval for look in range(1, plan.looks + 1)],
+            [
+                *(start + look * plan.interval for look in range(1, plan.looks)),
+                # exactly, however many looks there are
+                start + plan.horizon,
+            ],
             threshold=plan.threshold,
             max_particles=max_particles,
             of=f' of member {member.index}',
@@ -326,8 +376,18 @@ class MemberRun(Looking):
         budget = self.simulation.budget()
         left = budget.left / max(budget.emitted, 1e-9)
         return MemberFields(
-            self._index, arrival, np.nan_to_num(seen.thickness), left, seen.corner
+            self._index, arrival, np.nan_to_num(seen.thickness), left, seen.corner, self._called
         )
+
+    def _note_look(self, time: float) -> None:
+        super()._note_look(time)
+        later = tuple(share for share in self._reviews if share > self.progress)
+        if len(later) < len(self._reviews):
+            self._called = find_called(
+                self.simulation, self._forced, member=self._index, start=self._start
+            )
+            # what the first of them have not changed yet would mislead the others
+            self._reviews = () if self._called else later
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':

@@ -51,6 +51,7 @@ from lava_ros.forecast.pilots import (
     spacing_at,
 )
 from lava_ros.scene import Scene
+from lava_ros.simulation.resolution import resolution_of
 from lava_ros.simulation.selection import effects_for
 
 #: Refinement of the first pilot, and factors to the next one: the larger one if time allows.
@@ -111,6 +112,7 @@ class Affordable:
         wall_time: Expected time of all runs [s].
         error: Expected share of the covered area (``pilots.COVERED`` or thicker at the horizon)
             that is wrong: one less the Jaccard index with the limit of fine spacing.
+        cell_error: Expected share that is wrong by the cells of the terrain.
         sampling_error: Standard error of a probability of one half, 0 for a single run.
         is_finest: Whether more time would not make it finer.
         pilots: Number of pilots.
@@ -124,6 +126,7 @@ class Affordable:
     members: int
     wall_time: float
     error: float
+    cell_error: float
     sampling_error: float
     is_finest: bool
     pilots: int
@@ -173,6 +176,7 @@ def afford(
     if wall_time > within:
         right = f'about {wall_time:.2g} s or more, the time of the coarsest {count} runs'
         raise LavaError('within', within, right)
+    expected = resolution_of(scene, accuracy_at(scene, refinement, horizon), horizon=horizon)
     called_for, given = asdict(search.effects_at(refinement)), asdict(best.effects)
     return Affordable(
         preset=preset_below(refinement),
@@ -181,6 +185,7 @@ def afford(
         members=count,
         wall_time=wall_time,
         error=search.law()(refinement),
+        cell_error=expected.cell_error,
         sampling_error=sampling_error(count),
         is_finest=refinement >= 0.999 * FINEST,
         forced={name: is_on for name, is_on in given.items() if called_for[name] != is_on},
@@ -363,9 +368,8 @@ class _Search:
 
         def at(refinement: float) -> Effects:
             accuracy = accuracy_at(self.scene, refinement, self.horizon)
-            return effects_for(self.scene, {}, accuracy=accuracy)
+            return effects_for(self.scene, {}, accuracy=accuracy, horizon=self.horizon)
 
-        # few of them: each looks at the slopes of the whole terrain
         grid = np.geomspace(COARSEST, FINEST, 25).tolist()
         bands = [(grid[0], at(grid[0]))]
         for low, high in pairwise(grid):

@@ -25,6 +25,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import MemberFields, Plan
+from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.forecast import HazardMaps, QUANTILES
 from lava_ros.simulation.budget import GONE
 
@@ -43,6 +44,7 @@ class Footprint:
             shape [rows, columns] of the part; ``NEVER`` where there was none.
         millimetres: Largest thickness [mm], uint32, same shape.
         left: Share of the emitted volume that has left the map.
+        called: As of ``MemberFields``.
     """
 
     index: int
@@ -50,6 +52,7 @@ class Footprint:
     look: np.ndarray
     millimetres: np.ndarray
     left: float = 0.0
+    called: tuple[CalledEffect, ...] = ()
 
 
 def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
@@ -63,11 +66,12 @@ def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
     wet = arrived | (millimetres > 0)
     rows, columns = (np.flatnonzero(wet.any(axis=axis)) for axis in (1, 0))
     if not rows.size:
-        return Footprint(member.index, (0, 0), look[:0, :0], millimetres[:0, :0], member.left)
+        nothing = look[:0, :0], millimetres[:0, :0]
+        return Footprint(member.index, (0, 0), *nothing, member.left, member.called)
     part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     corner = member.corner[0] + int(rows[0]), member.corner[1] + int(columns[0])
     parts = look[part].copy(), millimetres[part].copy()
-    return Footprint(member.index, corner, *parts, member.left)
+    return Footprint(member.index, corner, *parts, member.left, member.called)
 
 
 def reached_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:

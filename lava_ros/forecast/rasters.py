@@ -153,6 +153,7 @@ def write_atlas(
         'effective_members': repr(maps.effective_members),
         'horizon_s': repr(plan.horizon),
         'threshold_m': repr(plan.threshold),
+        'effects': ' '.join(plan.effects),
         **tags,
     }
     layers = {

@@ -17,6 +17,7 @@
 from collections.abc import Mapping
 from dataclasses import asdict
 from html import escape
+import math
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ import numpy as np
 import lava_ros
 from lava_ros.forecast.picture import frame_of
 from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.expected_error import ExpectedError
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.score import covered_by, Score
@@ -35,6 +37,7 @@ from lava_ros.pages.report.page import write_still
 from lava_ros.pages.runs import system_words
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import Material
+from lava_ros.simulation.selection import Decision
 from lava_ros.simulation.snapshot import Snapshot
 
 _DAY = 86400.0
@@ -47,6 +50,7 @@ def write_page(
     judged: Score,
     picture: Path,
     output: Path,
+    expected: ExpectedError,
     several: Agreement | None = None,
 ) -> None:
     """Write the page of a hindcast as one HTML file that includes the picture, a PNG.
@@ -68,14 +72,16 @@ def write_page(
         title=f'Hindcast: {case.title}',
         subtitle=case.source or case.name,
         warnings=warnings(case, result),
-        facts=facts(judged, several),
+        facts=facts(judged, expected, several),
         picture=picture,
         shows='Map of hits, misses and false alarms',
         sections=sections,
     )
 
 
-def facts(judged: Score, several: Agreement | None = None) -> dict[str, str]:
+def facts(
+    judged: Score, expected: ExpectedError, several: Agreement | None = None
+) -> dict[str, str]:
     """The comparison as people read it."""
     told = {
         'Jaccard': f'{judged.jaccard:.3f}',
@@ -89,6 +95,7 @@ def facts(judged: Score, several: Agreement | None = None) -> dict[str, str]:
         'volume': f'{judged.volume / 1e6:.3g} million m³',
         'mean thickness': f'{judged.mean_thickness:.1f} m '
         f'(mapped area: {judged.mapped_thickness:.1f} m)',
+        'expected error': expected.text(),
         'median, largest thickness': f'{judged.median_thickness:.1f} m, {judged.thickest:.1f} m',
     }
     if several is not None:
@@ -154,12 +161,19 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         'preset': f'{settings.preset}: particles {accuracy.spacing:g} m apart where the flow is '
         f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',
         'resolution': result.resolution.text(),
-        'effects': ', '.join(result.effects),
+        'effects': ', '.join(_described(item) for item in result.decisions if item.is_on),
         'steps': f'{steps.count} steps, {steps.evaluations} evaluations, at most '
         f'{result.most_particles} particles at once',
         'volume': result.snapshot.budget.text(),
         'wall time': f'{result.wall_time:.1f} s on {result.device}',
     }
+
+
+def _described(decision: Decision) -> str:
+    """Name of an effect that is on, with the time from which it was if that is not the start."""
+    if math.isnan(decision.since):
+        return decision.name
+    return f'{decision.name} (from {duration(decision.since)} on)'
 
 
 #: What a cell of the comparison says.

@@ -37,8 +37,10 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.measurement import measure_resolution
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import Resolution, resolved_accuracy
+from lava_ros.simulation.selection import cost_of_those_left_out, Decision
 from lava_ros.simulation.snapshot import Snapshot, StepReport
 
 #: Maps of a run.
@@ -65,9 +67,10 @@ class Settings:
     """How a case is run.
 
     A spacing [m] takes the place of the preset's; a device of None is the best there is. Effects
-    that are not forced on or off are chosen from the scene. Maps are even over the simulated time.
-    ``courant`` is the largest displacement in a step over a cell, where the preset has the usual
-    one.
+    that are not forced on or off are chosen from the scene. Maps are even over the simulated time,
+    each at the first end of a time step at or after its time: their number does not change the
+    flow, and there are fewer of them where a step passes the times of several. ``courant`` is the
+    largest displacement in a step over a cell, where the preset has the usual one.
     """
 
     preset: str = DEFAULT
@@ -98,7 +101,8 @@ class Result:
 
     ``peak`` is the largest thickness in any map [m], float32, shape [rows, columns]. The wall time
     [s] is without file access; of one of several runs on a GPU it is only what the host did for
-    it. ``accuracy`` has every automatic value filled in.
+    it. ``accuracy`` has every automatic value filled in. ``decisions`` say why each effect is on
+    or off. ``resolution`` is measured if the flow is large enough, else the expected one.
     """
 
     snapshot: Snapshot
@@ -108,7 +112,13 @@ class Result:
     effects: tuple[str, ...]
     accuracy: Accuracy
     resolution: Resolution
+    decisions: tuple[Decision, ...]
     device: str
+
+    @property
+    def effects_error(self) -> float:
+        """Expected error of the footprint by the effects that were left out."""
+        return cost_of_those_left_out(self.decisions)
 
 
 class Run:
@@ -150,14 +160,20 @@ class Run:
             A snapshot at each map, None after the other parts.
         """
         case, maps = self.case, self.settings.maps
-        times = [case.duration * (index + 1) / maps for index in range(maps)]
-        for time in times[self._maps :]:
-            for event in case.events[self._done_events :]:
-                if event.time - case.start < time:
-                    yield from self._advancing(max(event.time - case.start, 0.0))
-                    self._simulation.set_terrain(coarsened(event.terrain, self._coarseness))
+        changes = [max(event.time - case.start, 0.0) for event in case.events]
+        times = [*(case.duration * (index / maps) for index in range(1, maps)), case.duration]
+        for time in times:
+            if time <= self._simulation.time:
+                # a map that was kept, or that of the last step, is of this time as well
+                continue
+            for change in changes[self._done_events :]:
+                if change < time:
+                    yield from self._advancing(change, limit=change)
+                    terrain = case.events[self._done_events].terrain
+                    self._simulation.set_terrain(coarsened(terrain, self._coarseness))
                     self._done_events += 1
-            yield from self._advancing(time)
+            limit = min([case.duration, *changes[self._done_events :]])
+            yield from self._advancing(time, limit=limit)
             with self._timed():
                 snapshot = self._snapshot()
                 flaw = snapshot.flaw()
@@ -170,15 +186,16 @@ class Run:
 
     def result(self) -> Result:
         """The result so far."""
-        simulation = self._simulation
+        simulation, snapshot = self._simulation, self._snapshot()
         return Result(
-            snapshot=self._snapshot(),
+            snapshot=snapshot,
             peak=self._peak,
             wall_time=self._wall_time,
             most_particles=self._most_particles,
             effects=tuple(simulation.effects),
             accuracy=simulation.accuracy,
-            resolution=simulation.resolution,
+            resolution=measure_resolution(snapshot, simulation.accuracy) or simulation.resolution,
+            decisions=simulation.decisions(),
             device=simulation.device,
         )
 
@@ -216,9 +233,9 @@ class Run:
                 notes_arrival=True,
             )
 
-    def _advancing(self, until: float) -> Iterator[None]:
+    def _advancing(self, until: float, *, limit: float) -> Iterator[None]:
         simulation, started = self._simulation, wall_clock.monotonic()
-        for _ in simulation.advancing(until):
+        for _ in simulation.advancing(until, limit=limit):
             self._wall_time += wall_clock.monotonic() - started
             yield
             started = wall_clock.monotonic()

@@ -79,7 +79,8 @@ class HazardMaps:
         members: Number of members in the maps.
         effective_members: Number of members of equal weight with the same information,
             (sum w)^2 / sum w^2.
-        arrival_error: Error of arrival times [s]: half the time between two looks.
+        arrival_error: Error of arrival times [s]: half the time between two looks; that of a time
+            step comes on top.
         members_beyond: Number of members of which some lava has left the map; nothing is known of
             where it went.
     """

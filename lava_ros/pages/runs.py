@@ -31,6 +31,7 @@ from lava_ros.files.rasters import opened_raster
 from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.ensemble import MANIFEST
 from lava_ros.forecast.picture import frame_of
+from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.frames import Frame, Recording
 from lava_ros.maps.gis import coordinate_system
@@ -231,6 +232,7 @@ def _ensemble(folder: Path) -> Run:
         with open_input(folder / MANIFEST) as file:
             manifest: Any = parse_json(MANIFEST, file.read())
         known, plan = manifest['scene'], manifest['plan']
+        reviewed = map(CalledEffect.from_dict, plan['switched_on'])
         place = dict(known['terrain'])
         shape = tuple(place.pop('shape'))
         terrain = Terrain(_raster(folder / 'elevation.tif', shape)[0], **place)
@@ -244,6 +246,9 @@ def _ensemble(folder: Path) -> Run:
             maps[name] = Panel(frame, source, values, title, fissures=_fissures(scene))
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
+        # an ensemble that runs again may still have the maps of before
+        on = tags.get('effects', '').split()
+        reasons = [f'{item.effect}: {item.reason}' for item in reviewed if item.effect in on]
     except (OSError, KeyError, TypeError, ValueError) as error:
         right = f'an ensemble that has finished its maps ({error})'
         raise LavaError('ensemble', str(folder), right) from error
@@ -263,6 +268,8 @@ def _ensemble(folder: Path) -> Run:
         'uncertain': ', '.join(sorted(known.get('uncertainty') or {})) or 'nothing of the scene',
         'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
         f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}',
+        **({'physics': ', '.join(on).replace('_', ' ')} if on else {}),
+        **({'switched on': '; '.join(reasons).replace('_', ' ')} if reasons else {}),
         **_ground(frame),
     }
     title = f'Lava within {duration(horizon)}, {members} runs'

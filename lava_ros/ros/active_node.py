@@ -364,7 +364,7 @@ class ActiveNode:
                     snapshot,
                     is_active=self.is_active,
                     frame_stamp_ns=self._layers.shown_stamp_ns,
-                    resolution=resolution,
+                    resolution=self._worker.eruption.measured_resolution,
                     clock=clock,
                 ),
                 diagnostics.effects_status(self._worker.eruption.effects),

@@ -17,6 +17,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace
 from itertools import count
+import math
 import threading
 from typing import Any, NamedTuple, TYPE_CHECKING
 
@@ -79,7 +80,7 @@ class Eruption:
         origin: The checkpoint that the simulation has gone on from, None when it began at time 0.
         latest: The newest snapshot, None before the first; it stays after a failure.
         effects: The table of effects (``effect_table``), empty before there is a simulation.
-        resolution: How many particles lie across the flow, None before there is a simulation.
+        resolution: Expected resolution of the flow, None before there is a simulation.
         changes: Number of changes that make a forecast invalid: starts, changes of effects, and
             changes of vents or terrain beyond the noise of a sensor (``are_alike``,
             ``ELEVATION_NOISE``).
@@ -106,6 +107,7 @@ class Eruption:
         self.effects: Mapping[str, str] = {}
         self._counted: tuple[Scene | None, Effects | None] = None, None
         self.resolution: Resolution | None = None
+        self._measured: tuple[Snapshot | None, Resolution | None] = None, None
         self.changes = self.starts = 0
 
     @property
@@ -119,6 +121,18 @@ class Eruption:
         # the simulation may go at any time where another thread asks
         simulation = self.simulation
         return simulation.device if simulation is not None else ''
+
+    @property
+    def measured_resolution(self) -> Resolution | None:
+        """Resolution of the newest snapshot; the expected one while its flow is small."""
+        simulation, latest = self.simulation, self.latest
+        if simulation is None or latest is None:
+            return self.resolution
+        if self._measured[0] is not latest:
+            from lava_ros.simulation.measurement import measure_resolution
+
+            self._measured = latest, measure_resolution(latest, simulation.accuracy)
+        return self._measured[1] or self.resolution
 
     def start(self, scene: Scene) -> None:
         """Start a scene at time 0 in place of what there was; refused, that stays in place."""
@@ -159,8 +173,12 @@ class Eruption:
         """
         assert self.simulation is not None
         before = self.simulation.time
+        reviews = self.simulation.review_count
         reached = self.simulation.advance(until, wall_limit=wall_limit)
         self._is_changed |= reached > before
+        if self.simulation.review_count != reviews:
+            # an effect may have been switched on
+            self._note_change(is_noise=True)
         particles = self.simulation.particle_count
         if particles > max_particles:
             self.renew_snapshot()
@@ -308,9 +326,11 @@ def is_on(text: str) -> bool:
 def _reason(name: str, effects: Effects, decision: Decision | None) -> str:
     if decision is None:
         return 'forced' if name in effects else 'never chosen, only forced'
-    if decision.is_on == getattr(effects, name):
-        return decision.reason
-    return f'{decision.reason}, but what has frozen stays'
+    is_needed = decision.value > decision.effect.threshold
+    is_switched_on = not math.isnan(decision.since)
+    if name in effects and not (is_needed or is_switched_on or decision.is_forced):
+        return f'{decision.reason}, but an effect stays on during a run'
+    return decision.reason
 
 
 #: What Warp says when a device has no memory left.

@@ -30,9 +30,6 @@ COVERED = 0.1
 #: Least thickness that a flow is expected to have [m].
 LEAST_THICKNESS = 1e-6
 
-#: Largest ratio of viscosities at solidus and vent that counts: what is stiffer has stopped.
-MOST_STIFFENING = 1e4
-
 FORMULATIONS = ('corrected', 'as-published')
 
 INTEGRATORS = ('rkl2', 'euler')
@@ -56,7 +53,7 @@ class Accuracy:
     )
     thickness: float | None = number(
         None, 'Expected thickness of the flow, which sets the volume of a particle with the '
-        'spacing; None: from discharge and viscosity (mature_thickness)', 1e-9, 1e5, 'm',
+        'spacing; None: that of the expected course of the flow (course.py)', 1e-9, 1e5, 'm',
     )
     ratio: float = number(
         3.0, 'Kernel radius over spacing: 3 to 6 gives 28 to 113 neighbours', 1.5, 12.0
@@ -133,28 +130,6 @@ def expected_thickness(scene: Scene) -> float:
     scale = 3.0 * vent_viscosity(scene) * (discharge or 1.0)
     scale /= scene.lava.density * scene.gravity
     return max(math.sqrt(math.sqrt(scale)), LEAST_THICKNESS)
-
-
-def mature_thickness(scene: Scene) -> float:
-    """Thickness scale of a flow that has cooled half-way to its solidus [m].
-
-    Most of a flow is lava on its way, not lava at its vent: it is the scale above at
-    ``mature_viscosity``.
-    """
-    stiffer = mature_viscosity(scene) / vent_viscosity(scene)
-    return expected_thickness(scene) * math.sqrt(math.sqrt(stiffer))
-
-
-def mature_viscosity(scene: Scene) -> float:
-    """Geometric mean of the viscosities at the hottest vent and at the solidus [Pa s].
-
-    Without a solidus it is that at the vent.
-    """
-    viscosity = vent_viscosity(scene)
-    if not scene.lava.solidus:
-        return viscosity
-    ratio = scene.lava.viscosity_at(scene.lava.solidus) / viscosity
-    return viscosity * math.sqrt(min(max(ratio, 1.0), MOST_STIFFENING))
 
 
 def vent_viscosity(scene: Scene) -> float:

@@ -23,8 +23,8 @@ damaged, cut off or of a later version is refused before any of it is used. Noth
 executed when it is read, and no path is in it.
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
 import hashlib
 import json
 import math
@@ -35,7 +35,7 @@ import numpy as np
 
 import lava_ros
 from lava_ros import validation
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_json
 from lava_ros.scene import ENVIRONMENT, Lava, Scene, scene_to_dict, Terrain, Vent
@@ -84,6 +84,8 @@ class Checkpoint:
         effects: The physics that is switched on.
         forced: Effects forced on or off by name; None where none are chosen from the scene.
         horizon: How far ahead the choice of effects looks [s].
+        switched_on: Simulated time [s] from which effects were on that were not at first, by name.
+        measured: Largest number of each effect that reviews have measured, by name.
         accuracy: The resolution, with every automatic value filled in.
         emitted: Volume that came in before the present vents did [m3].
         since: Simulated time from which the present vents emit [s].
@@ -103,6 +105,8 @@ class Checkpoint:
     capacity: int
     arrays: Mapping[str, np.ndarray]
     written_by: str = lava_ros.__version__
+    switched_on: Mapping[str, float] = field(default_factory=dict)
+    measured: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what nothing can go on from.
@@ -139,6 +143,8 @@ class Checkpoint:
                 'effects': asdict(self.effects),
                 'forced': None if self.forced is None else dict(self.forced),
                 'horizon': self.horizon,
+                'switched_on': dict(self.switched_on),
+                'measured': dict(self.measured),
                 'accuracy': asdict(self.accuracy),
                 'emitted': self.emitted,
                 'since': self.since,
@@ -244,7 +250,16 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
         capacity=header['capacity'],
         arrays=arrays,
         written_by=str(header['written_by']),
+        switched_on=_by_effect('switched_on', header.get('switched_on', {})),
+        measured=_by_effect('measured', header.get('measured', {})),
     )
+
+
+def _by_effect(label: str, values: dict[str, Any]) -> dict[str, float]:
+    names = validation.keys(f'checkpoint.{label}', values, allowed=EFFECTS)
+    return {
+        name: validation.number(f'checkpoint.{label}.{name}', names[name]) for name in names
+    }
 
 
 def _arrays(entries: list[dict[str, Any]], body: memoryview) -> dict[str, np.ndarray]:
@@ -328,6 +343,9 @@ def take(simulation: 'Simulation') -> Checkpoint:
     simulation._state.launches.forget()
     arrays = {f'state.{name}': array for name, array in simulation._state.save().items()}
     arrays |= {f'vents.{name}': array for name, array in simulation._vents.save().items()}
+    vents, counted = simulation._counted
+    is_counted = [vents is simulation._vents and n in counted for n in range(len(vents.vents))]
+    arrays['vents.counted'] = np.array(is_counted, dtype=np.int32)
     if simulation._notes_arrival:
         arrays['arrived.times'] = simulation._state.arrived.numpy()
     for effect, step in simulation._after_step.items():
@@ -339,6 +357,8 @@ def take(simulation: 'Simulation') -> Checkpoint:
         effects=simulation.effects,
         forced=simulation._forced,
         horizon=simulation._horizon,
+        switched_on=dict(simulation._review.since),
+        measured=dict(simulation._review.largest),
         accuracy=simulation.accuracy,
         emitted=simulation._emitted_before,
         since=simulation._vents.since,
@@ -364,10 +384,15 @@ def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
     if np.shape(state.get('left')) == (1,):
         state['left'] = np.append(state['left'], 0.0)
     simulation._state.load(state, checkpoint.capacity)
-    simulation._load_vents(parts.pop('vents', {}), since=checkpoint.since)
+    vents = parts.pop('vents', {})
+    simulation._load_vents(vents, since=checkpoint.since)
     # the state has the vents' heights; lava that has frozen since may have raised the ground
-    giving = simulation._vents.giving(checkpoint.time, others_than=())
-    simulation._counted = simulation._vents, set(giving)
+    counted: Iterable[int] = simulation._vents.giving(checkpoint.time, others_than=())
+    if 'counted' in vents:
+        shape = (len(checkpoint.scene.vents),)
+        is_counted = fitting('vents.counted', vents['counted'], shape, np.int32)
+        counted = np.flatnonzero(is_counted).tolist()
+    simulation._counted = simulation._vents, set(counted)
     if simulation._notes_arrival:
         target, times = simulation._state.arrived, parts.pop('arrived')['times']
         target.assign(fitting('arrived.times', times, target.shape, np.float32))
@@ -380,6 +405,9 @@ def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
         right = f'that of the clock, {simulation.time:g} s'
         raise LavaError('checkpoint.time', checkpoint.time, right)
     simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
+    simulation._review.since.update(checkpoint.switched_on)
+    simulation._review.largest.update(checkpoint.measured)
+    simulation._watch()
     simulation._emitted_before = checkpoint.emitted
     # it was made without the particles, and knows where vents are only
     simulation._cover()

@@ -43,7 +43,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
-from lava_ros.effects.laws import law_type, speed_function, viscosity_function
+from lava_ros.effects.laws import LATERAL_DRAG, law_type, speed_function, viscosity_function
 from lava_ros.simulation.backend.compiled import (
     FEW_THREADS,
     load2,
@@ -146,14 +146,15 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             m.slope[i] = surface
         rate = largest * height * m.constants.stiffness
         if wp.static(green or helmholtz):
-            # lateral stress divides the response by 1 + q^2 h^2 / 3; with W^ <= 1 no wave then
-            # decays faster than D / (l^2 / stiffness + h^2 / 3)
+            # lateral stress divides the response by 1 + q^2 / k^2; with W^ <= 1 no wave then
+            # decays faster than D / (l^2 / stiffness + 1 / k^2), k^2 = LATERAL_DRAG / h^2
             stressed = height
             if wp.static(helmholtz):
                 # the sweeps leave what is thicker to the local balance, and to its rate
                 stressed = wp.min(height, m.constants.thickest)
             radius = m.constants.radius
-            thick = real(wp.static(stiffness / 3.0)) * stressed * stressed / (radius * radius)
+            thick = stressed * stressed / (radius * radius)
+            thick *= real(wp.static(stiffness / LATERAL_DRAG))
             if wp.static(helmholtz and 'steep' in effects):
                 # as far as the drag that it divides is larger (effects/helmholtz)
                 thick *= steep(ground)
@@ -164,7 +165,8 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 store(m.source, i, vec4(near.x, near.y, p[2] * velocity.x, p[2] * velocity.y))
                 m.area[i] = p[2] / height
                 # as far as the Green's function is not cut off
-                whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
+                support = real(wp.static(math.sqrt(LATERAL_DRAG))) * radius / height
+                whole = real(1.0) - x_k1(support)
                 reduced = wp.min(rate, reduced / whole)
             rate = reduced
         # in a hollow lava is drawn to the bottom, and overshoots it as it does level ground

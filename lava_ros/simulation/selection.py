@@ -20,9 +20,11 @@ and a threshold below which leaving it out costs less than the stated error.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 import math
+from typing import Any
 
 import numpy as np
 
@@ -30,11 +32,15 @@ from lava_ros import validation
 from lava_ros.effects import EFFECTS, Effects, excluded_by, existing
 from lava_ros.effects.effect import Effect
 from lava_ros.effects.laws import heat_loss
-from lava_ros.effects.scales import Scales
+from lava_ros.effects.scales import Columns, Scales
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy, expected_thickness
+from lava_ros.simulation.course import course_of
+from lava_ros.simulation.resolution import ACROSS, is_extended, resolution_of
 from lava_ros.simulation.resolution import HORIZON as HORIZON
-from lava_ros.simulation.resolution import resolution_of
+
+#: Steps of the cooling of columns at rest, and the first of them as a fraction of the whole.
+_COOLING_STEPS, _FIRST_STEP = 300, 1e-6
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,8 @@ class Decision:
         is_on: Whether the effect is on.
         is_forced: Whether a user said so.
         rival: The effect beside which it cannot be on, though its number calls for it; or empty.
+        measured: Largest number that the reviews of a run have measured; NaN before the first.
+        since: Simulated time from which a run has it on [s]; NaN unless it was off at first.
     """
 
     name: str
@@ -56,6 +64,25 @@ class Decision:
     is_on: bool
     is_forced: bool = False
     rival: str = ''
+    measured: float = math.nan
+    since: float = math.nan
+
+    @property
+    def largest(self) -> float:
+        """Largest number: as expected, or as measured while the effect was off."""
+        return float(np.fmax(self.value, self.measured))
+
+    @property
+    def cost(self) -> float:
+        """Largest fraction of the footprint that leaving the effect off changes; 0 if it is on.
+
+        It is also 0 where the scene has no such effect, and for one that is on only when asked
+        for.
+        """
+        is_left_off = not (self.is_on or math.isnan(self.value))
+        if not is_left_off or self.effect.threshold in (0.0, math.inf):
+            return 0.0
+        return self.effect.cost * self.largest / self.effect.threshold
 
     @property
     def reason(self) -> str:
@@ -66,70 +93,123 @@ class Decision:
             return 'the material has none'
         if math.isinf(self.effect.threshold):
             return 'only when asked for'
-        sign = '>' if self.value > self.effect.threshold else '<='
-        text = f'{self.effect.symbol} = {self.value:.2g} {sign} {self.effect.threshold:.2g}'
-        return f'{text}, but not beside {self.rival}' if self.rival else text
+        is_switched_on = not math.isnan(self.since)
+        value = self.largest if is_switched_on or self.rival else self.value
+        sign = '>' if value > self.effect.threshold else '<='
+        text = f'{self.effect.symbol} = {value:.2g} {sign} {self.effect.threshold:.2g}'
+        if self.rival:
+            return f'{text}, but not beside {self.rival}'
+        if is_switched_on:
+            return f'{text} from {self.since:.0f} s on, {self.value:.2g} expected'
+        is_known = not (self.is_on or math.isnan(self.measured))
+        return f'{text}, measured {self.measured:.2g}' if is_known else text
 
 
-def scales_of(
+def expected_scales(
     scene: Scene, *, accuracy: Accuracy | None = None, horizon: float = HORIZON
 ) -> Scales:
-    """Take the scales of a scene up to a horizon [s]; the accuracy is automatic when left out."""
-    lava, terrain = scene.lava, scene.terrain
+    """Find the scales of a flow before its first step, up to a horizon [s].
+
+    They are those of its expected course (``course_of``). Without a discharge each cell of the
+    terrain counts as a column, of the thickness of the accuracy or of 1 m3/s.
+    """
     accuracy = accuracy or Accuracy()
     resolution = resolution_of(scene, accuracy, horizon=horizon)
-    temperature = max(
-        (vent.temperature for vent in scene.vents), default=lava.reference_temperature
+    course = course_of(scene, horizon=horizon)
+    columns = _still_columns(scene, accuracy) if course is None else course.columns
+    area = math.inf if course is None else float((columns.volume / columns.thickness).sum())
+    # a flow that is resolved coarsely has left its vent as well
+    distance = float(np.fmin(resolution.spacing, resolution.width / ACROSS))
+    return scales_of(
+        scene,
+        columns,
+        fall=_relief(scene.terrain) if course is None else course.fall,
+        spacing=resolution.spacing,
+        kernel_radius=accuracy.ratio * resolution.spacing,
+        duration=horizon,
+        is_extended=is_extended(area, distance),
     )
-    viscosity = lava.viscosity_at(temperature)
-    # at the vent, where lava is hottest; a given thickness stands for lava that has no vent
-    thickness = expected_thickness(scene)
-    if not scene.vents and accuracy.thickness:
-        thickness = accuracy.thickness
-    steepest, typical = slopes_of(terrain)
-    x0, y0, x1, y1 = terrain.extent
-    slope = max(typical, thickness / (0.5 * math.hypot(x1 - x0, y1 - y0)))
+
+
+def scales_of(scene: Scene, columns: Columns, **others: Any) -> Scales:
+    """Complete the scales of columns of lava; ``others`` are the other fields of ``Scales``."""
+    temperature = max(
+        (vent.temperature for vent in scene.vents), default=scene.lava.reference_temperature
+    )
     return Scales(
         scene=scene,
-        temperature=temperature,
-        end_temperature=_cooled(scene, temperature, thickness, horizon),
-        thickness=thickness,
-        viscosity=viscosity,
-        slope=slope,
-        steepest=steepest,
-        relief=float(np.nanmax(terrain.elevation) - np.nanmin(terrain.elevation)),
-        speed=lava.density * scene.gravity * thickness**2 * slope / (3.0 * viscosity),
-        width=resolution.width,
-        kernel_radius=accuracy.ratio * resolution.spacing,
-        spacing=resolution.spacing,
-        horizon=horizon,
+        columns=columns,
+        vent_temperature=temperature,
+        rest_temperature=_cooled_at_rest(
+            scene, temperature, columns.thickness, others['duration']
+        ),
+        **others,
     )
 
 
-def slopes_of(terrain: Terrain) -> tuple[float, float]:
-    """Largest and median slope (rise over run) between neighbouring cells with data."""
-    largest, middle = 0.0, []
-    for axis in (0, 1):
-        rise = np.abs(np.diff(terrain.elevation, axis=axis)) / terrain.resolution
-        known = rise[np.isfinite(rise)]
-        if known.size:
-            largest = max(largest, float(known.max()))
-            middle.append(float(np.median(known)))
-    return largest, math.hypot(*middle)
+def _still_columns(scene: Scene, accuracy: Accuracy) -> Columns:
+    """Return columns of lava on every cell of a terrain: what is known without a discharge."""
+    terrain, lava = scene.terrain, scene.lava
+    thickness = accuracy.thickness or expected_thickness(scene)
+    x0, y0, x1, y1 = terrain.extent
+    ground = slopes_of(terrain)
+    slope = np.maximum(ground, thickness / (0.5 * math.hypot(x1 - x0, y1 - y0)))
+    viscosity = lava.viscosity_at(lava.reference_temperature)
+    one = np.ones_like(slope)
+    return Columns(
+        volume=one,
+        thickness=thickness * one,
+        slope=slope,
+        ground_slope=ground,
+        temperature=lava.reference_temperature * one,
+        speed=lava.density * scene.gravity * thickness**2 * slope / (3.0 * viscosity),
+        width=math.nan * one,
+    )
 
 
-def _cooled(scene: Scene, temperature: float, thickness: float, horizon: float) -> float:
-    """Temperature [K] of a column at rest after a time [s] of radiation and convection."""
-    lava, ambient = scene.lava, scene.ambient_temperature
-    capacity = lava.density * lava.specific_heat * thickness
-    loss = heat_loss(scene)
-    for _ in range(200):
+def slopes_of(terrain: Terrain) -> np.ndarray:
+    """Slope (rise over run) at the cells whose neighbours have data, shape [cells], 0 if none."""
+    z = terrain.elevation
+    rise = [np.abs(np.diff(z, axis=axis)) / terrain.resolution for axis in (0, 1)]
+    steep = np.hypot(rise[0][:, :-1], rise[1][:-1])
+    steep = steep[np.isfinite(steep)]
+    return steep if steep.size else np.zeros(1)
+
+
+def _relief(terrain: Terrain) -> float:
+    """Highest less lowest elevation [m]."""
+    return float(np.nanmax(terrain.elevation) - np.nanmin(terrain.elevation))
+
+
+def _cooled_at_rest(
+    scene: Scene, temperature: float, thickness: np.ndarray, duration: float
+) -> np.ndarray:
+    """Temperature [K] of columns at rest after a time [s] of radiation and convection.
+
+    It is a function of the time over the thickness alone.
+    """
+    over = duration / thickness
+    # up to a power of two, so that the same curve serves many times
+    longest = 2.0 ** math.ceil(math.log2(over.max()))
+    return np.interp(over, *_cooling_curve(scene, temperature, longest))
+
+
+@lru_cache(maxsize=8)
+def _cooling_curve(
+    scene: Scene, temperature: float, longest: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times over thickness [s/m] up to the ``longest``, and temperatures [K] after them."""
+    ambient = scene.ambient_temperature
+    capacity, loss = scene.lava.density * scene.lava.specific_heat, heat_loss(scene)
+    marks = np.geomspace(_FIRST_STEP, 1.0, _COOLING_STEPS) * longest
+    reached = [temperature]
+    for step in np.diff(marks, prepend=0.0).tolist():
         excess = temperature - ambient
-        if excess <= 0.0:
-            break
-        rate = loss(temperature) / (capacity * excess)
-        temperature = ambient + excess * math.exp(-rate * horizon / 200)
-    return temperature
+        if excess > 0.0:
+            rate = loss(temperature) / (capacity * excess)
+            temperature = ambient + excess * math.exp(-rate * step)
+        reached.append(temperature)
+    return np.concatenate([[0.0], marks]), np.array(reached)
 
 
 def decide(
@@ -152,16 +232,81 @@ def decide(
     """
     forced = validation.keys('effects', overrides or {}, allowed=EFFECTS)
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
-    scales = scales_of(scene, accuracy=accuracy, horizon=horizon)
+    return decide_by(expected_scales(scene, accuracy=accuracy, horizon=horizon), forced)
+
+
+def decide_by(
+    scales: Scales, forced: Mapping[str, bool], *, names: Iterable[str] = EFFECTS
+) -> tuple[Decision, ...]:
+    """Decide about effects by the scales of a flow.
+
+    Args:
+        scales: The scales.
+        forced: Effects switched on or off whatever the flow says, by name.
+        names: The effects to decide about.
+    """
     decisions: dict[str, Decision] = {}
-    there = existing(scene)
+    there, names = existing(scales.scene), set(names)
     for name, effect in EFFECTS.items():
-        if effect.number is not None:
-            value = effect.number(scales) if name in there else math.nan
+        if effect.number is not None and name in names:
+            value = math.nan
+            if name in there and effect.needs_extent and not scales.is_extended:
+                # nothing is moving yet that the number could be of
+                value = 0.0
+            elif name in there:
+                value = scales.columns.quantile(effect.number(scales), effect.fraction)
             is_on = bool(forced.get(name, value > effect.threshold))
             decisions[name] = Decision(name, effect, value, is_on, name in forced)
     _settle(decisions)
     return tuple(decisions.values())
+
+
+def noted(decision: Decision, effects: Effects, measured: float, since: float) -> Decision:
+    """Complete a decision before the first step with what a run has found.
+
+    Args:
+        decision: The decision.
+        effects: The effects that are on in the run.
+        measured: Largest number measured while the effect was off; NaN without one.
+        since: Simulated time from which the run has the effect on [s]; NaN unless it was off.
+    """
+    name, rival = decision.name, ''
+    decision = replace(decision, is_on=name in effects, measured=measured, since=since, rival='')
+    if not decision.is_on and decision.largest > decision.effect.threshold:
+        rival = next((other for other in effects if excluded_by(name, other)), '')
+    return replace(decision, rival=rival)
+
+
+def decision_as_dict(decision: Decision) -> dict[str, Any]:
+    """A decision as plain data; None where JSON has no number."""
+    effect = decision.effect
+    numbers = {
+        'value': decision.value,
+        'measured': decision.measured,
+        'threshold': effect.threshold,
+        'on_since_s': decision.since,
+    }
+    return {
+        'effect': decision.name,
+        'title': effect.title,
+        'on': decision.is_on,
+        'forced': decision.is_forced,
+        'number': effect.symbol,
+        **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
+        'reason': decision.reason,
+        'without_it': effect.admits,
+        # at the threshold, and in proportion to the number below it
+        'footprint_without_it': effect.cost,
+        'source': effect.source,
+    }
+
+
+def cost_of_those_left_out(decisions: Iterable[Decision]) -> float:
+    """Return the fraction of a footprint that the effects which are off may change.
+
+    It is the sum of their costs.
+    """
+    return math.fsum(item.cost for item in decisions if not item.is_on)
 
 
 def _settle(decisions: dict[str, Decision]) -> None:

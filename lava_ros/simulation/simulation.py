@@ -26,12 +26,13 @@ import numpy as np
 import warp as wp
 
 from lava_ros import validation
-from lava_ros.effects import Effects
+from lava_ros.effects import Effects, excluded_by
+from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.scene.vents import match_vents
 from lava_ros.simulation import state as at
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import read, Reader
 from lava_ros.simulation.backend.threads import is_alone
@@ -41,10 +42,25 @@ from lava_ros.simulation.checkpoint import Checkpoint, restore, take
 from lava_ros.simulation.defaults import device_of, formulated
 from lava_ros.simulation.diagnostics import FlowDiagnostics, moment_of, snapshot_of
 from lava_ros.simulation.looks import Looks, Seen
+from lava_ros.simulation.measurement import measure_columns
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.rasterization import Raster
-from lava_ros.simulation.resolution import Resolution, resolution_of, resolved_accuracy
-from lava_ros.simulation.selection import decide, Decision, effects_for, HORIZON
+from lava_ros.simulation.resolution import (
+    is_extended,
+    Resolution,
+    resolution_of,
+    resolved_accuracy,
+)
+from lava_ros.simulation.review import next_review, Review, watched_effects
+from lava_ros.simulation.selection import (
+    decide,
+    decide_by,
+    Decision,
+    effects_for,
+    HORIZON,
+    noted,
+    scales_of,
+)
 from lava_ros.simulation.snapshot import (
     Particles,
     ParticleSample,
@@ -120,6 +136,7 @@ class Simulation:
         self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene, horizon=horizon)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
+        self._review = Review()
         chosen = effects if isinstance(effects, Effects) else self._chosen(scene)
         self.effects = formulated(chosen, self.accuracy)
         spacing, thickness = self.accuracy.spacing, self.accuracy.thickness
@@ -143,6 +160,7 @@ class Simulation:
         self._counted: tuple[VentSet, set[int]] = self._vents, set()
         places = _NOWHERE if particles is None else self._state.read_particles()[:, :2]
         self._raise_top(places, until=0.0)
+        self._watch(is_due=particles is not None)
 
     @property
     def device(self) -> str:
@@ -169,47 +187,73 @@ class Simulation:
         """Time steps taken so far."""
         return int(self._state.read_clock()[1][at.STEPS])
 
-    def advance(self, until: float, *, wall_limit: float | None = None) -> float:
-        """Simulate up to a time.
+    def advance(
+        self, until: float, *, limit: float | None = None, wall_limit: float | None = None
+    ) -> float:
+        """Simulate up to a time, or to the first end of a time step after it.
+
+        With the same ``limit`` the flow is the same to the bit however many stops there are before
+        it, when the simulation is deterministic.
 
         Args:
             until: Simulated time to reach [s]; a time that has passed changes nothing.
+            limit: Time that no step may pass [s]. The last step before it is shortened; when left
+                out, this is ``until``.
             wall_limit: Stop early after about this much wall time [s].
 
         Returns:
             The simulated time reached [s].
 
         Raises:
-            LavaError: ``until`` is not a finite number.
+            LavaError: ``until`` is not a finite number, or ``limit`` is before it.
         """
-        for _ in self.advancing(until, wall_limit=wall_limit):
+        for _ in self.advancing(until, limit=limit, wall_limit=wall_limit):
             pass
         return self.time
 
-    def advancing(self, until: float, *, wall_limit: float | None = None) -> Iterator[None]:
+    def advancing(
+        self, until: float, *, limit: float | None = None, wall_limit: float | None = None
+    ) -> Generator[None, None, float]:
         """Simulate up to a time, in parts, as ``advance`` does in one go.
 
         After each part there is time for something else: a GPU is at work on it
         (``batch.side_by_side``). Only when all parts are taken the simulation is at rest.
         """
         until = validation.number('until', until, unit='s')
-        self._raise_top(until=until)
+        if limit is not None:
+            limit = validation.number('limit', limit, at_least=until, unit='s')
+        end = until if limit is None else limit
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
-        self._state.write_target(until)
+        self._raise_top(until=end)
+        while True:
+            # reviews are at ends of natural steps: they change no step
+            due = min(until, self._review_due)
+            reached = yield from self._advancing_to(due, end, deadline)
+            if reached >= self._review_due:
+                self.review()
+            if reached >= until or reached < due:
+                return reached
+
+    def _advancing_to(
+        self, until: float, end: float, deadline: float
+    ) -> Generator[None, None, float]:
+        """Simulate up to a time [s], with no step beyond ``end`` [s], or to a wall time [s]."""
+        self._state.write_target(until, end)
         batch = at_work()
         if batch is None:
             clock, counts = yield from self._advance_alone(until, deadline)
         else:
             clock, counts = yield from self._advance_in_batch(batch, until, deadline)
-        if clock[at.TIME] != until:
+        if clock[at.TIME] < until:
             # the stages that the step at hand still needs, and no other
             self._state.write_target(clock[at.TIME])
         while counts[at.STAGE]:
             self._run_stages()
             yield
-            _, counts = self._state.read_clock()
+            clock, counts = self._state.read_clock()
         # a part that ends with its first stage makes room as well
         self._make_room(counts)
+        return float(clock[at.TIME])
 
     def _advance_alone(self, until: float, deadline: float) -> Generator[None, None, _Look]:
         """Simulate up to a time [s], or to a wall time [s]; return clock and counts."""
@@ -417,8 +461,9 @@ class Simulation:
         former = self._forced, self._horizon
         self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')
         self._forced = dict(forced)
+        kept = {*self._review.since, *({'solidification'} & set(self.effects))}
         try:
-            self._decide()
+            self._decide(kept)
         except LavaError:
             self._forced, self._horizon = former
             raise
@@ -444,6 +489,11 @@ class Simulation:
         return restore(simulation, checkpoint)
 
     @property
+    def review_count(self) -> int:
+        """Number of reviews of the effects so far."""
+        return self._review.count
+
+    @property
     def resolution(self) -> Resolution:
         """How many particles lie across the flow of the scene as it is now."""
         return resolution_of(self.scene, self.accuracy, horizon=self._horizon)
@@ -451,20 +501,92 @@ class Simulation:
     def decisions(self) -> tuple[Decision, ...]:
         """Say what decides about each effect now; of those that exclude each other one is on."""
         forced = asdict(self.effects) if self._forced is None else self._forced
-        return decide(self.scene, forced, accuracy=self.accuracy, horizon=self._horizon)
+        decisions = decide(self.scene, forced, accuracy=self.accuracy, horizon=self._horizon)
+        return tuple(
+            noted(
+                item, self.effects, self._review.largest.get(item.name, math.nan),
+                self._review.since.get(item.name, math.nan),
+            )
+            for item in decisions
+        )
+
+    def measure_scales(self) -> Scales | None:
+        """Measure the scales of the flow as it is now; None without flowing lava."""
+        sample = self.sample()
+        if not len(sample.volume):
+            return None
+        snapshot = self.snapshot()
+        columns = measure_columns(snapshot, sample)
+        distance = float(np.median(np.sqrt(columns.volume / columns.thickness)))
+        area = np.count_nonzero(np.nan_to_num(snapshot.thickness) >= COVERED)
+        terrain = self.scene.terrain
+        sources = np.reshape([vent.position for vent in self.scene.vents], (-1, 2))
+        heights = terrain.elevations_at(np.concatenate([sample.position, sources]))
+        return scales_of(
+            self.scene,
+            columns,
+            fall=float(np.nanmax(heights) - np.nanmin(heights)),
+            spacing=float(self.accuracy.spacing or 0.0),
+            kernel_radius=self.radius,
+            duration=max(self._horizon, self.time),
+            is_measured=True,
+            is_extended=is_extended(area * terrain.resolution**2, distance),
+        )
+
+    def _watch(self, *, is_due: bool = False) -> None:
+        """Find out which effects reviews evaluate, and when the next review ``is_due``."""
+        self._watched = [] if self._forced is None else watched_effects(
+            self.scene, self.effects, self._forced
+        )
+        self._review_due = math.inf
+        if self._watched:
+            time = self.time
+            self._review_due = time if is_due else next_review(time, self._horizon)
+
+    def review(self, names: Iterable[str] | None = None) -> None:
+        """Measure the numbers of effects now, and switch on those that the flow calls for.
+
+        Args:
+            names: The effects; when left out, those that are off and not forced.
+        """
+        scales = self.measure_scales()
+        found: list[str] = []
+        if scales is not None:
+            names = self._watched if names is None else names
+            decisions = decide_by(scales, self._forced or {}, names=names)
+            found = self._review.note(decisions, self.effects)
+        if found:
+            self._review.since |= dict.fromkeys(found, self.time)
+            self._put_on(replace(self.effects, **dict.fromkeys(found, True)))
+        self._watch()
 
     def _chosen(self, scene: Scene) -> Effects:
         """The effects that a scene calls for, with what the user forces."""
         return effects_for(scene, self._forced, accuracy=self.accuracy, horizon=self._horizon)
 
-    def _decide(self) -> None:
-        """Choose the effects anew where they follow the scene."""
+    def _decide(self, kept: Iterable[str] | None = None) -> None:
+        """Choose the effects anew where they follow the scene.
+
+        Once there is lava, the effects that are on stay on, or those ``kept``: what the lava has
+        become is their work.
+        """
         if self._forced is None:
             return
-        effects = formulated(self._chosen(self.scene), self.accuracy)
-        if 'solidification' in self.effects:
-            # what has frozen stays ground
-            effects = replace(effects, solidification=True)
+        has_lava = self.time > 0.0 or self.particle_count > 0
+        if kept is None:
+            kept = self.effects if has_lava else ()
+        chosen = self._chosen(self.scene)
+        on = [name for name in chosen if name in self._forced]
+        kept = [name for name in kept if self._forced.get(name, True)]
+        for name in (*kept, *chosen):
+            if not any(excluded_by(name, other) for other in on):
+                on.append(name)
+        self._put_on(replace(chosen, **{name: name in on for name in (*kept, *chosen)}))
+        self._watch()
+
+    def _put_on(self, effects: Effects) -> None:
+        """Continue with other effects."""
+        effects = formulated(effects, self.accuracy)
         if effects == self.effects:
             return
         self._settle()

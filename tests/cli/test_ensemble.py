@@ -31,6 +31,7 @@ from lava_ros.bag.decoding import Decoder, read_grid
 from lava_ros.cli.options import seconds_of
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import occupancy
+from lava_ros.pages.runs import read_run
 
 MAPS = (
     'inundation_probability', 'expected_thickness', 'arrival_time_p10', 'arrival_time_p50',
@@ -120,6 +121,36 @@ def test_maps_of_a_scene(scene, tmp_path):
     assert third['resumed'] == 8 and third['effective_members'] < 8.0
     assert 0.3 < third['observed']['jaccard_mean'] < third['observed']['jaccard_best'] <= 1.0
     assert read(out / 'inundation_probability.tif').sum() > probability.sum()
+
+
+def test_effects_that_the_flow_calls_for_are_named(scene, tmp_path):
+    """Where lava thins the yield strength matters: command, report, bag and page say so."""
+    described = yaml.safe_load(scene.read_text())
+    described['vents'][0]['discharge'] = [[0, 10], [300, 0]]
+    described['lava']['yield_strength'] = 12.0
+    scene.write_text(yaml.safe_dump(described))
+    out, report = tmp_path / 'out', tmp_path / 'report.json'
+    words = ['ensemble', scene, '-o', out, '--horizon', '15min', '--workers', '1']
+    words += ['--device', 'cpu', '--json', report, '--members', '3']
+    status, said, warned = lava(*words)
+    assert status == 0
+    found = json.loads(report.read_text())
+    (item,) = found['switched_on']
+    assert (item['effect'], item['member']) == ('yielding', 0)
+    assert item['number'] > item['threshold']
+    reason = f'Bingham number = {item["number"]:.2g} > 0.01 in member 0 at {item["time_s"]:.4g} s'
+    assert f'yielding is switched on for all members from the start: {reason}' in warned
+    assert f'effects of all members: {", ".join(found["effects"])}\n' in said
+    assert f'yielding was switched on from the start: {reason}\n' in said
+    (change,) = json.loads(BagReader(out / 'atlas').custom_data['effects'])
+    assert change['effects']['yielding'] == f'on: {reason}' and change['time'] == 0.0
+    on = [name for name, text in change['effects'].items() if text.startswith('on')]
+    assert on == found['effects']
+    facts = read_run(out).facts
+    assert facts['physics'] == ', '.join(name.replace('_', ' ') for name in on)
+    assert facts['switched on'] == f'yielding: {reason}'
+    # a finished ensemble says it again
+    assert reason in done(*words) and json.loads(report.read_text())['resumed'] == 3
 
 
 def test_vents_from_a_map(scene, tmp_path):

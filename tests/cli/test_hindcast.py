@@ -79,12 +79,35 @@ def test_a_hindcast_leaves_numbers_maps_page_and_bag(tmp_path):
     assert '<b>' not in text
     assert (out / 'comparison.png').stat().st_size > 10_000
 
-    # a frame for each map, at its simulated time, and what describes the run
+    # a frame for each map, at the end of the step in which it was due, and what describes the run
     assert len(list(BagReader(out / 'bag').messages(['/height']))) == 3
+    times = [frame.time for frame in Recording(out / 'bag').frames()]
+    dues = (1200, 2400, 3600)
+    assert all(0.0 <= time - due <= 60.0 for time, due in zip(times, dues, strict=True))
     frame = Recording(out / 'bag').frame_at()
-    assert frame.time == pytest.approx(3600.0)
+    assert frame.time == times[-1] == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4
-    assert Recording(out / 'bag').frame_at(2400.0).time == pytest.approx(2400.0)
+    assert Recording(out / 'bag').frame_at(times[1]).time == times[1]
+
+
+def test_the_number_of_maps_does_not_change_the_result(tmp_path):
+    """Score, steps and what came when are the same to the digit; the bag has more frames."""
+    case = write_case(tmp_path / 'valley', hours=1, yaml=LAVA)
+    words = ['hindcast', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
+    results, arrivals, frames = [], [], []
+    for maps in (1, 4, 7, 24):
+        out = tmp_path / str(maps)
+        done(*words, '--maps', maps, '-o', out)
+        data = json.loads((out / 'hindcast.json').read_text())
+        results.append({name: data[name] for name in ('score', 'steps', 'evaluations')})
+        with rasterio.open(out / 'arrival.tif') as file:
+            arrivals.append(file.read(1))
+        frames.append(len(list(Recording(out / 'bag').frames())))
+    assert results == results[:1] * 4
+    assert results[0]['score']['jaccard'] > 0.3
+    for arrival in arrivals:
+        np.testing.assert_array_equal(arrival, arrivals[0])
+    assert frames == [1, 4, 7, 24]
 
 
 def test_vents_of_the_command(valley, tmp_path):

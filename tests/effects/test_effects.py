@@ -34,8 +34,8 @@ ROOT = Path(__file__).parents[2]
 #: The arrays of a step without effects, and of a map.
 BARE_ARRAYS = {
     'particle', 'ordered', 'flow', 'cell', 'rank', 'remainder', 'ordered_remainder', 'clock',
-    'counts', 'chosen', 'rates', 'stage', 'top', 'left', 'base', 'drift', 'ordered_base',
-    'ordered_drift', 'share', 'home',
+    'counts', 'chosen', 'rates', 'stage', 'top', 'left', 'limit_time', 'base', 'drift',
+    'ordered_base', 'ordered_drift', 'share', 'home',
 }
 
 #: The kernels it launches, in their order.
@@ -62,7 +62,7 @@ from lava_ros.scene import Lava, Vent
 from solver import incline, only, simulated
 ground = incline(-0.2, 20, 20, 5.0, origin=(-50.0, -50.0))
 simulation = simulated(
-    ground, Lava(), Vent((0.0, 0.0), 2.0), effects=only(*sys.argv[1:]), spacing=3.0
+    ground, Lava(), Vent((0.0, 0.0), 2.0), effects=only(*sys.argv[1:]), spacing=3.0, thickness=1.0
 )
 simulation.advance(120.0)
 seen = simulation.snapshot()

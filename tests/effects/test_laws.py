@@ -18,10 +18,12 @@ from dataclasses import replace
 import math
 
 import numpy as np
+from numpy.polynomial import Polynomial
 import pytest
 
 from effects.columns import viscosities
 from lava_ros.effects.crystals import LEAST_ROOM
+from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava
 from lava_ros.simulation import Particles
 from lava_ros.verification import exact
@@ -220,3 +222,15 @@ def test_jammed_crystals_leave_a_finite_viscosity(device):
     assert found[0] == pytest.approx(50.0 * LEAST_ROOM**-2.0, rel=1e-3)
     assert found[1] == pytest.approx(found[0])
     assert found[2] == pytest.approx(50.0, rel=1e-4)
+
+
+def test_lateral_drag_is_that_of_a_parabolic_profile():
+    """Weighted with the profile, and as the limit of Stokes flow for long waves."""
+    profile = Polynomial([0.0, 3.0, -1.5])
+    mean = profile.integ()
+    assert mean(1.0) == pytest.approx(1.0)
+    drag, stress = ((item**2).integ()(1.0) for item in (profile.deriv(), profile))
+    assert drag / stress == pytest.approx(LATERAL_DRAG)
+    x = 0.01
+    loss = 1.0 - exact.wave_response(x, 1.0)
+    assert x**2 / loss == pytest.approx(LATERAL_DRAG, rel=1e-3)

@@ -14,7 +14,7 @@
 
 """Nothing is lost: not by a worker that dies, not by a run that is killed, not on disk."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -37,6 +37,7 @@ from lava_ros.forecast.ensemble import Ensemble, run_here, run_in_processes, run
 from lava_ros.forecast.members import make_plan, Plan
 from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
+from lava_ros.forecast.sentinels import is_sentinel
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
@@ -48,14 +49,19 @@ MEMBERS = draw_members(PLAN.scene, 70)
 
 
 class Discs:
-    """Runs members without a solver, the last of every 16 first, and dies after some."""
+    """Runs members without a solver, sentinels first and then the last of every 16."""
 
     def __init__(self, dies_after: int = 1000) -> None:
         self.dies_after = dies_after
         self.ran: list[int] = []
 
-    def __call__(self, plan: Plan, members: Sequence[Member]) -> Iterator[Footprint]:
-        for member in sorted(members, key=lambda item: (item.index // 16, -item.index)):
+    def __call__(
+        self, plan: Plan, members: Sequence[Member]
+    ) -> Generator[Footprint, None, None]:
+        def turn(item: Member) -> tuple[bool, int, int]:
+            return not is_sentinel(item.index), item.index // 16, -item.index
+
+        for member in sorted(members, key=turn):
             if len(self.ran) == self.dies_after:
                 raise KeyboardInterrupt
             self.ran.append(member.index)
@@ -66,7 +72,7 @@ class Discs:
 def run(folder: Path, runner: Any = None, count: int = 24, **options: Any) -> Ensemble:
     """The ensemble of a folder, in one go if nothing else is said."""
     store, runner = Store(folder, PLAN), runner or Discs()
-    return ensembles.run_ensemble(PLAN, MEMBERS[:count], store, runner=runner, **options)
+    return ensembles.run_ensemble(MEMBERS[:count], store, runner=runner, **options)
 
 
 def test_what_was_interrupted_goes_on(tmp_path: Path) -> None:
@@ -98,7 +104,8 @@ def test_maps_are_there_while_members_run(tmp_path: Path) -> None:
     """Each time that the first ones have doubled: those of the first 16 are those of 16."""
     seen: list[HazardMaps] = []
     run(tmp_path / 'a', count=70, on_maps=seen.append)
-    assert [maps.members for maps in seen] == [16, 32, 64]
+    # member 32 is a sentinel, and has run before member 31
+    assert [maps.members for maps in seen] == [16, 33]
     assert same(seen[0], run(tmp_path / 'b', count=16).maps)
 
 
@@ -171,7 +178,7 @@ def test_an_outline_weighs_finished_members(tmp_path: Path) -> None:
 
 def test_a_runner_that_loses_members_is_found_out(tmp_path: Path) -> None:
     """What did not come back is an error, not a map of fewer members."""
-    def loses(plan: Plan, members: Sequence[Member]) -> Iterable[Footprint]:
+    def loses(plan: Plan, members: Sequence[Member]) -> Generator[Footprint, None, None]:
         return Discs()(plan, [member for member in members if member.index != 7])
 
     with pytest.raises(LavaError, match=r'\[7\]'):
@@ -199,7 +206,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Runs, HazardMaps]:
 
     def runs(folder: Path, runner: Any, **options: Any) -> HazardMaps:
         drawn, store = draw_members(scene, members), Store(folder, plan)
-        return ensembles.run_ensemble(plan, drawn, store, runner=runner, **options).maps
+        return ensembles.run_ensemble(drawn, store, runner=runner, **options).maps
 
     return runs, runs(tmp_path_factory.mktemp('whole'), run_here)
 

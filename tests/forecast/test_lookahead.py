@@ -61,13 +61,13 @@ def ahead_of(checkpoint, device, **changes):
     'effects', [Effects(), Effects(inertia=True), Effects(solidification=True)], ids=str
 )
 def test_a_fork_sees_what_comes(device, effects):
-    """Arrivals and peaks are those of the run that simply went on, bit for bit."""
+    """Arrivals and peaks are those of a run to the horizon that is looked at, bit for bit."""
     simulation = flowing(device, effects)
     checkpoint = from_bytes(simulation.checkpoint().to_bytes())
     looks, start = simulation.looks(THRESHOLD, 100), simulation.time
     peak = np.full_like(simulation.snapshot().thickness, np.nan)
     for time in (0.0, *moments(HORIZON, LOOKS)):
-        simulation.advance(start + time)
+        simulation.advance(start + time, limit=start + HORIZON)
         simulation.look(looks)
         peak = np.fmax(peak, simulation.snapshot().thickness)
     went_on = simulation.seen(looks)

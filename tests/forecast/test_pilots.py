@@ -24,7 +24,8 @@ from lava_ros.effects import Effects
 from lava_ros.forecast import pilots
 from lava_ros.forecast.pilots import completed, cost_at, error_law, FLOOR, MARKS, Pilot
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation.resolution import ACROSS, flow_width
+from lava_ros.simulation.course import course_of
+from lava_ros.simulation.resolution import EDGES
 
 SCENE = Scene(Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),), lava=Lava())
 
@@ -32,10 +33,10 @@ SCENE = Scene(Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),), 
 def test_refinements_between_presets_have_their_accuracy():
     """All but the spacing is as the presets have it."""
     scene = replace(SCENE, lava=Lava(viscosity=1e4))
-    width = flow_width(scene, horizon=3600.0)
+    thickness = course_of(scene, horizon=3600.0).thickness
     for refinement, name in ((0.3, 'draft'), (1.0, 'standard'), (1.3, 'standard'), (2.5, 'fine')):
         accuracy = pilots.accuracy_at(scene, refinement, 3600.0)
-        assert accuracy.spacing == pytest.approx(width / (ACROSS * refinement), rel=5e-3)
+        assert accuracy.spacing == pytest.approx(EDGES * thickness / refinement, rel=5e-3)
         expected = replace(pilots.PRESETS[name].accuracy, spacing=accuracy.spacing)
         assert accuracy == expected
 

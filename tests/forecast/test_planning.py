@@ -31,7 +31,9 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 
 EFFECTS, DEAR = Effects(), Effects(green=True)
 
-SCENE = Scene(Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),), lava=Lava())
+SCENE = Scene(
+    Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),), lava=Lava(viscosity=1e6)
+)
 
 
 def _machine(
@@ -47,13 +49,13 @@ def _machine(
     asked = []
     usual = pilots.spacing_at(SCENE, 1.0, 3600.0)
 
-    def effects_for(scene, forced, *, accuracy):
+    def effects_for(scene, forced, *, accuracy, horizon):
         is_dear = dearer is not None and accuracy.spacing <= usual / dearer
         return DEAR if is_dear else EFFECTS
 
     def run_at(scene, refinement, horizon, *, device, wall_limit, effects=None, clock=None):
         accuracy = pilots.accuracy_at(scene, refinement, horizon)
-        effects = effects or effects_for(scene, {}, accuracy=accuracy)
+        effects = effects or effects_for(scene, {}, accuracy=accuracy, horizon=horizon)
         asked.append((refinement, effects))
         particles = 1000.0 * refinement**2
         evaluations = 800.0 * refinement * np.exp(worse * refinement)
@@ -260,7 +262,7 @@ def test_the_command_says_what_is_left_out(monkeypatch, tmp_path, capsys):
     scene = tmp_path / 'scene.yaml'
     scene.write_text(
         'terrain: {file: flat.npz}\nvents: [{position: [200.0, 200.0], discharge: 20.0}]\n'
-        'lava: {material: kedadry2023}\n'
+        'lava: {viscosity: 1.0e+6}\n'
     )
     path = tmp_path / 'plan.json'
     words = ['plan', str(scene), '--within', '1s', '--device', 'cpu', '--json', str(path)]

@@ -29,7 +29,6 @@ from lava_ros.hindcast.replicates import agreement, Direction, directions, run_r
 from lava_ros.hindcast.run import Run, Settings, simulate
 from lava_ros.hindcast.score import covered_by, judge
 from lava_ros.scene import Terrain
-from lava_ros.simulation.accuracy import expected_thickness, mature_thickness
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
@@ -59,7 +58,11 @@ def test_lava_comes_down_the_valley(valley: Case) -> None:
     shares, maps = [share for share, _ in told], [item for _, item in told if item is not None]
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
-    assert [round(item.time) for item in maps] == [900, 1800, 2700, 3600]
+    # each at the end of the step in which it was due
+    times = [item.time for item in maps]
+    dues = (900, 1800, 2700, 3600)
+    assert all(0.0 <= time - due <= 60.0 for time, due in zip(times, dues, strict=True))
+    assert times[-1] == valley.duration
     result = run.result()
     judged = judge(valley, result.snapshot.thickness, covered_by(result.snapshot))
     assert judged.jaccard > 0.3
@@ -131,18 +134,6 @@ def test_a_case_has_the_spacing_of_its_flow(valley: Case) -> None:
     assert Settings('reference').accuracy(valley).courant_number == 0.25
     assert Settings('fine', spacing=15.0).coarseness(valley) == 1
     assert Settings('fine', spacing=45.0).coarseness(valley) == 2
-
-
-def test_flows_are_as_thick_as_lava_on_its_way(valley: Case) -> None:
-    """At the geometric mean of the viscosities at vent and solidus; at the vent without one."""
-    scene = valley.scene
-    lava, hot = scene.lava, scene.vents[0].temperature
-    half_way = 0.5 * (hot + lava.solidus)
-    ratio = lava.viscosity_at(half_way) / lava.viscosity_at(hot)
-    assert mature_thickness(scene) == pytest.approx(expected_thickness(scene) * ratio**0.25)
-    liquid = replace(scene, lava=replace(lava, solidus=0.0, latent_heat=0.0))
-    assert mature_thickness(liquid) == expected_thickness(liquid)
-    assert Settings('standard').accuracy(valley).thickness == mature_thickness(scene)
 
 
 def test_comparison_says_what_each_cell_is(valley: Case) -> None:

@@ -375,7 +375,7 @@ def asked(monkeypatch):
             raise LavaError('within', within, 'about 31 s: that is what the coarsest take')
         return Affordable(
             preset='draft', spacing=25.0, refinement=0.4, members=members or 13, wall_time=9.0,
-            error=0.02, sampling_error=0.1, is_finest=False, pilots=3, spent=4.0,
+            error=0.02, cell_error=0.0, sampling_error=0.1, is_finest=False, pilots=3, spent=4.0,
         )
 
     monkeypatch.setattr(affordable, 'afford', afford)

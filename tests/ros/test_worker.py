@@ -394,7 +394,7 @@ def test_effects_follow_the_scene(bench):
     before = bench.worker.eruption.effects
     assert not is_on(before['steep'])
     bench.run(bench.worker.set_vents([Vent((25.0, 15.0), 2.0, temperature=1300.0)]))
-    assert bench.worker.eruption.effects['arrhenius'] != before['arrhenius']
+    assert bench.worker.eruption.effects['inertia'] != before['inertia']
     hill = np.tile(np.arange(5) * 8.0, (4, 1))
     bench.run(bench.worker.set_terrain(Terrain(hill, 10.0)))
     assert bench.worker.eruption.effects['steep'].startswith('on: slope = 0.8 > ')
@@ -439,7 +439,7 @@ def _scene(slope=0.5, **material):
 def test_every_effect_has_a_text():
     """Each is on or off, as the choice says, with number and threshold, or that it was forced.
 
-    An effect left out beside another says which; ground that has frozen stays.
+    An effect left out beside another says which; one whose reason has gone stays on.
     """
     scene = _scene()
 
@@ -463,7 +463,7 @@ def test_every_effect_has_a_text():
     frozen = replace(Effects(), solidification=True)
     known = effect_table(frozen, decide(_scene(solidus=1200.0), horizon=1.0))
     assert known['solidification'].startswith('on: share of the way to the solidus = ')
-    assert known['solidification'].endswith(', but what has frozen stays')
+    assert known['solidification'].endswith(', but an effect stays on during a run')
 
 
 def test_frames_keep_coming_while_effects_change():

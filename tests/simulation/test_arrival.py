@@ -27,7 +27,7 @@ import warp as wp
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.checkpoint import from_bytes
 from lava_ros.simulation.looks import Looks
@@ -172,7 +172,10 @@ def test_what_no_map_can_show_is_said(device, thickness, temperature, flaw):
 
 def made(**options):
     """A simulation on the CPU that notes arrivals."""
-    return Simulation(SCENE, device='cpu', **{'notes_arrival': True, **options})
+    accuracy = Accuracy(spacing=3.5, thickness=0.7)
+    return Simulation(
+        SCENE, device='cpu', **{'notes_arrival': True, 'accuracy': accuracy, **options}
+    )
 
 
 def test_times_are_those_of_maps_that_are_close():

@@ -131,9 +131,10 @@ def test_sheet_moves_at_the_exact_speed(device, degrees):
 
 @pytest.mark.parametrize('wavelength', [4.0, 8.0, 20.0])
 def test_green_velocity_has_the_exact_response(device, wavelength):
-    """The response to sin(q x) is 1 / (1 + q^2 / k^2), support 6 / k."""
+    """The response to sin(q x) is 1 / (1 + q^2 / k^2), k^2 = 5 / (2 h^2), support 6 / k."""
     run = response('green', GREEN_RADIUS, wavelength, Accuracy(ratio=6.0), device)
-    assert run.measurements[0].error < 0.02
+    right = 1.0 / (1.0 + (2.0 * math.pi / wavelength) ** 2 / 2.5)
+    assert run.measurements[0].measured == pytest.approx(right, rel=0.02)
 
 
 def sheet_velocity(lava, thickness, device='cpu', **options):

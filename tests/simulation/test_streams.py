@@ -138,7 +138,7 @@ def test_updates_leave_the_flow_as_it_is(
     expected = undisturbed(source, device)
     flow = run(source, kind, rate, device, Effects(steep=True))
     both, either = flow.is_wet & expected.is_wet, flow.is_wet | expected.is_wet
-    assert both.sum() >= 0.97 * either.sum() > 50
+    assert both.sum() >= 0.97 * either.sum() > 40
     assert flow.width == pytest.approx(expected.width, rel=0.03)
     assert flow.count == pytest.approx(expected.count, rel=0.05)
     assert flow.temperature == pytest.approx(expected.temperature, abs=1.5)

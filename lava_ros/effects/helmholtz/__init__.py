@@ -14,15 +14,17 @@
 
 """Lateral viscous stress, solved for: what it is on the host. See ``device.py``."""
 
-from lava_ros.effects.effect import Array, Effect
+from lava_ros.effects.effect import Array, Effect, footprint_change
 
 EFFECT = Effect(
     rank=90,
     title='lateral viscous stress, solved',
     symbol='h / half-width',
     number=lambda scales: scales.lateral,
-    threshold=0.25,
-    admits='5 % of the speed of the shortest waves, (pi h / 2 l)^2 / 3; 1.4 % of a footprint',
+    needs_extent=True,
+    threshold=0.22,
+    admits='5 % of the speed of the shortest waves: (pi h / 2 l)^2 / 2.5',
+    cost=footprint_change(0.05),
     source='docs/accuracy, lateral stress; docs/benchmarks/choice_lateral.csv',
     excludes={
         'green': 'they are one effect',

@@ -181,7 +181,7 @@ def accuracy_section(recording: Recording, told: Mapping[str, Any]) -> str:
     rows = [('preset', known)]
     for key, term, unit in (
         ('spacing_m', 'distance between particles', ' m'),
-        ('flow_width_m', 'width of the flow, expected', ' m'),
+        ('flow_width_m', 'width of the flow', ' m'),
         ('particles_across', 'particles across the flow', ''),
     ):
         if key in run.values:

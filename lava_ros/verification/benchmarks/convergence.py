@@ -18,7 +18,8 @@
 A footprint is what at least half of several runs cover, turned and mirrored
 (hindcast/replicates.py). Decimetres decide where a flow forks, so a single run's choice is chance.
 The agreement of the footprints of two halves of the runs shows how far footprints of the same
-resolution differ by chance.
+resolution differ by chance. The expected error of a single run (hindcast/expected_error.py)
+stands beside its difference from a run with much finer particles, the actual error.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,9 +31,10 @@ from typing import Any
 import numpy as np
 
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.replicates import run_replicates
-from lava_ros.hindcast.run import Settings, simulate
-from lava_ros.hindcast.score import judge, Score
+from lava_ros.hindcast.expected_error import difference, estimate_error
+from lava_ros.hindcast.replicates import agreement, run_replicates
+from lava_ros.hindcast.run import Result, Settings, simulate
+from lava_ros.hindcast.score import covered_by, judge, Score
 from lava_ros.scene import Scene, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.reshaping import finer
@@ -41,11 +43,18 @@ from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
 from lava_ros.verification.benchmarks.scenes import ground
+from lava_ros.verification.benchmarks.scenes import scenes as scenes_of_effects
 from lava_ros.verification.benchmarks.selection import jaccard, noise
 from lava_ros.verification.rows import OnProgress
 
 #: Presets, from coarse to fine; all are compared with the last.
 LADDER = ('draft', 'standard', 'fine')
+
+#: Refinement of the runs that single runs are compared with.
+FINEST = 2.83
+
+#: Scenes of the choice of effects by the names that they have here, where those are taken.
+_NAMES = {'valley': 'melt_valley', 'ridge': 'basalt_ridge'}
 
 #: Sides of the cells that the demo's terrain is averaged over, for cells as SRTM's [m].
 COARSE = 90.0
@@ -57,7 +66,7 @@ _CREST, _TONGUES = Vent((4110.0, 5580.0), 40.0, radius=20.0), Lava(viscosity=5e4
 
 
 def scenes() -> tuple[Case, ...]:
-    """A ridge, the same on coarse cells, and shapes of the ground."""
+    """A ridge, the same on coarse cells, shapes of the ground, and the scenes of the effects."""
     demo, falling = ridge_terrain(), math.tan(math.radians(5.0))
     # cells like those of SRTM, with maps on finer ones
     size = round(COARSE / demo.resolution)
@@ -90,23 +99,31 @@ def scenes() -> tuple[Case, ...]:
             ('cliff', finer(cliff, 2), Vent((500.0, 1012.5), 20.0, radius=30.0),
              replace(_LAVA, viscosity=5e3), 6.0),
         )
+    ) + tuple(
+        case_of(_NAMES.get(item.name, item.name), item.scene, item.horizon)
+        for item in scenes_of_effects()
     )
 
 
 def case_of(name: str, scene: Scene, horizon: float) -> Case:
     """A scene that nobody has mapped."""
-    volume = horizon * sum(flux for vent in scene.vents for _, flux in vent.series)
+    volume = sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
     nothing = np.zeros(scene.terrain.shape, dtype=bool)
     return Case(name, name, '', scene, None, nothing, 0.0, horizon, volume)
 
 
 def _footprint(
-    case: Case, preset: str, device: str, runs: int
+    case: Case, preset: str, device: str, runs: int, finest: Result
 ) -> tuple[np.ndarray, np.ndarray, Score, dict[str, Any]]:
-    """Cells covered by each run at a preset, their majority footprint, its score, and the cost."""
+    """Cells covered by each run at a preset, their majority footprint, its score, and the cost.
+
+    The cost stands beside the expected and the actual error of a single run.
+    """
     settings = Settings(preset, device=device, maps=1)
     results = run_replicates(case, settings, runs)
     alone = simulate(case, settings)
+    several = agreement(case, [result.snapshot for result in results])
+    expected = estimate_error(case, settings, alone, several)
     maps = np.nan_to_num([result.snapshot.thickness for result in results])
     each = maps >= COVERED
     majority = each.mean(axis=0) >= 0.5
@@ -115,6 +132,13 @@ def _footprint(
         'seconds': alone.wall_time,
         'particles': max(result.most_particles for result in results),
         'evaluations': alone.snapshot.steps.evaluations,
+        # before the run, and with a pilot beside it
+        'predicted_particles': alone.resolution.particle_error,
+        'expected_particles': expected.particles,
+        'expected_cells': expected.cells,
+        'expected_effects': expected.effects,
+        'chance': expected.chance,
+        'actual': difference(covered_by(alone.snapshot), covered_by(finest.snapshot)),
     }
     return each, majority, judge(case, maps.mean(axis=0), majority), cost
 
@@ -131,7 +155,11 @@ def measure(
 
 def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
     """Run a case at each preset, turned and mirrored."""
-    found = {preset: _footprint(case, preset, device, runs) for preset in LADDER}
+    standard = resolution_of(case.scene, PRESETS['standard'].accuracy, horizon=case.duration)
+    finest_run = simulate(
+        case, Settings('standard', standard.spacing / FINEST, device, maps=1)
+    )
+    found = {preset: _footprint(case, preset, device, runs, finest_run) for preset in LADDER}
     _, finest, best, _ = found[LADDER[-1]]
     for preset, (each, cells, judged, cost) in found.items():
         resolution = resolution_of(case.scene, PRESETS[preset].accuracy, horizon=case.duration)

@@ -33,11 +33,19 @@ Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class BenchScene:
-    """A scene, and the horizon [s] up to which it is simulated and its effects are chosen."""
+    """A scene to run.
+
+    Attributes:
+        name: Its name.
+        scene: Terrain, vents and lava.
+        horizon: Horizon that is assumed when its effects are chosen [s].
+        duration: Time that is simulated [s].
+    """
 
     name: str
     scene: Scene
     horizon: float
+    duration: float
 
 
 #: Table 3.1 of the paper, with the heat that goes into the ground and from column to column.
@@ -99,9 +107,9 @@ def scenes() -> tuple[BenchScene, ...]:
                     replace(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02),
                     Vent(VENT, 15.0)),
         # a toe with a crust that freezes
-        bench_scene('lobe', 16000.0, ground((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
-                    replace(BASALT, viscosity=1e4, conductivity=3.0, crust=True),
-                    Vent((0.03, 0.02), 0.0002, radius=0.4)),
+        bench_scene('lobe', 45000.0, ground((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
+                    replace(BASALT, viscosity=1e4, conductivity=5.0, crust=True),
+                    Vent((0.03, 0.02), 0.002, radius=0.4)),
         # a fissure and two vents on rough ground
         bench_scene('fissure', 1200.0,
                     ground((-350.0, 100.0), (-250.0, 250.0), 3.0, _rough(0.06, 1.0)),
@@ -113,14 +121,35 @@ def scenes() -> tuple[BenchScene, ...]:
                     ground((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
                     replace(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16),
                     Vent(VENT, 60.0)),
+        # weak lava down a gully of 1.5 degrees between walls of 35
+        bench_scene('gully', 2400.0,
+                    ground((-500.0, 60.0), (-90.0, 90.0), 5.0, _gully(0.026, 0.7, 20.0)),
+                    replace(BASALT, viscosity=4000.0, arrhenius=0.02, yield_strength=8.0),
+                    Vent(VENT, 12.0, radius=10.0)),
+        # a discharge that falls, and lava that freezes where it comes to rest
+        bench_scene('fading', 14400.0,
+                    ground((-400.0, 80.0), (-160.0, 160.0), 4.0, _plane(0.08)),
+                    replace(BASALT, arrhenius=0.03, solidus=1300.0),
+                    Vent(VENT, ((0.0, 10.0), (900.0, 4.0), (2400.0, 1.0), (4800.0, 0.0)))),
+        # lava on a slope of 30 degrees in wind
+        bench_scene('steep_slope', 240.0,
+                    ground((-600.0, 60.0), (-80.0, 80.0), 3.0, _plane(0.577)),
+                    replace(BASALT, viscosity=8000.0), Vent(VENT, 10.0), wind_speed=3.0),
+        # two streams that flow twelve times longer than was assumed
+        bench_scene('longer', 600.0,
+                    ground((-400.0, 80.0), (-160.0, 160.0), 4.0, _rough(0.05, 0.5)),
+                    replace(BASALT, viscosity=3000.0, arrhenius=0.01, yield_rate=0.01),
+                    Vent((0.3, -60.2), 1.5), Vent((20.3, 60.2), 0.8), duration=7200.0),
     )
 
 
 def bench_scene(
-    name: str, horizon: float, terrain: Terrain, lava: Lava, *vents: Vent
+    name: str, horizon: float, terrain: Terrain, lava: Lava, *vents: Vent,
+    duration: float | None = None, wind_speed: float = 0.0,
 ) -> BenchScene:
-    """Put a scene together; the horizon is in seconds."""
-    return BenchScene(name, Scene(terrain, vents, lava), horizon)
+    """Put a scene together; it is simulated for its horizon [s] or another ``duration`` [s]."""
+    scene = Scene(terrain, vents, lava, wind_speed=wind_speed)
+    return BenchScene(name, scene, horizon, horizon if duration is None else duration)
 
 
 def ground(
@@ -142,6 +171,16 @@ def _plane(slope: float) -> Surface:
 def _valley(slope: float, sides: float) -> Surface:
     """A valley that falls towards -x, its floor 10 m round."""
     return lambda x, y: slope * x + sides * np.hypot(y, 10.0)
+
+
+def _gully(slope: float, walls: float, width: float) -> Surface:
+    """A gully that falls towards -x, level across between walls, smooth at their feet."""
+
+    def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        beyond = np.abs(y) - 0.5 * width
+        return slope * x + 0.5 * walls * (np.hypot(beyond, 2.0) + beyond)
+
+    return surface
 
 
 def _ridge(flanks: float, radius: float) -> Surface:

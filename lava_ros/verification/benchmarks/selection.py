@@ -12,33 +12,38 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whether the choice of effects is right: each scene with the chosen effects and with all of them.
+"""Whether the choice of effects is right: each scene as it is chosen, and with more effects on.
 
-What lava covers is compared cell by cell. Where a flow splits, where its particles happen to lie
-decides: so each footprint is that of many runs, with vents moved by parts of a cell, and counts
-the cells that lava covers in most of them. The runs go side by side, each on its own copy of the
-terrain with cells without data between, in one simulation: particles of one are never neighbours
-of another's, and all take the shortest of their steps. How much of a difference still says nothing
-is measured too: a half of the runs against the other half, which differ by a factor of sqrt(2)
-more than two sets of all runs do. Time is that of a run of its own.
+Of every effect that exists in a scene and is off to the end of the run, a row compares the run
+with one in which this effect is forced on. A last row compares it with all effects. Where the
+effect excludes another that is on, both runs are without that one.
+
+What lava covers is compared in parts of cells. Where a flow splits, where its particles happen to
+lie decides: so each footprint is that of many runs, turned and mirrored, with vents moved by parts
+of a cell, and counts what lava covers in most of them. The runs go side by side, each on its own
+copy of the terrain with cells without data between, in one simulation: particles of one are never
+neighbours of another's, and all take the shortest of their steps. How much of a difference still
+says nothing is measured too: a half of the runs against the other half, which differ by a factor
+of sqrt(2) more than two sets of all runs do. Time is that of a run of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 import math
+import time as wall_clock
 from typing import Any
 
 import numpy as np
 
-from lava_ros.effects import Effects
+from lava_ros.effects import Effects, excluded_by
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.resolution import resolved_accuracy
-from lava_ros.simulation.selection import decide, effects_for
+from lava_ros.simulation.selection import Decision
 from lava_ros.verification.benchmarks.effects import timed
 from lava_ros.verification.benchmarks.scenes import BenchScene, scenes
 from lava_ros.verification.rows import OnProgress
@@ -46,89 +51,177 @@ from lava_ros.verification.rows import OnProgress
 #: How far the vents are moved from one run to the next, in cells, along x and along y.
 SHIFT = 0.01
 
-#: How much more they give, as a share: on a plane a flow that is moved is the same flow.
-GAIN = 1e-5
+#: How much more they give, as a fraction: on a plane a flow that is moved is the same flow, and
+#: one that is turned by a half nearly so.
+GAIN = 5e-4
+
+#: Thickness from which a cell counts as covered, as a fraction of that of the flow, if it is less
+#: than ``COVERED``.
+THIN = 0.2
+
+#: Parts of a cell, along a side, that a footprint tells apart: a front that lies along a row of
+#: cells would else cover all of them or none.
+PARTS = 4
 
 #: Cells without data between two copies of a terrain.
 GAP = 16
 
+#: Name of the row with all effects.
+ALL = 'all'
 
-def everything(scene: Scene, *, accuracy: Accuracy, horizon: float) -> Effects:
-    """Every effect that the material has and that goes together.
+#: What a run is to have on or off: everything, or some effects by name whatever is chosen.
+Switches = Effects | Mapping[str, bool]
 
-    Of inertia and lateral stress, which do not, it is the one that is chosen; where neither is, it
-    is the one whose number comes nearer to its threshold.
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Runs of a scene side by side.
+
+    Attributes:
+        cells: The parts of cells (``PARTS``) that lava covers in each at the end, bool, shape
+            [runs, rows, columns].
+        effects: The effects that were on at the end.
+        decisions: What decided about each effect.
     """
-    decisions = {item.name: item for item in decide(scene, accuracy=accuracy, horizon=horizon)}
-    forced = {name: not math.isnan(item.value) for name, item in decisions.items()}
-    chosen = effects_for(scene, accuracy=accuracy, horizon=horizon)
-    forced['inertia'] = chosen.inertia
-    if not (chosen.inertia or chosen.green or chosen.helmholtz):
-        both = (decisions[name] for name in ('inertia', 'helmholtz'))
-        inertia, lateral = (item.value / item.effect.threshold for item in both)
-        forced['inertia'] = inertia > lateral
-    # the solve is the better form of the two
-    forced['green'], forced['helmholtz'] = False, not forced['inertia']
-    return effects_for(scene, forced, accuracy=accuracy, horizon=horizon)
+
+    cells: np.ndarray
+    effects: Effects
+    decisions: tuple[Decision, ...]
+
+
+def left_off(decisions: Sequence[Decision]) -> list[Decision]:
+    """Return the decisions about effects that a scene has and that are off by their numbers."""
+    return [
+        item for item in decisions
+        if not (item.is_on or math.isnan(item.value) or math.isinf(item.effect.threshold))
+    ]
+
+
+def everything(decisions: Sequence[Decision]) -> dict[str, bool]:
+    """Return switches that force on every effect that the scene has and that goes together.
+
+    Of inertia and lateral stress, which do not, it is the one that is on; where neither is, it is
+    the one whose number comes nearer to its threshold.
+    """
+    found = {item.name: item for item in decisions}
+    forced = {
+        name: not (math.isnan(item.value) or math.isinf(item.effect.threshold))
+        for name, item in found.items()
+    }
+    inertia, lateral = found['inertia'], found['helmholtz']
+    to_inertia, to_lateral = (
+        item.largest / item.effect.threshold for item in (inertia, lateral)
+    )
+    forced['inertia'] = inertia.is_on or (not lateral.is_on and to_inertia > to_lateral)
+    forced['helmholtz'] = not forced['inertia']
+    return forced
+
+
+def directions(count: int) -> list[tuple[int, int]]:
+    """Signs of x and y of each run: as it is, mirrored in x, half a turn, mirrored in y; again."""
+    return [((1, 1), (-1, 1), (-1, -1), (1, -1))[number % 4] for number in range(count)]
 
 
 def copies(scene: Scene, count: int, shift: float = SHIFT) -> Scene:
     """A scene ``count`` times, side by side.
 
-    The vents of each are ``shift`` cells further along x and y than those of the one before, and
-    give ``GAIN`` more.
+    Each is turned or mirrored (``directions``) about the middle of its terrain. Then its vents are
+    moved ``shift`` cells further along x and y than those of the one before, and give ``GAIN``
+    more.
     """
     terrain = scene.terrain
     rows, columns = (side + GAP for side in terrain.elevation.shape)
     width = math.ceil(math.sqrt(count * rows / columns))
     height = math.ceil(count / width)
     elevation = np.full((height * rows, width * columns), np.nan, dtype=np.float32)
+    middle = np.reshape(terrain.extent, (2, 2)).mean(axis=0)
     vents: list[Vent] = []
-    for number in range(count):
+    for number, (x, y) in enumerate(directions(count)):
         row, column = rows * (number // width), columns * (number % width)
-        elevation[row : row + rows - GAP, column : column + columns - GAP] = terrain.elevation
-        moved = (np.array([column, row]) + shift * number) * terrain.resolution
+        tile = elevation[row : row + rows - GAP, column : column + columns - GAP]
+        tile[:] = terrain.elevation[::y, ::x]
+        moved = (np.array([column, row]) + shift * number) * terrain.resolution + middle
         gain = 1.0 + GAIN * number
         for vent in scene.vents:
+            ends = np.array([vent.position, vent.end or vent.position])
+            (start_x, start_y), (end_x, end_y) = (moved + (x, y) * (ends - middle)).tolist()
             series = tuple((time, gain * flux) for time, flux in vent.series)
             vents.append(replace(
                 vent,
-                position=tuple(moved + vent.position),
-                end=vent.end and tuple(moved + vent.end),
+                position=(start_x, start_y),
+                end=vent.end and (end_x, end_y),
                 discharge=series[0][1] if isinstance(vent.discharge, float) else series,
             ))
     wide = Terrain(elevation, terrain.resolution, terrain.origin)
     return replace(scene, terrain=wide, vents=tuple(vents))
 
 
-def covered(
-    scene: Scene, count: int, effects: Effects, *, accuracy: Accuracy, horizon: float, device: str
-) -> np.ndarray:
-    """Cells that lava covers at a time [s] in each of many runs, bool, [runs, rows, columns]."""
+def run_copies(
+    scene: Scene, count: int, switches: Switches, *, accuracy: Accuracy, horizon: float,
+    device: str, duration: float | None = None,
+) -> Runs:
+    """Run a scene many times, side by side.
+
+    Args:
+        scene: The scene.
+        count: Number of runs.
+        switches: The effects; a mapping leaves those to the choice that it does not name.
+        accuracy: The resolution.
+        horizon: Horizon that is assumed [s].
+        device: Name of the Warp device.
+        duration: Time that is simulated [s], by default the horizon.
+    """
     accuracy = resolved_accuracy(accuracy, scene, horizon=horizon)
     wide = copies(scene, count)
-    simulation = Simulation(wide, effects=effects, accuracy=accuracy, device=device)
-    simulation.advance(horizon)
-    cells = simulation.snapshot().thickness > COVERED
+    simulation = Simulation(
+        wide, effects=switches, accuracy=accuracy, device=device, horizon=horizon
+    )
+    simulation.advance(horizon if duration is None else duration)
+    assert accuracy.thickness is not None
+    thickness = np.nan_to_num(simulation.snapshot().thickness)
     rows, columns = (side + GAP for side in scene.terrain.elevation.shape)
-    tiles = cells.reshape(cells.shape[0] // rows, rows, cells.shape[1] // columns, columns)
-    each = tiles.swapaxes(1, 2).reshape(-1, rows, columns)
-    return each[:count, : rows - GAP, : columns - GAP]
+    tiles = thickness.reshape(-1, rows, thickness.shape[1] // columns, columns)
+    each = tiles.swapaxes(1, 2).reshape(-1, rows, columns)[:, : rows - GAP, : columns - GAP]
+    least = min(COVERED, THIN * accuracy.thickness)
+    covered = [
+        refined(tile[::y, ::x]) > least
+        for tile, (x, y) in zip(each, directions(count), strict=False)
+    ]
+    return Runs(np.array(covered), simulation.effects, simulation.decisions())
+
+
+def refined(values: np.ndarray) -> np.ndarray:
+    """Interpolate a map of cells at the parts of each cell, linear in both directions."""
+    for axis in (0, 1):
+        count = values.shape[axis]
+        place = np.clip((np.arange(PARTS * count) + 0.5) / PARTS - 0.5, 0.0, count - 1.0)
+        first = np.minimum(place.astype(int), max(count - 2, 0))
+        second = np.minimum(first + 1, count - 1)
+        part = np.expand_dims(place - first, 1 - axis)
+        values = (1.0 - part) * values.take(first, axis) + part * values.take(second, axis)
+    return values
 
 
 def cost(
-    scene: Scene, effects: Effects, *, accuracy: Accuracy, horizon: float, device: str
+    scene: Scene, switches: Switches, *, accuracy: Accuracy, horizon: float, device: str,
+    duration: float | None = None,
 ) -> tuple[int, int, float]:
-    """Particles at the end, velocity evaluations and wall time [s] of a run up to ``horizon`` [s].
+    """Particles at the end, velocity evaluations and time [s] of a run (``run_copies``).
 
-    Kernels are compiled beforehand.
+    Kernels are compiled beforehand. The time is wall time on a GPU and processor time on a CPU,
+    which other programs change little.
     """
     accuracy = resolved_accuracy(accuracy, scene, horizon=horizon)
     warm, simulation = (
-        Simulation(scene, effects=effects, accuracy=accuracy, device=device) for _ in range(2)
+        Simulation(scene, effects=switches, accuracy=accuracy, device=device, horizon=horizon)
+        for _ in range(2)
     )
     warm.advance(1e-3)
-    seconds = timed(device, lambda: simulation.advance(horizon))
+    end = horizon if duration is None else duration
+    start = wall_clock.process_time()
+    seconds = timed(device, lambda: simulation.advance(end))
+    if device == 'cpu':
+        seconds = wall_clock.process_time() - start
     return simulation.particle_count, simulation.snapshot().steps.evaluations, seconds
 
 
@@ -148,40 +241,129 @@ def noise(runs: np.ndarray) -> float:
     return jaccard(footprint(runs[::2]), footprint(runs[1::2]))
 
 
+def accuracy_with(item: BenchScene, preset: str, particles: int | None) -> Accuracy:
+    """Resolve a preset in a scene, with no more than a number of particles."""
+    accuracy = resolved_accuracy(preset_accuracy(preset), item.scene, horizon=item.horizon)
+    assert accuracy.spacing is not None and accuracy.thickness is not None
+    emitted = sum(vent.volume_between(0.0, item.duration) for vent in item.scene.vents)
+    least = math.sqrt(emitted / (accuracy.thickness * particles)) if particles else 0.0
+    return replace(accuracy, spacing=max(accuracy.spacing, least))
+
+
+def front(cells: np.ndarray, scene: Scene) -> float:
+    """Distance [m] of the farthest covered part of a cell from the first vent."""
+    row, column = np.nonzero(cells)
+    terrain = scene.terrain
+    places = (np.column_stack([column, row]) + 0.5) * (terrain.resolution / PARTS)
+    places += terrain.origin
+    return float(np.hypot(*(places - scene.vents[0].position).T).max(initial=0.0))
+
+
 def measure(
-    device: str, *, preset: str, runs: int, on_progress: OnProgress
+    device: str, *, preset: str, runs: int, particles: int | None = None, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:
-    """Compare the chosen effects with all effects on every scene, over ``runs`` runs each."""
+    """Compare the choice of effects on every scene with more effects (``compare``)."""
     items = scenes()
     for index, item in enumerate(items):
         on_progress(item.name, index / len(items))
-        yield compare(item, device=device, preset=preset, runs=runs)
+        yield from compare(item, device=device, preset=preset, runs=runs, particles=particles)
 
 
-def compare(item: BenchScene, *, device: str, preset: str, runs: int) -> dict[str, Any]:
-    """Compare runs of a scene with the chosen effects (``auto``) and with all effects."""
-    common: dict[str, Any] = {'accuracy': preset_accuracy(preset), 'horizon': item.horizon}
-    auto, full = effects_for(item.scene, **common), everything(item.scene, **common)
-    common['device'] = device
-    cost_auto, cost_all = (cost(item.scene, effects, **common) for effects in (auto, full))
-    chosen, complete = (covered(item.scene, runs, effects, **common) for effects in (auto, full))
-    return {
+def compare(
+    item: BenchScene, *, device: str, preset: str, runs: int, particles: int | None = None
+) -> Iterator[dict[str, Any]]:
+    """Compare runs of a scene as it is chosen with each effect that is off, and with all of them.
+
+    Args:
+        item: The scene.
+        device: Name of the Warp device.
+        preset: Name of the resolution.
+        runs: Number of runs of a footprint.
+        particles: Largest number of particles of a run, which makes a finer preset coarser.
+
+    Yields:
+        A row for each effect that is off to the end, and one with all effects.
+    """
+    common: dict[str, Any] = {
+        'accuracy': accuracy_with(item, preset, particles),
+        'horizon': item.horizon,
+        'device': device,
+        'duration': item.duration,
+    }
+    seconds: dict[frozenset[tuple[str, bool]], tuple[int, int, float]] = {}
+    bases: dict[frozenset[tuple[str, bool]], Runs] = {}
+
+    def base(switches: dict[str, bool]) -> tuple[Runs, tuple[int, int, float]]:
+        key = frozenset(switches.items())
+        if key not in bases:
+            bases[key] = run_copies(item.scene, runs, switches, **common)
+            seconds[key] = cost(item.scene, switches, **common)
+        return bases[key], seconds[key]
+
+    chosen, _ = base({})
+    off = left_off(chosen.decisions)
+    for name in (decision.name for decision in off):
+        # both without what the effect excludes: the difference is then of this effect alone
+        without = {other: False for other in chosen.effects if excluded_by(other, name)}
+        one, time = base(without)
+        (decision,) = (each for each in one.decisions if each.name == name)
+        if decision.is_on:
+            # it is only off because the other is on
+            continue
+        switches = {**without, decision.name: True}
+        other = run_copies(item.scene, runs, switches, **common)
+        yield {
+            'scene': item.name,
+            'effect': decision.name,
+            'expected': decision.value,
+            'measured': decision.measured,
+            'threshold': decision.effect.threshold,
+            'stated': decision.cost,
+            **_difference(item.scene, one, other),
+            **_times(time, cost(item.scene, switches, **common)),
+            'chosen': ' '.join(one.effects),
+            'runs': runs,
+            'simulated_s': item.duration,
+        }
+    switches = everything(chosen.decisions)
+    complete = run_copies(item.scene, runs, switches, **common)
+    one, time = base({})
+    yield {
         'scene': item.name,
-        'effects_auto': ' '.join(auto),
-        'effects_all': ' '.join(full),
+        'effect': ALL,
+        'expected': math.nan,
+        'measured': math.nan,
+        'threshold': math.nan,
+        'stated': sum(decision.cost for decision in off if switches[decision.name]),
+        **_difference(item.scene, one, complete),
+        **_times(time, cost(item.scene, switches, **common)),
+        'chosen': ' '.join(one.effects),
         'runs': runs,
-        # of the majority footprints
-        'jaccard': jaccard(footprint(chosen), footprint(complete)),
-        'noise_auto': noise(chosen),
-        'noise_all': noise(complete),
-        # mean over pairs of a run with the chosen effects and one with all, from the same vents
-        'single': float(np.mean([jaccard(*pair) for pair in zip(chosen, complete, strict=True)])),
-        'seconds_auto': cost_auto[2],
-        'seconds_all': cost_all[2],
-        'particles': cost_auto[0],
-        'evaluations_auto': cost_auto[1],
-        'evaluations_all': cost_all[1],
-        # of the majority footprint with all effects
-        'cells': int(np.count_nonzero(footprint(complete))),
-        'simulated_s': item.horizon,
+        'simulated_s': item.duration,
+    }
+
+
+def _difference(scene: Scene, one: Runs, other: Runs) -> dict[str, float]:
+    """Compare the majority footprints and fronts of runs with one choice and with another.
+
+    What chance leaves is that of the choice whose halves agree less.
+    """
+    fronts = [front(footprint(each.cells), scene) for each in (one, other)]
+    return {
+        'changed': 1.0 - jaccard(footprint(one.cells), footprint(other.cells)),
+        'chance': 1.0 - min(noise(one.cells), noise(other.cells)),
+        'front_m': fronts[0],
+        'front_changed': abs(fronts[1] / fronts[0] - 1.0) if fronts[0] else math.nan,
+        # of the majority footprint as it is chosen
+        'area_m2': np.count_nonzero(footprint(one.cells)) * (scene.terrain.resolution / PARTS)**2,
+    }
+
+
+def _times(one: tuple[int, int, float], other: tuple[int, int, float]) -> dict[str, float]:
+    """Compare a run as it is chosen with another."""
+    return {
+        'particles': one[0],
+        'evaluations': one[1],
+        'seconds': one[2],
+        'seconds_with': other[2],
     }

@@ -1,0 +1,152 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sentinels: the members of an ensemble on whose flow its effects are reviewed.
+
+The choice of effects before the first step follows from what is expected of the flow. Sentinels
+measure the numbers of the effects that are off a few times on their way to the horizon. An effect
+that a sentinel calls for is switched on for all members, which run again from the start.
+
+Which members are sentinels, and when they measure, depends on their index and the horizon alone.
+The sentinel with the lowest index that calls for effects decides, and all sentinels measure again
+in the next run. Members that are added later therefore lead to the same effects as members that
+were there from the beginning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+import logging
+from typing import Any, TYPE_CHECKING
+
+from lava_ros.effects import EFFECTS
+from lava_ros.simulation.review import watched_effects
+from lava_ros.simulation.selection import decide_by
+
+if TYPE_CHECKING:
+    from lava_ros.simulation.simulation import Simulation
+
+_LOG = logging.getLogger(__name__)
+
+#: Every member of so many is a sentinel, beginning with the first.
+EVERY = 32
+
+#: Maximum number of sentinels.
+MAX_SENTINELS = 8
+
+#: Times at which a sentinel measures, as fractions of the horizon: on a GPU the other members wait
+#: 1 to 3 ms for each.
+REVIEWS = (0.125, 0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class CalledEffect:
+    """An effect that was off, and that the flow of a sentinel calls for.
+
+    Attributes:
+        effect: Its name.
+        number: The number measured on the flow.
+        threshold: The threshold, which the number exceeds.
+        member: Index of the sentinel.
+        time_s: Time from the start of the sentinel at which it measured the number [s].
+    """
+
+    effect: str
+    number: float
+    threshold: float
+    member: int
+    time_s: float
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> CalledEffect:
+        """Read the fields from plain data.
+
+        Raises:
+            KeyError, TypeError, ValueError: If the data are not those of an effect.
+        """
+        if values['effect'] not in EFFECTS:
+            raise ValueError(values['effect'])
+        numbers = {name: float(values[name]) for name in ('number', 'threshold', 'time_s')}
+        return cls(effect=values['effect'], member=int(values['member']), **numbers)
+
+    @property
+    def reason(self) -> str:
+        """Why the effect is on, in a few words."""
+        symbol = EFFECTS[self.effect].symbol
+        text = f'{symbol} = {self.number:.2g} > {self.threshold:.2g}'
+        return f'{text} in member {self.member} at {self.time_s:.4g} s'
+
+def is_sentinel(index: int) -> bool:
+    """Return True if the member with this index is a sentinel."""
+    return index % EVERY == 0 and index < EVERY * MAX_SENTINELS
+
+
+def find_called(
+    simulation: Simulation, forced: Mapping[str, bool], *, member: int, start: float
+) -> tuple[CalledEffect, ...]:
+    """Measure the flow of a sentinel, and find the effects that it calls for.
+
+    Args:
+        simulation: The sentinel's simulation; its effects stay as they are.
+        forced: Effects that the user forces on or off, by name.
+        member: Index of the sentinel.
+        start: Simulated time of its start [s].
+    """
+    watched = watched_effects(simulation.scene, simulation.effects, forced)
+    scales = simulation.measure_scales() if watched else None
+    if scales is None:
+        return ()
+    time = simulation.time - start
+    return tuple(
+        CalledEffect(item.name, item.value, item.effect.threshold, member, time)
+        for item in decide_by(scales, forced)
+        if item.is_on and item.name in watched
+    )
+
+
+def log_called(called: Iterable[CalledEffect]) -> None:
+    """Log which effects are switched on for all members, and why."""
+    for item in called:
+        _LOG.info(
+            '%s is switched on for all members from the start: %s', item.effect, item.reason
+        )
+
+
+class Sentinels:
+    """The sentinels among some members, and what those that have run call for."""
+
+    def __init__(self, indices: Iterable[int]) -> None:
+        """Select the sentinels among the members with these indices."""
+        self._running = set(filter(is_sentinel, indices))
+        self._called: dict[int, tuple[CalledEffect, ...]] = {}
+
+    @property
+    def are_done(self) -> bool:
+        """Return True if all sentinels have run."""
+        return not self._running
+
+    @property
+    def called(self) -> tuple[CalledEffect, ...]:
+        """The effects to switch on; none while a sentinel with a lower index still runs."""
+        first = min(self._called, default=-1)
+        if first < 0 or min(self._running, default=first) < first:
+            return ()
+        return self._called[first]
+
+    def note(self, index: int, called: tuple[CalledEffect, ...]) -> None:
+        """Note that a member has run, and which effects it calls for."""
+        self._running.discard(index)
+        if called:
+            self._called[index] = called

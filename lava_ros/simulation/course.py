@@ -1,0 +1,397 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The expected course of a flow: what is assumed of it before the first step.
+
+The lava of a source follows the steepest descent. Sources that lie in one another are one source.
+Across each point of the path the terrain has a cross-section, which the lava fills to its normal
+depth: the level at which the local balance of weight and drag carries the whole discharge,
+
+    Q = K sum (level - ground)^3 (1 - 3 B / 2 + B^3 / 2) dy,  K = rho g tan(b) cos^4(b) / (3 mu),
+
+with B the yield strength over the stress at the base. A flow that nothing confines is no wider
+than the steady flow of a point source down a plane (Smith 1973), on level ground no wider than
+the flow of a point source onto a plane (Huppert 1982). On its way the lava loses heat as the
+material's laws say, and its viscosity and strength follow its temperature. The front advances by
+the volume that its cross-sections take; lava colder than the solidus goes no further.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+import math
+
+import numpy as np
+
+from lava_ros.effects.laws import heat_balance
+from lava_ros.effects.scales import Columns
+from lava_ros.scene import Scene, Terrain, Vent
+
+#: Quantile of the widths along the path: the narrow parts are those that must be resolved.
+NARROW = 0.25
+
+#: Maximum number of sources whose paths are followed, those with the largest discharges.
+MAX_SOURCES = 3
+
+#: Points of a path, and directions in which the next one is looked for.
+_POINTS, _DIRECTIONS = 256, 64
+
+#: Size of the cells that the path is followed on, in scales of the thickness: lava buries what is
+#: smaller. The terrain's are averaged to about that.
+_CELL = 4.0
+
+#: Rows of larger cells that are averaged at a time.
+_STRIP = 64
+
+#: Distance between two points in cells, and how many of these distances a pit may measure.
+_STRIDE, _PITS = 4.0, (1, 2, 3, 4, 6, 8)
+
+#: Samples of a cross-section, an odd number.
+_SAMPLES = 97
+
+#: Widths of the former iteration that the samples of the next one cover.
+_COVERED = 2.0
+
+#: Bisections of a level: the last is 1e-7 of the first interval.
+_BISECTIONS = 24
+
+#: Times that widths and temperatures are computed from each other.
+_ITERATIONS = 3
+
+#: Smallest slope that a cross-section is computed with.
+_LEAST_SLOPE = 1e-3
+
+#: Width over (cot(b) x)^(3/7) (Q / K)^(1/7) of the steady flow down a plane at a distance x from
+#: its source: 2 (14 / 3)^(3/7) (35 / 32)^(1/7), of h = H (1 - y^2 / Y^2) (Smith 1973).
+_SMITH = 3.92
+
+#: Diameter over (g Q^3 / (3 nu))^(1/8) t^(1/2) of a flow onto a plane (Huppert 1982, 2 x 0.715).
+_HUPPERT = 1.43
+
+#: Mean thickness of that flow over (3 mu Q / (rho g))^(1/4).
+_MEAN_THICKNESS = 0.62
+
+
+@dataclass(frozen=True)
+class Course:
+    """The expected course of a flow.
+
+    Attributes:
+        columns: Its columns of lava, one of each cross-section that the front reaches.
+        width: Width of the flow of the largest source, the lower quartile along the path [m].
+        thickness: Median thickness of that flow, weighted by volume [m].
+        fall: Largest difference of elevation between a source and the end of its path [m].
+    """
+
+    columns: Columns
+    width: float
+    thickness: float
+    fall: float
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Vents that lie in one another.
+
+    ``places`` are the ends of their lines [m], shape [ends, 2], ``radius`` is the largest of their
+    radii [m], ``discharge`` the peak of their sum [m3/s], ``volume`` what they emit up to the
+    horizon [m3], and ``temperature`` that of the hottest one [K].
+    """
+
+    places: np.ndarray
+    radius: float
+    discharge: float
+    volume: float
+    temperature: float
+
+
+@lru_cache(maxsize=2)
+def course_of(scene: Scene, *, horizon: float) -> Course | None:
+    """Find the expected course of the flow up to a horizon [s]; None without a discharge."""
+    sources = _sources(scene, horizon)[:MAX_SOURCES]
+    if not sources:
+        return None
+    paths = [_follow(scene, source, horizon) for source in sources]
+    largest = paths[0][0]
+    thickness = largest.quantile(largest.thickness, 0.5)
+    width = largest.quantile(largest.width, NARROW)
+    columns = Columns(*(
+        np.concatenate([getattr(path, item.name) for path, _ in paths])
+        for item in fields(Columns)
+    ))
+    return Course(columns, width, thickness, max(fall for _, fall in paths))
+
+
+def _sources(scene: Scene, horizon: float) -> list[_Source]:
+    """Group the vents with a discharge into sources, the one with the largest discharge first.
+
+    Two vents lie in one another where the distance of their lines is no more than the sum of their
+    radii, or one cell.
+    """
+    vents = [vent for vent in scene.vents if vent.volume_between(0.0, horizon) > 0.0]
+    lines = [(vent.position, vent.end or vent.position) for vent in vents]
+    starts, ends = np.array(lines, dtype=np.float64).reshape(-1, 2, 2).swapaxes(0, 1)
+    radii = np.array([vent.radius for vent in vents])
+    waiting, sources = set(range(len(vents))), []
+    while waiting:
+        numbers, added = set[int](), {min(waiting)}
+        while added:
+            numbers |= added
+            waiting -= added
+            others = np.array(sorted(waiting), dtype=int)
+            near = np.zeros(len(others), dtype=bool)
+            for number in added:
+                gap = _distance(starts[number], ends[number], starts[others], ends[others])
+                near |= gap <= np.maximum(radii[number] + radii[others], scene.terrain.resolution)
+            added = set(others[near].tolist())
+        chosen = sorted(numbers)
+        members = [vents[number] for number in chosen]
+        sources.append(_Source(
+            places=np.concatenate([starts[chosen], ends[chosen]]),
+            radius=float(radii[chosen].max()),
+            discharge=_peak(members, horizon),
+            volume=sum(vent.volume_between(0.0, horizon) for vent in members),
+            temperature=max(vent.temperature for vent in members),
+        ))
+    return sorted(sources, key=lambda source: source.discharge, reverse=True)
+
+
+def _distance(
+    start: np.ndarray, end: np.ndarray, starts: np.ndarray, ends: np.ndarray
+) -> np.ndarray:
+    """Distances of a line from others [m], shape [others]; where they cross it is too large.
+
+    Lines that cross are fissures that do, and no two of these are given as one.
+    """
+
+    def to_line(places: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        along = other - one
+        length = np.maximum((along**2).sum(axis=-1), 1e-12)
+        share = np.clip(((places - one) * along).sum(axis=-1) / length, 0.0, 1.0)
+        return np.hypot(*np.moveaxis(places - one - share[..., None] * along, -1, 0))
+
+    return np.min([
+        to_line(start, starts, ends), to_line(end, starts, ends),
+        to_line(starts, start, end), to_line(ends, start, end),
+    ], axis=0)
+
+
+def _peak(vents: Sequence[Vent], horizon: float) -> float:
+    """Largest sum of the vents' discharges up to a time [s], in m3/s."""
+    times = {0.0, *(time for vent in vents for time, _ in vent.series if 0.0 < time < horizon)}
+    return max(sum(vent.discharge_at(time) for vent in vents) for time in times)
+
+
+def _follow(scene: Scene, source: _Source, horizon: float) -> tuple[Columns, float]:
+    """Follow the lava of a source; return its columns, and how far it falls [m]."""
+    lava, weight = scene.lava, scene.lava.density * scene.gravity
+    viscosity = lava.viscosity_at(source.temperature)
+    scale = (3.0 * viscosity * source.discharge / weight) ** 0.25
+    terrain = _averaged(scene.terrain, round(_CELL * scale / scene.terrain.resolution))
+    x0, y0, x1, y1 = terrain.extent
+    level = _HUPPERT * (weight * source.discharge**3 / (3.0 * viscosity)) ** 0.125
+    level = max(level * math.sqrt(horizon), 2.0 * source.radius)
+    level = min(level, math.hypot(x1 - x0, y1 - y0))
+    path, height = _descent(terrain, source.places.mean(axis=0))
+    if len(path) < 3:
+        slope = _local_slope(scene.terrain, source.places.mean(axis=0))
+        return _on_level_ground(source, scale, level, slope), 0.0
+    steps = np.hypot(*np.diff(path, axis=0).T)
+    step = 0.5 * (steps[1:] + steps[:-1])
+    along = path[2:] - path[:-2]
+    along /= np.hypot(*along.T)[:, None]
+    slope = np.maximum((height[:-2] - height[2:]) / (2.0 * step), _LEAST_SLOPE)
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    # what comes out of a row of vents or of a fissure is as wide as that
+    spread = across @ source.places.T
+    extent = np.ptp(spread, axis=1) + 2.0 * source.radius
+    fall = slope / (1.0 + slope**2) ** 2
+    distance = np.cumsum(step)
+    temperature, width = np.full(len(step), source.temperature), np.full(len(step), np.inf)
+    for _ in range(_ITERATIONS):
+        mu = np.array([lava.viscosity_at(value) for value in temperature.tolist()])
+        flux = 3.0 * mu * source.discharge / (weight * fall)
+        strength = np.array([lava.yield_strength_at(value) for value in temperature.tolist()])
+        widest = _SMITH * (distance / slope) ** (3.0 / 7.0) * flux ** (1.0 / 7.0)
+        widest = np.minimum(np.maximum(widest, extent), max(level, float(extent.max())))
+        widest = np.minimum(widest, _COVERED * width)
+        width, area, thickness = _normal_depth(
+            terrain, path[1:-1], along, widest, flux, strength / (weight * slope)
+        )
+        speed = source.discharge / area
+        # the surface that loses heat is as wide as the flow
+        mean = area / width
+        temperature = _cooled_on_the_way(scene, source.temperature, mean, speed, step)
+    is_liquid = np.minimum.accumulate(temperature) > lava.solidus
+    is_liquid[0] = True
+    filled = np.minimum(np.cumsum(area * step), source.volume)
+    reached = filled < source.volume
+    reached[0] = True
+    count = int((is_liquid & reached).sum())
+    columns = Columns(
+        volume=np.diff(filled, prepend=0.0),
+        thickness=thickness,
+        slope=np.maximum(slope, thickness / (distance[count - 1] + scale)),
+        ground_slope=slope,
+        temperature=temperature,
+        speed=speed,
+        width=width,
+    )
+    columns = Columns(*(getattr(columns, item.name)[:count] for item in fields(Columns)))
+    return columns, float(height[0] - height[count])
+
+
+def _averaged(terrain: Terrain, factor: int) -> Terrain:
+    """Average a terrain over cells larger by a factor, and leave out what is left at the border.
+
+    A larger cell has data if all of its cells have. Strips of rows need little memory.
+    """
+    factor = min(factor, min(terrain.shape) // 2)
+    if factor <= 1:
+        return terrain
+    rows, columns = (side // factor for side in terrain.shape)
+    mean = np.empty((rows, columns))
+    for row in range(0, rows, _STRIP):
+        strip = terrain.elevation[row * factor : (row + _STRIP) * factor, : columns * factor]
+        count = min(_STRIP, rows - row)
+        blocks = strip[: count * factor].reshape(count, factor, columns, factor)
+        mean[row : row + count] = blocks.mean(axis=(1, 3), dtype=np.float64)
+    if not np.isfinite(mean).any():
+        return terrain
+    return replace(terrain, elevation=mean, resolution=terrain.resolution * factor)
+
+
+def _local_slope(terrain: Terrain, place: np.ndarray) -> float:
+    """Return the slope, rise over run, at a place [m] whose cell and neighbours have data."""
+    here = terrain.elevations_at(place)
+    steps = terrain.resolution * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    rise = np.abs(terrain.elevations_at(place + steps) - here) / terrain.resolution
+    rise = np.nan_to_num(rise)
+    return float(math.hypot(rise[:2].max(), rise[2:].max()))
+
+
+def _on_level_ground(
+    source: _Source, scale: float, width: float, ground_slope: float
+) -> Columns:
+    """Return the column of a flow that spreads as if on level ground, where no path leads away."""
+    radius, thickness = 0.5 * width, _MEAN_THICKNESS * scale
+    values = {
+        'volume': source.volume,
+        'thickness': thickness,
+        'slope': max(thickness / radius, ground_slope),
+        'ground_slope': ground_slope,
+        'temperature': source.temperature,
+        'speed': source.discharge / (2.0 * math.pi * radius * thickness),
+        'width': width,
+    }
+    return Columns(**{name: np.array([value]) for name, value in values.items()})
+
+
+def _cooled_on_the_way(
+    scene: Scene, temperature: float, thickness: np.ndarray, speed: np.ndarray, step: np.ndarray
+) -> np.ndarray:
+    """Temperature [K] of lava at the end of each step [m] of its path."""
+    balance, age, reached = heat_balance(scene), 0.0, []
+    for h, u, length in zip(thickness.tolist(), speed.tolist(), step.tolist(), strict=True):
+        time = length / u
+        age += 0.5 * time
+        rate, source = balance(h, temperature, age, u)
+        age += 0.5 * time
+        if rate > 0.0:
+            rest = source / rate
+            temperature = rest + (temperature - rest) * math.exp(-rate * time)
+        reached.append(temperature)
+    return np.array(reached)
+
+
+def _descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Points of the steepest descent [m], shape [points, 2], and their elevation [m].
+
+    Each is the lowest of a circle around the one before, never back. In a pit the circle widens.
+    The path ends at the border, at a cell without data, and in a pit wider than every circle.
+    """
+    angle = np.linspace(0.0, 2.0 * math.pi, _DIRECTIONS, endpoint=False)
+    directions = np.column_stack([np.cos(angle), np.sin(angle)])
+    step = _STRIDE * terrain.resolution
+    points = [np.array(start)]
+    heights = [float(_sampled(terrain, points[0][None])[0])]
+    ahead = np.ones(_DIRECTIONS, dtype=bool)
+    while len(points) < _POINTS:
+        for times in _PITS:
+            around = points[-1] + times * step * directions
+            height = np.where(ahead, _sampled(terrain, around), np.inf)
+            lowest = int(np.argmin(height)) if not np.isnan(height).any() else -1
+            if lowest < 0 or height[lowest] < heights[-1]:
+                break
+        if lowest < 0 or height[lowest] >= heights[-1]:
+            break
+        points.append(around[lowest])
+        heights.append(float(height[lowest]))
+        ahead = directions @ directions[lowest] > 0.0
+    return np.array(points), np.array(heights)
+
+
+def _normal_depth(
+    terrain: Terrain, points: np.ndarray, along: np.ndarray, widest: np.ndarray, flux: np.ndarray,
+    still: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Width [m], area [m2] and thickness [m] of the lava in cross-sections of the terrain.
+
+    They are at ``points`` [m] of the path, which has the direction ``along`` there, both of shape
+    [sections, 2], and no wider than ``widest`` [m]. ``flux`` is the discharge over the mobility
+    [m4]: the integral of depth cubed, less what strength holds back. ``still`` is the depth [m] up
+    to which it holds back all. The thickness is the mean over the volume.
+    """
+    share = np.linspace(-0.5, 0.5, _SAMPLES)
+    offset = widest[:, None] * share
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    places = points[:, None, :] + offset[:, :, None] * across[:, None, :]
+    ground = _sampled(terrain, places.reshape(-1, 2)).reshape(offset.shape)
+    # beyond the border and on cells without data there is no ground that holds lava
+    ground = np.where(np.isnan(ground), np.nanmax(ground), ground)
+    middle = _SAMPLES // 2
+    # lava is where no higher ground lies between it and the path
+    ground[:, middle:] = np.maximum.accumulate(ground[:, middle:], axis=1)
+    ground[:, : middle + 1] = np.maximum.accumulate(ground[:, middle::-1], axis=1)[:, ::-1]
+    cell = widest / _SAMPLES
+    low = ground[:, middle].copy()
+    # all of the flux through one sample
+    high = low + np.cbrt(flux / cell) + 1.5 * still
+    for _ in range(_BISECTIONS):
+        level = 0.5 * (low + high)
+        depth = np.maximum(level[:, None] - ground, 0.0)
+        held = np.minimum(still[:, None] / np.maximum(depth, 1e-12), 1.0)
+        moving = depth**3 * (1.0 - held) ** 2 * (1.0 + 0.5 * held)
+        is_more = moving.sum(axis=1) * cell > flux
+        low, high = np.where(is_more, low, level), np.where(is_more, level, high)
+    depth = np.maximum(high[:, None] - ground, 0.0)
+    area = depth.sum(axis=1)
+    return (depth > 0.0).sum(axis=1) * cell, area * cell, (depth**2).sum(axis=1) / area
+
+
+def _sampled(terrain: Terrain, places: np.ndarray) -> np.ndarray:
+    """Elevation [m] at places (x, y), shape [places, 2], bilinear; NaN beyond the outer cells."""
+    rows, columns = terrain.shape
+    column, row = ((places - terrain.origin) / terrain.resolution - 0.5).T
+    inside = (column >= 0.0) & (row >= 0.0) & (column <= columns - 1) & (row <= rows - 1)
+    j = np.clip(column.astype(int), 0, max(columns - 2, 0))
+    i = np.clip(row.astype(int), 0, max(rows - 2, 0))
+    right, upper = np.minimum(j + 1, columns - 1), np.minimum(i + 1, rows - 1)
+    s, t = column - j, row - i
+    height = terrain.elevation
+    low = (1.0 - s) * height[i, j] + s * height[i, right]
+    high = (1.0 - s) * height[upper, j] + s * height[upper, right]
+    return np.where(inside, (1.0 - t) * low + t * high, np.nan)

@@ -1,0 +1,101 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The review of effects while a simulation runs.
+
+The choice before the first step follows from what is expected of the flow. From time to time the
+numbers of the effects that are off are evaluated again, on the lava that flows. An effect whose
+number passes its threshold is switched on, and stays on.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+import math
+
+from lava_ros.effects import EFFECTS, Effects, excluded_by, existing
+from lava_ros.scene import Scene
+from lava_ros.simulation.selection import Decision
+
+#: Time of the first review, and longest time between two, as fractions of the horizon.
+FIRST, LONGEST = 1.0 / 200.0, 1.0 / 8.0
+
+#: Time between two reviews as a fraction of the simulated time.
+GROWTH = 0.5
+
+
+@dataclass
+class Review:
+    """What the reviews of a simulation have found.
+
+    Attributes:
+        largest: Largest number of each effect that was measured, by name.
+        since: Simulated time [s] from which an effect was on that a review has switched on.
+        count: Number of reviews.
+    """
+
+    largest: dict[str, float] = field(default_factory=dict)
+    since: dict[str, float] = field(default_factory=dict)
+    count: int = 0
+
+    def note(self, decisions: Iterable[Decision], effects: Effects) -> list[str]:
+        """Take the decisions of a review about effects that are off.
+
+        Args:
+            decisions: The decisions.
+            effects: The effects that are on.
+
+        Returns:
+            The names of the effects to switch on.
+        """
+        self.count += 1
+        found = []
+        for item in decisions:
+            if not math.isnan(item.value):
+                self.largest[item.name] = max(self.largest.get(item.name, 0.0), item.value)
+            is_off = item.is_on and item.name not in effects
+            if is_off and not any(excluded_by(item.name, other) for other in effects):
+                found.append(item.name)
+        return found
+
+
+def next_review(time: float, horizon: float) -> float:
+    """Return the time of the first review after a simulated time, both in s.
+
+    The times depend on the horizon [s] alone.
+    """
+    passed = time / horizon
+    if passed >= 1.0:
+        # from then on they are evenly spaced; rounding must not make two of one
+        count = math.floor((passed - 1.0) / LONGEST + 1e-6) + 1
+        return horizon * (1.0 + LONGEST * count)
+    due = FIRST
+    while due <= passed:
+        due += min(max(GROWTH * due, FIRST), LONGEST)
+    return horizon * min(due, 1.0)
+
+
+def watched_effects(scene: Scene, effects: Effects, forced: Mapping[str, bool]) -> list[str]:
+    """Return the names of the effects that a review evaluates.
+
+    One that cannot be on beside another that is on is among them: its number says what leaving it
+    out costs.
+    """
+    return [
+        name
+        for name in existing(scene)
+        if EFFECTS[name].number is not None
+        and math.isfinite(EFFECTS[name].threshold)
+        and name not in effects
+        and name not in forced
+    ]

@@ -1,0 +1,135 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The numbers that decide about effects, and what they say that leaving one out costs."""
+
+from dataclasses import replace
+import math
+import re
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import EFFECTS
+from lava_ros.effects.effect import footprint_change
+from lava_ros.effects.scales import Columns, Scales
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+
+DECIDED = [name for name, effect in EFFECTS.items() if effect.number is not None]
+
+#: Lava with everything that a number may depend on.
+RICH = Lava(
+    viscosity=1e4, arrhenius=0.04, yield_strength=100.0, yield_rate=0.05, solidus=1223.0,
+    liquidus=1473.0, latent_heat=3.5e5, crystal_law='einstein-roscoe', crystals=0.4,
+)
+
+HOT = 1423.0
+
+
+def scales(lava, rest, **columns):
+    """Scales of columns that have cooled to some temperatures [K] at rest."""
+    rest = np.atleast_1d(np.asarray(rest, dtype=float))
+    one = np.ones_like(rest)
+    values = {
+        'volume': one, 'thickness': 2.0 * one, 'slope': 0.1 * one, 'ground_slope': 0.1 * one,
+        'temperature': HOT * one, 'speed': 0.1 * one, 'width': 50.0 * one, **columns,
+    }
+    vent = Vent((20.0, 20.0), 1.0, temperature=HOT)
+    scene = Scene(Terrain(np.zeros((4, 4)), 10.0), (vent,), lava)
+    return Scales(
+        scene=scene, columns=Columns(**values), vent_temperature=HOT, rest_temperature=rest,
+        fall=10.0, kernel_radius=5.0, spacing=2.0, duration=3600.0,
+    )
+
+
+@pytest.mark.parametrize('name', DECIDED)
+def test_the_cost_is_what_is_admitted(name):
+    """Nothing, or a positive fraction of the footprint that follows from the text's per cent."""
+    effect = EFFECTS[name]
+    assert math.isfinite(effect.cost)
+    if effect.admits.startswith('nothing'):
+        assert effect.cost == 0.0
+        return
+    assert effect.threshold > 0.0 and effect.cost > 0.0
+    found = re.search(r'([0-9.]+) % of (the speed|the front|a flow)', effect.admits)
+    fraction = float(found[1]) / 100.0
+    expected = footprint_change(fraction) if found[2] == 'the speed' else fraction
+    assert effect.cost == pytest.approx(expected)
+
+
+def test_what_admits_nothing():
+    """Laws that the material has or has not, a form that is asked for, and lava that is liquid."""
+    found = {name for name in DECIDED if not EFFECTS[name].cost}
+    assert found == {'power_law', 'vft', 'green', 'solidification'}
+
+
+@pytest.mark.parametrize('change', [0.01, 0.05])
+@pytest.mark.parametrize('wide', [0.0, -0.25], ids=['channel', 'valley'])
+def test_a_footprint_changes_by_no_more_than_is_said(change, wide):
+    """Two rectangles whose lengths and widths go as powers of the mobility.
+
+    Down a slope, between walls or without, the length is as k^(1/3) at a constant width, down a
+    valley with even sides as k^(1/2) at a width as k^(-1/4).
+    """
+    longer = (1.0 + change) ** (0.5 if wide else 1.0 / 3.0)
+    narrower = (1.0 + change) ** wide
+    both = min(1.0, longer) * min(1.0, narrower)
+    either = 1.0 + longer * narrower - both
+    assert 0.3 * change < 1.0 - both / either <= footprint_change(change)
+
+
+def test_heat_counts_by_what_it_does_to_viscosity_and_strength():
+    """A third of the logarithm of the viscosity, 4/9 of that of the strength, or itself."""
+    plain = replace(RICH, arrhenius=0.0, crystals=0.0, yield_rate=0.0)
+    warmth = scales(plain, HOT).warmth
+    assert scales(plain, HOT).matters(0.01) == pytest.approx(0.01)
+    stiff = scales(replace(plain, arrhenius=0.04), HOT)
+    assert stiff.matters(0.01) == pytest.approx(0.04 * 0.01 * warmth / 3.0, rel=1e-3)
+    strong = scales(replace(plain, arrhenius=0.04, yield_rate=0.05), HOT)
+    assert strong.matters(0.01) == pytest.approx(0.05 * 0.01 * warmth * 4.0 / 9.0, rel=1e-3)
+
+
+@pytest.mark.parametrize('packing', [0.5, 0.6, 0.8])
+def test_crystals_count_by_what_they_do_to_viscosity(packing):
+    """The logarithm of the viscosity with them over that without, at the horizon."""
+    lava = replace(RICH, packing=packing)
+    rest = np.array([1500.0, 1440.0, 1350.0, 1230.0])
+    found = EFFECTS['crystals'].number(scales(lava, rest))
+    bare = replace(lava, crystals=0.0)
+    expected = [math.log(lava.viscosity_at(t) / bare.viscosity_at(t)) for t in rest]
+    assert found == pytest.approx(expected, abs=1e-12)
+    assert found[0] == 0.0 and found[1] > 0.03
+
+
+def test_latent_heat_counts_from_the_liquidus_on():
+    """Nothing above it; below, no more than the lava has cooled since; and it rises with that."""
+    lava = replace(RICH, arrhenius=0.0, crystals=0.0, yield_rate=0.0)
+    rest = np.array([1480.0, 1473.0, 1472.0, 1450.0, 1300.0, 1223.0, 900.0])
+    found = EFFECTS['latent_heat'].number(scales(lava, rest)) * scales(lava, rest).warmth
+    whole = lava.latent_heat / lava.specific_heat
+    assert found[:2] == pytest.approx([0.0, 0.0])
+    # the heat of so many kelvin is more than the lava has cooled by: it cannot warm beyond
+    assert found[2:4] == pytest.approx([1.0, 23.0])
+    assert found[4] == pytest.approx(min(whole * 173.0 / 250.0, 173.0))
+    assert found[5:] == pytest.approx([min(whole, 250.0), min(whole, 573.0)])
+
+
+def test_laws_are_interpolated_closely():
+    """A law at many temperatures is the law at each, to a part in a thousand."""
+    temperature = np.linspace(1101.0, 1439.0, 50)
+    found = scales(RICH, temperature).law(RICH.yield_strength_at, temperature)
+    assert found == pytest.approx([RICH.yield_strength_at(t) for t in temperature], rel=1e-9)
+    melt = replace(RICH, crystals=0.0, arrhenius=0.0, vft_b=6500.0, vft_c=600.0)
+    found = scales(melt, temperature).law(melt.viscosity_at, temperature)
+    assert found == pytest.approx([melt.viscosity_at(t) for t in temperature], rel=1e-3)

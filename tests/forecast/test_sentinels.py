@@ -1,0 +1,275 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sentinels review the effects on their flow; all members run with the effects called for."""
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import replace
+from functools import partial
+import json
+from pathlib import Path
+from typing import Any
+
+from distributed import LocalCluster
+import numpy as np
+import pytest
+
+from disc_flow import disc_members, disc_plan, same
+from lava_ros.errors import LavaError
+from lava_ros.forecast.ensemble import (
+    Ensemble,
+    run_ensemble,
+    run_here,
+    run_in_processes,
+    run_on_cluster,
+    Store,
+)
+from lava_ros.forecast.members import make_plan, Plan, run_members
+from lava_ros.forecast.probability import Footprint, footprint_of
+from lava_ros.forecast.sampling import draw_members, Member
+from lava_ros.forecast.sentinels import CalledEffect, is_sentinel, MAX_SENTINELS, REVIEWS
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.uncertainty import uncertainty_from_dict
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+
+COUNT = 34
+
+
+def pulse(**options: Any) -> Plan:
+    """The plan of a vent that soon ends: where its lava thins, the yield strength matters."""
+    y, x = np.mgrid[0:30, 0:24] * 20.0
+    scene = Scene(
+        Terrain(500.0 - 0.1 * y + 5.0 * np.sin(x / 60.0), 20.0),
+        (Vent((240.0, 100.0), ((0.0, 10.0), (300.0, 0.0)), radius=30.0),),
+        Lava(viscosity=5e3, yield_strength=12.0),
+        uncertainty=uncertainty_from_dict({
+            'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
+            'terrain': {'deviation': 1.0, 'correlation': 60.0},
+        }),
+    )
+    return make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20, **options)
+
+
+PULSE = pulse()
+
+MEMBERS = draw_members(PULSE.scene, COUNT)
+
+
+def run(
+    folder: Path, plan: Plan = PULSE, runner: Any = None, count: int = COUNT
+) -> tuple[Ensemble, Plan]:
+    """The ensemble of a folder, and the plan that its members have."""
+    store, runner = Store(folder, plan), runner or partial(run_here, device='cpu')
+    ensemble = run_ensemble(MEMBERS[:count], store, runner=runner)
+    assert store.plan.scene is plan.scene
+    return ensemble, store.plan
+
+
+@pytest.fixture(scope='module')
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ensemble, Plan]:
+    """The ensemble in one go, by one worker."""
+    return run(tmp_path_factory.mktemp('whole'))
+
+
+def stopped(folder: Path) -> None:
+    """Run five members in this folder, of those that run after the restart."""
+    def runner(plan: Plan, members: Sequence[Member]) -> Generator[Footprint, None, None]:
+        for number, footprint in enumerate(run_here(plan, members, device='cpu')):
+            if number == 5:
+                raise KeyboardInterrupt
+            yield footprint
+
+    with pytest.raises(KeyboardInterrupt):
+        run(folder, runner=runner)
+
+
+#: What precedes an ensemble in its folder, and what runs it.
+WAYS: dict[str, tuple[Callable[[Path], object], Any]] = {
+    'two workers': (lambda folder: None, partial(run_in_processes, workers=2, device='cpu')),
+    'interrupted': (stopped, None),
+    'extended': (lambda folder: run(folder, count=8), None),
+    'again': (run, None),
+}
+
+
+@pytest.mark.parametrize('way', WAYS)
+def test_a_sentinel_switches_an_effect_on_for_all_members(
+    way: str, whole: tuple[Ensemble, Plan], tmp_path: Path
+) -> None:
+    """The maps are those of members that have it from the start, whatever ran them and when."""
+    before, runner = WAYS[way]
+    before(tmp_path)
+    ensemble, plan = run(tmp_path, runner=runner)
+    assert not PULSE.effects.yielding and plan.effects == replace(PULSE.effects, yielding=True)
+    (item,) = plan.switched_on
+    assert (item.effect, item.member) == ('yielding', 0)
+    assert item.number > item.threshold == 0.01 and 112.5 <= item.time_s < 160.0
+    assert same(ensemble.maps, whole[0].maps) and plan.switched_on == whole[1].switched_on
+    assert ensemble.resumed == {'interrupted': 5, 'extended': 8, 'again': COUNT}.get(way, 0)
+
+
+def test_a_cluster_runs_all_members_again(whole: tuple[Ensemble, Plan], tmp_path: Path) -> None:
+    """What its workers still run of the first plan is dropped."""
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        runner = partial(run_on_cluster, scheduler=cluster.scheduler_address, device='cpu')
+        ensemble, plan = run(tmp_path, runner=runner)
+    assert same(ensemble.maps, whole[0].maps) and plan.switched_on == whole[1].switched_on
+
+
+def test_the_maps_are_those_of_the_effect_forced_on(
+    whole: tuple[Ensemble, Plan], tmp_path: Path
+) -> None:
+    """An effect that is forced on or off is not reviewed."""
+    forced, plan = run(tmp_path / 'on', pulse(effects={'yielding': True}))
+    assert same(forced.maps, whole[0].maps) and not plan.switched_on
+    without, plan = run(tmp_path / 'off', pulse(effects={'yielding': False}))
+    assert not plan.effects.yielding and not plan.switched_on
+    assert not same(without.maps, whole[0].maps)
+    assert plan.explain_effects()['yielding'] == 'off: forced'
+
+
+def test_members_without_a_folder_have_the_same_effects(whole: tuple[Ensemble, Plan]) -> None:
+    """``run_members`` runs all members again too, and gives them in their order."""
+    found = run_members(PULSE, MEMBERS[3::-1], device='cpu')
+    expected = run_members(whole[1], MEMBERS[3::-1], device='cpu')
+    assert [item.index for item in found] == [3, 2, 1, 0]
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one.peak, other.peak)
+        assert not one.called
+
+
+def test_few_members_measure_a_few_times(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Two of 34, three times each; one that calls for an effect measures no more."""
+    count, measure = 0, Simulation.measure_scales
+
+    def counted(simulation: Simulation) -> Any:
+        nonlocal count
+        count += 1
+        return measure(simulation)
+
+    monkeypatch.setattr(Simulation, 'measure_scales', counted)
+    run(tmp_path)
+    assert count == 1 + 2 * len(REVIEWS) == 7
+    sentinels = list(filter(is_sentinel, range(10_000)))
+    assert sentinels == list(range(0, 32 * MAX_SENTINELS, 32)) and MAX_SENTINELS == 8
+
+
+def test_measuring_does_not_change_the_flow() -> None:
+    """A sentinel that measures has the flow of one that does not."""
+    plan = replace(PULSE, effects=replace(PULSE.effects, yielding=True))
+    ((one,), (other,)) = (
+        run_members(item, MEMBERS[:1], device='cpu') for item in (plan, replace(plan, forced=None))
+    )
+    np.testing.assert_array_equal(one.peak, other.peak)
+    np.testing.assert_array_equal(one.arrival, other.arrival)
+
+
+#: What sentinels call for, by index: the effect, and one that has to be on before.
+CALLS = {0: ('inertia', 'yielding'), 32: ('yielding', ''), 64: ('conduction', '')}
+
+
+class Calling:
+    """Runs members without a solver; some sentinels call for effects that are off."""
+
+    def __init__(self, dies_after: int = 1000) -> None:
+        self.dies_after = dies_after
+        self.rounds: list[list[int]] = []
+
+    def __call__(
+        self, plan: Plan, members: Sequence[Member]
+    ) -> Generator[Footprint, None, None]:
+        self.rounds.append([])
+        # those of the highest numbers end first
+        first = sum(is_sentinel(member.index) for member in members)
+        for member in (*members[:first][::-1], *members[first:]):
+            if sum(map(len, self.rounds)) == self.dies_after:
+                raise KeyboardInterrupt
+            self.rounds[-1].append(member.index)
+            (fields,) = disc_members(plan, [member])
+            effect, other = CALLS.get(member.index, ('', ''))
+            called = ()
+            if effect and effect not in plan.effects and (not other or other in plan.effects):
+                called = (CalledEffect(effect, 2.0, 1.0, member.index, 60.0),)
+            yield replace(footprint_of(fields, plan), called=called)
+
+
+DISCS = disc_plan()
+
+DISC_MEMBERS = draw_members(DISCS.scene, 70)
+
+
+ITEM = {'effect': 'inertia', 'number': 2.0, 'threshold': 1.0, 'member': 0, 'time_s': 60.0}
+
+
+def run_discs(folder: Path, runner: Calling, count: int = 70) -> Plan:
+    """Run discs in a folder, and return the plan that they have in the end."""
+    store = Store(folder, DISCS)
+    ensemble = run_ensemble(DISC_MEMBERS[:count], store, runner=runner)
+    assert ensemble.maps.members == count
+    return store.plan
+
+
+def test_the_sentinel_with_the_lowest_index_decides(tmp_path: Path) -> None:
+    """In any order, and whether members are there from the beginning, added or interrupted."""
+    runner = Calling()
+    plan = run_discs(tmp_path / 'whole', runner)
+    found = [(item.effect, item.member) for item in plan.switched_on]
+    assert found == [('yielding', 32), ('inertia', 0), ('conduction', 64)]
+    # sentinels run first, and those with a lower index are waited for
+    assert runner.rounds[:3] == [[64, 32, 0]] * 3
+    assert sorted(runner.rounds[3]) == list(range(70))
+    for count in (1, 40):
+        run_discs(tmp_path / f'{count}', Calling(), count)
+        assert run_discs(tmp_path / f'{count}', Calling()).switched_on == plan.switched_on
+    for dies_after in range(0, 14):
+        folder = tmp_path / f'stop{dies_after}'
+        with pytest.raises(KeyboardInterrupt):
+            run_discs(folder, Calling(dies_after))
+        assert run_discs(folder, Calling()).switched_on == plan.switched_on
+
+
+def test_a_folder_keeps_what_was_decided(tmp_path: Path) -> None:
+    """Its description has the effects of the members, those switched on with the reason."""
+    plan = run_discs(tmp_path, Calling())
+    known = json.loads((tmp_path / 'ensemble.json').read_text())['plan']
+    assert known['effects']['inertia'] is True and known['forced'] == {}
+    assert known['switched_on'][1] == ITEM
+    again = Store(tmp_path, DISCS).plan
+    assert (again.effects, again.switched_on) == (plan.effects, plan.switched_on)
+    assert again.explain_effects()['inertia'].endswith(' = 2 > 1 in member 0 at 60 s')
+    with pytest.raises(LavaError, match=r'plan\.forced\.inertia'):
+        Store(tmp_path, replace(DISCS, forced={'inertia': False}))
+
+
+@pytest.mark.parametrize(
+    'found',
+    [
+        'nothing', None, [3], [{'effect': 'inertia'}], [{**ITEM, 'effect': 'magic'}],
+        [{**ITEM, 'number': 'many'}],
+    ],
+)
+def test_a_damaged_list_of_effects_is_refused(found: object, tmp_path: Path) -> None:
+    """By its name, for nobody knows what its members have."""
+    Store(tmp_path, DISCS)
+    path = tmp_path / 'ensemble.json'
+    known = json.loads(path.read_text())
+    known['plan']['switched_on'] = found
+    path.write_text(json.dumps(known))
+    with pytest.raises(LavaError, match=r'plan\.switched_on'):
+        Store(tmp_path, DISCS)

@@ -1,0 +1,187 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The expected course of a flow: width, thickness, temperature along the steepest descent."""
+
+from dataclasses import replace
+from itertools import pairwise
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.hindcast.coarse import coarsened
+from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.simulation.course import course_of
+from slope_scenes import ground, HOUR, LAVA, MOBILITY, scene, SLOPE
+
+
+def width_of(scene: Scene, horizon: float = 24.0 * HOUR) -> float:
+    """Expected width of a flow [m]."""
+    course = course_of(scene, horizon=horizon)
+    assert course is not None
+    return course.width
+
+
+@pytest.mark.parametrize('cell', [2.5, 5.0, 10.0])
+def test_a_valley_is_filled_to_its_normal_depth(cell: float):
+    """In a V with walls 1:n, Q = K n h^4 / 2 and the width is 2 n h; cells round its bottom."""
+    for wall in (0.12, 0.2):
+        depth = (20.0 * wall / MOBILITY) ** 0.25
+        course = course_of(scene(ground(cell, wall)), horizon=2.0 * HOUR)
+        # the path is followed on cells of 5 m or more, whose means raise the bottom
+        half_cell = 0.5 * max(cell, 5.0)
+        assert course.width == pytest.approx(2.0 * depth / wall, rel=0.03, abs=half_cell)
+        # the mean over the volume of a triangle is two thirds of its depth
+        assert course.thickness == pytest.approx(2.0 / 3.0 * depth, rel=0.06)
+        assert course.columns.speed == pytest.approx(
+            10.0 * wall / depth**2, rel=0.03 + 0.5 * half_cell * wall / depth
+        )
+
+
+def test_on_an_incline_it_is_as_wide_as_the_steady_flow():
+    """Smith (1973): half the width is ((14/3) x / tan b)^(3/7) (35 Q / 32 K)^(1/7)."""
+    thin = replace(scene(ground(2.0)), lava=replace(LAVA, viscosity=1.0))
+    for steep in (1.0, 8.0):
+        terrain = replace(thin.terrain, elevation=steep * thin.terrain.elevation)
+        slope = steep * SLOPE
+        mobility = 2600.0 * 9.81 * slope / (1.0 + slope**2) ** 2 / 3.0
+        course = course_of(replace(thin, terrain=terrain), horizon=24.0 * HOUR)
+        distance = 8.0 * np.arange(1, len(course.columns.width) + 1)
+        expected = 2.0 * (14.0 / 3.0 * distance / slope) ** (3 / 7)
+        expected *= (350.0 / 32.0 / mobility) ** (1 / 7)
+        # nearer to the vent the flow is as wide as that
+        is_wide = expected > 25.0
+        assert is_wide.sum() > 100
+        assert course.columns.width[is_wide] == pytest.approx(expected[is_wide], rel=0.02)
+
+
+def test_on_level_ground_it_is_as_wide_as_the_flow_has_spread():
+    """Huppert (1982): a radius of 0.715 (g Q^3 / 3 nu)^(1/8) t^(1/2)."""
+    flat = scene(Terrain(np.zeros((100, 100)), 10.0))
+    radius = 0.715 * (9.81 * 1000.0 * 2600.0 / 3e4) ** 0.125 * 100.0**0.5
+    course = course_of(flat, horizon=100.0)
+    assert course.width == pytest.approx(2.0 * radius)
+    assert course.thickness * math.pi * radius**2 == pytest.approx(1000.0, rel=0.01)
+    assert course.fall == 0.0
+
+
+def test_it_is_that_of_the_path_that_lava_takes_in_time():
+    """A gorge below the plain counts once the front gets there."""
+    terrain = ground(5.0, 0.02)
+    y = np.abs((np.arange(120) + 0.5) * 5.0 - 300.0)
+    gorge = terrain.elevation.copy()
+    gorge[:, 100:] += 0.5 * y[:, None]
+    there = scene(replace(terrain, elevation=gorge))
+    early, late = (course_of(there, horizon=hours * HOUR) for hours in (0.5, 24.0))
+    assert late.width < 0.5 * early.width
+    assert late.fall > 2.0 * early.fall
+
+
+def test_lava_cools_on_its_way():
+    """Lava that stiffens needs a deeper and wider cross-section, and stops at its solidus."""
+    hot = scene(ground(5.0, 0.1))
+    cooling = replace(hot.lava, emissivity=0.9, arrhenius=0.03, reference_temperature=1423.0)
+    stiff, cool = (course_of(replace(hot, lava=lava), horizon=24.0 * HOUR) for lava in (
+        cooling, replace(cooling, solidus=1300.0)
+    ))
+    plain = course_of(replace(hot, lava=replace(cooling, emissivity=0.0)), horizon=24.0 * HOUR)
+    assert (np.diff(stiff.columns.temperature) < 0.0).all()
+    assert (plain.columns.temperature == 1423.0).all()
+    count = len(cool.columns.width)
+    assert 1 < count < len(stiff.columns.width)
+    assert stiff.columns.width[count] > 1.1 * plain.columns.width[count]
+    assert (cool.columns.temperature[1:] > 1300.0).all()
+
+
+def test_the_heat_balance_is_that_of_a_column():
+    """A bare surface of constant width loses q w of the heat rho c Q T a metre."""
+    lava = replace(LAVA, emissivity=0.0, convection=40.0)
+    course = course_of(replace(scene(ground(5.0, 0.2)), lava=lava), horizon=24.0 * HOUR)
+    width = course.columns.width[1:]
+    ambient = replace(scene(ground(5.0, 0.2)), lava=lava).ambient_temperature
+    excess = course.columns.temperature - ambient
+    capacity = lava.density * lava.specific_heat * 10.0
+    expected = -40.0 * width * 20.0 / capacity
+    assert np.diff(np.log(excess)) == pytest.approx(expected, rel=1e-3)
+
+
+def test_strength_holds_lava_up():
+    """With a yield strength a layer is thicker than the strength over its weight allows."""
+    strong = replace(scene(ground(5.0)), lava=replace(LAVA, yield_strength=4000.0))
+    course = course_of(strong, horizon=6.0 * HOUR)
+    least = 4000.0 / (2600.0 * 9.81 * SLOPE)
+    assert (course.columns.thickness > least).all()
+    assert course.thickness > 1.5 * course_of(scene(ground(5.0)), horizon=6.0 * HOUR).thickness
+
+
+def test_holes_and_borders_end_the_path():
+    """A vent beside a hole has the width that level ground gives it, not NaN."""
+    terrain = ground(10.0)
+    elevation = terrain.elevation.copy()
+    elevation[:, 12:] = np.nan
+    found = width_of(scene(replace(terrain, elevation=elevation)), HOUR)
+    assert 10.0 < found < 1000.0
+
+
+def test_the_path_leaves_pits():
+    """A pit of a few cells does not end it."""
+    terrain = ground(5.0, 0.1)
+    elevation = terrain.elevation.copy()
+    elevation[57:63, 60:66] -= 6.0
+    whole, pitted = (
+        course_of(scene(replace(terrain, elevation=item)), horizon=24.0 * HOUR)
+        for item in (terrain.elevation, elevation)
+    )
+    assert pitted.fall > 0.9 * whole.fall
+
+
+def test_vents_in_one_another_are_one_source():
+    """In one place, or along a line, in any number of pieces; apart, the largest one counts."""
+    valley = scene(ground(5.0, 0.1))
+    one = course_of(valley, horizon=HOUR)
+    shifts = [(dx, dy) for dx in np.linspace(-5.0, 5.0, 5) for dy in np.linspace(-5.0, 5.0, 5)]
+    pieces = tuple(Vent((100.0 + dx, 300.0 + dy), 0.4) for dx, dy in shifts)
+    assert width_of(replace(valley, vents=pieces), HOUR) == pytest.approx(one.width, rel=0.05)
+    plane = scene(ground(5.0))
+    fissure = Vent((100.0, 200.0), 10.0, end=(100.0, 400.0), radius=5.0)
+    ends = np.linspace(200.0, 400.0, 9)
+    pieces = tuple(
+        Vent((100.0, start), 1.25, end=(100.0, end), radius=5.0)
+        for start, end in pairwise(ends)
+    )
+    whole, split = (replace(plane, vents=vents) for vents in ((fissure,), pieces))
+    assert width_of(split, HOUR) == pytest.approx(width_of(whole, HOUR), rel=0.05)
+    assert width_of(whole, HOUR) > 200.0
+    apart = (Vent((100.0, 300.0), 10.0), Vent((100.0, 100.0), 2.0))
+    both = course_of(replace(valley, vents=apart), horizon=HOUR)
+    assert both.width == pytest.approx(one.width)
+    assert len(both.columns.width) > len(one.columns.width)
+
+
+@pytest.mark.parametrize('factor', [2, 3])
+def test_coarser_cells_change_little(factor: int):
+    """The path, its width and its thickness are those of the terrain and not of its cells."""
+    fine = scene(ground(5.0, 0.08))
+    coarse = replace(fine, terrain=coarsened(fine.terrain, factor))
+    one, other = (course_of(item, horizon=6.0 * HOUR) for item in (fine, coarse))
+    assert other.width == pytest.approx(one.width, rel=0.1)
+    assert other.thickness == pytest.approx(one.thickness, rel=0.1)
+
+
+def test_without_a_discharge_there_is_none():
+    """Neither without vents nor with closed ones, nor before a vent opens."""
+    later = Vent((100.0, 300.0), ((0.0, 0.0), (7200.0, 5.0)))
+    for vents in ((), (Vent((100.0, 300.0), 0.0),), (later,)):
+        assert course_of(Scene(ground(5.0), vents, LAVA), horizon=HOUR) is None

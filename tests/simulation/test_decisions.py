@@ -1,0 +1,80 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is decided about an effect, before and in a run, and what leaving it off costs."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import EFFECTS, Effects
+from lava_ros.simulation.review import Review
+from lava_ros.simulation.selection import Decision, noted
+
+
+def decision(name, value, **others):
+    """A decision about an effect with a number."""
+    return Decision(name, EFFECTS[name], value, others.pop('is_on', False), **others)
+
+
+def effects(*names):
+    """These effects and no others."""
+    return Effects(**{**dict.fromkeys(EFFECTS, False), **dict.fromkeys(names, True)})
+
+
+@pytest.mark.parametrize('name', ['steep', 'cooling', 'helmholtz', 'inertia'])
+def test_the_cost_is_in_proportion_to_the_largest_number(name):
+    """It is the effect's own at the threshold; a number that a run measures counts if larger."""
+    effect = EFFECTS[name]
+    assert decision(name, effect.threshold).cost == pytest.approx(effect.cost)
+    half = decision(name, 0.5 * effect.threshold)
+    assert half.cost == pytest.approx(0.5 * effect.cost)
+    assert replace(half, measured=0.1 * effect.threshold).cost == half.cost
+    assert replace(half, measured=effect.threshold).cost == pytest.approx(effect.cost)
+
+
+def test_what_costs_nothing():
+    """An effect that is on, one that the material has not, and one that is on when asked for."""
+    assert decision('steep', 0.5, is_on=True).cost == 0.0
+    assert decision('yielding', math.nan).cost == 0.0
+    assert decision('green', 0.5).cost == 0.0
+    assert decision('vft', math.nan).cost == 0.0
+
+
+def test_a_review_measures_what_another_effect_keeps_off():
+    """Its largest number is kept, but it is not switched on beside the other."""
+    review, on = Review(), effects('inertia')
+    for value in (0.1, 0.4, 0.3):
+        called_for = [decision('helmholtz', value, is_on=value > EFFECTS['helmholtz'].threshold)]
+        assert review.note(called_for, on) == []
+    assert review.largest == {'helmholtz': 0.4} and review.count == 3
+    assert review.note(called_for, effects()) == ['helmholtz']
+
+
+def test_a_run_says_what_keeps_an_effect_off():
+    """The rival is named when the measured number passes the threshold, and only then."""
+    before = decision('helmholtz', 0.01)
+    low, high = (
+        noted(before, effects('inertia'), measured, math.nan) for measured in (0.1, 0.4)
+    )
+    assert low.rival == '' and low.reason.endswith('0.01 <= 0.22, measured 0.1')
+    assert high.rival == 'inertia'
+    assert high.reason == 'h / half-width = 0.4 > 0.22, but not beside inertia'
+    assert high.cost == pytest.approx(EFFECTS['helmholtz'].cost * 0.4 / 0.22)
+    switched = noted(before, effects('helmholtz'), 0.4, 60.0)
+    assert switched.is_on and switched.rival == '' and switched.cost == 0.0
+    assert switched.reason == 'h / half-width = 0.4 > 0.22 from 60 s on, 0.01 expected'
+    assert np.isnan(noted(before, effects(), math.nan, math.nan).measured)

@@ -1,0 +1,224 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Effects that are switched on while a simulation runs, and what they are judged by."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import EFFECTS, Effects
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.measurement import measure_resolution, measure_widths
+from lava_ros.simulation.review import LONGEST, next_review
+from lava_ros.simulation.selection import decide
+from slope_scenes import ground, HOUR, LAVA, scene
+
+#: A vent whose lava freezes once it is at rest: its discharge falls to nothing.
+COOLING = replace(
+    LAVA, arrhenius=0.01, reference_temperature=1360.0, emissivity=0.236, convection=9.45,
+    solidus=1143.0, liquidus=1450.0,
+)
+FADING = Vent((100.0, 300.0), [(0.0, 8.0), (1800.0, 1.0), (3600.0, 0.0)], temperature=1360.0)
+
+
+def freezing_scene() -> Scene:
+    """A flow that is expected to stay liquid for an hour, and freezes in six."""
+    return Scene(ground(10.0), (FADING,), COOLING)
+
+
+@pytest.fixture
+def simulation(device: str) -> Simulation:
+    """Coarse particles, with a horizon that the run is longer than."""
+    accuracy = Accuracy(spacing=12.0, thickness=1.0, deterministic=True)
+    return Simulation(freezing_scene(), accuracy=accuracy, device=device, horizon=0.5 * HOUR)
+
+
+def test_lava_that_freezes_later_than_assumed_freezes(simulation: Simulation):
+    """Beyond the horizon effects are judged again; no lava is liquid below its solidus."""
+    assert 'solidification' not in simulation.effects
+    simulation.advance(6.0 * HOUR)
+    assert 'solidification' in simulation.effects
+    (decision,) = (item for item in simulation.decisions() if item.name == 'solidification')
+    assert decision.is_on and 0.0 < decision.since < 6.0 * HOUR
+    assert decision.measured > decision.effect.threshold >= decision.value
+    assert f'from {decision.since:.0f} s on' in decision.reason
+    budget = simulation.budget()
+    assert budget.frozen > 0.95 * budget.emitted
+    assert budget.error < 1e-5
+    if budget.flowing > 0.0:
+        assert simulation.sample().temperature.min() > COOLING.solidus - 1.0
+
+
+def test_what_is_forced_is_not_switched_on(device: str):
+    """An effect that is forced off stays off; explicit effects are never reviewed."""
+    accuracy = Accuracy(spacing=12.0, thickness=1.0)
+    for effects in ({'solidification': False}, Effects(cooling=True, arrhenius=True)):
+        simulation = Simulation(
+            freezing_scene(), effects=effects, accuracy=accuracy, device=device, horizon=HOUR
+        )
+        simulation.advance(3.0 * HOUR)
+        assert 'solidification' not in simulation.effects
+
+
+def test_a_checkpoint_keeps_the_review(simulation: Simulation, device: str):
+    """Resumed before or after the switch, a run has the same effects from the same time on."""
+    copies = []
+    for time in (0.4 * HOUR, 5.0 * HOUR):
+        simulation.advance(time, limit=6.0 * HOUR)
+        copies.append(from_bytes(simulation.checkpoint().to_bytes()))
+    simulation.advance(6.0 * HOUR)
+    (whole,) = (item for item in simulation.decisions() if item.name == 'solidification')
+    assert copies[0].switched_on == {} and 'solidification' in copies[1].switched_on
+    for copy in copies:
+        resumed = Simulation.resume(copy, device=device)
+        resumed.advance(6.0 * HOUR)
+        (found,) = (item for item in resumed.decisions() if item.name == 'solidification')
+        assert found.since == whole.since
+        assert np.array_equal(
+            resumed.snapshot().thickness, simulation.snapshot().thickness, equal_nan=True
+        )
+
+
+def test_an_effect_whose_reason_has_gone_stays_on(device: str):
+    """Closing the vents, or levelling the ground, switches nothing off."""
+    steep = replace(scene(ground(10.0)), lava=replace(LAVA, yield_strength=500.0))
+    simulation = Simulation(steep, device=device, horizon=HOUR, accuracy=Accuracy(spacing=15.0))
+    assert 'yielding' in simulation.effects
+    simulation.advance(120.0)
+    on = set(simulation.effects)
+    simulation.set_vents([])
+    assert on <= set(simulation.effects)
+    simulation.set_terrain(Terrain(np.zeros((60, 200)), 10.0))
+    assert on <= set(simulation.effects)
+
+
+def test_reviews_change_no_step(device: str):
+    """A run that is reviewed and switches nothing on has the bits of one that is not."""
+    plain = replace(scene(ground(10.0)), lava=replace(LAVA, solidus=900.0, emissivity=0.9))
+    accuracy = Accuracy(spacing=12.0, thickness=1.0, deterministic=True)
+    reviewed = Simulation(plain, accuracy=accuracy, device=device, horizon=HOUR)
+    same = Simulation(
+        plain, effects=reviewed.effects, accuracy=accuracy, device=device, horizon=HOUR
+    )
+    for item in (reviewed, same):
+        item.advance(0.5 * HOUR)
+    assert reviewed.review_count > 5 and same.review_count == 0
+    assert reviewed.effects == same.effects
+    thickness = [item.snapshot().thickness for item in (reviewed, same)]
+    assert np.array_equal(*thickness, equal_nan=True)
+
+
+def test_reviews_are_due_at_times_of_their_own():
+    """They get rarer, never farther apart than a part of the horizon, whenever one asks."""
+    times = [0.0]
+    while times[-1] < 3.0:
+        times.append(next_review(times[-1], 1.0))
+    gaps = np.diff(times)
+    assert 10 < sum(time < 1.0 for time in times) < 40
+    assert gaps[gaps > 0].min() > 0.004 and gaps.max() <= LONGEST + 1e-12
+    for time in np.linspace(0.0, 2.9, 400):
+        assert next_review(time, 1.0) == pytest.approx(min(t for t in times if t > time))
+    assert next_review(30.0, 100.0) == pytest.approx(100.0 * next_review(0.3, 1.0))
+
+
+def test_measured_scales_are_those_of_the_flow(device: str):
+    """Thickness, slope and speed of a steady sheet: u = rho g h^2 s / (3 mu)."""
+    simulation = Simulation(
+        scene(ground(5.0, 0.2)), effects={}, device=device, horizon=HOUR,
+        accuracy=Accuracy(spacing=4.0),
+    )
+    simulation.advance(0.5 * HOUR)
+    scales = simulation.measure_scales()
+    assert scales is not None and scales.is_measured and scales.is_extended
+    columns = scales.columns
+    course_width = simulation.resolution.width
+    assert columns.quantile(columns.width, 0.5) == pytest.approx(course_width, rel=0.4)
+    slope = math.tan(math.radians(5.0))
+    assert columns.quantile(columns.slope, 0.5) == pytest.approx(slope, rel=0.25)
+    fastest = columns.quantile(columns.speed, 0.9)
+    assert fastest == pytest.approx(
+        columns.quantile(LAVA.density * 9.81 * columns.thickness**2 * slope / 3e4, 0.9), rel=0.3
+    )
+    assert scales.fall == pytest.approx(
+        np.ptp(simulation.scene.terrain.elevations_at(
+            np.vstack([simulation.sample().position, [[100.0, 300.0]]])
+        )), rel=1e-6
+    )
+
+
+def test_without_lava_nothing_is_measured(device: str):
+    """A vent that has not opened yet has no numbers, and the run goes on."""
+    later = Vent((100.0, 300.0), [(0.0, 0.0), (1000.0, 5.0)])
+    simulation = Simulation(
+        replace(freezing_scene(), vents=(later,)), device=device, horizon=HOUR,
+        accuracy=Accuracy(spacing=12.0),
+    )
+    assert simulation.advance(500.0) == 500.0
+    assert simulation.measure_scales() is None
+    assert measure_resolution(simulation.snapshot(), simulation.accuracy) is None
+
+
+@pytest.mark.parametrize('turns', range(4))
+def test_the_width_is_the_shortest_chord(turns: int):
+    """Of a strip in eight directions, of a disc, and of strips that cross."""
+    wet = np.zeros((60, 80), dtype=bool)
+    wet[20:27, 5:75] = True
+    found = measure_widths(np.rot90(wet, turns), 2.0)
+    assert found.max() == pytest.approx(14.0)
+    assert np.median(found[found > 0.0]) == pytest.approx(14.0)
+    y, x = np.indices(wet.shape)
+    diagonal = np.abs(y - x + 10) <= 6
+    found = measure_widths(np.rot90(diagonal, turns), 2.0)
+    middle = found[np.rot90(np.abs(y - 30) < 5, turns) & (found > 0.0)]
+    # 13 diagonals, 1/sqrt(2) cells apart
+    assert np.median(middle) == pytest.approx(13.0 / math.sqrt(2.0) * 2.0, rel=0.1)
+    disc = np.hypot(y - 30, x - 40) <= 15
+    assert measure_widths(disc, 1.0)[30, 40] == pytest.approx(31.0, rel=0.05)
+    assert not measure_widths(np.zeros_like(wet), 1.0).any()
+
+
+def test_the_measured_resolution_is_that_of_the_flow(device: str):
+    """Particles across it are its width over their distance where it is as thick as it is."""
+    valley = scene(ground(5.0, 0.2))
+    simulation = Simulation(valley, device=device, horizon=HOUR)
+    expected = simulation.resolution
+    simulation.advance(0.5 * HOUR)
+    found = measure_resolution(simulation.snapshot(), simulation.accuracy)
+    assert found is not None and found.limit == 'measured'
+    assert found.width == pytest.approx(expected.width, rel=0.4)
+    assert found.across == pytest.approx(expected.across, rel=0.4)
+    assert found.cell_error == pytest.approx(0.7 * 5.0 / found.width)
+    assert found.thickness == pytest.approx(expected.thickness, rel=0.3)
+
+
+def test_every_number_is_of_columns():
+    """Each is finite for every scene, before the run and in it, whatever the material."""
+    lava = Lava(
+        yield_strength=10.0, arrhenius=0.01, emissivity=0.9, convection=10.0, solidus=1100.0,
+        latent_heat=3e5, conductivity=1.5, ground_conductivity=2.0, crystal_law='maron-pierce',
+        crystals=0.4, flow_index=0.9,
+    )
+    for terrain in (ground(10.0), Terrain(np.zeros((40, 40)), 10.0)):
+        one = Scene(terrain, (Vent((100.0, 300.0), 10.0),), lava, wind_speed=5.0)
+        decisions = decide(one, horizon=HOUR)
+        known = [item for item in decisions if not math.isnan(item.value)]
+        assert len(known) > 10
+        assert all(math.isfinite(item.value) for item in known)
+        assert {item.name for item in decisions} == set(EFFECTS) - {'merging'}

@@ -1,0 +1,40 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Inclines with and without walls, and a vent on them: scenes of several tests."""
+
+import math
+
+import numpy as np
+
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+
+LAVA = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
+SLOPE = math.tan(math.radians(5.0))
+HOUR = 3600.0
+
+#: rho g tan(b) cos^4(b) / (3 mu) on that slope [1/(m s)].
+MOBILITY = 2600.0 * 9.81 * SLOPE / (1.0 + SLOPE**2) ** 2 / 3e4
+
+
+def ground(cell: float, wall: float = 0.0) -> Terrain:
+    """An incline of 5 degrees, 2 km by 600 m, with walls that rise by ``wall`` to both sides."""
+    x = (np.arange(round(2000.0 / cell)) + 0.5) * cell
+    y = (np.arange(round(600.0 / cell)) + 0.5) * cell - 300.0
+    return Terrain(1000.0 - SLOPE * x + wall * np.abs(y)[:, None], cell)
+
+
+def scene(terrain: Terrain, discharge: float = 10.0) -> Scene:
+    """A vent near the upper end, in the middle."""
+    return Scene(terrain, (Vent((100.0, 300.0), discharge),), LAVA)

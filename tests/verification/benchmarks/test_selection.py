@@ -1,0 +1,236 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The benchmark of the choice of effects."""
+
+import csv
+from dataclasses import replace
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import EFFECTS, Effects, excluded_by
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation.resolution import resolved_accuracy
+from lava_ros.simulation.selection import decide, effects_for
+from lava_ros.verification.benchmarks import selection as choice
+from lava_ros.verification.benchmarks.scenes import scenes
+
+ACCURACY = preset_accuracy(DEFAULT)
+SCENES = {item.name: item for item in scenes()}
+TABLE = Path(__file__).parents[3] / 'docs/benchmarks/choice_cpu.csv'
+
+
+def decisions_of(item):
+    """What is decided about the effects of a scene before its first step."""
+    return decide(item.scene, accuracy=ACCURACY, horizon=item.horizon)
+
+
+def test_scenes_differ_in_what_they_call_for():
+    """Every effect is on in a scene and off in another.
+
+    Wind and what has to be asked for are off in all; in all the ground takes more than 1 % of the
+    heat.
+    """
+    assert len(SCENES) == len(scenes()) == 16
+    chosen = [
+        {decision.name for decision in decisions_of(item) if decision.is_on}
+        for item in SCENES.values()
+    ]
+    for name in EFFECTS:
+        switches = {name in effects for effects in chosen}
+        expected = {False} if name in ('green', 'merging', 'wind') else {True, False}
+        assert switches == ({True} if name == 'ground' else expected), name
+
+
+def test_a_scene_may_last_longer_than_is_assumed():
+    """Its duration is another than its horizon; that of the others is the same."""
+    longer = [name for name, item in SCENES.items() if item.duration != item.horizon]
+    assert longer == ['longer']
+    assert SCENES['longer'].duration > 2.0 * SCENES['longer'].horizon
+
+
+@pytest.mark.parametrize('item', SCENES.values(), ids=SCENES)
+def test_everything_is_what_the_material_has(item):
+    """Nothing chosen is left out of all effects, and nothing the material lacks is in them."""
+    decisions = decisions_of(item)
+    forced = choice.everything(decisions)
+    full = effects_for(item.scene, forced, accuracy=ACCURACY, horizon=item.horizon)
+    for decision in decisions:
+        name = decision.name
+        if name not in ('inertia', 'green', 'helmholtz'):
+            assert (name in full) >= decision.is_on
+            assert (name in full) == (not math.isnan(decision.value))
+    assert full.inertia != full.helmholtz
+    found = {decision.name: decision for decision in decisions}
+    assert full.inertia or not found['inertia'].is_on
+    assert full.helmholtz or not found['helmholtz'].is_on
+    assert not full.green
+    off = {decision.name for decision in choice.left_off(decisions)}
+    assert off == {
+        name for name in EFFECTS
+        if name in found and not found[name].is_on and not math.isnan(found[name].value)
+        and name != 'green'
+    }
+
+
+def test_each_effect_that_is_off_is_forced_on(monkeypatch):
+    """A row for each, both runs without what it excludes, and one with all effects."""
+    item = replace(SCENES['fast'], duration=20.0)
+    asked = []
+    run = choice.run_copies
+
+    def noted(scene, count, switches, **options):
+        asked.append(dict(switches))
+        return run(scene, count, switches, **options)
+
+    monkeypatch.setattr(choice, 'run_copies', noted)
+    rows = list(choice.compare(item, device='cpu', preset='draft', runs=2, particles=300))
+    chosen = set(rows[-1]['chosen'].split())
+    assert 'inertia' in chosen
+    assert [row['effect'] for row in rows[:-1]] == [
+        name for name in ('helmholtz', 'viscous_heating', 'conduction') if name not in chosen
+    ]
+    assert rows[-1]['effect'] == choice.ALL
+    # helmholtz is forced on beside no inertia, and compared with no inertia
+    assert asked[:3] == [{}, {'inertia': False}, {'inertia': False, 'helmholtz': True}]
+    assert asked[3:-1] == [{row['effect']: True} for row in rows[1:-1]]
+    for row in rows[:-1]:
+        effect = EFFECTS[row['effect']]
+        largest = np.fmax(row['expected'], row['measured'])
+        assert row['stated'] == pytest.approx(effect.cost * largest / effect.threshold)
+    assert rows[-1]['stated'] == pytest.approx(sum(row['stated'] for row in rows[1:-1]))
+    for row in rows:
+        assert 0.0 <= row['changed'] < 0.5 and 0.0 <= row['chance'] < 0.5
+        assert row['area_m2'] > 100.0 and row['front_m'] > 10.0
+
+
+def test_no_run_has_more_particles_than_are_allowed():
+    """The spacing grows until the whole volume is no more than that many particles."""
+    item = SCENES['plain']
+    free = choice.accuracy_with(item, 'draft', None)
+    assert free == resolved_accuracy(preset_accuracy('draft'), item.scene, horizon=item.horizon)
+    coarse = choice.accuracy_with(item, 'draft', 500)
+    volume = item.scene.vents[0].volume_between(0.0, item.duration)
+    assert volume / (coarse.spacing**2 * coarse.thickness) == pytest.approx(500.0)
+    assert choice.accuracy_with(item, 'draft', 10**9) == free
+
+
+def test_copies_are_the_scene_over_and_over():
+    """Each has the terrain and its own vents, turned and mirrored; series keep their times."""
+    scene = SCENES['fissure'].scene
+    scene = replace(scene, vents=(replace(scene.vents[0], discharge=((0.0, 2.0), (9.0, 0.0))),))
+    wide = choice.copies(scene, 5, shift=0.1)
+    terrain = scene.terrain
+    rows, columns = terrain.elevation.shape
+    known = np.isfinite(wide.terrain.elevation)
+    assert known.sum() >= 5 * rows * columns
+    # as wide as it is high: two tiles beside each other
+    tiles = wide.terrain.elevation.shape[1] // (columns + choice.GAP)
+    middle = np.reshape(terrain.extent, (2, 2)).mean(axis=0)
+    signs = choice.directions(5)
+    assert len(set(signs[:4])) == 4 and signs[4] == signs[0] == (1, 1)
+    for number, vent in enumerate(wide.vents):
+        row, column = np.array(divmod(number, tiles)) * (rows + choice.GAP, columns + choice.GAP)
+        x, y = signs[number]
+        tile = wide.terrain.elevation[row : row + rows, column : column + columns]
+        assert (tile == terrain.elevation[::y, ::x]).all()
+        border = wide.terrain.elevation[row : row + rows, column + columns :][:, : choice.GAP]
+        assert np.isnan(border).all()
+        offset = (np.array([column, row]) + 0.1 * number) * terrain.resolution
+        for place, former in zip(
+            (vent.position, vent.end), (scene.vents[0].position, scene.vents[0].end), strict=True
+        ):
+            there = (np.array(place) - offset - middle) * (x, y) + middle
+            assert there == pytest.approx(np.array(former))
+        assert [time for time, _ in vent.series] == [0.0, 9.0]
+        assert vent.series[0][1] == pytest.approx(2.0 * (1.0 + choice.GAIN * number))
+    assert number == 4
+
+
+def test_runs_side_by_side_are_the_runs_one_by_one():
+    """The copy whose vents are where they were covers what a run of its own does."""
+    item = SCENES['plain']
+    accuracy = choice.accuracy_with(item, 'draft', 1000)
+    effects = effects_for(item.scene, accuracy=accuracy, horizon=item.horizon)
+    arguments = {'accuracy': accuracy, 'device': 'cpu'}
+    both = choice.run_copies(
+        item.scene, 3, effects, horizon=item.horizon, duration=150.0, **arguments
+    )
+    parts = choice.PARTS * np.array(item.scene.terrain.elevation.shape)
+    assert both.cells.shape == (3, *parts)
+    assert both.effects == effects
+    alone = Simulation(item.scene, effects=effects, **arguments)
+    alone.advance(150.0)
+    thickness = np.nan_to_num(alone.snapshot().thickness)
+    cells = choice.refined(thickness) > min(COVERED, choice.THIN * accuracy.thickness)
+    assert cells.sum() > 200 * choice.PARTS**2
+    # copies that are turned are turned back
+    assert all(choice.jaccard(one, cells) > 0.97 for one in both.cells)
+
+
+def test_a_map_is_interpolated_between_cells():
+    """A plane stays one between the middles of the outer cells, and is level beyond them."""
+    row, column = np.indices((3, 4))
+    values = choice.refined(2.0 * row + 3.0 * column)
+    y, x = (
+        np.clip((np.arange(choice.PARTS * count) + 0.5) / choice.PARTS - 0.5, 0.0, count - 1.0)
+        for count in (3, 4)
+    )
+    assert values == pytest.approx(2.0 * y[:, None] + 3.0 * x)
+    assert choice.refined(np.full((1, 1), 7.0)) == pytest.approx(np.full((choice.PARTS,) * 2, 7.0))
+
+
+def test_a_footprint_is_what_most_runs_cover():
+    """Two of three runs decide for each cell; halves take turns.
+
+    Jaccard: cells in both over cells in either; nothing compared to nothing is not a match.
+    """
+    runs = np.array([[[1, 1, 0]], [[1, 0, 0]], [[1, 1, 1]]], dtype=bool)
+    assert choice.footprint(runs).tolist() == [[True, True, False]]
+    assert choice.noise(runs) == pytest.approx(0.5)
+    one, other = np.array([[True, True, False]]), np.array([[False, True, True]])
+    assert choice.jaccard(one, other) == pytest.approx(1.0 / 3.0)
+    assert math.isnan(choice.jaccard(one & ~one, one & ~one))
+
+
+def test_what_is_left_off_changes_no_more_than_is_stated():
+    """In the committed table, but for chance: each effect of 16 scenes, and all of them."""
+    with TABLE.open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert {row['scene'] for row in rows} == set(SCENES)
+    for name in SCENES:
+        found = [row for row in rows if row['scene'] == name]
+        chosen = Effects(**{**dict.fromkeys(EFFECTS, False), **dict.fromkeys(
+            found[-1]['chosen'].split(), True
+        )})
+        assert found[-1]['effect'] == choice.ALL
+        for row in found[:-1]:
+            assert row['effect'] not in chosen
+            effect = EFFECTS[row['effect']]
+            largest = np.fmax(float(row['expected']), float(row['measured']))
+            stated = effect.cost * largest / effect.threshold
+            assert float(row['stated']) == pytest.approx(stated, rel=1e-4)
+            # what excludes it may be on although its number calls for it
+            is_excluded = any(excluded_by(row['effect'], other) for other in chosen)
+            assert largest <= effect.threshold or is_excluded
+    over = [
+        (row['scene'], row['effect']) for row in rows
+        if float(row['changed']) > float(row['stated']) + float(row['chance'])
+    ]
+    assert not over
