@@ -32,7 +32,7 @@ import logging
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.effects import EFFECTS
-from lava_ros.simulation.review import watched_effects
+from lava_ros.simulation.review import called_for, watched_effects
 from lava_ros.simulation.selection import decide_by
 
 if TYPE_CHECKING:
@@ -111,8 +111,7 @@ def find_called(
     time = simulation.time - start
     return tuple(
         CalledEffect(item.name, item.value, item.effect.threshold, member, time)
-        for item in decide_by(scales, forced)
-        if item.is_on and item.name in watched
+        for item in called_for(decide_by(scales, forced, names=watched), simulation.effects)
     )
 
 

@@ -59,14 +59,22 @@ class Review:
             The names of the effects to switch on.
         """
         self.count += 1
-        found = []
+        decisions = tuple(decisions)
         for item in decisions:
             if not math.isnan(item.value):
                 self.largest[item.name] = max(self.largest.get(item.name, 0.0), item.value)
-            is_off = item.is_on and item.name not in effects
-            if is_off and not any(excluded_by(item.name, other) for other in effects):
-                found.append(item.name)
-        return found
+        return [item.name for item in called_for(decisions, effects)]
+
+
+def called_for(decisions: Iterable[Decision], effects: Effects) -> list[Decision]:
+    """Return the decisions for effects that are off and that no effect which is on excludes."""
+    return [
+        item
+        for item in decisions
+        if item.is_on
+        and item.name not in effects
+        and not any(excluded_by(item.name, other) for other in effects)
+    ]
 
 
 def next_review(time: float, horizon: float) -> float:

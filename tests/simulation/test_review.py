@@ -26,8 +26,8 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.checkpoint import from_bytes
 from lava_ros.simulation.measurement import measure_resolution, measure_widths
-from lava_ros.simulation.review import LONGEST, next_review
-from lava_ros.simulation.selection import decide
+from lava_ros.simulation.review import called_for, LONGEST, next_review
+from lava_ros.simulation.selection import decide, Decision
 from slope_scenes import ground, HOUR, LAVA, scene
 
 #: A vent whose lava freezes once it is at rest: its discharge falls to nothing.
@@ -107,6 +107,15 @@ def test_an_effect_whose_reason_has_gone_stays_on(device: str):
     assert on <= set(simulation.effects)
     simulation.set_terrain(Terrain(np.zeros((60, 200)), 10.0))
     assert on <= set(simulation.effects)
+
+
+def test_what_an_effect_that_is_on_excludes_is_not_called_for():
+    """Lateral stress is not, beside inertia; without it, it is, unless it is on already."""
+    lateral = Decision('helmholtz', EFFECTS['helmholtz'], 0.5, True)
+    assert called_for([lateral], Effects(inertia=True)) == []
+    assert called_for([lateral], Effects(helmholtz=True)) == []
+    assert called_for([lateral], Effects()) == [lateral]
+    assert called_for([replace(lateral, is_on=False)], Effects()) == []
 
 
 def test_reviews_change_no_step(device: str):
