@@ -265,8 +265,8 @@ def bench(args: argparse.Namespace) -> int:
     effects: time of a step with each effect, and with all effects, relative to a step without.
     steps: time of steps and snapshots, and memory, from few particles to many, beside a reference
     step. publishing: time of steps while maps are published ten times a second, and memory on a
-    large map. choice: scenes with the effects that they call for, with each effect that is
-    left off besides, and with all effects: what the footprint changes by, and what is stated.
+    large map. choice: scenes with the effects that they call for, with each other effect forced
+    on, and with all effects: the change of the footprint and the stated cost.
     convergence: footprints at the presets from coarse to fine, of scenes or of mapped eruptions.
     members: members of an ensemble, from one to many at once.
     """
