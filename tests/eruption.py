@@ -25,6 +25,9 @@ CELL, CORNER, SHAPE = 20.0, (500_000.0, 4_180_000.0), (60, 40)
 #: The vent, in the coordinates of the elevation [m].
 VENT = (CORNER[0] + 410.0, CORNER[1] + 1010.0)
 
+#: Lava of a case that is run for an hour.
+LAVA = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
+
 
 def elevation() -> np.ndarray:
     """Heights of a valley that falls to the south [m], row 0 in the south."""

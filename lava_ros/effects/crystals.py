@@ -39,19 +39,15 @@ EXPONENTS = {'none': 0.0, 'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
 LEAST_ROOM = 1e-3
 
 
-def fraction(lava: 'Lava', temperature: float) -> float:
-    """Volume fraction of crystals at a temperature [K]: none at the liquidus."""
-    share = (lava.liquidus - temperature) / (lava.liquidus - lava.solidus)
-    return float(lava.crystals * min(max(share, 0.0), 1.0)) if lava.solidus else 0.0
+def fraction(lava: 'Lava', temperature: np.ndarray | float) -> np.ndarray | float:
+    """Volume fraction of crystals at temperatures [K]: none at the liquidus."""
+    return np.interp(temperature, [lava.solidus, lava.liquidus], [lava.crystals, 0.0])
 
 
 def _stiffening(scales: 'Scales') -> np.ndarray:
     """Logarithm of what the crystals in each column at the horizon multiply its viscosity by."""
     lava = scales.lava
-    crystals = np.interp(
-        scales.rest_temperature, [lava.solidus, lava.liquidus], [lava.crystals, 0.0]
-    )
-    room = np.maximum(1.0 - crystals / lava.packing, LEAST_ROOM)
+    room = np.maximum(1.0 - fraction(lava, scales.rest_temperature) / lava.packing, LEAST_ROOM)
     return EXPONENTS[lava.crystal_law] * np.log(1.0 / room)
 
 

@@ -196,15 +196,13 @@ def heat_balance(scene: 'Scene') -> Callable[[float, float, float, float], tuple
         A function of thickness [m], temperature [K], age [s] and speed [m/s] that gives s [1/s]
         and f [K/s] of dT/dt = f - s T.
     """
-    effects = _all_of(existing(scene))
-    values = SimpleNamespace(**heat_values(scene, tuple(effects)))
-    every = [one.terms(HOST, float, object) for one in effects.having('terms').values()]
+    terms = _heat_terms(scene, _all_of(existing(scene)))
 
     def balance(
         thickness: float, temperature: float, age: float, speed: float
     ) -> tuple[float, float]:
-        terms = [one(values, thickness, temperature, age, 0.0, speed) for one in every]
-        return sum(rate for rate, _ in terms), sum(source for _, source in terms)
+        found = terms(thickness, temperature, age, speed)
+        return sum(rate for rate, _ in found), sum(source for _, source in found)
 
     return balance
 
@@ -212,15 +210,24 @@ def heat_balance(scene: 'Scene') -> Callable[[float, float, float, float], tuple
 def heat_loss(scene: 'Scene') -> Callable[[float], float]:
     """Heat [W/m2] that lava at rest loses to the air from a bare surface, by temperature [K]."""
     effects = _all_of(name for name in possible(scene.lava) if EFFECTS[name].is_surface)
-    values = SimpleNamespace(**heat_values(scene, tuple(effects)))
-    capacity = scene.lava.density * scene.lava.specific_heat
-    every = [one.terms(HOST, float, object) for one in effects.having('terms').values()]
+    terms, capacity = _heat_terms(scene, effects), scene.lava.density * scene.lava.specific_heat
 
     def loss(temperature: float) -> float:
-        balances = (terms(values, 1.0, temperature, math.inf, 0.0, 0.0) for terms in every)
+        balances = terms(1.0, temperature, math.inf, 0.0)
         return float(sum(capacity * (rate * temperature - source) for rate, source in balances))
 
     return loss
+
+
+def _heat_terms(
+    scene: 'Scene', effects: Effects
+) -> Callable[[float, float, float, float], list[tuple[float, float]]]:
+    """The terms of each effect by thickness [m], temperature [K], age [s] and speed [m/s]."""
+    values = SimpleNamespace(**heat_values(scene, tuple(effects)))
+    every = [one.terms(HOST, float, object) for one in effects.having('terms').values()]
+    return lambda thickness, temperature, age, speed: [
+        one(values, thickness, temperature, age, 0.0, speed) for one in every
+    ]
 
 
 def _filled(target: Any, values: dict[str, float]) -> Any:

@@ -48,7 +48,6 @@ from lava_ros.forecast.pilots import (
     Pilot,
     preset_below,
     run_at,
-    spacing_at,
 )
 from lava_ros.scene import Scene
 from lava_ros.simulation.resolution import resolution_of
@@ -180,7 +179,7 @@ def afford(
     called_for, given = asdict(search.effects_at(refinement)), asdict(best.effects)
     return Affordable(
         preset=preset_below(refinement),
-        spacing=spacing_at(scene, refinement, horizon),
+        spacing=expected.spacing,
         refinement=refinement,
         members=count,
         wall_time=wall_time,

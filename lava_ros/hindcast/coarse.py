@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Ground no finer than the particles, and maps of the flow on it back on the finer terrain.
+"""Ground no finer than the particles: a coarser terrain for them, and maps back on the finer one.
 
 What is smaller than the distance of particles they do not feel, and a step may not lead further
 than a cell: cells of half that distance cost four times as much and change nothing.
@@ -25,12 +25,30 @@ from dataclasses import replace
 import numpy as np
 
 from lava_ros.scene import Terrain
-from lava_ros.scene.reshaping import coarsened as coarsened
-from lava_ros.scene.reshaping import known_mean
 from lava_ros.simulation.snapshot import Snapshot
 
 #: The maps of a snapshot.
 GRIDS = ('thickness', 'temperature', 'frozen', 'arrived')
+
+
+def coarsened(terrain: Terrain, factor: int) -> Terrain:
+    """Average a terrain over cells that are larger by ``factor``, around the same centre.
+
+    If the sides are not multiples of the larger cells, these extend beyond all borders alike, so a
+    terrain that is turned by 90 degrees gets the same cells. A larger cell has data where at least
+    one of its cells has.
+    """
+    if factor == 1:
+        return terrain
+    rows, columns = (_shares(side, factor) for side in terrain.shape)
+    mean = _mean(terrain.elevation, lambda values: rows @ values @ columns.T)
+    x, y = (
+        start - (-side % factor) * terrain.resolution / 2.0
+        for start, side in zip(terrain.origin, terrain.shape[::-1], strict=True)
+    )
+    return replace(
+        terrain, elevation=mean, resolution=terrain.resolution * factor, origin=(x, y)
+    )
 
 
 def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
@@ -44,7 +62,7 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
         return total[:, columns[0]] + total[:, columns[1]]
 
     def spread(values: np.ndarray) -> np.ndarray:
-        mean = known_mean(values, quarters)
+        mean = _mean(values, quarters)
         return np.where(terrain.has_data, mean, np.nan).astype(np.float32)
 
     fine = regridded(snapshot, terrain, spread)
@@ -70,7 +88,23 @@ def grids_of(snapshot: Snapshot) -> dict[str, np.ndarray]:
     return {name: grid for name, grid in grids.items() if grid is not None}
 
 
+def _mean(values: np.ndarray, total: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Mean of what is known of values, by a function that adds them up; NaN without any."""
+    known = np.isfinite(values)
+    weight, found = total(known.astype(float)), total(np.where(known, values, 0.0))
+    return np.where(weight > 0.0, found / np.where(weight > 0.0, weight, 1.0), np.nan)
+
+
 def _halves(side: int, factor: int) -> tuple[np.ndarray, np.ndarray]:
     """The larger cells in which the two halves of each of ``side`` cells lie."""
     first = np.arange(side) + 0.5 * (-side % factor)
     return (first // factor).astype(int), ((first + 0.5) // factor).astype(int)
+
+
+def _shares(side: int, factor: int) -> np.ndarray:
+    """Share of each of ``side`` cells that lies in each larger one, shape [larger, side]."""
+    larger = -(-side // factor)
+    first = np.arange(side) + 0.5 * (larger * factor - side)
+    low = factor * np.arange(larger)[:, None]
+    common = np.minimum(first + 1.0, low + factor) - np.maximum(first, low)
+    return np.maximum(common, 0.0)

@@ -29,6 +29,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings, simulate
 from lava_ros.hindcast.score import covered_by
+from lava_ros.maps.numbers import percent
 
 #: Distance between the particles of a pilot over that of the run: it takes 1/16 of the time.
 COARSER = 2.5
@@ -70,8 +71,8 @@ class ExpectedError:
         parts = {'particles': self.particles, 'terrain': self.cells, 'effects': self.effects}
         if not math.isnan(self.chance):
             parts['chance'] = self.chance
-        shown = ', '.join(f'{name} {_percent(value)}' for name, value in parts.items())
-        return f'{_percent(self.total)} ({shown})'
+        shown = ', '.join(f'{name} {percent(value)}' for name, value in parts.items())
+        return f'{percent(self.total)} ({shown})'
 
 
 def estimate_error(
@@ -107,7 +108,3 @@ def _scatter(fraction: np.ndarray, runs: int) -> float:
     """Expected difference of two of some runs, by the fraction of them that cover each cell."""
     apart = float((2.0 * fraction * (1.0 - fraction)).sum()) * runs / max(runs - 1, 1)
     return apart / max(float(fraction.sum()) + 0.5 * apart, 1e-9)
-
-
-def _percent(value: float) -> str:
-    return f'{float(f"{100.0 * value:.2g}"):g} %'

@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 import hashlib
 import json
+import math
 from pathlib import Path
 import time as wall_clock
 
@@ -40,7 +41,7 @@ from lava_ros.simulation.checkpoint import from_bytes
 from lava_ros.simulation.measurement import measure_resolution
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import Resolution, resolved_accuracy
-from lava_ros.simulation.selection import cost_of_those_left_out, Decision
+from lava_ros.simulation.selection import Decision
 from lava_ros.simulation.snapshot import Snapshot, StepReport
 
 #: Maps of a run.
@@ -118,7 +119,7 @@ class Result:
     @property
     def effects_error(self) -> float:
         """Expected error of the footprint by the effects that were left out."""
-        return cost_of_those_left_out(self.decisions)
+        return math.fsum(item.cost for item in self.decisions)
 
 
 class Run:

@@ -28,6 +28,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
 from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.measurement import measure_resolution
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.selection import Decision
 
@@ -129,8 +130,6 @@ class Eruption:
         if simulation is None or latest is None:
             return self.resolution
         if self._measured[0] is not latest:
-            from lava_ros.simulation.measurement import measure_resolution
-
             self._measured = latest, measure_resolution(latest, simulation.accuracy)
         return self._measured[1] or self.resolution
 

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Terrain -> terrain: barriers of earth along a line, no short waves, finer or coarser cells."""
+"""Terrain -> terrain: barriers of earth along a line, no short waves, finer cells."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 import math
@@ -180,39 +180,3 @@ def _along(height: np.ndarray, factor: int, axis: int) -> np.ndarray:
         low, high = 0.5 * (0.5 - place) ** 2, 0.5 * (0.5 + place) ** 2
         fine[number::factor] = low * before + (0.75 - place**2) * here + high * after
     return np.moveaxis(fine, 0, axis)
-
-
-def coarsened(terrain: Terrain, factor: int) -> Terrain:
-    """Average a terrain over cells that are larger by ``factor``, around the same centre.
-
-    If the sides are not multiples of the larger cells, these extend beyond all borders alike, so a
-    terrain that is turned by 90 degrees gets the same cells. A larger cell has data where at least
-    one of its cells has.
-    """
-    if factor == 1:
-        return terrain
-    rows, columns = (_shares(side, factor) for side in terrain.shape)
-    mean = known_mean(terrain.elevation, lambda values: rows @ values @ columns.T)
-    x, y = (
-        start - (-side % factor) * terrain.resolution / 2.0
-        for start, side in zip(terrain.origin, terrain.shape[::-1], strict=True)
-    )
-    return replace(
-        terrain, elevation=mean, resolution=terrain.resolution * factor, origin=(x, y)
-    )
-
-
-def known_mean(values: np.ndarray, total: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Mean of what is known of values, by a function that adds them up; NaN without any."""
-    known = np.isfinite(values)
-    weight, found = total(known.astype(float)), total(np.where(known, values, 0.0))
-    return np.where(weight > 0.0, found / np.where(weight > 0.0, weight, 1.0), np.nan)
-
-
-def _shares(side: int, factor: int) -> np.ndarray:
-    """Share of each of ``side`` cells that lies in each larger one, shape [larger, side]."""
-    larger = -(-side // factor)
-    first = np.arange(side) + 0.5 * (larger * factor - side)
-    low = factor * np.arange(larger)[:, None]
-    common = np.minimum(first + 1.0, low + factor) - np.maximum(first, low)
-    return np.maximum(common, 0.0)

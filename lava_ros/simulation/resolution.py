@@ -35,7 +35,7 @@ EDGES = 1.5
 LEAST_ACROSS = 9.0
 
 #: Error of a footprint from the particles, E (d / h)^P d / w, with their distance d, the thickness
-#: h and the width w of the flow: E and P (docs/benchmarks/README.md, resolution).
+#: h and the width w of the flow: E and P (docs/benchmarks/README.md, expected error).
 PARTICLE_ERROR = 0.58, 0.4
 
 #: Error of a footprint from the terrain's cells, over their size as a fraction of the width.

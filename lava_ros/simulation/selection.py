@@ -301,14 +301,6 @@ def decision_as_dict(decision: Decision) -> dict[str, Any]:
     }
 
 
-def cost_of_those_left_out(decisions: Iterable[Decision]) -> float:
-    """Return the fraction of a footprint that the effects which are off may change.
-
-    It is the sum of their costs.
-    """
-    return math.fsum(item.cost for item in decisions if not item.is_on)
-
-
 def _settle(decisions: dict[str, Decision]) -> None:
     """Leave one on of those that exclude each other: a forced one, else the first of them.
 

@@ -572,9 +572,8 @@ class Simulation:
         """
         if self._forced is None:
             return
-        has_lava = self.time > 0.0 or self.particle_count > 0
         if kept is None:
-            kept = self.effects if has_lava else ()
+            kept = self.effects if self.time > 0.0 or self.particle_count else ()
         chosen = self._chosen(self.scene)
         on = [name for name in chosen if name in self._forced]
         kept = [name for name in kept if self._forced.get(name, True)]

@@ -22,22 +22,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eruption import write_case
-from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import COARSER, difference, estimate_error, ORDER
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import covered_by, judge
 
-LAVA = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
-
 MEASURED = Path(__file__).parents[2] / 'docs/benchmarks/expected_error_h100.csv'
-
-
-@pytest.fixture(scope='module')
-def valley(tmp_path_factory: pytest.TempPathFactory) -> Case:
-    """A valley down which lava flows for an hour."""
-    return load_case(write_case(tmp_path_factory.mktemp('run') / 'valley', hours=1, yaml=LAVA))
 
 
 def test_the_part_of_the_particles_is_that_of_a_pilot(valley: Case) -> None:

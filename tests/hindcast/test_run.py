@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eruption import VENT, write_case
+from eruption import LAVA, VENT, write_case
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
@@ -35,14 +35,6 @@ from lava_ros.simulation.resolution import resolution_of
 from lava_ros.simulation.snapshot import Snapshot, StepReport
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
-
-LAVA = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
-
-
-@pytest.fixture(scope='module')
-def valley(tmp_path_factory: pytest.TempPathFactory) -> Case:
-    """A valley down which lava flows for an hour."""
-    return load_case(write_case(tmp_path_factory.mktemp('run') / 'valley', hours=1, yaml=LAVA))
 
 
 def _finished(run: Run) -> Run:
