@@ -210,7 +210,8 @@ def test_a_node_that_is_killed_again_and_again_is_restarted(graph, tmp_path):
         if number > 2:
             # from the checkpoints of the second one on
             assert f'in {bags / kept[-1][0]}' in node.log
-            assert moment > kept[-1][1]
+            # the first status may be that of the checkpoint itself
+            assert moment >= kept[-1][1]
         else:
             # the first had none
             assert 'going on' not in node.log
