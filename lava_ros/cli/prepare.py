@@ -20,6 +20,7 @@ import csv
 from dataclasses import asdict, fields
 import json
 import math
+from pathlib import Path
 
 from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.output import Progress, write_json
@@ -29,7 +30,7 @@ from lava_ros.effects.effect import Effect
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.files.resources import share_path
-from lava_ros.maps.gis import write_grid
+from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.numbers import percent
 from lava_ros.maps.plot import duration
 from lava_ros.scene import Scene
@@ -188,7 +189,8 @@ def barrier(args: argparse.Namespace) -> int:
             raise LavaError('--height', None, 'a height [m]')
         line = tuple(_place(text) for text in args.line)
         terrain = with_barrier(before, Barrier(line, args.height, args.width, args.slope))
-    write_grid(output, terrain.elevation, terrain, unit='m', meaning='elevation of the ground')
+    origin = Provenance(Path(args.terrain).name, effects=(), preset='none')
+    write_grid(output, 'elevation', terrain.elevation, terrain, origin)
     added = (terrain.elevation - before.elevation)[terrain.has_data]
     volume = float(added.sum(dtype='float64')) * terrain.resolution**2
     raised = int((added > 0.0).sum())

@@ -86,12 +86,17 @@ STYLES = {
         'Probability that lava comes', '%',
         ('#fff3c4', '#fdd17a', '#f99a3b', '#e2571e', '#a81d1d', '#5a0a2a'),
     ),
+    'elevation': Style('Elevation', 'm', GROUND),
     'comparison': Style(
         'Simulated and mapped', '',
         ('#f2b134', '#2166ac', '#b2182b'),
         ('hit', 'miss', 'false alarm'),
     ),
 }
+
+#: Times between isochrones [s], and maximum number of isochrones.
+_STEPS = (60, 300, 600, 1800, 3600, 7200, 6 * 3600, 12 * 3600, 24 * 3600, 7 * 24 * 3600)
+MAX_ISOCHRONES = 12
 
 #: Units of times [s], the largest first.
 _TIMES = (('d', 86_400.0), ('h', 3600.0), ('min', 60.0), ('s', 1.0))
@@ -123,6 +128,13 @@ def duration(seconds: float) -> str:
         return f'{minutes // 60} h' + (f' {minutes % 60:02d} min' if minutes % 60 else '')
     hours = round(seconds / 3600.0)
     return f'{hours // 24} d {hours % 24} h'
+
+
+def isochrone_times(last: float) -> np.ndarray:
+    """Return round times [s] of isochrones; the last one is at or after ``last`` [s]."""
+    longest = max(_STEPS[-1], last / MAX_ISOCHRONES)
+    step = next((item for item in _STEPS if last <= item * MAX_ISOCHRONES), longest)
+    return step * np.arange(1, math.ceil(last / step) + 1)
 
 
 def extent_of(frame: Frame) -> Window:
@@ -203,6 +215,33 @@ class Scale:
     names: Sequence[str] = ()
 
 
+def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
+    """Return the values of the first and the last colour of a map, which are round numbers.
+
+    ``source`` is one of ``STYLES``; ``values`` are those of the map, NaN where nothing is shown.
+    """
+    known = values[np.isfinite(values)]
+    most = float(known.max()) if known.size else 1.0
+    if source in ('hazard', 'probability'):
+        return 0.0, 100.0
+    if source == 'arrival':
+        unit = _time_unit(most)[1]
+        return 0.0, unit * _round_up(max(most / unit, 1e-6))
+    if source == 'elevation':
+        low = float(known.min()) if known.size else 0.0
+        return low, most if most > low else low + 1.0
+    if source == 'temperature':
+        low = math.floor(float(known.min()) / 100.0) * 100.0 if known.size else 0.0
+        return low, max(math.ceil(most / 100.0) * 100.0, low + 100.0)
+    # A few deep cells must not make the rest all one colour.
+    return 0.0, _round_up(max(float(np.percentile(known, 99.5)), 1e-6)) if known.size else 1.0
+
+
+def _time_unit(longest: float) -> tuple[str, float]:
+    """Name and length [s] of the unit that suits times up to a longest one [s]."""
+    return next(item for item in _TIMES if longest >= 2.0 * item[1] or item[1] == 1.0)
+
+
 def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> Scale:
     """Choose the colour scale of a map from its values, NaN where nothing is shown.
 
@@ -211,27 +250,16 @@ def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> 
     from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, Normalize
 
     style = STYLES[source]
-    colours = LinearSegmentedColormap.from_list(source, style.colours)
-    known = values[np.isfinite(values)]
-    most = float(known.max()) if known.size else 1.0
     if style.names:
         count = len(style.names)
         norm = BoundaryNorm(np.arange(count + 1) + 0.5, count)
         return Scale(ListedColormap(style.colours), norm, 'neither', '', names=style.names)
-    if source in ('hazard', 'probability'):
-        return Scale(colours, Normalize(0.0, 100.0), 'neither', style.label)
-    if source == 'arrival':
-        label, unit = next(item for item in _TIMES if most >= 2.0 * item[1] or item[1] == 1.0)
-        top = Normalize(0.0, _round_up(max(most / unit, 1e-6)))
-        return Scale(colours, top, 'neither', label, unit)
-    if source == 'temperature':
-        low = math.floor(float(known.min()) / 100.0) * 100.0 if known.size else 0.0
-        high = max(math.ceil(most / 100.0) * 100.0, low + 100.0)
-        return Scale(colours, Normalize(low, high), 'neither', style.label)
-    # A few deep cells must not make the rest all one colour.
-    high = _round_up(max(float(np.percentile(known, 99.5)), 1e-6)) if known.size else 1.0
+    colours = LinearSegmentedColormap.from_list(source, style.colours)
+    low, high = limits_of(source, values)
+    most = float(np.max(values, where=np.isfinite(values), initial=-math.inf))
+    label, unit = _time_unit(most) if source == 'arrival' else (style.label, 1.0)
     past = 'max' if is_saturated or most > high else 'neither'
-    return Scale(colours, Normalize(0.0, high), past, style.label)
+    return Scale(colours, Normalize(low / unit, high / unit), past, label, unit)
 
 
 def _round_up(

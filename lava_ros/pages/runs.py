@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 import lava_ros
+from lava_ros.bag.description import described, effects_on
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 from lava_ros.files.optional import require
@@ -37,7 +38,6 @@ from lava_ros.maps.frames import Frame, Recording
 from lava_ros.maps.gis import coordinate_system
 from lava_ros.maps.plot import area_words, duration, STYLES, titles
 from lava_ros.maps.sheet import Panel
-from lava_ros.pages.report.description import described
 from lava_ros.scene import Scene, scene_from_dict, Terrain
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.budget import VolumeBudget
@@ -197,10 +197,7 @@ def _model(recording: Recording) -> dict[str, str]:
         error = moments[-1].number('footprint_error')
         if math.isfinite(error):
             words.append(f'expected error of the footprint {100.0 * error:.2g} %')
-    states: dict[str, object] = {}
-    for change in told['effects'] or ():
-        states |= change['effects']
-    on = [name.replace('_', ' ') for name, text in states.items() if str(text).startswith('on')]
+    on = [name.replace('_', ' ') for name in effects_on(told) or ()]
     facts = {'model': ', '.join(words)}
     return facts | ({'physics': ', '.join(on)} if on else {})
 
@@ -246,6 +243,7 @@ def _ensemble(folder: Path) -> Run:
             maps[name] = Panel(frame, source, values, title, fissures=_fissures(scene))
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
+        observation = tags.get('observation', 'none')
         # an ensemble that runs again may still have the maps of before
         on = tags.get('effects', '').split()
         reasons = [f'{item.effect}: {item.reason}' for item in reviewed if item.effect in on]
@@ -265,6 +263,7 @@ def _ensemble(folder: Path) -> Run:
         'members': f'{members}, effective number {effective:.3g}; standard error of a probability '
         f'of 50 %: {50.0 / effective**0.5:.2g} percentage points',
         'inundation': f'lava of {threshold:g} m or more within {duration(horizon)}',
+        **({'weighted by': observation} if observation != 'none' else {}),
         'uncertain': ', '.join(sorted(known.get('uncertainty') or {})) or 'nothing of the scene',
         'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
         f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}',

@@ -63,7 +63,11 @@ def test_a_hindcast_leaves_numbers_maps_page_and_bag(tmp_path):
             assert file.shape == SHAPE
             assert (file.transform.c, file.transform.a) == (CORNER[0], CELL)
             assert file.transform.f == CORNER[1] + SHAPE[0] * CELL
-            grids[name] = file.read(1)[::-1]
+            grids[name] = file.read(1, masked=True)[::-1]
+            # hindcasts and exports have the same value without data, and no lava is no data
+            assert file.nodata == -9999 and (out / f'{name}.qml').exists()
+            tags = file.tags()
+            assert (tags['scene'], tags['preset']) == ('valley', 'draft') and tags['effects']
     codes = grids['comparison']
     for code, name in ((HIT, 'hits'), (MISS, 'misses'), (FALSE_ALARM, 'false_alarms')):
         assert (codes == code).sum() == score[name]
@@ -139,9 +143,9 @@ def test_more_runs_say_how_sure_it_is(valley, tmp_path):
     assert runs['count'] == len(runs['jaccard']) == 2
     assert runs['lowest'] <= runs['mean'] <= runs['highest']
     with rasterio.open(tmp_path / 'out/runs.tif') as file:
-        share = file.read(1)
-    assert set(np.unique(share)) <= {0.0, 0.5, 1.0}
-    assert (share >= 0.5).sum() * CELL**2 == pytest.approx(runs['majority']['area'])
+        percent = file.read(1)
+    assert set(np.unique(percent)) <= {0.0, 50.0, 100.0}
+    assert (percent >= 50.0).sum() * CELL**2 == pytest.approx(runs['majority']['area'])
     page = (tmp_path / 'out/hindcast.html').read_text()
     assert f'{runs["majority"]["jaccard"]:.3f} (where at least half' in page
     assert not (tmp_path / 'out/.unfinished').exists()

@@ -26,6 +26,7 @@ import tempfile
 from typing import Any
 
 import lava_ros
+from lava_ros.bag.description import described
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, write_output
 from lava_ros.maps.export import placement_of
@@ -34,7 +35,6 @@ from lava_ros.maps.plot import duration
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report import sections
 from lava_ros.pages.report.charts import Chart, charts_of
-from lava_ros.pages.report.description import described
 from lava_ros.pages.report.sections import facts_html, warnings_html
 from lava_ros.pages.report.survey import pack_maps, relief, Survey, survey, view_of
 
