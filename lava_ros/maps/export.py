@@ -16,6 +16,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+import logging
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,7 +29,10 @@ from lava_ros.files.optional import require
 from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
+from lava_ros.maps.plot import time_note
 from lava_ros.simulation.accuracy import COVERED
+
+_LOG = logging.getLogger(__name__)
 
 #: What can be exported.
 MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
@@ -129,6 +133,8 @@ def export_bag(
         # nobody looks for what failed in an empty folder
         target.rmdir()
         raise recording.lack(time, 'terrain and a map')
+    if note := time_note(None if every else time, last):
+        _LOG.warning(note)
     for name in () if every else current:
         writer.write_layer(name, last, f'{name}.tif')
     for name in ('arrival', 'peak_height'):

@@ -209,10 +209,10 @@ def write_still(
     return len(text.encode())
 
 
-def write_comparison(
-    paths: Sequence[str], output: str | Path, *, overlays: Sequence[str], observed: str | None
-) -> int:
+def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -> int:
     """Write a page about an ensemble, or about several runs, and return its size [bytes].
+
+    ``options`` are those of ``draw_runs``.
 
     Raises:
         LavaError: A run or a file cannot be read, or the page cannot be written.
@@ -220,7 +220,7 @@ def write_comparison(
     output = file_to_write('output', output, ('.html', '.htm'))
     with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
         picture = Path(folder) / 'maps.png'
-        drawn = draw_runs(paths, picture, overlays=overlays, observed=observed)
+        drawn = draw_runs(paths, picture, **options)
         facts = drawn['notes'] | {
             f'{term.replace("_", " ")} of {name}': f'{value:.3g}'
             for name, scores in drawn['scores'].items()
