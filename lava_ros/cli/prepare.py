@@ -17,7 +17,7 @@
 import argparse
 from collections.abc import Mapping
 import csv
-from dataclasses import asdict, fields
+from dataclasses import asdict
 import json
 import math
 from pathlib import Path
@@ -34,7 +34,7 @@ from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.numbers import percent
 from lava_ros.maps.plot import duration
 from lava_ros.scene import Scene
-from lava_ros.scene.lava import Lava
+from lava_ros.scene.lava import constant_units
 from lava_ros.scene.materials import Constant, material_named
 from lava_ros.scene.materials import materials as known_materials
 from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
@@ -136,8 +136,7 @@ def materials(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps([asdict(item) for item in chosen], indent=1))
         return 0
-    units = {item.name: item.metadata.get('unit', '') for item in fields(Lava)}
-    units['vent_temperature'] = 'K'
+    units = constant_units()
     sources: dict[str, int] = {}
     for material in chosen:
         print(f'{material.name}: {material.title}')

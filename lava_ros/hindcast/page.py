@@ -36,7 +36,7 @@ from lava_ros.maps.raster_layers import NODATA
 from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.pages.report.page import write_still
 from lava_ros.pages.runs import system_words
-from lava_ros.scene.lava import Lava
+from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.selection import Decision
@@ -65,7 +65,8 @@ def write_page(
     run = ''.join(_row(name, value) for name, value in _run(case, settings, result).items())
     sections = (
         f'<h2>Lava</h2>\n<p class="note">{escape(note)}</p>\n<table>\n'
-        '<thead><tr><th>constant</th><th>value</th><th>published</th><th>source</th></tr></thead>\n'
+        '<thead><tr><th>constant</th><th>value</th><th>unit</th><th>published</th><th>source</th>'
+        '</tr></thead>\n'
         f'<tbody>{_constants(case, material)}</tbody></table>\n<h2>Run</h2>\n<table><tbody>'
         f'{run}</tbody></table>'
     )
@@ -123,8 +124,8 @@ def warnings(case: Case, result: Result) -> list[str]:
 
 
 def _constants(case: Case, material: Material) -> str:
-    """Rows of the constants that are in use: value, range and source of each."""
-    usual, rows = asdict(Lava()), []
+    """Rows of the constants that are in use: value, unit, range and source of each."""
+    usual, rows, units = asdict(Lava()), [], constant_units()
     used: dict[str, list[Any]] = {
         'vent_temperature': sorted({vent.temperature for vent in case.scene.vents}),
         **{name: [value] for name, value in asdict(case.scene.lava).items()},
@@ -138,14 +139,19 @@ def _constants(case: Case, material: Material) -> str:
             is_own = any(value != known.value for value in values)
             source = f'{source}, in place of {known.value}' if is_own else known.source
             if known.range:
-                span = f'{known.range[0]:g} to {known.range[1]:g} ({known.range_source})'
+                span = f'{known.range[0]:g} to {known.range[1]:g} {units[name]}'.rstrip()
+                span += f' ({known.range_source})'
         shown = [f'{item:g}' if isinstance(item, float) else str(item) for item in values]
-        rows.append(_row(name, ', '.join(shown), span, source))
+        rows.append(_row(name, ', '.join(shown), units[name], span, source, numbers=2))
     return ''.join(rows)
 
 
-def _row(name: str, *texts: str) -> str:
-    cells = ''.join(f'<td>{escape(text)}</td>' for text in texts)
+def _row(name: str, *texts: str, numbers: int = 0) -> str:
+    """A row of a table; the first ``numbers`` texts are not broken over lines."""
+    cells = ''.join(
+        f'<td class="{"number" if index < numbers else "text"}">{escape(text)}</td>'
+        for index, text in enumerate(texts)
+    )
     return f'<tr><th scope="row">{escape(name)}</th>{cells}</tr>'
 
 

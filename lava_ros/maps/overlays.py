@@ -186,7 +186,8 @@ def _draw_name(
     at = (float(place[0]), float(place[1]))
     label = axes.annotate(
         name, at, (0, 0), textcoords='offset points', fontsize=7, color=colour,
-        path_effects=halo(), zorder=8, annotation_clip=True, style='normal' if is_point else 'italic',
+        path_effects=halo(), zorder=8, annotation_clip=True,
+        style='normal' if is_point else 'italic',
     )
     edge = axes.get_window_extent()
     room = []

@@ -408,9 +408,15 @@ def draw_isochrones(axes: Any, frame: Frame, times: np.ndarray) -> None:
         return
     lines = axes.contour(*middles_of(frame), times, levels=levels, zorder=4, **ISOCHRONE)
     lines.set_path_effects(halo(1.5))
-    words = {time: duration(time) for time in levels}
-    for label in axes.clabel(lines, fontsize=6.5, fmt=words, inline=False, colors=INK):
-        label.set(path_effects=halo(), zorder=6)
+    for time, parts in zip(levels, lines.allsegs, strict=True):
+        # one label for each, in the middle of its longest part
+        longest = max(parts, key=len, default=np.empty((0, 2)))
+        if len(longest):
+            x, y = map(float, longest[len(longest) // 2])
+            axes.text(
+                x, y, duration(time), fontsize=6.5, color=INK, ha='center', va='center',
+                path_effects=halo(), zorder=6, clip_on=True,
+            )
 
 
 def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
