@@ -16,6 +16,7 @@
 
 from pathlib import Path
 import re
+import sys
 from typing import Any
 
 from matplotlib.mathtext import MathTextParser
@@ -69,7 +70,8 @@ def feature(kind: str, name: str) -> list[Feature]:
     """A feature on the lava of ``sheet``."""
     places = np.array([[150.0, 150.0], [250.0, 160.0], [240.0, 260.0], [150.0, 150.0]])
     count = {'Point': 1, 'LineString': 3, 'Polygon': 4}[kind]
-    return [Feature('', kind, (places[:count] + (500_000.0, 4_180_000.0),), {'name': name})]
+    ring = np.add(places[:count], (500_000.0, 4_180_000.0))
+    return [Feature('', kind, (ring,), {'name': name})]
 
 
 def accuracy_chart(path: Path, text: str) -> None:
@@ -197,9 +199,10 @@ def test_logo_is_drawn_and_others_are_refused(tmp_path):
 
 def test_figure_needs_matplotlib(monkeypatch):
     """The error says how to get it."""
-    import sys
-
     monkeypatch.setitem(sys.modules, 'matplotlib.figure', None)
-    with pytest.raises(LavaError, match=r"pip install 'lava_ros\[plot\]'"):
-        with new_figure('plot', 'a.png', (1.0, 1.0), 100):
-            pass
+    match = r"pip install 'lava_ros\[plot\]'"
+    with (
+        pytest.raises(LavaError, match=match),
+        new_figure('plot', 'a.png', (1.0, 1.0), 100),
+    ):
+        pass
