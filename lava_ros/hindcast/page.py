@@ -64,11 +64,8 @@ def write_page(
     note = f'{material.name}: {material.title}. Constants that are not listed are off.'
     run = ''.join(_row(name, value) for name, value in _run(case, settings, result).items())
     sections = (
-        f'<h2>Lava</h2>\n<p class="note">{escape(note)}</p>\n<table>\n'
-        '<thead><tr><th>constant</th><th>value</th><th>unit</th><th>published</th><th>source</th>'
-        '</tr></thead>\n'
-        f'<tbody>{_constants(case, material)}</tbody></table>\n<h2>Run</h2>\n<table><tbody>'
-        f'{run}</tbody></table>'
+        f'<h2>Lava</h2>\n<p class="note">{escape(note)}</p>\n{_constants(case, material)}\n'
+        f'<h2>Run</h2>\n<table><tbody>{run}</tbody></table>'
     )
     write_still(
         output,
@@ -124,26 +121,35 @@ def warnings(case: Case, result: Result) -> list[str]:
 
 
 def _constants(case: Case, material: Material) -> str:
-    """Rows of the constants that are in use: value, unit, range and source of each."""
+    """Table of the constants that are in use, and the list of its sources."""
     usual, rows, units = asdict(Lava()), [], constant_units()
     used: dict[str, list[Any]] = {
         'vent_temperature': sorted({vent.temperature for vent in case.scene.vents}),
         **{name: [value] for name, value in asdict(case.scene.lava).items()},
     }
     published = {'vent_temperature': material.vent_temperature, **material.constants}
+    sources: dict[str, int] = {}
+
+    def cited(source: str) -> str:
+        return f'[{sources.setdefault(source, len(sources) + 1)}]'
+
     for name, values in used.items():
         known, source, span = published.get(name), 'case.yaml', ''
         if known is None and values == [usual[name]]:
             continue
         if known is not None:
             is_own = any(value != known.value for value in values)
-            source = f'{source}, in place of {known.value}' if is_own else known.source
+            source = f'{source}, in place of {known.value}' if is_own else cited(known.source)
             if known.range:
-                span = f'{known.range[0]:g} to {known.range[1]:g} {units[name]}'.rstrip()
-                span += f' ({known.range_source})'
+                span = f'{known.range[0]:g} to {known.range[1]:g} {cited(known.range_source)}'
         shown = [f'{item:g}' if isinstance(item, float) else str(item) for item in values]
-        rows.append(_row(name, ', '.join(shown), units[name], span, source, numbers=2))
-    return ''.join(rows)
+        rows.append(_row(name, ', '.join(shown), units[name], span, source, numbers=3))
+    items = ''.join(f'<li>{escape(source)}</li>' for source in sources)
+    return (
+        '<table>\n<thead><tr><th>constant</th><th>value</th><th>unit</th><th>published</th>'
+        f'<th>source</th></tr></thead>\n<tbody>{"".join(rows)}</tbody></table>\n'
+        f'<ol class="note">{items}</ol>'
+    )
 
 
 def _row(name: str, *texts: str, numbers: int = 0) -> str:

@@ -15,6 +15,7 @@
 """`lava hindcast`, `lava calibrate`, `lava barrier` and `lava materials`."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -81,6 +82,13 @@ def test_a_hindcast_leaves_numbers_maps_page_and_bag(tmp_path):
                  f'{score["jaccard"]:.3f}', 'data:image/png;base64,'):
         assert part in text
     assert '<b>' not in text
+    # no number is broken over lines, and each has its unit
+    row = re.search('<th scope="row">viscosity</th>(.*?)</tr>', text)
+    assert row is not None
+    cells = re.findall('<td class="(.*?)">(.*?)</td>', row[1])
+    assert cells[:2] == [('number', '20000'), ('number', 'Pa s')]
+    assert re.fullmatch(r'1000 to 100000 \[\d\]', cells[2][1])
+    assert '.number { white-space: nowrap;' in text
     assert (out / 'comparison.png').stat().st_size > 10_000
 
     # a frame for each map, at the end of the step in which it was due, and what describes the run
