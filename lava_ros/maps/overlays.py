@@ -16,6 +16,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+import logging
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,14 @@ import numpy as np
 from lava_ros.maps.plot import halo, Window
 from lava_ros.scene.features import Feature
 
+_LOG = logging.getLogger(__name__)
+
 #: Places up to this distance from the lava are on the map by default, in largest sides of the
 #: rectangle around lava and vents: the lava then still takes a fifth of the map.
 REACH = 2.0
+
+#: Maximum number of names on a map.
+MAX_NAMES = 200
 
 #: Colours, markers and lines; their combination differs for the first 25 files.
 COLOURS = ('#0b3c8c', '#111111', '#00693c', '#7b1fa2', '#8c510a')
@@ -154,7 +160,9 @@ def draw_overlays(
                 names = [item for item in names if item[::2] != (name, style) or item[3]]
                 most[name] = len(seen)
             names.append((name, place, style, is_point))
-    for name, place, style, is_point in names:
+    if len(names) > MAX_NAMES:
+        _LOG.warning(f'only {MAX_NAMES} of {len(names)} names of overlays are written on the map')
+    for name, place, style, is_point in names[:MAX_NAMES]:
         _draw_name(axes, name, place, style.colour, taken, is_point)
 
 

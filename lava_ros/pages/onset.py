@@ -43,8 +43,7 @@ class Onset:
         right = 'a date and time with its offset from UTC, such as 2006-07-14T22:00Z'
         try:
             start = datetime.fromisoformat(onset.strip().replace('Z', '+00:00'))
-            # the limits of dates: none of the times on a page may be beyond them
-            is_usable = start.tzinfo is not None and 1 < start.year < 9000
+            is_usable = start.tzinfo is not None and start.year > 1
         except ValueError:
             is_usable = False
         if not is_usable:
@@ -54,12 +53,21 @@ class Onset:
         try:
             return cls(start, ZoneInfo(zone))
         except (KeyError, ValueError, OSError) as error:
-            raise LavaError('--timezone', zone, 'a time zone such as Europe/Rome') from error
+            right = 'a time zone that this machine knows, such as Europe/Rome (package tzdata)'
+            raise LavaError('--timezone', zone, right) from error
 
     def words(self, seconds: float = 0.0) -> str:
-        """Format a simulated time [s] as date and time, in UTC and in local time."""
-        utc = (self.start + timedelta(seconds=seconds)).astimezone(timezone.utc)
-        local = utc.astimezone(self.zone)
+        """Format a simulated time [s] as date and time, in UTC and in local time.
+
+        Raises:
+            LavaError: If the time is beyond the years that a date can have.
+        """
+        try:
+            utc = (self.start + timedelta(seconds=seconds)).astimezone(timezone.utc)
+            local = utc.astimezone(self.zone)
+        except OverflowError as error:
+            right = f'a date, {seconds:g} s after which the year is at most 9999'
+            raise LavaError('--onset', self.start.isoformat(), right) from error
         text = f'{utc:%Y-%m-%d %H:%M} UTC'
         if local.utcoffset() == timedelta(0):
             return text

@@ -306,6 +306,8 @@ def _ensemble(folder: Path) -> Run:
         **_ground(frame),
     }
     title = f'Lava within {duration(horizon)}, {members} runs'
+    if observation != 'none':
+        title += ' weighted by observed lava'
     return Run(
         folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True,
         end=horizon,

@@ -102,6 +102,22 @@ def test_a_hindcast_leaves_numbers_maps_page_and_bag(tmp_path):
     assert Recording(out / 'bag').frame_at(times[1]).time == times[1]
 
 
+def test_maps_and_bag_of_a_hindcast_agree(valley, tmp_path):
+    """Exported, the bag has the same thickness and arrival, no data and origin, to the cell."""
+    done(*valley)
+    done('export', tmp_path / 'out/bag', '-o', tmp_path / 'maps')
+    for name, other in (('thickness', 'height'), ('arrival', 'arrival')):
+        with (
+            rasterio.open(tmp_path / f'out/{name}.tif') as file,
+            rasterio.open(tmp_path / f'maps/{other}.tif') as exported,
+        ):
+            assert file.nodata == exported.nodata and file.units == exported.units
+            tags = ('scene', 'effects', 'preset', 'lava_ros', 'observation')
+            assert [file.tags()[tag] for tag in tags] == [exported.tags()[tag] for tag in tags]
+            if name == 'thickness':
+                np.testing.assert_array_equal(file.read(1), exported.read(1))
+
+
 def test_the_number_of_maps_does_not_change_the_result(tmp_path):
     """Score, steps and what came when are the same to the digit; the bag has more frames."""
     case = write_case(tmp_path / 'valley', hours=1, yaml=LAVA)

@@ -256,6 +256,16 @@ def test_extent_in_degrees(bag, tmp_path):
     assert float((pictures[0] != pictures[1]).any(axis=-1).mean()) < 0.02
 
 
+@pytest.mark.parametrize(
+    'words',
+    [('--overlay', 'a.csv'), ('--scale', '1:2000'), ('--author', 'A'), ('--logo', 'a.png')],
+)
+def test_page_options_are_refused_for_the_report_of_a_bag(bag, tmp_path, words):
+    """The report of a single bag has no page to print: the error names the option."""
+    assert f'{words[0]} is' in refused('report', bag, '-o', tmp_path / 'a.html', *words)
+    assert not (tmp_path / 'a.html').exists()
+
+
 def test_an_ensemble_without_maps(ensemble, tmp_path):
     """A folder that is not finished is named, and so is a time it has not."""
     (tmp_path / 'ensemble.json').write_text((ensemble / 'ensemble.json').read_text())

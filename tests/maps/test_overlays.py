@@ -198,3 +198,13 @@ def test_isochrones_lie_over_the_arrival(page):
     assert 'isochrones of the arrival' in texts and 'hours after the start' in texts
     _, texts = page()
     assert 'isochrones of the arrival' not in texts
+
+
+def test_many_names_are_cut_off_with_a_warning(page, caplog, monkeypatch):
+    """A file with thousands of names neither hides the map nor takes minutes."""
+    monkeypatch.setattr('lava_ros.maps.overlays.MAX_NAMES', 5)
+    places = np.random.default_rng(1).uniform(1800.0, 2100.0, (40, 2))
+    names = [feature('Point', [place], f'place {i}') for i, place in enumerate(places)]
+    _, texts = page(overlays={'places': names})
+    assert sum(text.startswith('place ') for text in texts) == 5
+    assert 'only 5 of 40 names' in caplog.text
