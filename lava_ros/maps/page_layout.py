@@ -35,7 +35,7 @@ _LONG, _SHORT, DPI = 11.69, 8.27, 150
 _MARGIN, _HEADER, _AROUND = 0.4, 0.98, (0.42, 0.78, 0.42, 0.3)
 
 #: Room for the title of a map beyond its right edge, above the colour bar [inches].
-BAR_ROOM = 0.7
+_BAR_ROOM = 0.7
 
 #: Height of a line of the notes, and width of a letter [inches].
 _LINE, _LETTER = 0.15, 0.061
@@ -110,7 +110,7 @@ class Page:
             (0.8, subtitle, {'fontsize': 9.0}),
         )
         for down, words, look in texts:
-            shrink_text(self._text(figure, _MARGIN, down, ' '.join(words.split()), **look), room)
+            _shrink(self._text(figure, _MARGIN, down, ' '.join(words.split()), **look), room)
         if legend:
             # a name that begins with _ is a name too
             names = ['\u200b' + name if name.startswith('_') else name for name, _ in legend]
@@ -159,16 +159,22 @@ class Page:
                 figure, right, down, ' '.join(words.split()), ha='right', fontsize=size,
                 weight=weight,
             )
-            widest = max(widest, shrink_text(text, _BLOCK - width))
+            widest = max(widest, _shrink(text, _BLOCK - width))
         return width + widest + (0.2 if width + widest else 0.0)
 
 
-def shrink_text(text: Any, room: float) -> float:
+def _shrink(text: Any, room: float) -> float:
     """Make a text so small that it fits into a width [inches], and return its width."""
     width = float(text.get_window_extent().width) / DPI
     if width > room:
-        text.set_fontsize(text.get_fontsize() * room / width)
+        # sizes of letters are not exactly proportional
+        text.set_fontsize(0.97 * text.get_fontsize() * room / width)
     return min(width, room)
+
+
+def shrink_title(text: Any, axes: Any) -> None:
+    """Make the title of a map so small that it ends before the next map."""
+    _shrink(text, axes.get_position().width * axes.figure.get_figwidth() + _BAR_ROOM)
 
 
 def _legend_columns(names: Sequence[str], width: float) -> int:

@@ -31,7 +31,7 @@ from lava_ros.maps import plot
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.overlays import COLOURS, OverlayStyle
-from lava_ros.maps.page_layout import BAR_ROOM, choose_page, DPI, Imprint, shrink_text
+from lava_ros.maps.page_layout import choose_page, DPI, Imprint, shrink_title
 from lava_ros.maps.plot import halo, INK, Scale, Window
 from lava_ros.scene.features import Feature
 from lava_ros.scene.projection import transformed
@@ -205,7 +205,7 @@ def _draw_panel(
     plot.draw_scale_bar(axes, window)
     heading = panel.title or plot.STYLES[panel.source].title
     text = axes.set_title(heading, loc='left', fontsize=10, color=INK, pad=5)
-    shrink_text(text, axes.get_position().width * axes.figure.get_figwidth() + BAR_ROOM)
+    shrink_title(text, axes)
 
 
 #: Stands in a legend for the contours until their interval is chosen; not shorter than its text.

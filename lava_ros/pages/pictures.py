@@ -89,7 +89,9 @@ def draw_runs(
         for run in (run for run in runs if run.is_ensemble):
             came, known = seen[run.name]
             likely = 0.01 * np.nan_to_num(run.panels['probability'].values[known])
-            charts.append(partial(draw_reliability, probability=likely, came=came[known]))
+            shown_as = run.name if len(runs) > 1 else ''
+            chart = partial(draw_reliability, probability=likely, came=came[known], name=shown_as)
+            charts.append(chart)
             parts = brier_parts(likely, came[known])
             scores[run.name] = {'brier_score': parts.score, 'brier_skill': parts.skill}
     title = title or ' / '.join(dict.fromkeys(run.title for run in runs))

@@ -15,7 +15,7 @@
 """What was computed and lies on disk, a bag or an ensemble -> maps and facts for people."""
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 import logging
 import math
@@ -116,6 +116,9 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
     recording = Recording(path)
     frame = recording.frame_at(time)
     scene = _scene(frame)
+    if scene is not None and not len(frame.vents):
+        # after the end of the emission the page still shows where the lava came from
+        frame = replace(frame, vents=frame_of(scene).vents)
     fissures = _fissures(scene)
     maps = {
         name: Panel(frame, name, item.values, '', item.is_saturated, fissures)

@@ -29,6 +29,7 @@ from eruption import footprint, write_case
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, read_grid
 from lava_ros.cli.options import seconds_of
+from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import occupancy
 from lava_ros.pages.runs import read_run
@@ -164,8 +165,9 @@ def test_effects_that_the_flow_calls_for_are_named(scene, tmp_path):
     on = [name for name, text in change['effects'].items() if text.startswith('on')]
     assert on == found['effects']
     facts = read_run(out).facts
-    assert facts['physics'] == ', '.join(name.replace('_', ' ') for name in on)
-    assert facts['switched on'] == f'yielding: {reason}'
+    # pages say it in plain words
+    assert facts['processes included'] == ', '.join(EFFECTS[name].title for name in on)
+    assert facts['switched on'] == f'yield strength: {reason}'
     # a finished ensemble says it again
     assert reason in done(*words) and json.loads(report.read_text())['resumed'] == 3
 

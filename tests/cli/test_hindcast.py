@@ -27,6 +27,7 @@ from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_cas
 from lava_ros.bag import BagReader
 from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
 from lava_ros.maps.frames import Recording
+from lava_ros.pages.runs import read_run
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
 
@@ -116,6 +117,10 @@ def test_maps_and_bag_of_a_hindcast_agree(valley, tmp_path):
             assert [file.tags()[tag] for tag in tags] == [exported.tags()[tag] for tag in tags]
             if name == 'thickness':
                 np.testing.assert_array_equal(file.read(1), exported.read(1))
+    # at its end no vent emits; a page still shows where the lava came from
+    assert not len(Recording(tmp_path / 'out/bag').frame_at().vents)
+    vents = read_run(tmp_path / 'out/bag').panels['thickness'].frame.vents
+    np.testing.assert_allclose(vents + CORNER, [VENT])
 
 
 def test_the_number_of_maps_does_not_change_the_result(tmp_path):
