@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 import lava_ros
+from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import replacing, write_output
 from lava_ros.files.optional import require
@@ -121,13 +122,13 @@ def write_map(
         The paths of the files.
 
     Raises:
-        LavaError: If a file cannot be written.
+        LavaError: If the name is unknown, or a file cannot be written.
     """
     from rasterio.errors import RasterioError
     from rasterio.io import MemoryFile
     from rasterio.transform import from_origin
 
-    layer = RASTER_LAYERS[name]
+    layer = RASTER_LAYERS[validation.choice('name', name, tuple(RASTER_LAYERS))]
     cells = layer.stored(values)
     rows, columns = cells.shape
     side, (east, south) = place.resolution, place.corner

@@ -332,6 +332,13 @@ def test_every_raster_states_what_it_is(name, tmp_path):
     np.testing.assert_array_equal(cells[~cells.mask], values[~cells.mask])
 
 
+def test_a_raster_without_a_row_in_the_table_is_refused(tmp_path):
+    """The error lists the names there are."""
+    place = gis.Place((0.0, 0.0), 1.0, None)
+    with pytest.raises(LavaError, match='name is .depth., expected .*thickness'):
+        gis.write_map(tmp_path / 'a.tif', 'depth', np.ones((2, 2)), place, gis.Provenance('a'))
+
+
 @pytest.mark.parametrize(
     ('format_name', 'module', 'words'),
     [
