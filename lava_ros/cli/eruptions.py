@@ -17,11 +17,13 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+import json
 from pathlib import Path
 import shutil
 import sys
 from typing import Any
 
+import lava_ros
 from lava_ros import validation
 from lava_ros.cli.options import argument, command, forced_effects
 from lava_ros.cli.output import made_folder, Progress, write_json
@@ -120,10 +122,10 @@ def hindcast(args: argparse.Namespace) -> int:
         several = agreement(case, [item.snapshot for item in results])
     expected = estimate_error(case, settings, result, several)
     picture, page = output / PICTURE, output / PAGE
-    files = write_maps(case, result, output, several)
+    files = write_maps(case, settings, result, output, several)
     draw_comparison(case, result.snapshot, judged, picture)
     write_page(case, settings, result, judged, picture, page, expected, several)
-    files = [*files, picture, page, *_write_bag(case, run, result, output / BAG)]
+    files = [*files, picture, page, *_write_bag(case, settings, run, result, output / BAG)]
     shutil.rmtree(unfinished, ignore_errors=True)
     data = _as_dict(case, settings, result, judged, expected)
     if several is not None:
@@ -161,19 +163,30 @@ def _prepare(output: Path) -> None:
     file_to_write('--output', made_folder(output) / PICTURE)
 
 
-def _write_bag(case: Case, run: Run, result: Result, bag: Path) -> list[Path]:
+def _write_bag(
+    case: Case, settings: Settings, run: Run, result: Result, bag: Path
+) -> list[Path]:
     try:
         from lava_ros.ros.offline_bags import write_snapshots
     except ImportError:
         print('lava hindcast: wrote no bag, which needs ROS 2', file=sys.stderr)
         return []
     shutil.rmtree(bag, ignore_errors=True)
+    effects = {
+        item.name: f'{"on" if item.is_on else "off"}: {item.reason}' for item in result.decisions
+    }
     try:
         write_snapshots(
             bag,
             case.scene,
             run.kept(),
-            custom_data={'device': result.device, 'case': case.name},
+            custom_data={
+                'device': result.device,
+                'case': case.name,
+                'version': lava_ros.__version__,
+                'parameters': json.dumps({'preset': settings.preset}),
+                'effects': json.dumps([{'time': 0.0, 'effects': effects}]),
+            },
             terrains=[(event.time - case.start, event.terrain) for event in case.events],
         )
     except OSError as error:

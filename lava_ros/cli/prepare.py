@@ -17,9 +17,10 @@
 import argparse
 from collections.abc import Mapping
 import csv
-from dataclasses import asdict, fields
+from dataclasses import asdict
 import json
 import math
+from pathlib import Path
 
 from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.output import Progress, write_json
@@ -29,11 +30,11 @@ from lava_ros.effects.effect import Effect
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.files.resources import share_path
-from lava_ros.maps.gis import write_grid
+from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.numbers import percent
 from lava_ros.maps.plot import duration
 from lava_ros.scene import Scene
-from lava_ros.scene.lava import Lava
+from lava_ros.scene.lava import constant_units
 from lava_ros.scene.materials import Constant, material_named
 from lava_ros.scene.materials import materials as known_materials
 from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
@@ -135,8 +136,7 @@ def materials(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps([asdict(item) for item in chosen], indent=1))
         return 0
-    units = {item.name: item.metadata.get('unit', '') for item in fields(Lava)}
-    units['vent_temperature'] = 'K'
+    units = constant_units()
     sources: dict[str, int] = {}
     for material in chosen:
         print(f'{material.name}: {material.title}')
@@ -188,7 +188,8 @@ def barrier(args: argparse.Namespace) -> int:
             raise LavaError('--height', None, 'a height [m]')
         line = tuple(_place(text) for text in args.line)
         terrain = with_barrier(before, Barrier(line, args.height, args.width, args.slope))
-    write_grid(output, terrain.elevation, terrain, unit='m', meaning='elevation of the ground')
+    origin = Provenance(Path(args.terrain).name, effects=(), preset='none')
+    write_grid(output, 'elevation', terrain.elevation, terrain, origin)
     added = (terrain.elevation - before.elevation)[terrain.has_data]
     volume = float(added.sum(dtype='float64')) * terrain.resolution**2
     raised = int((added > 0.0).sum())

@@ -17,6 +17,7 @@
 import argparse
 import signal
 import sys
+from typing import Any
 
 from lava_ros import validation
 from lava_ros.cli.options import Argument, argument, command, seconds_of
@@ -27,9 +28,13 @@ from lava_ros.files import file_to_write, PICTURES
 from lava_ros.files.optional import require
 from lava_ros.maps.animation import animate_bag
 from lava_ros.maps.export import export_bag, FORMATS, MAPS
+from lava_ros.maps.page_layout import Imprint
+from lava_ros.maps.sheet import MAX_SCALE, MIN_SCALE
+from lava_ros.pages.onset import Onset
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report.page import write_comparison, write_report
 from lava_ros.pages.runs import is_ensemble
+from lava_ros.scene import MAX_COORDINATE
 from lava_ros.watch.frames import BagFrames, Frames
 
 #: Maps that are animated: as `lava_ros.maps.layers.SOURCES`, by the names of the topics.
@@ -42,11 +47,11 @@ DRAWN = (
 
 _RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble', nargs='+')
 
-#: What others know, and is drawn too.
-_OVERLAYS = (
+#: Options of pages: what others know and is drawn too, what the maps show, and who publishes them.
+_PAGE = (
     argument(
-        '--overlay', 'FILE', 'points, lines and areas to draw, such as stations or roads: '
-        '.geojson, .gpkg, or .csv with x,y or lon,lat and name; may be repeated',
+        '--overlay', 'FILE', 'points, lines and areas to draw with their names, such as villages '
+        'or roads: .geojson, .gpkg, or .csv with x,y or lon,lat and name; may be repeated',
         [], action='append',
     ),
     argument(
@@ -54,7 +59,55 @@ _OVERLAYS = (
         'above 0; the page shows its outline and, of an ensemble, how reliable the probabilities '
         'are',
     ),
+    argument(
+        '--extent', ('WEST', 'SOUTH', 'EAST', 'NORTH'), 'what the maps show at least, in metres '
+        'of the coordinate system or in degrees (default: the lava, and the overlays within twice '
+        'its size)', float, nargs=4,
+    ),
+    argument('--scale', '1:N', 'scale of the maps on A4 paper: 1:25000 (default: the largest)'),
+    argument(
+        '--onset', 'TIME', 'date and time of the start of the eruption, with its offset from UTC: '
+        '2006-07-14T22:00Z; the page then has dates and times',
+    ),
+    argument(
+        '--timezone', 'ZONE', 'zone of local times with --onset: Europe/Rome (default: that of '
+        'this machine)',
+    ),
+    argument('--author', 'TEXT', 'author of the page', ''),
+    argument('--agency', 'TEXT', 'agency that publishes the page', ''),
+    argument('--logo', 'FILE', 'logo of the agency: .png, .jpg', ''),
 )
+
+
+def _page_options(args: argparse.Namespace) -> dict[str, Any]:
+    """The options of ``_PAGE`` as ``draw_runs`` takes them."""
+    onset = None
+    if args.onset is not None:
+        onset = Onset.from_texts(args.onset, args.timezone)
+    elif args.timezone is not None:
+        raise LavaError('--timezone', args.timezone, 'a zone together with --onset')
+    return {
+        'overlays': args.overlay,
+        'observed': args.observed,
+        'extent': args.extent and _extent(args.extent),
+        'scale': None if args.scale is None else _scale(args.scale),
+        'onset': onset,
+        'imprint': Imprint(args.author, args.agency, args.logo),
+    }
+
+
+def _extent(values: list[float]) -> list[float]:
+    return [
+        validation.number('--extent', value, at_least=-MAX_COORDINATE, at_most=MAX_COORDINATE)
+        for value in values
+    ]
+
+
+def _scale(text: str) -> float:
+    """The N of 1:N, or of N alone."""
+    return validation.number(
+        '--scale', text.strip().removeprefix('1:'), at_least=MIN_SCALE, at_most=MAX_SCALE
+    )
 
 
 def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:
@@ -125,7 +178,7 @@ def _frames(args: argparse.Namespace) -> Frames:
 @command(
     _RUNS,
     argument('-o --output', 'FILE', 'page to write: .html', required=True),
-    *_OVERLAYS,
+    *_PAGE,
 )
 def report(args: argparse.Namespace) -> int:
     """Write an HTML page about a run, an ensemble, or several of them.
@@ -135,12 +188,10 @@ def report(args: argparse.Namespace) -> int:
     what the accuracy cost. Of an ensemble, or of several runs, it has the maps of lava plot.
     """
     if len(args.bag) > 1 or is_ensemble(args.bag[0]):
-        size = write_comparison(
-            args.bag, args.output, overlays=args.overlay, observed=args.observed
-        )
-    elif args.overlay or args.observed:
-        right = 'neither for a single bag; lava plot draws them'
-        raise LavaError('--overlay, --observed', [*args.overlay, args.observed][0], right)
+        size = write_comparison(args.bag, args.output, **_page_options(args))
+    elif given := [name for names, _ in _PAGE if getattr(args, (name := names[0])[2:])]:
+        right = 'absent for a single bag; lava plot draws a page with it'
+        raise LavaError(given[0], getattr(args, given[0][2:]), right)
     else:
         with Progress(has_lines=False) as progress:
             size = write_report(args.bag[0], args.output, progress=progress.show)
@@ -161,7 +212,7 @@ def report(args: argparse.Namespace) -> int:
     argument('--volcano', 'TEXT', 'name of the volcano'),
     argument('--date', 'TEXT', 'date of the eruption or of the map'),
     argument('--source', 'TEXT', 'source of the elevation (default: the name of its file)'),
-    *_OVERLAYS,
+    *_PAGE,
     argument('-o --output', 'FILE', 'picture to write: .png, .pdf, .svg', required=True),
     '--json',
 )
@@ -181,8 +232,7 @@ def plot(args: argparse.Namespace) -> int:
         volcano=args.volcano,
         date=args.date,
         source=args.source,
-        overlays=args.overlay,
-        observed=args.observed,
+        **_page_options(args),
     )
     write_json(drawn, args.json)
     print(f'drawn to {args.output}')

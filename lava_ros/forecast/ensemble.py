@@ -93,7 +93,7 @@ class Store:
                 right = 'a folder that is new, empty, or of this ensemble'
                 raise LavaError('--output', str(folder), right)
             self._members.mkdir(parents=True, exist_ok=True)
-            self._write_manifest()
+            self.write_manifest(folder)
         except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
             right = f'a folder to write to ({error})'
             raise LavaError('--output', str(folder), right) from error
@@ -112,7 +112,7 @@ class Store:
         except OSError as error:
             right = f'a folder to write to ({error})'
             raise LavaError('--output', str(self._folder), right) from error
-        self._write_manifest()
+        self.write_manifest(self._folder)
 
     def write(self, footprint: Footprint) -> None:
         """Keep a member.
@@ -151,9 +151,14 @@ class Store:
     def _path(self, index: int) -> Path:
         return self._members / f'{index:07d}.npz'
 
-    def _write_manifest(self) -> None:
+    def write_manifest(self, folder: Path) -> None:
+        """Write the description of the ensemble, which the readers of its maps need.
+
+        Raises:
+            LavaError: If it cannot be written.
+        """
         text = json.dumps(self._manifest(), indent=1) + '\n'
-        write_output('--output', self._folder / MANIFEST, text)
+        write_output('--output', folder / MANIFEST, text)
 
     def _manifest(self) -> dict[str, Any]:
         plan, susceptibility = self.plan, self._susceptibility
@@ -204,13 +209,15 @@ class Ensemble:
     """A finished ensemble.
 
     Attributes:
-        maps: The maps of its members.
-        weights: What each member counts; None where all count the same.
+        maps: The maps of its members, which all count the same.
+        weights: Weights of the members by an observed outline; None without one.
+        weighted: The maps with these weights; None without an outline.
         resumed: Number of members that were in the store before.
     """
 
     maps: HazardMaps
     weights: Weights | None
+    weighted: HazardMaps | None
     resumed: int
 
 
@@ -234,11 +241,11 @@ def run_ensemble(
         members: The first members of the ensemble.
         store: Where finished ones and the plan are kept.
         runner: What runs them.
-        outline: Where lava was seen; members then weigh by how well they agree.
+        outline: Where lava was seen; the members are then also weighted by how well they agree.
         on_finished: Called after each member with the number of finished members, and of those
             that the store had before.
         on_maps: Called with the maps of the first members, in order of number, each time that
-            their number has doubled; never with an outline, nor before all sentinels have run.
+            their number has doubled; never before all sentinels have run.
             Cheap members finish first: maps of those would be of small eruptions.
 
     Raises:
@@ -248,7 +255,7 @@ def run_ensemble(
         at_most = store.plan.horizon
         validation.number('observed.time', outline.time, at_most=at_most, unit='s')
     plan = store.plan
-    tally, weights = Tally(plan), None
+    tally = Tally(plan)
     agreement = np.full(len(members), np.nan)
     done: set[int] = set()
     ahead: dict[int, Footprint] = {}
@@ -256,10 +263,8 @@ def run_ensemble(
     def take(footprint: Footprint) -> None:
         done.add(footprint.index)
         if outline is not None:
-            # weights are relative to the best member, so that all have to be there first
             reached = reached_by(footprint, plan, outline.time)
             agreement[footprint.index] = jaccard(reached, outline)
-            return
         ahead[footprint.index] = footprint
         while tally.count in ahead:
             tally.add(ahead.pop(tally.count))
@@ -293,14 +298,16 @@ def run_ensemble(
             on_maps=on_maps,
         )
     _check_complete(done, members)
-    if outline is not None:
-        weights = weigh(agreement)
-        done.clear()
-        for footprint in store.finished(len(members)):
-            done.add(footprint.index)
-            tally.add(footprint, int(weights.values[footprint.index]))
-        _check_complete(done, members)
-    return Ensemble(tally.maps(), weights, resumed)
+    if outline is None:
+        return Ensemble(tally.maps(), None, None, resumed)
+    # weights are relative to the best member, so that all have to be there first
+    weights, weighted = weigh(agreement), Tally(plan)
+    done.clear()
+    for footprint in store.finished(len(members)):
+        done.add(footprint.index)
+        weighted.add(footprint, int(weights.values[footprint.index]))
+    _check_complete(done, members)
+    return Ensemble(tally.maps(), weights, weighted.maps(), resumed)
 
 
 def _check_complete(done: set[int], members: Sequence[Member]) -> None:

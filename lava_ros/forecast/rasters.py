@@ -36,11 +36,18 @@ def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.nda
 
     The file has areas (``areas_on``), or is a raster (``raster_on``) with values above 0 where
     lava was, 0 where it was not, and no data where nobody looked.
+
+    Raises:
+        LavaError: If the file cannot be read, or has no lava on the terrain.
     """
+    field = '--observed'
     read = areas_on if Path(path).suffix.lower() in ENDINGS else raster_on
-    values = read(terrain, path, field='--observed').astype(np.float64)
+    values = read(terrain, path, field=field).astype(np.float64)
     known = np.isfinite(values) & terrain.has_data
-    return (values > 0.0) & known, known
+    lava = (values > 0.0) & known
+    if not lava.any():
+        raise LavaError(field, str(path), f'observed lava {terrain.bounds(projected=True)}')
+    return lava, known
 
 
 def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
@@ -131,6 +138,7 @@ def write_atlas(
     folder: Path,
     maps: HazardMaps,
     plan: Plan,
+    origin: gis.Provenance,
     tags: Mapping[str, str],
     formats: Collection[str] | None = None,
 ) -> list[Path]:
@@ -147,38 +155,28 @@ def write_atlas(
     Raises:
         LavaError: A file cannot be written, or a library for a format is missing.
     """
-    place, hours = gis.place_of(plan.scene.terrain), plan.horizon / 3600.0
+    place = gis.place_of(plan.scene.terrain)
     tags = {
         'members': str(maps.members),
         'effective_members': repr(maps.effective_members),
         'horizon_s': repr(plan.horizon),
         'threshold_m': repr(plan.threshold),
-        'effects': ' '.join(plan.effects),
+        'arrival_error_s': repr(maps.arrival_error),
         **tags,
     }
     layers = {
-        'inundation_probability': (
-            maps.probability, '%',
-            f'probability that lava as thick as the threshold comes within {hours:g} h',
-        ),
-        'expected_thickness': (
-            maps.thickness, 'm', 'mean over the members of the largest thickness of the lava'
-        ),
-        'elevation': (plan.scene.terrain.elevation, 'm', 'elevation of the ground without lava'),
+        'inundation_probability': maps.probability,
+        'expected_thickness': maps.thickness,
+        'elevation': plan.scene.terrain.elevation,
     }
     shapes = {'inundation_probability': gis.probabilities(maps.probability, place)}
-    error = maps.arrival_error
     for share, values in maps.arrival.items():
-        percent = round(100 * share)
-        meaning = f'time by which {percent} % of the members had lava, to {error:g} s; '
-        meaning += f'no data: fewer had any within {hours:g} h'
-        layers[f'arrival_time_p{percent}'] = (values, 's', meaning)
-        shapes[f'arrival_time_p{percent}'] = gis.isochrones(values, place)
+        name = f'arrival_time_p{round(100 * share)}'
+        layers[name], shapes[name] = values, gis.isochrones(values, place)
     written = []
-    for name, (values, unit, meaning) in layers.items():
-        written.append(folder / f'{name}.tif')
-        gis.write_map(written[-1], values, place, name=name, unit=unit, meaning=meaning, tags=tags)
-        gis.write_style(written[-1], name, values)
+    for name, values in layers.items():
+        # the style belongs to its GeoTIFF
+        written += gis.write_map(folder / f'{name}.tif', name, values, place, origin, tags)[:1]
     if formats is None:
         formats = () if place.crs is None else ('geojson',)
     title = f'lava flow, {maps.members} members'

@@ -35,7 +35,6 @@ from lava_ros.hindcast.tables import (
     check_discharge,
     check_elevation,
     check_places,
-    is_degrees,
     read_rates,
     read_vents,
     Series,
@@ -45,7 +44,7 @@ from lava_ros.hindcast.tables import (
 from lava_ros.scene import ENVIRONMENT, Scene, Terrain, Vent, warn_of_celsius
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import DEFAULT, lava_from_dict, Material
-from lava_ros.scene.projection import projected
+from lava_ros.scene.projection import is_degrees, projected
 from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.scene.uncertainty import uncertainty_from_dict

@@ -30,6 +30,7 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.csv import read_table
 from lava_ros.scene import MAX_DISCHARGE, Terrain
+from lava_ros.scene.projection import is_degrees
 
 #: Columns of ``effusion_rate.csv``.
 RATE_COLUMNS = ('start_s', 'end_s', 'discharge_m3_per_s')
@@ -274,8 +275,3 @@ def _other_system(place: tuple[float, float], ground: Terrain) -> str:
     if away > 10.0 * max(x1 - x0, y1 - y0):
         return ': these are coordinates of another system, or another place'
     return ''
-
-
-def is_degrees(place: tuple[float, float]) -> bool:
-    """Whether a place can be longitude and latitude."""
-    return abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0

@@ -16,18 +16,23 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+import logging
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lava_ros import validation
+from lava_ros.bag.description import described, effects_on
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
+from lava_ros.maps.plot import time_note
 from lava_ros.simulation.accuracy import COVERED
+
+_LOG = logging.getLogger(__name__)
 
 #: What can be exported.
 MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
@@ -38,18 +43,6 @@ FORMATS = ('tif', 'geojson', 'gpkg', 'nc')
 
 #: Maps of one frame: what they show.
 _SOURCES = {'height': THICKNESS, 'temperature': 'temperature', 'hazard': 'hazard'}
-
-#: Units and meanings of the maps.
-_MEANINGS = {
-    'height': ('m', 'thickness of the lava; no data: no lava'),
-    'temperature': ('degC', 'temperature of the lava; no data: no lava'),
-    'hazard': ('1', 'hazard; 0: no lava, 1 to 99: burial and heat combined, 100: lethal'),
-    'arrival': (
-        's', 'simulated time at which lava as thick as the threshold came; no data: it did not'
-    ),
-    'peak_height': ('m', 'largest thickness of the lava in any map; no data: no lava'),
-}
-
 
 class Placement(NamedTuple):
     """Where the map frame is: easting and northing [m] of its origin; EPSG code if known."""
@@ -118,7 +111,10 @@ def export_bag(
     crs = gis.coordinate_system(placement.epsg)
     gis.require_formats(formats, target, crs)
     _make_empty(target)
-    writer = _Writer(target, crs, placement.offset, Path(path).name, threshold, formats)
+    origin = provenance_of(recording)
+    writer = _Writer(
+        target, crs, placement.offset, Path(path).name, origin, threshold, formats
+    )
     current = [name for name in MAPS if name in maps and name in _SOURCES]
     history = Arrival(threshold)
     last: Frame | None = None
@@ -137,6 +133,8 @@ def export_bag(
         # nobody looks for what failed in an empty folder
         target.rmdir()
         raise recording.lack(time, 'terrain and a map')
+    if note := time_note(None if every else time, last):
+        _LOG.warning(note)
     for name in () if every else current:
         writer.write_layer(name, last, f'{name}.tif')
     for name in ('arrival', 'peak_height'):
@@ -175,6 +173,20 @@ def placement_of(
     return Placement(known, own)
 
 
+def provenance_of(recording: Recording) -> gis.Provenance:
+    """Return the origin of the maps of a bag, as far as the bag describes it."""
+    data = recording.bag.custom_data
+    told = described(data)
+    parameters = told['parameters'] or {}
+    scene = data.get('case') or parameters.get('scene') or recording.bag.path.resolve().name
+    return gis.Provenance(
+        scene=str(scene),
+        effects=effects_on(told),
+        preset=str(parameters.get('preset') or 'unknown'),
+        version=data.get('version') or 'unknown',
+    )
+
+
 def _make_empty(directory: Path) -> None:
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -193,10 +205,11 @@ class _Writer:
     crs: Any
     offset: tuple[float, float]
     bag: str
+    origin: gis.Provenance
     threshold: float
     formats: Collection[str]
     written: list[Path] = field(default_factory=list)
-    newest: dict[str, tuple[np.ndarray, str, str]] = field(default_factory=dict)
+    newest: dict[str, np.ndarray] = field(default_factory=dict)
     place: gis.Place | None = None
 
     def write_layer(self, name: str, frame: Frame, file_name: str) -> None:
@@ -231,7 +244,7 @@ class _Writer:
             values = history.times.astype(np.float32)
         else:
             tags['saturated'] = 'yes' if history.is_saturated else 'no'
-            values = np.where(history.peak > 0.0, history.peak, np.float32(np.nan))
+            values = history.peak
         self._write(name, values, frame, f'{name}.tif', tags)
 
     def _write(
@@ -239,17 +252,12 @@ class _Writer:
     ) -> None:
         corner = (self.offset[0] + frame.origin[0], self.offset[1] + frame.origin[1])
         self.place = gis.Place(corner, frame.resolution, self.crs)
-        unit, meaning = _MEANINGS[name]
-        self.newest[name] = values, unit, meaning
+        self.newest[name] = values
         if 'tif' in self.formats:
-            path = self.directory / file_name
-            tags = {'bag': self.bag, **tags}
-            cells = values
-            if name == 'hazard':
-                cells = np.nan_to_num(values, nan=gis.NODATA_BYTE).astype(np.uint8)
-            gis.write_map(path, cells, self.place, name, unit, meaning, tags)
-            self.written.append(path)
-            gis.write_style(path, name, values)
+            path, tags = self.directory / file_name, {'bag': self.bag, **tags}
+            files = gis.write_map(path, name, values, self.place, self.origin, tags)
+            # the style belongs to its GeoTIFF
+            self.written.append(files[0])
 
     def finish(self) -> None:
         """Write the newest maps in the formats that have them in one file."""
@@ -257,10 +265,10 @@ class _Writer:
             return
         layers: dict[str, list[dict[str, Any]]] = {}
         if 'height' in self.newest:
-            covered = np.nan_to_num(self.newest['height'][0]) >= COVERED
+            covered = np.nan_to_num(self.newest['height']) >= COVERED
             layers['outline'] = gis.area(covered, self.place, from_m=COVERED)
         if 'arrival' in self.newest:
-            layers['isochrones'] = gis.isochrones(self.newest['arrival'][0], self.place)
+            layers['isochrones'] = gis.isochrones(self.newest['arrival'], self.place)
         self.written += gis.write_formats(
             self.directory, self.formats, layers, self.newest, self.place,
             f'lava flow of {self.bag}',

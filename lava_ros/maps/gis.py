@@ -22,37 +22,50 @@ from dataclasses import dataclass
 import json
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 import lava_ros
+from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import replacing, write_output
 from lava_ros.files.optional import require
-from lava_ros.maps.plot import duration, STYLES
+from lava_ros.maps.plot import duration, isochrone_times
+from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.scene import Terrain
-
-#: Value of cells without data in files of floating-point numbers, and in those of bytes.
-NODATA, NODATA_BYTE = -9999.0, 255
-
-#: Times between isochrones [s], and most isochrones.
-_STEPS = (60, 300, 600, 1800, 3600, 7200, 6 * 3600, 12 * 3600, 24 * 3600, 7 * 24 * 3600)
-MOST_ISOCHRONES = 12
 
 #: Probabilities that contours are drawn at [%].
 PROBABILITIES = (10.0, 50.0, 90.0)
 
-#: What a map is drawn as, by its name: a style of ``plot.py``.
-_DRAWN = {
-    'height': 'thickness',
-    'peak_height': 'thickness',
-    'expected_thickness': 'thickness',
-    'temperature': 'temperature',
-    'hazard': 'hazard',
-    'inundation_probability': 'probability',
-    'arrival': 'arrival',
-}
+
+@dataclass(frozen=True)
+class Provenance:
+    """Origin of maps, which every GeoTIFF states in its tags.
+
+    Attributes:
+        scene: Name of the scene, case or terrain.
+        effects: Names of the physical effects that were on; None where they are unknown.
+        preset: Name of the accuracy preset.
+        version: Version of lava_ros that computed the maps.
+        observation: The observation that the maps were weighted by or compared with.
+    """
+
+    scene: str
+    effects: Collection[str] | None = None
+    preset: str = 'unknown'
+    version: str = lava_ros.__version__
+    observation: str = 'none'
+
+    @property
+    def tags(self) -> dict[str, str]:
+        """The tags by name."""
+        return {
+            'scene': self.scene,
+            'effects': 'unknown' if self.effects is None else ' '.join(self.effects),
+            'preset': self.preset,
+            'lava_ros': self.version,
+            'observation': self.observation,
+        }
 
 
 @dataclass(frozen=True)
@@ -89,28 +102,36 @@ def place_of(terrain: Terrain) -> Place:
 
 def write_map(
     path: Path,
+    name: str,
     values: np.ndarray,
     place: Place,
-    name: str,
-    unit: str,
-    meaning: str,
-    tags: Mapping[str, str],
-) -> None:
-    """Write a map as GeoTIFF, north up; the file is there whole or not at all.
+    origin: Provenance,
+    tags: Mapping[str, str] | None = None,
+) -> list[Path]:
+    """Write a map as GeoTIFF, north up, with its QGIS style; each file is written completely.
 
-    ``values`` are floating-point numbers, NaN without data, or uint8 with ``NODATA_BYTE``, shape
-    [rows, columns]; row 0 is the southernmost. The band has a name, a unit, and a meaning in
-    words; ``tags`` are what else is to be known, by name.
+    Args:
+        path: The GeoTIFF.
+        name: Which of ``RASTER_LAYERS`` the map is, and the description of its band.
+        values: The map, NaN without data, shape [rows, columns]; row 0 is the southernmost.
+        place: Where the cells are.
+        origin: Where the map is from.
+        tags: Further tags by name.
+
+    Returns:
+        The paths of the files.
+
+    Raises:
+        LavaError: If the name is unknown, or a file cannot be written.
     """
     from rasterio.errors import RasterioError
     from rasterio.io import MemoryFile
     from rasterio.transform import from_origin
 
-    rows, columns = values.shape
+    layer = RASTER_LAYERS[validation.choice('name', name, tuple(RASTER_LAYERS))]
+    cells = layer.stored(values)
+    rows, columns = cells.shape
     side, (east, south) = place.resolution, place.corner
-    is_byte = values.dtype == np.uint8
-    if not is_byte:
-        values = np.where(np.isfinite(values), values, NODATA).astype(np.float32)
     try:
         # GDAL only prints that a disk is full: it writes into memory, and we write the file
         with MemoryFile() as memory, memory.open(
@@ -118,40 +139,44 @@ def write_map(
             width=columns,
             height=rows,
             count=1,
-            dtype=values.dtype.name,
+            dtype=cells.dtype.name,
             crs=place.crs,
             transform=from_origin(east, south + rows * side, side, side),
-            nodata=NODATA_BYTE if is_byte else NODATA,
+            nodata=NODATA,
             compress='deflate',
-            predictor=2 if is_byte else 3,
+            predictor=2 if layer.is_whole else 3,
             bigtiff='if_safer',
         ) as file:
             # Row 0 is the southernmost here and the northernmost in the file.
-            file.write(values[::-1], 1)
+            file.write(cells[::-1], 1)
             file.set_band_description(1, name)
-            file.set_band_unit(1, unit)
+            file.set_band_unit(1, layer.unit)
             file.update_tags(
                 TIFFTAG_SOFTWARE=f'lava_ros {lava_ros.__version__}',
-                TIFFTAG_IMAGEDESCRIPTION=f'{name} [{unit}]: {meaning}',
-                **tags,
+                TIFFTAG_IMAGEDESCRIPTION=f'{name} [{layer.unit}]: {layer.meaning}',
+                **{**origin.tags, **(tags or {})},
             )
             file.close()
             write_output('output', path, memory.read())
     except (OSError, RasterioError) as error:
         raise LavaError('output', str(path), f'a file to write ({error})') from error
+    return [path, write_style(path, name, values)]
 
 
 def write_grid(
-    path: Path, values: np.ndarray, terrain: Terrain, *, unit: str, meaning: str
-) -> Path:
-    """Write values on the cells of a terrain as GeoTIFF, and return its path.
+    path: Path,
+    name: str,
+    values: np.ndarray,
+    terrain: Terrain,
+    origin: Provenance,
+    tags: Mapping[str, str] | None = None,
+) -> list[Path]:
+    """Write values on the cells of a terrain as ``write_map`` does.
 
-    The band is named after the file. LavaError also where rasterio is not installed, or GDAL does
-    not know the coordinate system.
+    LavaError also where rasterio is not installed, or GDAL does not know the coordinate system.
     """
     require('rasterio', 'GeoTIFF', str(path))
-    write_map(path, values, place_of(terrain), path.stem, unit, meaning, {})
-    return path
+    return write_map(path, name, values, place_of(terrain), origin, tags)
 
 
 def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, Any]]:
@@ -182,10 +207,7 @@ def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
     """
     if not np.isfinite(times).any():
         return []
-    last = float(np.nanmax(times))
-    longest = max(_STEPS[-1], last / MOST_ISOCHRONES)
-    step = next((item for item in _STEPS if last <= item * MOST_ISOCHRONES), longest)
-    ends = step * np.arange(1, int(np.ceil(last / step)) + 1)
+    ends = isochrone_times(float(np.nanmax(times)))
     known = np.nan_to_num(times, nan=np.inf)
     return [
         feature
@@ -219,7 +241,7 @@ def write_formats(
     folder: Path,
     formats: Collection[str],
     layers: Mapping[str, Sequence[Mapping[str, Any]]],
-    maps: Mapping[str, tuple[np.ndarray, str, str]],
+    maps: Mapping[str, np.ndarray],
     place: Place,
     title: str,
 ) -> list[Path]:
@@ -294,16 +316,16 @@ def write_geopackage(
 
 
 def write_netcdf(
-    path: Path, maps: Mapping[str, tuple[np.ndarray, str, str]], place: Place, title: str
+    path: Path, maps: Mapping[str, np.ndarray], place: Place, title: str
 ) -> None:
     """Write maps to a NetCDF file that follows the CF conventions.
 
-    ``maps`` has values (NaN without data), unit and meaning of each map by name.
+    ``maps`` has the values of each map, NaN without data, by its name in ``RASTER_LAYERS``.
     """
     import xarray
 
     axes = {}
-    shape = next(iter(maps.values()))[0].shape
+    shape = next(iter(maps.values())).shape
     for name, start, count in zip('xy', place.corner, shape[::-1], strict=True):
         middles = start + (np.arange(count) + 0.5) * place.resolution
         known = {'units': 'm', 'standard_name': f'projection_{name}_coordinate'}
@@ -314,40 +336,13 @@ def write_netcdf(
         wkt = place.crs.to_wkt()
         variables['crs'] = ((), np.int32(0), {'crs_wkt': wkt, 'spatial_ref': wkt})
         where = {'grid_mapping': 'crs'}
-    for name, (values, unit, meaning) in maps.items():
-        known = {'units': unit, 'long_name': meaning, **where}
-        variables[name] = (('y', 'x'), values.astype(np.float32), known)
+    for name, values in maps.items():
+        layer = RASTER_LAYERS[name]
+        known = {'units': layer.unit, 'long_name': layer.meaning, **where}
+        variables[name] = (('y', 'x'), layer.cells(values).astype(np.float32), known)
     source = f'lava_ros {lava_ros.__version__}'
     told = {'Conventions': 'CF-1.11', 'title': title, 'source': source}
     data = xarray.Dataset(variables, axes, told)
     encoding = {name: {'_FillValue': np.float32(np.nan)} for name in maps}
     made = data.to_netcdf(engine='scipy', format='NETCDF3_64BIT', encoding=encoding)
     write_output('output', path, bytes(made))
-
-
-def write_style(path: Path, name: str, values: np.ndarray) -> None:
-    """Write the QGIS style of a GeoTIFF beside it; maps without a known style get none."""
-    if name not in _DRAWN or not np.isfinite(values).any():
-        return
-    colours = STYLES[_DRAWN[name]].colours
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    if _DRAWN[name] in ('hazard', 'probability'):
-        low, high = 1.0, 100.0
-    elif _DRAWN[name] == 'thickness':
-        low = 0.0
-    root = ElementTree.Element('qgis', version='3.28')
-    pipe = ElementTree.SubElement(root, 'pipe')
-    drawn = ElementTree.SubElement(
-        pipe, 'rasterrenderer', type='singlebandpseudocolor', band='1', opacity='0.8'
-    )
-    drawn.set('classificationMin', repr(low))
-    drawn.set('classificationMax', repr(high))
-    shader = ElementTree.SubElement(drawn, 'rastershader')
-    shader = ElementTree.SubElement(shader, 'colorrampshader', colorRampType='INTERPOLATED')
-    for value, colour in zip(np.linspace(low, high, len(colours)), colours, strict=True):
-        item = {'value': repr(float(value)), 'color': colour, 'alpha': '255'}
-        ElementTree.SubElement(shader, 'item', item, label=f'{value:.4g}')
-    ElementTree.indent(root)
-    text = ElementTree.tostring(root, encoding='unicode')
-    head = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
-    write_output('output', path.with_suffix('.qml'), head + text + '\n')

@@ -14,9 +14,10 @@
 
 """What was computed and lies on disk, a bag or an ensemble -> maps and facts for people."""
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
+import logging
 import math
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,8 @@ from typing import Any
 import numpy as np
 
 import lava_ros
+from lava_ros.bag.description import described, effects_on
+from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 from lava_ros.files.optional import require
@@ -35,19 +38,24 @@ from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.frames import Frame, Recording
 from lava_ros.maps.gis import coordinate_system
-from lava_ros.maps.plot import area_words, duration, STYLES, titles
+from lava_ros.maps.plot import area_words, duration, STYLES, time_note, titles
 from lava_ros.maps.sheet import Panel
-from lava_ros.pages.report.description import described
 from lava_ros.scene import Scene, scene_from_dict, Terrain
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.budget import VolumeBudget
+
+_LOG = logging.getLogger(__name__)
 
 #: Maps of an ensemble: file, what is drawn of it, title.
 ENSEMBLE_MAPS = {
     'probability': ('inundation_probability', 'probability', STYLES['probability'].title),
     **{
-        name: (f'arrival_time_p{share}', 'arrival', f'Lava came by then: {share} % of the members')
-        for name, share in (('arrival_p10', 10), ('arrival', 50), ('arrival_p90', 90))
+        name: (f'arrival_time_p{share}', 'arrival', words)
+        for name, share, words in (
+            ('arrival_p10', 10, 'Early arrival (1 run in 10)'),
+            ('arrival', 50, 'Median arrival (1 run in 2)'),
+            ('arrival_p90', 90, 'Late arrival (9 runs in 10)'),
+        )
     },
     'thickness': ('expected_thickness', 'thickness', 'Expected thickness of the lava'),
 }
@@ -61,7 +69,11 @@ _USUAL = (
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A bag or an ensemble: its maps by name, its facts by term, and the ground."""
+    """A bag or an ensemble: its maps by name, its facts by term, and the ground.
+
+    ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None where it
+    is unknown.
+    """
 
     name: str
     title: str
@@ -70,6 +82,7 @@ class Run:
     facts: Mapping[str, str]
     terrain: Terrain
     is_ensemble: bool
+    end: float | None
 
     @property
     def usual(self) -> list[str]:
@@ -103,6 +116,9 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
     recording = Recording(path)
     frame = recording.frame_at(time)
     scene = _scene(frame)
+    if scene is not None and not len(frame.vents):
+        # after the end of the emission the page still shows where the lava came from
+        frame = replace(frame, vents=frame_of(scene).vents)
     fissures = _fissures(scene)
     maps = {
         name: Panel(frame, name, item.values, '', item.is_saturated, fissures)
@@ -115,16 +131,25 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
             title = f'Time of arrival of the lava, {COVERED:g} m thick'
             maps['arrival'] = Panel(frame, 'arrival', times, title, fissures=fissures)
     terrain = frame.scene.get('terrain') or {}
+    note = time_note(time, frame)
+    if note:
+        _LOG.warning(f'{path.resolve().name}: {note}')
     return Run(
         path.resolve().name,
         *titles(frame),
         maps,
-        {**_emitted(recording, frame, scene), **_model(recording), **_ground(frame)},
+        {
+            **({'time': note} if note else {}),
+            **_emitted(recording, frame, scene),
+            **_model(recording),
+            **_ground(frame),
+        },
         Terrain(
             frame.elevation, frame.resolution, frame.origin, terrain.get('epsg'),
             terrain.get('offset', (0.0, 0.0)),
         ),
         is_ensemble=False,
+        end=frame.time,
     )
 
 
@@ -197,12 +222,17 @@ def _model(recording: Recording) -> dict[str, str]:
         error = moments[-1].number('footprint_error')
         if math.isfinite(error):
             words.append(f'expected error of the footprint {100.0 * error:.2g} %')
-    states: dict[str, object] = {}
-    for change in told['effects'] or ():
-        states |= change['effects']
-    on = [name.replace('_', ' ') for name, text in states.items() if str(text).startswith('on')]
-    facts = {'model': ', '.join(words)}
-    return facts | ({'physics': ', '.join(on)} if on else {})
+    return {'model': ', '.join(words), **_processes(effects_on(told) or ())}
+
+
+def _processes(effects: Iterable[str]) -> dict[str, str]:
+    """The effects that are on, in plain words."""
+    words = [_plain(name) for name in effects]
+    return {'processes included': ', '.join(words)} if words else {}
+
+
+def _plain(effect: str) -> str:
+    return EFFECTS[effect].title if effect in EFFECTS else effect.replace('_', ' ')
 
 
 def _ground(frame: Frame) -> dict[str, str]:
@@ -246,9 +276,12 @@ def _ensemble(folder: Path) -> Run:
             maps[name] = Panel(frame, source, values, title, fissures=_fissures(scene))
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
+        observation = tags.get('observation', 'none')
         # an ensemble that runs again may still have the maps of before
         on = tags.get('effects', '').split()
-        reasons = [f'{item.effect}: {item.reason}' for item in reviewed if item.effect in on]
+        reasons = [
+            f'{_plain(item.effect)}: {item.reason}' for item in reviewed if item.effect in on
+        ]
     except (OSError, KeyError, TypeError, ValueError) as error:
         right = f'an ensemble that has finished its maps ({error})'
         raise LavaError('ensemble', str(folder), right) from error
@@ -262,19 +295,25 @@ def _ensemble(folder: Path) -> Run:
     facts = {
         'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
         **_vents(scene),
-        'members': f'{members}, effective number {effective:.3g}; standard error of a probability '
-        f'of 50 %: {50.0 / effective**0.5:.2g} percentage points',
+        'runs': f'{members}'
+        + (f', which count like {effective:.3g} of equal weight' if observation != 'none' else '')
+        + f'; a probability of 50 % is known to {50.0 / effective**0.5:.2g} percentage points '
+        '(standard error)',
         'inundation': f'lava of {threshold:g} m or more within {duration(horizon)}',
+        **({'weighted by': observation} if observation != 'none' else {}),
         'uncertain': ', '.join(sorted(known.get('uncertainty') or {})) or 'nothing of the scene',
         'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
         f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}',
-        **({'physics': ', '.join(on).replace('_', ' ')} if on else {}),
-        **({'switched on': '; '.join(reasons).replace('_', ' ')} if reasons else {}),
+        **_processes(on),
+        **({'switched on': '; '.join(reasons)} if reasons else {}),
         **_ground(frame),
     }
     title = f'Lava within {duration(horizon)}, {members} runs'
+    if observation != 'none':
+        title += ' weighted by observed lava'
     return Run(
-        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True
+        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True,
+        end=horizon,
     )
 
 

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
@@ -90,3 +90,9 @@ class Lava:
     def yield_strength_at(self, temperature: float) -> float:
         """Yield strength [Pa] at a temperature [K]."""
         return laws.strength_at(self, temperature)
+
+
+def constant_units() -> dict[str, str]:
+    """Return the unit of each constant of a lava and of the vent temperature by name."""
+    units = {item.name: item.metadata.get('unit') or '' for item in fields(Lava)}
+    return {'vent_temperature': 'K', **units}

@@ -244,6 +244,11 @@ def cropped(raster: Raster, window: tuple[float, float, float, float]) -> Raster
     )
 
 
+def is_degrees(place: tuple[float, float]) -> bool:
+    """Return True if a place can be longitude and latitude."""
+    return abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0
+
+
 def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[float, float]:
     """Easting and northing [m] of a place; LavaError for a terrain without coordinate system."""
     if terrain.epsg is None:

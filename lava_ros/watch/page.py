@@ -106,7 +106,8 @@ class Page:
         self._time: float | None = None
         self._elevation: np.ndarray | None = None
         style = {'stylesheets': [InlineStyleSheet(css=_STYLE)], 'sizing_mode': 'stretch_width'}
-        self.title, self.status = Div(**style), Div(**style)
+        # a $$ in the name of a bag does not begin a formula
+        self.title, self.status = (Div(disable_math=True, **style) for _ in range(2))
         self.choice = RadioButtonGroup(labels=[], active=None, height=38, **style)
         self.slider = Slider(start=0, end=1, value=0, step=1, show_value=False, title='', **style)
         self._names: list[str] = []

@@ -23,13 +23,14 @@ from typing import Any
 from matplotlib.image import imread
 import numpy as np
 import pytest
+from rasterio.warp import transform
 import yaml
 
 from cli.calls import done, refused
 from command_line import lava
 from lava_ros.maps.export import MAPS
 from lava_ros.scene import Terrain
-from recording import record, TERRAIN
+from recording import GRIDS, record, TERRAIN
 
 
 def plot(folder: Path, *words: object) -> dict[str, Any]:
@@ -94,7 +95,8 @@ def test_a_bag(bag, tmp_path):
         tmp_path, bag, '--layers', 'arrival', '--time', '400', '--volcano', 'Etna',
         '--source', 'INGV 2014', '--date', '2026-11-23',
     )
-    assert said['title'] == 'Etna: Lava flow after 400 s'.replace('400 s', '7 min')
+    assert said['title'] == 'Etna: Lava flow after 7 min'
+    assert 'time' not in said['notes']
     assert said['maps'] == ['Time of arrival of the lava, 0.1 m thick']
     assert said['notes']['elevation'] == 'INGV 2014, maps in cells of 5 m'
     assert said['notes']['date'] == '2026-11-23'
@@ -174,12 +176,94 @@ def test_overlays(bag, tmp_path, caplog, seen):
         (('--overlay', 'none.csv'), '--overlay is .none.csv., expected a file that exists'),
         (('--observed', 'none.geojson'), '--observed is'),
         (('--time', '9h'), 'time is'),
+        (('--extent', '5', '1', '4', '2'), '--extent is .5 1 4 2., expected WEST SOUTH EAST'),
+        (('--extent', '1', '2', '3', '4'), '--extent is .1 2 3 4., expected an extent with'),
+        (('--extent', 'nan', '2', '3', '4'), '--extent is nan'),
+        (('--scale', '1:0'), '--scale is .0., expected'),
+        (('--scale', '1:20'), '--scale is .1:20., expected 1:[0-9]+ or smaller'),
+        (('--scale', 'large'), '--scale is'),
+        (('--onset', '2006-07-14T22:00'), '--onset is .*offset from UTC'),
+        (('--onset', 'yesterday'), '--onset is'),
+        (('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Etna'), '--timezone is'),
+        (('--timezone', 'Europe/Rome'), '--timezone is .*together with --onset'),
+        (('--logo', 'none.png'), '--logo is .none.png., expected a PNG or JPEG'),
     ],
 )
 def test_what_cannot_be_drawn(bag, tmp_path, words, named):
     """One sentence, and no picture."""
     assert re.search(named, refused('plot', bag, '-o', tmp_path / 'a.png', *words))
     assert not (tmp_path / 'a.png').exists()
+
+
+def test_maps_older_than_asked_for_say_so(bag, tmp_path, caplog):
+    """The page and the log name both times; an export does too."""
+    said = plot(tmp_path, bag, '--time', '550s')
+    assert said['title'] == 'Lava flow after 7 min'
+    note = 'maps at 7 min (400 s), the newest of the recording at or before 9 min (550 s)'
+    assert said['notes']['time'] == note and note in caplog.text
+    caplog.clear()
+    done('export', bag, '-o', tmp_path / 'maps', '--at', '550s')
+    assert note in caplog.text
+    caplog.clear()
+    assert 'time' not in plot(tmp_path, bag)['notes'] and 'the newest' not in caplog.text
+
+
+def test_dates_and_times(ensemble, tmp_path):
+    """The onset gives the times of maps, isochrones and horizon, in UTC and local."""
+    onset = ('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Rome')
+    bag = record(tmp_path / 'flow', config=GRIDS)
+    notes = plot(tmp_path, bag, '--layers', 'arrival', '--time', '600', *onset)['notes']
+    assert notes['start of the eruption'] == '2006-07-14 22:00 UTC (2006-07-15 00:00 CEST)'
+    assert notes['maps show'] == '2006-07-14 22:10 UTC (2006-07-15 00:10 CEST)'
+    assert notes['isochrones'].startswith('5 min: 2006-07-14 22:05 UTC (2006-07-15 00:05 CEST)')
+    notes = plot(tmp_path, ensemble, '--onset', '2026-01-01T13:00+01:00', *onset[2:])['notes']
+    assert notes['forecast until'] == '2026-01-01 12:03 UTC (13:03 CET)'
+
+
+@pytest.mark.parametrize('command', ['plot', 'report'])
+def test_observed_lava_off_the_map_is_refused(command, bag, ensemble, tmp_path):
+    """An outline elsewhere gives neither a page nor a score."""
+    crs = {'properties': {'name': 'EPSG:32633'}}
+    ring = [[0, 0], [100, 0], [100, 100], [0, 100], [0, 0]]
+    area = {'type': 'Polygon', 'coordinates': [ring], 'crs': crs}
+    (tmp_path / 'far.geojson').write_text(json.dumps(area))
+    page = tmp_path / {'plot': 'a.png', 'report': 'a.html'}[command]
+    for run in (ensemble, bag) if command == 'plot' else (ensemble,):
+        said = refused(command, run, '-o', page, '--observed', tmp_path / 'far.geojson')
+        assert re.search('--observed is .*far.geojson.*observed lava on the terrain', said)
+    assert not page.exists()
+
+
+def test_words_are_plain(ensemble, tmp_path):
+    """No name of an effect or of a quantile stands on a page."""
+    said = plot(tmp_path, ensemble)
+    assert said['maps'][1:] == [
+        'Early arrival (1 run in 10)', 'Median arrival (1 run in 2)', 'Late arrival (9 runs in 10)'
+    ]
+    assert 'physics' not in said['notes']
+    assert 'radiation' in said['notes']['processes included']
+    assert said['notes']['runs'].startswith('4; a probability of 50 % is known to 25 percentage')
+
+
+def test_extent_in_degrees(bag, tmp_path):
+    """It is that of the same corners in metres."""
+    pictures = []
+    metres = (499_980.0, 4_180_050.0, 500_050.0, 4_180_100.0)
+    x, y = transform('EPSG:32633', 'EPSG:4326', metres[::2], metres[1::2])
+    for extent in (metres, (x[0], y[0], x[1], y[1])):
+        plot(tmp_path, bag, '--layers', 'hazard', '--extent', *extent)
+        pictures.append(imread(tmp_path / 'map.png')[200:-200])
+    assert float((pictures[0] != pictures[1]).any(axis=-1).mean()) < 0.02
+
+
+@pytest.mark.parametrize(
+    'words',
+    [('--overlay', 'a.csv'), ('--scale', '1:2000'), ('--author', 'A'), ('--logo', 'a.png')],
+)
+def test_page_options_are_refused_for_the_report_of_a_bag(bag, tmp_path, words):
+    """The report of a single bag has no page to print: the error names the option."""
+    assert f'{words[0]} is' in refused('report', bag, '-o', tmp_path / 'a.html', *words)
+    assert not (tmp_path / 'a.html').exists()
 
 
 def test_an_ensemble_without_maps(ensemble, tmp_path):

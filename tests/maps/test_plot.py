@@ -93,7 +93,7 @@ def texts(monkeypatch):
     """What is written in the pictures that are drawn."""
     said: list[str] = []
 
-    def keep(figure: Any, path: Path) -> None:
+    def keep(figure: Any, path: Path, **_: str) -> None:
         figure.canvas.draw()
         said.extend(item.get_text() for item in figure.findobj(Text))
 

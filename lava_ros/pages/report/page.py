@@ -26,6 +26,7 @@ import tempfile
 from typing import Any
 
 import lava_ros
+from lava_ros.bag.description import described
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, write_output
 from lava_ros.maps.export import placement_of
@@ -34,7 +35,6 @@ from lava_ros.maps.plot import duration
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report import sections
 from lava_ros.pages.report.charts import Chart, charts_of
-from lava_ros.pages.report.description import described
 from lava_ros.pages.report.sections import facts_html, warnings_html
 from lava_ros.pages.report.survey import pack_maps, relief, Survey, survey, view_of
 
@@ -209,10 +209,10 @@ def write_still(
     return len(text.encode())
 
 
-def write_comparison(
-    paths: Sequence[str], output: str | Path, *, overlays: Sequence[str], observed: str | None
-) -> int:
+def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -> int:
     """Write a page about an ensemble, or about several runs, and return its size [bytes].
+
+    ``options`` are those of ``draw_runs``.
 
     Raises:
         LavaError: A run or a file cannot be read, or the page cannot be written.
@@ -220,7 +220,7 @@ def write_comparison(
     output = file_to_write('output', output, ('.html', '.htm'))
     with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
         picture = Path(folder) / 'maps.png'
-        drawn = draw_runs(paths, picture, overlays=overlays, observed=observed)
+        drawn = draw_runs(paths, picture, **options)
         facts = drawn['notes'] | {
             f'{term.replace("_", " ")} of {name}': f'{value:.3g}'
             for name, scores in drawn['scores'].items()
