@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From members to maps: probability, arrival times and expected thickness.
+"""From members to maps: probability, arrival times and expected peak thickness.
 
 Members are added as whole numbers, whose sums do not depend on the order: any number of workers
 gives the same maps to the last bit.

@@ -136,7 +136,7 @@ def write_atlas(
 ) -> list[Path]:
     """Write the maps of an ensemble to a folder, replacing files of the same names.
 
-    The maps are probability, arrival times, expected thickness and elevation, each as GeoTIFF.
+    The maps are probability, arrival times, expected peak thickness and elevation, as GeoTIFF.
     ``formats`` are further formats, of ``export.FORMATS``; vector formats hold contours of
     probability and isochrones. None stands for GeoJSON where the terrain's coordinate system is
     known, else for no further format.
@@ -161,7 +161,7 @@ def write_atlas(
             maps.probability, '%',
             f'probability that lava as thick as the threshold comes within {hours:g} h',
         ),
-        'expected_thickness': (
+        'expected_peak_thickness': (
             maps.thickness, 'm', 'mean over the members of the largest thickness of the lava'
         ),
         'elevation': (plan.scene.terrain.elevation, 'm', 'elevation of the ground without lava'),

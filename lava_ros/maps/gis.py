@@ -47,7 +47,7 @@ PROBABILITIES = (10.0, 50.0, 90.0)
 _DRAWN = {
     'height': 'thickness',
     'peak_height': 'thickness',
-    'expected_thickness': 'thickness',
+    'expected_peak_thickness': 'thickness',
     'temperature': 'temperature',
     'hazard': 'hazard',
     'inundation_probability': 'probability',

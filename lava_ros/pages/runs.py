@@ -49,7 +49,7 @@ ENSEMBLE_MAPS = {
         name: (f'arrival_time_p{share}', 'arrival', f'Lava came by then: {share} % of the members')
         for name, share in (('arrival_p10', 10), ('arrival', 50), ('arrival_p90', 90))
     },
-    'thickness': ('expected_thickness', 'thickness', 'Expected thickness of the lava'),
+    'thickness': ('expected_peak_thickness', 'thickness', 'Expected peak thickness of the lava'),
 }
 
 #: Maps that are drawn by default, of a bag and of an ensemble.
