@@ -24,12 +24,14 @@ from typing import Any
 import numpy as np
 
 import lava_ros
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import opened_raster
 from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.ensemble import MANIFEST
+from lava_ros.forecast.members import Plan
 from lava_ros.forecast.picture import frame_of
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.arrival import Arrival
@@ -39,7 +41,7 @@ from lava_ros.maps.plot import area_words, duration, STYLES, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.pages.report.description import described
 from lava_ros.scene import Scene, scene_from_dict, Terrain
-from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.budget import VolumeBudget
 
 #: Maps of an ensemble: file, what is drawn of it, title.
@@ -60,8 +62,20 @@ _USUAL = (
 
 
 @dataclass(frozen=True, eq=False)
+class Members:
+    """The members of an ensemble: their plan and number, and the effective number by weight."""
+
+    plan: Plan
+    count: int
+    effective: float
+
+
+@dataclass(frozen=True, eq=False)
 class Run:
-    """A bag or an ensemble: its maps by name, its facts by term, and the ground."""
+    """A bag or an ensemble: its maps by name, its facts by term, and the ground.
+
+    ``ensemble`` is None for a bag.
+    """
 
     name: str
     title: str
@@ -70,6 +84,7 @@ class Run:
     facts: Mapping[str, str]
     terrain: Terrain
     is_ensemble: bool
+    ensemble: Members | None = None
 
     @property
     def usual(self) -> list[str]:
@@ -144,8 +159,9 @@ def _fissures(scene: Scene | None) -> np.ndarray:
 
 
 def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
-    if frame.arrived is not None:
+    if frame.arrived is not None and np.isfinite(frame.arrived).any():
         return frame.arrived
+    # a simulation that does not note the times publishes a map without any
     history = Arrival(COVERED)
     for item in recording.frames():
         if frame.time is None or item.time is None or item.time <= frame.time:
@@ -249,6 +265,10 @@ def _ensemble(folder: Path) -> Run:
         # an ensemble that runs again may still have the maps of before
         on = tags.get('effects', '').split()
         reasons = [f'{item.effect}: {item.reason}' for item in reviewed if item.effect in on]
+        ran = Plan(
+            scene, horizon, Accuracy(**plan['accuracy']), Effects(**plan['effects']), threshold,
+            int(plan['looks']),
+        )
     except (OSError, KeyError, TypeError, ValueError) as error:
         right = f'an ensemble that has finished its maps ({error})'
         raise LavaError('ensemble', str(folder), right) from error
@@ -274,7 +294,8 @@ def _ensemble(folder: Path) -> Run:
     }
     title = f'Lava within {duration(horizon)}, {members} runs'
     return Run(
-        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True
+        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True,
+        ensemble=Members(ran, int(members), effective),
     )
 
 
