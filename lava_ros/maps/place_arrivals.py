@@ -246,6 +246,13 @@ class LiveArrivals:
     source: str
     end: float
 
+    @property
+    def summary(self) -> str:
+        """Say that no lava arrives, and within which time."""
+        if self.source == 'none':
+            return 'no lava yet at any place, and no forecast'
+        return f'no lava at any place within {duration(max(self.end - self.time, 0.0))}'
+
     def words(self, index: int) -> str:
         """Say in a sentence when lava arrives at a place."""
         row = self.rows[index]
