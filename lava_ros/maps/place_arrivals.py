@@ -91,16 +91,16 @@ class PlaceArrival:
         result: dict[str, Any] = {
             'name': self.name,
             'kind': self.kind,
-            'off_map_percent': 100.0 * self.off_map,
+            'off_map_percent': _rounded(100.0 * self.off_map),
             'probability_percent': self.probability,
             **{f'arrival_p{100 * share:.0f}_s': time for share, time in self.arrival.items()},
-            'front_distance_m': self.front_distance,
+            'front_distance_m': _rounded(self.front_distance),
         }
         if self.kind in _MEASURES:
             measure, unit = _MEASURES[self.kind]
-            result[f'{measure}_{unit}'] = self.whole
+            result[f'{measure}_{unit}'] = _rounded(self.whole)
             for share, size in self.inundated.items():
-                result[f'inundated_{measure}_p{100 * share:.0f}_{unit}'] = size
+                result[f'inundated_{measure}_p{100 * share:.0f}_{unit}'] = _rounded(size)
         return result
 
     def size_words(self, share: float) -> str:
@@ -115,6 +115,11 @@ class PlaceArrival:
         if not self.is_known:
             return 'off the map: nothing is known'
         return f'{100.0 * self.off_map:.2g} % of it off the map' if self.off_map else ''
+
+
+def _rounded(value: float | None) -> float | None:
+    """Round a percentage, a distance or an area, of which people need no further digits."""
+    return None if value is None else round(value, 3)
 
 
 def arrivals(
@@ -237,14 +242,18 @@ class LiveArrivals:
         rows: A row for each place; times are simulated times, those of the forecasts too.
         reached: Whether lava has arrived, for each place.
         source: What says when lava comes: ``ensemble``, ``forecast``, or ``none``.
-        end: Simulated time up to which that looks ahead [s]; ``time`` without any.
+        start: Simulated time from which that looks ahead [s]; ``time`` without any.
+        end: Simulated time up to which it does [s]; ``time`` without any.
+        members: Number of members of the ensemble, None without one.
     """
 
     time: float
     rows: tuple[PlaceArrival, ...]
     reached: tuple[bool, ...]
     source: str
+    start: float
     end: float
+    members: int | None = None
 
     @property
     def summary(self) -> str:
@@ -296,7 +305,9 @@ class LiveArrivals:
             'reached': self.reached[index],
             'time_s': self.time,
             'forecast': self.source,
+            'forecast_start_s': self.start,
             'forecast_end_s': self.end,
+            'members': self.members,
         }
 
 
@@ -322,14 +333,15 @@ def live_arrivals(
     first = places.first(known)
     front = front_distances(places, np.isfinite(arrived), snapshot.terrain)
     reached = np.isfinite(first)
-    source, end = 'none', snapshot.time
+    source, start, end = 'none', snapshot.time, snapshot.time
     cells = dict.fromkeys(QUANTILES, known)
-    later = None
+    later = members = None
     # no member and no forecast makes lava that has come go away
     probability = np.where(reached, 100.0, np.nan)
     if ensemble is not None and ensemble.maps.places is not None:
         ahead, source = ensemble.maps.places, 'ensemble'
-        end = ensemble.time + ensemble.horizon
+        start, end = ensemble.time, ensemble.time + ensemble.horizon
+        members = ensemble.maps.members
         probability = np.where(reached, 100.0, ahead.probability)
         cells = {
             share: _first_of(known, places.at(times), ensemble.time)
@@ -339,12 +351,14 @@ def live_arrivals(
             share: _first_of(first, times, ensemble.time) for share, times in ahead.arrival.items()
         }
     elif forecast is not None:
-        source, end = 'forecast', forecast.time + forecast.horizon
+        source = 'forecast'
+        start, end = forecast.time, forecast.time + forecast.horizon
         come = _first_of(known, places.at(forecast.arrival), forecast.time)
         cells = dict.fromkeys(QUANTILES, come)
         probability = 100.0 * np.isfinite(places.first(come))
     rows = arrivals(places, cells, probability=probability, first=later, front=front)
-    return LiveArrivals(snapshot.time, rows, tuple(map(bool, reached)), source, end)
+    has_arrived = tuple(map(bool, reached))
+    return LiveArrivals(snapshot.time, rows, has_arrived, source, start, end, members)
 
 
 def _first_of(known: np.ndarray, ahead: np.ndarray, start: float) -> np.ndarray:

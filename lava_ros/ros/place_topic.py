@@ -36,8 +36,8 @@ TOPIC = 'place_arrivals'
 #: Maximum number of parts of places: each message measures their distances from the front.
 MAX_FEATURES = 1000
 
-#: Maximum number of places that the message of the status names.
-_MAX_NAMED = 3
+#: Maximum number of places that the message of the status names, and that its values describe.
+_MAX_NAMED, _MAX_DESCRIBED = 3, 50
 
 
 def load_places(files: Sequence[str]) -> tuple[Feature, ...]:
@@ -116,16 +116,20 @@ class PlaceTopic:
         if latest is None:
             level = ERROR if self._error else OK
             return [diagnostics.status('places', level, self._error or 'no maps yet', {})]
-        words = {row.name: latest.words(index) for index, row in enumerate(latest.rows)}
-        levels = [_level(latest, index) for index in range(len(latest.rows))]
-        worst = max(levels, default=OK)
-        said = [
-            f'{row.name}: {words[row.name]}'
-            for row, level in zip(latest.rows, levels, strict=True) if level == worst != OK
-        ]
+        # the worst come first
+        told = sorted(
+            (
+                (_level(latest, index), row.name, latest.words(index))
+                for index, row in enumerate(latest.rows)
+            ),
+            key=lambda item: item[0], reverse=True,
+        )
+        worst = told[0][0]
+        said = [f'{name}: {words}' for level, name, words in told if level == worst != OK]
         more = f'; and {len(said) - _MAX_NAMED} more' if len(said) > _MAX_NAMED else ''
         message = '; '.join(said[:_MAX_NAMED]) + more or latest.summary
-        return [diagnostics.status('places', worst, message, words)]
+        values = {name: words for _, name, words in told[:_MAX_DESCRIBED]}
+        return [diagnostics.status('places', worst, message, values)]
 
     def _arrivals(
         self, snapshot: Snapshot, forecast: Forecast | None, ensemble: EnsembleForecast | None
