@@ -221,7 +221,8 @@ def places(args: argparse.Namespace) -> int:
     if args.json != '-':
         texts = table.as_texts()
         print(table.summary)
-        print('\n'.join(table_lines(texts, '<' + '>' * (len(texts[0]) - 2) + '<')))
+        sides = ''.join('<' if name in ('place', 'note') else '>' for name in texts[0])
+        print('\n'.join(table_lines(texts, sides)))
     return 0
 
 

@@ -218,7 +218,13 @@ class ArrivalTable:
             'place', *['probability'] * self.is_ensemble, *(f'arrival{name}' for name in names),
             'distance of the front', *(f'inundated{name}' for name in names), 'note',
         )
-        return [titles, *(self._texts(row, shares) for row in self.rows)]
+        texts = [titles, *(self._texts(row, shares) for row in self.rows)]
+        # the place, the times, and what is known of any place
+        kept = [
+            index for index, column in enumerate(zip(*texts, strict=True))
+            if index == 0 or column[0].startswith('arrival') or {*column[1:]} - {'-', ''}
+        ]
+        return [tuple(line[index] for index in kept) for line in texts]
 
     def _texts(self, row: PlaceArrival, shares: Sequence[float]) -> tuple[str, ...]:
         never = '-' if self.is_ensemble or not row.is_known else 'not reached'
