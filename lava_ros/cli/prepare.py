@@ -183,16 +183,25 @@ def barrier(args: argparse.Namespace) -> int:
         raise LavaError('--line', None, 'the places of a barrier, or --low-pass')
     output = file_to_write('--output', args.output, ('.tif', '.tiff'))
     before = terrain = low_pass(load_terrain(args.terrain, epsg=args.epsg), args.low_pass)
+    dam = None
     if args.line:
         if args.height is None:
             raise LavaError('--height', None, 'a height [m]')
         line = tuple(_place(text) for text in args.line)
-        terrain = with_barrier(before, Barrier(line, args.height, args.width, args.slope))
+        dam = Barrier(line, args.height, args.width, args.slope)
+        terrain = with_barrier(before, dam)
     write_grid(output, terrain.elevation, terrain, unit='m', meaning='elevation of the ground')
-    added = (terrain.elevation - before.elevation)[terrain.has_data]
-    volume = float(added.sum(dtype='float64')) * terrain.resolution**2
-    raised = int((added > 0.0).sum())
-    print(f'{raised} cells raised by up to {added.max():.1f} m: {volume:.0f} m3 of earth')
+    if dam is not None:
+        added = (terrain.elevation - before.elevation)[terrain.has_data]
+        print(
+            f'barrier {dam.length:.0f} m long, {dam.height:g} m high, crest {dam.width:g} m wide: '
+            f'{dam.volume:.0f} m3 of earth by its cross-section'
+        )
+        crest = dam.crest_on(terrain.resolution)
+        if crest > dam.width:
+            volume = float(added.sum(dtype='float64')) * terrain.resolution**2
+            print(f'with the crest widened to {crest:.3g} m, the elevation has {volume:.0f} m3')
+        print(f'{int((added > 0.0).sum())} cells raised by up to {added.max():.1f} m')
     print(f'written to {output}')
     return 0
 

@@ -181,6 +181,24 @@ def test_thin_barrier_has_no_gap() -> None:
         assert set(columns) & set(following)
 
 
+@pytest.mark.parametrize('width', [8.0, 30.0])
+def test_barrier_takes_the_earth_of_its_cross_section(
+    width: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """On fine cells the ground has as much; a crest that cells have to widen is told."""
+    barrier = Barrier(((140.0, 500.0), (861.0, 500.0)), height=12.0, width=width)
+    volumes = {}
+    for cell in (1.0, 10.0):
+        ground = Terrain(np.zeros((int(1000 / cell), int(1000 / cell))), cell)
+        caplog.clear()
+        added = with_barrier(ground, barrier).elevation
+        volumes[cell] = float(added.sum(dtype=float)) * cell**2
+        is_widened = bool(width < np.sqrt(2.0) * cell)
+        assert is_widened is ('becomes 14.1 m wide on cells of 10 m' in caplog.text)
+    assert barrier.volume == pytest.approx(volumes[1.0], rel=1e-3)
+    assert (barrier.volume < 0.8 * volumes[10.0]) is (width < 10.0)
+
+
 def test_corners_and_turned_barriers() -> None:
     """Two parts of a line are not piled up; a barrier on turned ground is the turned barrier."""
     line = (_place(100, 100), _place(300, 100), _place(300, 300))
