@@ -37,7 +37,7 @@ from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import Constant, material_named
 from lava_ros.scene.materials import materials as known_materials
 from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
-from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.scene.terrain_files import barrier_tags, load_terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import decide, Decision, decision_as_dict
@@ -176,8 +176,8 @@ def _cited(constant: Constant, sources: dict[str, int]) -> str:
 def barrier(args: argparse.Namespace) -> int:
     """Add a barrier to a terrain, and write the result to a new file.
 
-    The command raises the elevation along a line and writes it as GeoTIFF. --low-pass smooths the
-    elevation before that.
+    The command raises the elevation along a line and writes it as GeoTIFF. Maps of runs on this
+    elevation show the barrier. --low-pass smooths the elevation before that.
     """
     if not args.line and not args.low_pass:
         raise LavaError('--line', None, 'the places of a barrier, or --low-pass')
@@ -190,7 +190,10 @@ def barrier(args: argparse.Namespace) -> int:
         line = tuple(_place(text) for text in args.line)
         dam = Barrier(line, args.height, args.width, args.slope)
         terrain = with_barrier(before, dam)
-    write_grid(output, terrain.elevation, terrain, unit='m', meaning='elevation of the ground')
+    write_grid(
+        output, terrain.elevation, terrain, unit='m', meaning='elevation of the ground',
+        tags=barrier_tags(terrain),
+    )
     if dam is not None:
         added = (terrain.elevation - before.elevation)[terrain.has_data]
         print(

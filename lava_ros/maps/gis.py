@@ -142,15 +142,21 @@ def write_map(
 
 
 def write_grid(
-    path: Path, values: np.ndarray, terrain: Terrain, *, unit: str, meaning: str
+    path: Path,
+    values: np.ndarray,
+    terrain: Terrain,
+    *,
+    unit: str,
+    meaning: str,
+    tags: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write values on the cells of a terrain as GeoTIFF, and return its path.
+    """Write values on the cells of a terrain as GeoTIFF with tags, and return its path.
 
     The band is named after the file. LavaError also where rasterio is not installed, or GDAL does
     not know the coordinate system.
     """
     require('rasterio', 'GeoTIFF', str(path))
-    write_map(path, values, place_of(terrain), path.stem, unit, meaning, {})
+    write_map(path, values, place_of(terrain), path.stem, unit, meaning, tags or {})
     return path
 
 

@@ -145,6 +145,8 @@ def draw_sheet(
     _warn_of_hidden(overlays, seen)
     for index, draw in enumerate(charts, len(panels)):
         draw(page.axes(figure, index)[0])
+    if any(plot.barriers_of(panel.frame) for panel in panels):
+        handles = {'barrier': _line(**plot.BARRIER)} | handles
     if any(len(panel.frame.vents) for panel in panels):
         handles = {'vent': _line(**plot.VENT)} | handles
     page.write(figure, title, subtitle, notes, handles)

@@ -130,7 +130,11 @@ def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
     if not (terrain.has_data & (added > 0.0)).any():
         right = f'a line {terrain.bounds(projected=True)}'
         raise LavaError('barrier.line', barrier.line, right)
-    return replace(terrain, elevation=(terrain.elevation + added).astype(np.float32))
+    return replace(
+        terrain,
+        elevation=(terrain.elevation + added).astype(np.float32),
+        barriers=(*terrain.barriers, barrier.line),
+    )
 
 
 def _distance(

@@ -31,7 +31,7 @@ from lava_ros.files import file_to_write, write_output
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Progress, Recording, silent
 from lava_ros.maps.place_arrivals import ArrivalTable
-from lava_ros.maps.plot import duration
+from lava_ros.maps.plot import barriers_of, duration
 from lava_ros.pages.arrivals import table_of
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report import sections
@@ -148,6 +148,7 @@ def _data(
         'offset': list(place.offset),
         'epsg': place.epsg,
         'vents': seen.vents.tolist(),
+        'barriers': [crest.tolist() for crest in barriers_of(frame)],
         'relief': relief(seen, view),
         'times': maps['times'],
         'areas': maps['areas'],

@@ -228,6 +228,13 @@ def test_temperatures_of_old_bags_say_how_they_are_rounded(tmp_path, monkeypatch
     assert curve.values[1] == pytest.approx(860.0, abs=6.1) and curve.values[1] % 12.0 == 0.0
 
 
+def test_barriers_are_on_the_map(tmp_path):
+    """Those of the scene, in its map coordinates."""
+    scene = '{terrain: {offset: [100.0, 200.0], barriers: [[[110.0, 220.0], [150.0, 260.0]]]}}'
+    found = Reader(record(tmp_path / 'dam', custom_data={'scene': scene}))
+    assert found.data['barriers'] == [[[10.0, 20.0], [50.0, 60.0]]]
+
+
 def test_effects_and_accuracy(read):
     """What is on and why, what changed, and the preset with its measured error and cost."""
     assert read.after('cooling', 2) == ['on', 'heat lost = 2.5 > 0.01']
