@@ -112,11 +112,6 @@ def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
     x = terrain.origin[0] + terrain.offset[0] + (np.arange(columns) + 0.5) * cell
     y = terrain.origin[1] + terrain.offset[1] + (np.arange(rows) + 0.5) * cell
     crest = barrier.crest_on(cell)
-    if crest > barrier.width:
-        _LOG.warning(
-            f'the crest of the barrier, {barrier.width:g} m wide, becomes {crest:.3g} m wide on '
-            f'cells of {cell:g} m, so that lava finds no gap'
-        )
     half = 0.5 * crest
     reach = half + barrier.height / barrier.slope
     distance = np.full(terrain.shape, np.inf)
@@ -130,6 +125,11 @@ def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
     if not (terrain.has_data & (added > 0.0)).any():
         right = f'a line {terrain.bounds(projected=True)}'
         raise LavaError('barrier.line', barrier.line, right)
+    if crest > barrier.width:
+        _LOG.warning(
+            f'the crest of the barrier, {barrier.width:g} m wide, becomes {crest:.3g} m wide on '
+            f'cells of {cell:g} m, so that lava finds no gap'
+        )
     return replace(
         terrain,
         elevation=(terrain.elevation + added).astype(np.float32),
