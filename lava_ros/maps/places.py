@@ -32,6 +32,9 @@ KINDS = {'Point': 'point', 'LineString': 'line', 'Polygon': 'area'}
 #: Fraction of a cell below which an area does not touch it, and of a place that is not missed.
 _LEAST_OVERLAP, _LEAST_OFF_MAP = 1e-9, 1e-6
 
+#: Maximum number of cells whose overlap with an area is computed at once.
+_MAX_BAND_CELLS = 1_000_000
+
 
 class _Part(NamedTuple):
     """Cells that a part of a place touches, the length or area [m, m2] in each, and in all."""
@@ -79,12 +82,15 @@ class Places:
     def first(self, values: np.ndarray) -> np.ndarray:
         """Find the smallest value [cells] of each place, float64; NaN where there is none."""
         result = np.full(len(self), np.nan)
-        np.fmin.at(result, self.owner, values)
+        # of a large area, lava has reached few cells
+        found = np.flatnonzero(np.isfinite(values))
+        np.fmin.at(result, self.owner[found], values[found])
         return result
 
     def inundated(self, values: np.ndarray) -> np.ndarray:
         """Add up the length or area of each place on the cells with a value, shape [places]."""
-        return np.bincount(self.owner, self.sizes * np.isfinite(values), len(self))
+        found = np.flatnonzero(np.isfinite(values))
+        return np.bincount(self.owner[found], self.sizes[found], len(self))
 
 
 def places_on(features: Sequence[Feature], terrain: Terrain) -> Places:
@@ -128,10 +134,11 @@ def places_on(features: Sequence[Feature], terrain: Terrain) -> Places:
     off_map = np.where(off_map < _LEAST_OFF_MAP, 0.0, np.where(inside == 0.0, 1.0, off_map))
     return Places(
         tuple(names), tuple(kinds), whole, off_map, tuple(segments),
-        rows=np.concatenate([part.rows for part in parts]),
-        columns=np.concatenate([part.columns for part in parts]),
-        owner=np.repeat(np.arange(len(parts)), [len(part.rows) for part in parts]),
-        sizes=np.concatenate([part.sizes for part in parts]),
+        # small numbers: a large area has millions of cells, which go to another process
+        rows=np.concatenate([part.rows for part in parts]).astype(np.int32),
+        columns=np.concatenate([part.columns for part in parts]).astype(np.int32),
+        owner=np.repeat(np.arange(len(parts), dtype=np.int32), [len(item.rows) for item in parts]),
+        sizes=np.concatenate([part.sizes for part in parts]).astype(np.float32),
     )
 
 
@@ -168,17 +175,29 @@ def _area(rings: Sequence[np.ndarray], shape: tuple[int, int]) -> _Part:
     # the part of the grid around it
     low = np.clip(np.floor(outer.min(axis=0)), 0, shape[::-1]).astype(np.int64)
     high = np.clip(np.floor(outer.max(axis=0)) + 1, 0, shape[::-1]).astype(np.int64)
-    columns, rows = np.maximum(high - low, 0)
-    overlap, whole = np.zeros((rows, columns)), 0.0
-    for number, ring in enumerate(rings):
-        ring = np.concatenate([ring, ring[:1]]) - low
-        x, y = ring.T
-        size = 0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])))
-        sign = 1.0 if number == 0 else -1.0
-        whole += sign * size
-        overlap += sign * _overlap(ring, (int(rows), int(columns)))
-    row, column = np.nonzero(overlap > _LEAST_OVERLAP)
-    return _Part(row + low[1], column + low[0], overlap[row, column], whole)
+    columns = max(int(high[0] - low[0]), 0)
+    sizes = [_enclosed(ring) for ring in rings]
+    found = []
+    step = max(_MAX_BAND_CELLS // max(columns, 1), 1)
+    for first in range(low[1], high[1], step):
+        band = (min(step, int(high[1]) - first), columns)
+        overlap = np.zeros(band)
+        for number, ring in enumerate(rings):
+            part = _overlap(np.concatenate([ring, ring[:1]]) - (low[0], first), band)
+            overlap += part if number == 0 else -part
+        row, column = np.nonzero(overlap > _LEAST_OVERLAP)
+        found.append((row + first, column + low[0], overlap[row, column]))
+    nothing = np.zeros(0, dtype=np.int64)
+    rows, places, overlaps = (
+        np.concatenate(item) for item in zip((nothing, nothing, np.zeros(0)), *found, strict=True)
+    )
+    return _Part(rows, places, overlaps, sizes[0] - sum(sizes[1:]))
+
+
+def _enclosed(ring: np.ndarray) -> float:
+    """Return the area that a ring encloses."""
+    x, y = np.concatenate([ring, ring[:1]]).T - ring[0][:, None]
+    return 0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])))
 
 
 def _overlap(ring: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
