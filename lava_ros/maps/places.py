@@ -16,7 +16,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain, groupby, pairwise
+from itertools import chain, groupby
 import math
 from typing import NamedTuple
 
@@ -32,7 +32,7 @@ KINDS = {'Point': 'point', 'LineString': 'line', 'Polygon': 'area'}
 #: Fraction of a cell below which an area does not touch it, and of a place that is not missed.
 _LEAST_OVERLAP, _LEAST_OFF_MAP = 1e-9, 1e-6
 
-#: Maximum number of cells whose overlap with an area is computed at once.
+#: Maximum number of cells whose overlap with an area, or distance, is computed at once.
 _MAX_BAND_CELLS = 1_000_000
 
 
@@ -162,7 +162,9 @@ def _part(kind: str, rings: Sequence[np.ndarray], shape: tuple[int, int]) -> _Pa
     """Find the cells of a feature, whose rings [places, 2] are in cells from the first corner."""
     if kind == 'Polygon':
         return _area(rings, shape)
-    starts, ends = (rings[0], rings[0]) if kind == 'Point' else _pieces(rings[0], shape)
+    starts, ends = rings[0], rings[0]
+    if kind != 'Point':
+        starts, ends = _pieces(rings[0][:-1], rings[0][1:], shape)
     sizes = np.ones(len(starts)) if kind == 'Point' else np.hypot(*(ends - starts).T)
     columns, rows = np.floor(0.5 * (starts + ends)).astype(np.int64).T
     inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
@@ -203,7 +205,10 @@ def _enclosed(ring: np.ndarray) -> float:
 def _overlap(ring: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """Find the fraction of each cell inside a closed ring, from the ground to the right of it."""
     rows, columns = shape
-    starts, ends = _pieces(ring, shape)
+    starts, ends = ring[:-1], ring[1:]
+    bottoms, tops = np.minimum(starts[:, 1], ends[:, 1]), np.maximum(starts[:, 1], ends[:, 1])
+    near = (tops > 0.0) & (bottoms < rows)
+    starts, ends = _pieces(starts[near], ends[near], shape)
     middle, rise = 0.5 * (starts + ends), ends[:, 1] - starts[:, 1]
     row = np.floor(middle[:, 1]).astype(np.int64)
     column = np.floor(np.clip(middle[:, 0], 0.0, columns)).astype(np.int64)
@@ -216,10 +221,12 @@ def _overlap(ring: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return np.clip(np.abs(own + np.cumsum(further, axis=1)[:, :columns]), 0.0, 1.0)
 
 
-def _pieces(ring: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Cut a line where it crosses the edges of cells, and return starts and ends [pieces, 2]."""
-    starts, ends = [ring[:0]], [ring[:0]]
-    for start, end in pairwise(ring):
+def _pieces(
+    starts: np.ndarray, ends: np.ndarray, shape: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Cut segments where they cross the edges of cells: starts and ends, both [pieces, 2]."""
+    pieces = [starts[:0]], [ends[:0]]
+    for start, end in zip(starts, ends, strict=True):
         cuts = [np.array([0.0, 1.0])]
         for axis, count in ((0, shape[1]), (1, shape[0])):
             low, high = sorted((start[axis], end[axis]))
@@ -228,9 +235,9 @@ def _pieces(ring: np.ndarray, shape: tuple[int, int]) -> tuple[np.ndarray, np.nd
                 cuts.append((edges - start[axis]) / (end[axis] - start[axis]))
         shares = np.unique(np.clip(np.concatenate(cuts), 0.0, 1.0))[:, None]
         places = start + shares * (end - start)
-        starts.append(places[:-1])
-        ends.append(places[1:])
-    return np.concatenate(starts), np.concatenate(ends)
+        pieces[0].append(places[:-1])
+        pieces[1].append(places[1:])
+    return np.concatenate(pieces[0]), np.concatenate(pieces[1])
 
 
 def front_distances(places: Places, inundated: np.ndarray, terrain: Terrain) -> np.ndarray:
@@ -253,10 +260,15 @@ def front_distances(places: Places, inundated: np.ndarray, terrain: Terrain) -> 
     if not len(cells):
         return np.full(len(places), np.nan)
     middles = np.array(terrain.origin) + (cells[:, ::-1] + 0.5) * terrain.resolution
-    result = np.array([
-        min(_distance(middles, *ends) for ends in segments) for segments in places.segments
-    ])
-    result[np.isfinite(places.first(np.where(places.at(inundated), 0.0, np.nan)))] = 0.0
+    is_reached = np.bincount(places.owner[places.at(inundated)], minlength=len(places)) > 0
+    result = np.where(is_reached, 0.0, np.inf)
+    owner = np.repeat(np.arange(len(places)), [len(item) for item in places.segments])
+    is_far = ~is_reached[owner]
+    segments, owner = np.concatenate(places.segments)[is_far], owner[is_far]
+    step = max(_MAX_BAND_CELLS // len(middles), 1)
+    for first in range(0, len(segments), step):
+        part = np.s_[first : first + step]
+        np.minimum.at(result, owner[part], _distances(segments[part], middles))
     return result
 
 
@@ -267,9 +279,11 @@ def _border(marked: np.ndarray) -> np.ndarray:
     return np.asarray(marked & ~inner)
 
 
-def _distance(places: np.ndarray, start: np.ndarray, end: np.ndarray) -> float:
-    """Return the least distance of places [count, 2] from a segment."""
-    along = end - start
-    length = max(float(along @ along), 1e-30)
-    share = np.clip((places - start) @ along / length, 0.0, 1.0)
-    return float(np.hypot(*(places - start - share[:, None] * along).T).min())
+def _distances(segments: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the distance of each segment [count, 2, 2] from the nearest of places [places, 2]."""
+    start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
+    x, y = (places[:, axis] - start[:, axis, None] for axis in (0, 1))
+    length = np.maximum(np.square(along).sum(axis=1), 1e-30)[:, None]
+    share = np.clip((x * along[:, :1] + y * along[:, 1:]) / length, 0.0, 1.0)
+    squares = np.square(x - share * along[:, :1]) + np.square(y - share * along[:, 1:])
+    return np.asarray(np.sqrt(squares.min(axis=1)))

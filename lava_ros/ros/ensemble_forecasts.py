@@ -128,6 +128,7 @@ class EnsembleForecasts:
         self._terrain: Terrain | None = None
         self._moments: deque[tuple[float, float]] = deque(maxlen=_MOMENTS)
         self._agreement: list[float] | None = None
+        self._places: tuple[Terrain, Places | None] | None = None
 
     @property
     def is_busy(self) -> bool:
@@ -164,8 +165,16 @@ class EnsembleForecasts:
             'deadline': rules.deadline or None,
             'agreement': self._agreement,
             'outlines': self.status.outlines,
-            'places': _places(rules.features, fork.checkpoint.scene.terrain),
+            'places': self._places_on(rules.features, fork.checkpoint.scene.terrain),
         }
+
+    def _places_on(self, features: tuple[Feature, ...], terrain: Terrain) -> Places | None:
+        """Put places on a terrain; None without any, or where their topic reports an error."""
+        if features and (self._places is None or self._places[0] is not terrain):
+            self._places = terrain, None
+            with suppress(LavaError):
+                self._places = terrain, places_on(features, terrain)
+        return None if self._places is None else self._places[1]
 
     def send(self, order: Callable[..., None], *, changes: int, time_scale: float) -> None:
         """Send waiting outlines to the process, unless the scene has just changed."""
@@ -256,10 +265,3 @@ class EnsembleForecasts:
 
     def _put(self, **changes: Any) -> None:
         self.status = replace(self.status, **changes)
-
-
-def _places(features: tuple[Feature, ...], terrain: Terrain) -> Places | None:
-    """Put places on a terrain; None without any, or where the topic of them reports an error."""
-    with suppress(LavaError):
-        return places_on(features, terrain) if features else None
-    return None
