@@ -308,7 +308,7 @@ class LiveArrivals:
                 else max(time - self.time, 0.0)
                 for share, time in row.arrival.items()
             },
-            'reached': self.reached[index],
+            'reached': self.reached[index] if row.is_known else None,
             'time_s': self.time,
             'forecast': self.source,
             'forecast_start_s': self.start,
