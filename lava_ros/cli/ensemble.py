@@ -155,6 +155,7 @@ def ensemble(args: argparse.Namespace) -> int:
         raise
     wall = time.monotonic() - started
     plan = store.plan
+    store.keep_weights(done.weights, output)
     report = _report(args, plan, done, wall, where)
     if scene.uncertainty.eruption:
         lengths = [member.eruption[0] for member in members if member.eruption]

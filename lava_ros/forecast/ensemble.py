@@ -34,7 +34,7 @@ from lava_ros.files import open_input, write_output, writing
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import require
 from lava_ros.files.yaml import parse_json
-from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
+from lava_ros.forecast.assimilation import jaccard, Outline, UNIT, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, running
 from lava_ros.forecast.pool import DEATHS, Pool, process_number
 from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
@@ -132,13 +132,13 @@ class Store:
                 left=np.array([footprint.left]),
             )
 
-    def keep_weights(self, weights: Weights | None) -> None:
-        """Keep what each member counts; None: all count the same.
+    def keep_weights(self, weights: Weights | None, folder: Path) -> None:
+        """Keep what each member counts in a folder of maps; None: all count the same.
 
         Raises:
             LavaError: It cannot be written.
         """
-        path = self._folder / WEIGHTS
+        path = folder / WEIGHTS
         if weights is None:
             path.unlink(missing_ok=True)
         else:
@@ -184,7 +184,7 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
     """Make the maps of an ensemble in a folder again, with the arrival of lava at places.
 
     Args:
-        folder: The folder.
+        folder: The folder, with the members in it or beside it, and the weights if they have any.
         plan: What its members have in common.
         places: Places on its terrain.
         members: Number of members in its maps.
@@ -195,14 +195,17 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
     weights = [1] * members
     try:
         with open_input(folder / WEIGHTS) as file:
-            weights = list(map(int, parse_json(WEIGHTS, file.read().decode())))
+            weights = parse_json(WEIGHTS, file.read().decode())
+        if not all(type(weight) is int and 0 <= weight <= UNIT for weight in weights):
+            raise ValueError(f'a weight is not a whole number from 0 to {UNIT}')
     except FileNotFoundError:
         pass
     except (OSError, TypeError, ValueError) as error:
         right = f'the weights of the members ({error})'
         raise LavaError('ensemble', str(folder / WEIGHTS), right) from error
     tally = Tally(plan, places)
-    for footprint, weight in zip(stored_members(folder, members), weights, strict=False):
+    where = folder if (folder / 'members').is_dir() else folder.parent
+    for footprint, weight in zip(stored_members(where, members), weights, strict=False):
         tally.add(footprint, weight)
     if not tally.count == members == len(weights):
         right = f'a folder with {members} members, as many as in its maps'
@@ -355,7 +358,6 @@ def run_ensemble(
             done.add(footprint.index)
             tally.add(footprint, int(weights.values[footprint.index]))
         _check_complete(done, members)
-    store.keep_weights(weights)
     return Ensemble(tally.maps(), weights, resumed)
 
 

@@ -18,6 +18,7 @@ import csv
 import json
 from pathlib import Path
 import re
+import shutil
 from typing import Any
 
 import numpy as np
@@ -207,12 +208,14 @@ def test_table_of_an_ensemble_is_that_of_its_geotiffs(ensemble: Path, tmp_path: 
 
 def test_weights_of_members_count(ensemble: Path, tmp_path: Path) -> None:
     """The table of an ensemble that an outline has weighed is that of its weighed maps."""
+    scene = ensemble.parent / 'scene.yaml'
+    ensemble = Path(shutil.copytree(ensemble, tmp_path / 'members'))
     crs = {'properties': {'name': 'EPSG:32633'}}
     ring = np.array([(20, 75), (60, 75), (60, 115), (20, 115), (20, 75)]) + TERRAIN.offset
     area = {'type': 'Polygon', 'coordinates': [ring.tolist()], 'crs': crs}
     (tmp_path / 'seen.geojson').write_text(json.dumps(area))
     done(
-        'ensemble', ensemble.parent / 'scene.yaml', '-o', ensemble, '--members', 6,
+        'ensemble', scene, '-o', ensemble, '--members', 6,
         '--horizon', '3min', '--workers', 1, '--device', 'cpu',
         '--observed', tmp_path / 'seen.geojson', '--observed-at', '2min',
     )
@@ -221,6 +224,13 @@ def test_weights_of_members_count(ensemble: Path, tmp_path: Path) -> None:
     assert any(value % (100.0 / 6) > 0.1 for value in likely.values())
     for name in POINTS:
         assert found[name]['probability_percent'] == likely[name]
+    for text, words in (
+        ('[1, 1]', 'a folder with 6 members'), ('[1, -1]', 'a whole number'), ('{', 'the weights'),
+        ('[1, 1, 1, 1, 1, 1]', 'maps with the weights of its members'),
+    ):
+        (ensemble / 'weights.json').write_text(text)
+        said = refused('places', ensemble, tmp_path / 'a.geojson')
+        assert words in said, said
 
 
 @pytest.mark.parametrize(
