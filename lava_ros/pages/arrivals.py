@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.forecast.ensemble import maps_at
 from lava_ros.maps.forecast import QUANTILES
@@ -45,21 +46,30 @@ def table_of(
     Raises:
         LavaError: A file or the run cannot be read, or the run does not tell when lava arrived.
     """
-    run = read_run(path, time=time, wanted=('arrival',))
+    run = read_run(path, wanted=('arrival',))
+    if run.ensemble is not None and time is not None:
+        raise LavaError('--time', time, f'no --time for {path}, an ensemble')
     features = [item for file in files for item in read_features(field, file, run.terrain)]
     places = places_on(features, run.terrain)
     if run.ensemble is not None:
         return _table_of_members(Path(path), run.ensemble, places)
-    return _table_of_bag(path, run, places)
+    return _table_of_bag(path, run, places, time)
 
 
-def _table_of_bag(path: str | Path, run: Run, places: Places) -> ArrivalTable:
+def _table_of_bag(
+    path: str | Path, run: Run, places: Places, time: float | None
+) -> ArrivalTable:
     panel = run.panels.get('arrival')
     if panel is None:
         raise LavaError('bag', str(path), 'a bag with the layer arrived, or one of the thickness')
-    cells = places.at(panel.values)
-    front = front_distances(places, np.isfinite(panel.values), run.terrain)
-    facts: dict[str, Any] = {'threshold_m': COVERED, 'time_s': panel.frame.time}
+    end, arrived = panel.frame.time, panel.values
+    if time is not None:
+        # times that later maps have are known to the step, those of the map before are older
+        end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
+        arrived = np.where(arrived <= end, arrived, np.nan)
+    cells = places.at(arrived)
+    front = front_distances(places, np.isfinite(arrived), run.terrain)
+    facts: dict[str, Any] = {'threshold_m': COVERED, 'time_s': end}
     if panel.frame.arrived is not panel.values and np.isfinite(cells).any():
         facts['note'] = 'times are those of the first map in the bag that shows the lava'
     rows = arrivals(places, dict.fromkeys(QUANTILES, cells), front=front)

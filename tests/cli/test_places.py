@@ -134,12 +134,18 @@ def test_table_of_a_run_is_that_of_its_geotiff(bag: Path, tmp_path: Path) -> Non
 
 
 def test_table_of_a_run_up_to_a_time(bag: Path, tmp_path: Path) -> None:
-    """Lava that came later has not come yet, and is some way off."""
+    """Lava that came later has not come yet, and is some way off; no map is of that time."""
     places = write_places(tmp_path / 'a.geojson')
-    late, early = (table(bag, places, *more, folder=tmp_path) for more in ((), ('--time', 400)))
-    assert late['post -18']['arrival_p50_s'] > 400.0
+    late, early = (table(bag, places, *more, folder=tmp_path) for more in ((), ('--time', 450)))
+    for name in POINTS:
+        time = late[name]['arrival_p50_s']
+        has_come = time is not None and time <= 450.0
+        assert early[name]['arrival_p50_s'] == (time if has_come else None)
+        assert (early[name]['front_distance_m'] == 0.0) is has_come
+    assert early['post -33']['arrival_p50_s'] is not None
     assert early['post -18']['arrival_p50_s'] is None
-    assert early['post -18']['front_distance_m'] > 0.0
+    said = refused('places', bag, places, '--time', 900)
+    assert '--time is 900.0, expected a finite number at most 800 s' in said
 
 
 @pytest.fixture(scope='module')
