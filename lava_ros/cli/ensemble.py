@@ -170,6 +170,7 @@ def ensemble(args: argparse.Namespace) -> int:
         # never over the maps in which all members count the same
         folder = made_folder(output / WEIGHTED)
         store.write_manifest(folder)
+        store.keep_weights(done.weights, folder)
         report |= _report(args, plan, done.weighted, done, wall, where)
         report['observed'] = _agreement(done, observation)
         if case is not None:

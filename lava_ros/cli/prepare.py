@@ -38,7 +38,7 @@ from lava_ros.scene.lava import constant_units
 from lava_ros.scene.materials import Constant, material_named
 from lava_ros.scene.materials import materials as known_materials
 from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
-from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.scene.terrain_files import barrier_tags, load_terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import decide, Decision, decision_as_dict
@@ -176,24 +176,33 @@ def _cited(constant: Constant, sources: dict[str, int]) -> str:
 def barrier(args: argparse.Namespace) -> int:
     """Add a barrier to a terrain, and write the result to a new file.
 
-    The command raises the elevation along a line and writes it as GeoTIFF. --low-pass smooths the
-    elevation before that.
+    The command raises the elevation along a line and writes it as GeoTIFF. Maps of runs on this
+    elevation show the barrier. --low-pass smooths the elevation before that.
     """
     if not args.line and not args.low_pass:
         raise LavaError('--line', None, 'the places of a barrier, or --low-pass')
     output = file_to_write('--output', args.output, ('.tif', '.tiff'))
     before = terrain = low_pass(load_terrain(args.terrain, epsg=args.epsg), args.low_pass)
+    dam = None
     if args.line:
         if args.height is None:
             raise LavaError('--height', None, 'a height [m]')
         line = tuple(_place(text) for text in args.line)
-        terrain = with_barrier(before, Barrier(line, args.height, args.width, args.slope))
+        dam = Barrier(line, args.height, args.width, args.slope)
+        terrain = with_barrier(before, dam)
     origin = Provenance(Path(args.terrain).name, effects=(), preset='none')
-    write_grid(output, 'elevation', terrain.elevation, terrain, origin)
-    added = (terrain.elevation - before.elevation)[terrain.has_data]
-    volume = float(added.sum(dtype='float64')) * terrain.resolution**2
-    raised = int((added > 0.0).sum())
-    print(f'{raised} cells raised by up to {added.max():.1f} m: {volume:.0f} m3 of earth')
+    write_grid(output, 'elevation', terrain.elevation, terrain, origin, barrier_tags(terrain))
+    if dam is not None:
+        added = (terrain.elevation - before.elevation)[terrain.has_data]
+        print(
+            f'barrier {dam.length:.0f} m long, {dam.height:g} m high, crest {dam.width:g} m wide: '
+            f'{dam.volume:.0f} m3 of earth by its cross-section'
+        )
+        crest = dam.crest_on(terrain.resolution)
+        if crest > dam.width:
+            volume = float(added.sum(dtype='float64')) * terrain.resolution**2
+            print(f'with the crest widened to {crest:.3g} m, the elevation has {volume:.0f} m3')
+        print(f'{int((added > 0.0).sum())} cells raised by up to {added.max():.1f} m')
     print(f'written to {output}')
     return 0
 

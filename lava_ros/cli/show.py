@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava watch`, `report`, `plot`, `animate` and `export`: what shows bags and ensembles."""
+"""`lava watch`, `report`, `plot`, `places`, `animate`, `export`: what shows bags and ensembles."""
 
 import argparse
 import signal
@@ -21,15 +21,16 @@ from typing import Any
 
 from lava_ros import validation
 from lava_ros.cli.options import Argument, argument, command, seconds_of
-from lava_ros.cli.output import Progress, write_json
+from lava_ros.cli.output import Progress, table_lines, write_json
 from lava_ros.cli.ros import require_ros
 from lava_ros.errors import LavaError
-from lava_ros.files import file_to_write, PICTURES
+from lava_ros.files import file_to_write, PICTURES, write_output
 from lava_ros.files.optional import require
 from lava_ros.maps.animation import animate_bag
 from lava_ros.maps.export import export_bag, FORMATS, MAPS
 from lava_ros.maps.page_layout import Imprint
 from lava_ros.maps.sheet import MAX_SCALE, MIN_SCALE
+from lava_ros.pages.arrivals import table_of
 from lava_ros.pages.onset import Onset
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report.page import write_comparison, write_report
@@ -50,7 +51,7 @@ _RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemb
 #: Options of pages: what others know and is drawn too, what the maps show, and who publishes them.
 _PAGE = (
     argument(
-        '--overlay', 'FILE', 'points, lines and areas to draw with their names, such as villages '
+        '--overlay', 'FILE', 'points, lines and areas to show with their names, such as villages '
         'or roads: .geojson, .gpkg, or .csv with x,y or lon,lat and name; may be repeated',
         [], action='append',
     ),
@@ -185,16 +186,22 @@ def report(args: argparse.Namespace) -> int:
 
     The page is one file that needs no other. Of a single run it has the map with a time slider,
     curves of volume, area, front and temperature, the effects, the contents of the recording, and
-    what the accuracy cost. Of an ensemble, or of several runs, it has the maps of lava plot.
+    what the accuracy cost. Of an ensemble, or of several runs, it has the maps of lava plot. With
+    --overlay, it has the table of lava places.
     """
     if len(args.bag) > 1 or is_ensemble(args.bag[0]):
         size = write_comparison(args.bag, args.output, **_page_options(args))
-    elif given := [name for names, _ in _PAGE if getattr(args, (name := names[0])[2:])]:
+    elif given := [
+        name for names, _ in _PAGE
+        if (name := names[0]) != '--overlay' and getattr(args, name[2:])
+    ]:
         right = 'absent for a single bag; lava plot draws a page with it'
         raise LavaError(given[0], getattr(args, given[0][2:]), right)
     else:
         with Progress(has_lines=False) as progress:
-            size = write_report(args.bag[0], args.output, progress=progress.show)
+            size = write_report(
+                args.bag[0], args.output, overlays=args.overlay, progress=progress.show
+            )
     print(f'report of {size / 1e3:.0f} kB written to {args.output}')
     return 0
 
@@ -236,6 +243,39 @@ def plot(args: argparse.Namespace) -> int:
     )
     write_json(drawn, args.json)
     print(f'drawn to {args.output}')
+    return 0
+
+
+@command(
+    argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble'),
+    argument(
+        'places', 'FILE', 'named points, lines and areas, such as huts, roads and villages: '
+        '.geojson, .gpkg, or .csv with x,y or lon,lat and name', nargs='+',
+    ),
+    argument('--time', 'TIME', 'use the bag up to this simulated time: 2h, 90min (default: all)'),
+    argument('-o --output', 'FILE', 'table to write: .csv'),
+    '--json',
+)
+def places(args: argparse.Namespace) -> int:
+    """Print when lava arrives at places, and with which probability.
+
+    Of a run, the command prints the time at which lava reached each place, or its distance from
+    the front. Of an ensemble, it prints the probability that lava comes, and the times by which it
+    has come in 10, 50 and 90 % of the members. It also prints how much of a line or an area the
+    lava reaches, and which places are off the map.
+    """
+    if args.output is not None:
+        file_to_write('--output', args.output, ('.csv',))
+    time = None if args.time is None else seconds_of('--time', args.time, may_be_zero=True)
+    table = table_of(args.bag, args.places, field='places', time=time)
+    if args.output is not None:
+        write_output('--output', args.output, table.as_csv())
+    write_json(table.as_dict(), args.json)
+    if args.json != '-':
+        texts = table.as_texts()
+        print(table.summary)
+        sides = ''.join('<' if name in ('place', 'note') else '>' for name in texts[0])
+        print('\n'.join(table_lines(texts, sides)))
     return 0
 
 

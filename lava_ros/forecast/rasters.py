@@ -144,7 +144,7 @@ def write_atlas(
 ) -> list[Path]:
     """Write the maps of an ensemble to a folder, replacing files of the same names.
 
-    The maps are probability, arrival times, expected thickness and elevation, each as GeoTIFF.
+    The maps are probability, arrival times, expected peak thickness and elevation, as GeoTIFF.
     ``formats`` are further formats, of ``export.FORMATS``; vector formats hold contours of
     probability and isochrones. None stands for GeoJSON where the terrain's coordinate system is
     known, else for no further format.
@@ -166,7 +166,7 @@ def write_atlas(
     }
     layers = {
         'inundation_probability': maps.probability,
-        'expected_thickness': maps.thickness,
+        'expected_peak_thickness': maps.thickness,
         'elevation': plan.scene.terrain.elevation,
     }
     shapes = {'inundation_probability': gis.probabilities(maps.probability, place)}

@@ -257,8 +257,11 @@ def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path)
     }
     if case.source:
         facts['source'] = case.source
+    # with the barriers that were built meanwhile
+    ground = case.events[-1].terrain if case.events else case.scene.terrain
+    frame = frame_of(replace(case.scene, terrain=ground))
     draw_sheet(
-        [Panel(frame_of(case.scene), 'comparison', codes, fissures=fissures)],
+        [Panel(frame, 'comparison', codes, fissures=fissures)],
         output,
         title=case.title,
         subtitle='  ·  '.join([f'Jaccard {judged.jaccard:.3f}', *shares]),

@@ -75,11 +75,11 @@ class Arrival:
         # What is rounded to the threshold counts as being there. NaN compares as False.
         least = self.threshold - 1e-5 * max(1.0, self.threshold)
         self.times[np.isnan(self.times) & (shown.values >= least)] = frame.time
-        if frame.arrived is not None and math.isclose(self.threshold, COVERED):
-            noted = frame.arrived.astype(float)
-            self.is_noted |= bool(np.isfinite(noted).any())
-            # what no map shows as thick was thick in a part of a cell
-            np.fmin(self.times, noted, out=self.times, where=np.isfinite(self.times))
+        noted = frame.arrived
+        if noted is not None and np.isfinite(noted).any() and math.isclose(
+            self.threshold, COVERED
+        ):
+            self.times, self.is_noted = noted.astype(float), True
         np.fmax(self.peak, shown.values, out=self.peak)
         self.is_saturated |= shown.is_saturated
         if self.frame is not None and self.frame.time is not None:

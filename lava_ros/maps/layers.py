@@ -63,8 +63,8 @@ PROBABILITY = 'inundation_probability'
 #: Share of an ensemble's members that have lava by a time, by the source that says when.
 QUANTILE_SOURCES = {'arrival_p10': 0.1, 'arrival_p50': 0.5, 'arrival_p90': 0.9}
 
-#: The source that says how thick lava gets on average over an ensemble.
-EXPECTED = 'expected_thickness'
+#: The source that says how thick lava gets at most, on average over an ensemble.
+EXPECTED = 'expected_peak_thickness'
 
 #: Quantities of an ensemble, each shown alone.
 ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)

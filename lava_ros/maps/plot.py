@@ -21,7 +21,10 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros import validation
+from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame
+from lava_ros.scene.terrain import crest_lines
 
 #: Colours of the ground from low to high: muted, so that the lava stands out.
 GROUND = ('#7f8f7a', '#a3a383', '#bfb293', '#cfc4ae', '#e4ded2')
@@ -47,6 +50,8 @@ VENT: dict[str, Any] = {
 #: How contours of the elevation and isochrones are drawn.
 CONTOUR: dict[str, Any] = {'colors': '#3b352a', 'alpha': 0.5}
 ISOCHRONE: dict[str, Any] = {'colors': '#101010', 'linewidths': 0.7}
+#: How the crests of barriers are drawn, in maps and in their legend.
+BARRIER: dict[str, Any] = {'color': '#3d2b1f', 'linewidth': 1.5}
 
 # Steps of a grid that people reckon with.
 _GRID = (1.0, 2.0, 5.0, 10.0)
@@ -175,6 +180,18 @@ def middles_of(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     rows, columns = frame.elevation.shape
     x = frame.origin[0] + (np.arange(columns) + 0.5) * frame.resolution
     return x, frame.origin[1] + (np.arange(rows) + 0.5) * frame.resolution
+
+
+def barriers_of(frame: Frame) -> list[np.ndarray]:
+    """Crests of the barriers on the ground, map positions [m], each of shape [places, 2]."""
+    terrain = frame.scene.get('terrain') or {}
+    try:
+        crests = crest_lines('barriers', terrain.get('barriers', ()))
+        offset = validation.pair('offset', terrain.get('offset', (0.0, 0.0)))
+    except LavaError:
+        # a foreign bag may say anything
+        return []
+    return [np.array(crest) - offset for crest in crests]
 
 
 def bounds_of(frame: Frame, shown: np.ndarray) -> Window:
@@ -340,6 +357,9 @@ def draw_map(
     )
     for ends in fissures:
         axes.plot(*np.transpose(ends), color='black', linewidth=1.6, path_effects=halo(), zorder=3)
+    for crest in barriers_of(frame):
+        look = BARRIER | {'path_effects': halo(), 'zorder': 4}
+        axes.plot(*crest.T, scalex=False, scaley=False, **look)
     (vents,) = axes.plot(*frame.vents.T, zorder=7, **VENT)
     axes.set(facecolor='#ededed', xlim=(window[0], window[2]), ylim=(window[1], window[3]))
     for spine in axes.spines.values():

@@ -107,7 +107,7 @@ RASTER_LAYERS = {
         'probability that lava at or above the threshold thickness (threshold_m) reaches the cell '
         'within the horizon (horizon_s); no data: outside the terrain',
     ),
-    'expected_thickness': RasterLayer(
+    'expected_peak_thickness': RasterLayer(
         'thickness', 'm', 'mean over the members of the largest lava thickness; no data: no lava'
     ),
     **{f'arrival_time_p{percent}': _arrival_quantile(percent) for percent in (10, 50, 90)},

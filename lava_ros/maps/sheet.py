@@ -218,6 +218,8 @@ def _legend(
     """Names and symbols of everything on the maps that has no colour bar."""
     outlines = dict.fromkeys(name for panel in panels for name in panel.outlines or {})
     entries = [(_CONTOURS, _line(color=plot.CONTOUR['colors'], alpha=plot.CONTOUR['alpha']))]
+    if any(plot.barriers_of(panel.frame) for panel in panels):
+        entries.insert(0, ('barrier', _line(**plot.BARRIER)))
     if any(len(panel.frame.vents) for panel in panels):
         entries.insert(0, ('vent', _line(**plot.VENT)))
     if any(panel.source == 'arrival' for panel in panels):

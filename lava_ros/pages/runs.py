@@ -26,13 +26,14 @@ import numpy as np
 
 import lava_ros
 from lava_ros.bag.description import described, effects_on
-from lava_ros.effects import EFFECTS
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import opened_raster
 from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.ensemble import MANIFEST
+from lava_ros.forecast.members import Plan
 from lava_ros.forecast.picture import frame_of
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.arrival import Arrival
@@ -41,7 +42,7 @@ from lava_ros.maps.gis import coordinate_system
 from lava_ros.maps.plot import area_words, duration, STYLES, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import Scene, scene_from_dict, Terrain
-from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.budget import VolumeBudget
 
 _LOG = logging.getLogger(__name__)
@@ -57,7 +58,7 @@ ENSEMBLE_MAPS = {
             ('arrival_p90', 90, 'Late arrival (9 runs in 10)'),
         )
     },
-    'thickness': ('expected_thickness', 'thickness', 'Expected thickness of the lava'),
+    'thickness': ('expected_peak_thickness', 'thickness', 'Expected peak thickness of the lava'),
 }
 
 #: Maps that are drawn by default, of a bag and of an ensemble.
@@ -68,11 +69,20 @@ _USUAL = (
 
 
 @dataclass(frozen=True, eq=False)
+class Members:
+    """The members of an ensemble: their plan and number, and the effective number by weight."""
+
+    plan: Plan
+    count: int
+    effective: float
+
+
+@dataclass(frozen=True, eq=False)
 class Run:
     """A bag or an ensemble: its maps by name, its facts by term, and the ground.
 
     ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None where it
-    is unknown.
+    is unknown. ``ensemble`` is None for a bag.
     """
 
     name: str
@@ -83,6 +93,7 @@ class Run:
     terrain: Terrain
     is_ensemble: bool
     end: float | None
+    ensemble: Members | None = None
 
     @property
     def usual(self) -> list[str]:
@@ -169,8 +180,9 @@ def _fissures(scene: Scene | None) -> np.ndarray:
 
 
 def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
-    if frame.arrived is not None:
+    if frame.arrived is not None and np.isfinite(frame.arrived).any():
         return frame.arrived
+    # a simulation that does not note the times publishes a map without any
     history = Arrival(COVERED)
     for item in recording.frames():
         if frame.time is None or item.time is None or item.time <= frame.time:
@@ -282,6 +294,10 @@ def _ensemble(folder: Path) -> Run:
         reasons = [
             f'{_plain(item.effect)}: {item.reason}' for item in reviewed if item.effect in on
         ]
+        ran = Plan(
+            scene, horizon, Accuracy(**plan['accuracy']), Effects(**plan['effects']), threshold,
+            int(plan['looks']),
+        )
     except (OSError, KeyError, TypeError, ValueError) as error:
         right = f'an ensemble that has finished its maps ({error})'
         raise LavaError('ensemble', str(folder), right) from error
@@ -313,7 +329,7 @@ def _ensemble(folder: Path) -> Run:
         title += ' weighted by observed lava'
     return Run(
         folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True,
-        end=horizon,
+        end=horizon, ensemble=Members(ran, int(members), effective),
     )
 
 

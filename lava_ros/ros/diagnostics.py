@@ -25,6 +25,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
+from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.ros.ensemble_forecasts import AheadStatus, Live
 from lava_ros.ros.followed_clock import MAX_LAG
 from lava_ros.ros.recorder import Recorder, RecorderStatus
@@ -109,7 +110,14 @@ def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
         'step_s': f'{steps.length:.6g}',
         'step_limit': steps.limit,
         'step_stages': steps.stages,
+        # NaN without lava
+        'highest_temperature_c': f'{_highest(snapshot.temperature) - ZERO_CELSIUS:.6g}',
     }
+
+
+def _highest(temperature: np.ndarray) -> float:
+    """Return the largest value of a map, NaN if it has none."""
+    return float(np.fmax.reduce(temperature, axis=None))
 
 
 def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:

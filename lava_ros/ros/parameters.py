@@ -48,6 +48,10 @@ WHEN = 'read-only while the node is configured'
 CHECKPOINT_PERIOD = 60.0
 
 
+#: An element of each list, by the first word of its name.
+_EXAMPLES = {'effects': 'inertia', 'layers': 'lava_points', 'places': 'villages.geojson'}
+
+
 @dataclass(frozen=True)
 class ParameterSpec:
     """One parameter, whose default gives it its type; a list is one of texts.
@@ -88,7 +92,7 @@ class ParameterSpec:
         if self.is_list:
             if not isinstance(value, list):
                 kind = self.name.partition('_')[0]
-                example = 'inertia' if kind == 'effects' else 'lava_points'
+                example = _EXAMPLES[kind]
                 raise LavaError(self.name, value, f"a list of {kind}, such as ['{example}']")
             # a list with one empty text is how ROS writes an empty list of texts
             texts = tuple(text for text in value if text != '')
@@ -247,6 +251,11 @@ class Settings:
         'would be late are left out, and each start and reset chooses the spacing accordingly; '
         '0: no deadline',
         (0.0, 1e6),
+    )
+    places: tuple[str, ...] = _fixed(
+        [''],
+        'Files of points, lines and areas (.geojson, .gpkg, .csv) for which place_arrivals and '
+        'the diagnostics tell when lava arrives there',
     )
     clicked_point_enabled: bool = _fixed(
         True,

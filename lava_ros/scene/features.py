@@ -16,7 +16,8 @@
 """Points, lines and areas of others: GeoJSON, GeoPackage and tables -> a terrain's coordinates."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -39,37 +40,60 @@ DEGREE_COLUMNS = (('lon', 'lat'), ('longitude', 'latitude'))
 
 _DEGREES = 'EPSG:4326'
 
-# What errors call it, its geometry, the system of that (None: the terrain's), what is known of it.
-_Found = tuple[str, Mapping[str, Any], str | None, Mapping[str, Any]]
+_LOG = logging.getLogger(__name__)
+
+# What errors call it, its geometry if any, the system of that (None: the terrain's), what is
+# known of it.
+_Found = tuple[str, Mapping[str, Any] | None, str | None, Mapping[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
     """A point, a line or an area: a ``Point``, ``LineString`` or ``Polygon``.
 
-    ``rings`` are eastings and northings [m], shape [places, 2]: one array, but for an area its
-    outer ring and its holes. Errors call it by ``where``.
+    ``rings`` are coordinates in ``system``, shape [places, 2]: one array, but for an area its
+    outer ring and its holes. A ``system`` of None is that of the terrain: eastings and northings
+    [m]. Errors call the feature by ``where``, which the parts of one feature share.
     """
 
     where: str
     kind: str
     rings: tuple[np.ndarray, ...]
     properties: Mapping[str, Any]
+    system: str | None = None
 
     @property
     def name(self) -> str:
         """What it is called; may be empty."""
         return str(self.properties.get('name') or '')
 
+    def on(self, terrain: Terrain) -> 'Feature':
+        """Return the feature in the system of a terrain; LavaError where that is not possible."""
+        if self.system is None:
+            return self
+        places = _on(terrain, np.concatenate(self.rings), self.system, self.where)
+        ends = np.cumsum([len(ring) for ring in self.rings])[:-1]
+        return replace(self, rings=tuple(np.split(places, ends)), system=None)
+
 
 def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Feature]:
+    """Read the features of a file in the system of a terrain.
+
+    Raises:
+        LavaError: As ``load_features``, or a coordinate system is not known.
+    """
+    return [feature.on(terrain) for feature in load_features(field, path)]
+
+
+def load_features(field: str, path: str | Path) -> list[Feature]:
     """Read the features of a file; a feature of several parts becomes several features.
 
     GeoJSON is in longitude and latitude unless it names another system, a GeoPackage in the system
     of its layers. A table (.csv) has columns ``x,y`` or ``easting,northing`` in the terrain's
     system, or ``lon,lat`` in degrees; with ``x_end,y_end`` or ``lon_end,lat_end`` a row is a line.
-    Coordinates of the result are in the terrain's system. LavaError where the file cannot be read,
-    has no features, or has no known coordinate system.
+
+    Raises:
+        LavaError: The file cannot be read or has no features. Errors name ``field``, or a feature.
     """
     path = Path(path)
     readers = {'.csv': _from_table, '.gpkg': _from_geopackage}
@@ -78,6 +102,11 @@ def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Featur
         raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
     features = []
     for where, geometry, system, properties in readers.get(suffix, _from_geojson)(field, path):
+        if properties.get('name'):
+            where = f'{where} ({properties["name"]})'
+        if geometry is None:
+            _LOG.warning(f'{where} has no geometry and is left out')
+            continue
         for kind, part in _parts(where, geometry):
             rings = part if kind == 'Polygon' else [part]
             try:
@@ -88,9 +117,7 @@ def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Featur
                 raise LavaError(where, part, 'a geometry of numbers') from None
             if places.shape[1] != 2 or not (np.abs(places) <= MAX_COORDINATE).all():
                 raise LavaError(where, part, 'a geometry of two coordinates for each place')
-            places = _on(terrain, places, system, where)
-            ends = np.cumsum([len(ring) for ring in arrays])[:-1]
-            features.append(Feature(where, kind, tuple(np.split(places, ends)), properties))
+            features.append(Feature(where, kind, tuple(arrays), properties, system))
     if not features:
         raise LavaError(field, str(path), 'a file with at least one point, line or area')
     return features
@@ -153,11 +180,10 @@ def _from_geojson(field: str, path: Path) -> Iterator[_Found]:
     for index, item in enumerate(items):
         known = item.get('properties')
         geometry = item.get('geometry', item)
-        if geometry is not None:
-            yield (
-                f'{path}, feature {index}', geometry, str(system or _DEGREES),
-                known if isinstance(known, Mapping) else {},
-            )
+        yield (
+            f'{path}, feature {index}', geometry, str(system or _DEGREES),
+            known if isinstance(known, Mapping) else {},
+        )
 
 
 def _from_geopackage(field: str, path: Path) -> Iterator[_Found]:
@@ -174,10 +200,11 @@ def _from_geopackage(field: str, path: Path) -> Iterator[_Found]:
         for layer in fiona.listlayers(place):
             with fiona.open(place, layer=layer, enabled_drivers=['GPKG']) as source:
                 for item in source:
-                    if item.geometry is not None:
-                        yield (
-                            f'{path}, {layer} {item.id}', item.geometry.__geo_interface__,
-                            source.crs_wkt or None, dict(item.properties),
-                        )
+                    geometry = item.geometry
+                    yield (
+                        f'{path}, {layer} {item.id}',
+                        None if geometry is None else geometry.__geo_interface__,
+                        source.crs_wkt or None, dict(item.properties),
+                    )
     except (OSError, FionaError) as error:
         raise LavaError(field, str(path), f'a GeoPackage that GDAL can read ({error})') from error

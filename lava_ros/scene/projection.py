@@ -47,7 +47,8 @@ class Raster:
 
     ``corner`` is the lower-left one in the file's coordinates; ``offset`` is None unless the file
     has one. ``wkt`` describes a coordinate system that has no EPSG code. ``is_metric`` says that
-    coordinates are metres by the definition of the format.
+    coordinates are metres by the definition of the format. ``barriers`` are those of ``Terrain``,
+    in a file's own metres.
     """
 
     elevation: np.ndarray
@@ -59,6 +60,7 @@ class Raster:
     wkt: str | None = None
     is_metric: bool = False
     source: str = ''
+    barriers: tuple[tuple[tuple[float, float], ...], ...] = ()
 
     @property
     def system(self) -> str:

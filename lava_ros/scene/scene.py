@@ -138,6 +138,7 @@ def constants_of(scene: Scene | None) -> dict[str, Any]:
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
     """Plain data that describes a scene, the elevation itself left out: for logs and bags."""
     terrain = scene.terrain
+    barriers = [[list(place) for place in crest] for crest in terrain.barriers]
     return {
         'terrain': {
             'shape': list(terrain.shape),
@@ -146,6 +147,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
             'epsg': terrain.epsg,
             'offset': list(terrain.offset),
             **({'source': terrain.source} if terrain.source else {}),
+            **({'barriers': barriers} if barriers else {}),
         },
         'vents': [
             {name: value for name, value in asdict(vent).items() if value not in (None, '')}

@@ -48,6 +48,8 @@ class Terrain:
         epsg: EPSG code of the projected coordinate system the map frame is an offset of.
         offset: Easting and northing [m] of the map frame's origin in that system.
         source: Where it is from, for people; may be empty.
+        barriers: Crests of the barriers that have been built on it, each two or more eastings and
+            northings [m]. Maps draw them.
     """
 
     elevation: np.ndarray
@@ -56,6 +58,7 @@ class Terrain:
     epsg: int | None = None
     offset: tuple[float, float] = (0.0, 0.0)
     source: str = ''
+    barriers: tuple[tuple[tuple[float, float], ...], ...] = ()
 
     def __post_init__(self) -> None:
         """Validate and normalise every field; LavaError names one that is not usable."""
@@ -95,6 +98,7 @@ class Terrain:
             or not 1024 <= self.epsg < 2**31
         ):
             raise LavaError('terrain.epsg', self.epsg, 'an EPSG code such as 32633, or None')
+        put(self, 'barriers', crest_lines('terrain.barriers', self.barriers))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -156,3 +160,21 @@ class Terrain:
     def to_map(self, easting: float, northing: float) -> tuple[float, float]:
         """Turn projected coordinates [m] into map coordinates [m]."""
         return (easting - self.offset[0], northing - self.offset[1])
+
+
+def crest_lines(field: str, lines: object) -> tuple[tuple[tuple[float, float], ...], ...]:
+    """Check the crests of barriers: lists of two or more pairs of numbers [m].
+
+    Raises:
+        LavaError: They are something else. The error names ``field``.
+    """
+    right = 'a list of crests, each two or more [easting, northing] m'
+    if not isinstance(lines, list | tuple):
+        raise LavaError(field, lines, right)
+    for line in lines:
+        if not isinstance(line, list | tuple) or len(line) < 2:
+            raise LavaError(field, line, right)
+    return tuple(
+        tuple(validation.pair(field, place, most=MAX_COORDINATE) for place in line)
+        for line in lines
+    )

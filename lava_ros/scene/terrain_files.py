@@ -14,9 +14,11 @@
 
 """Elevation files -> Terrain: GeoTIFF, ESRI ASCII grids and npz; what looks wrong in them."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 from itertools import product
+import json
 import logging
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import is_installed, require
 from lava_ros.files.rasters import opened_raster
+from lava_ros.files.yaml import parse_json
 from lava_ros.scene.projection import (
     cropped,
     in_square_metres,
@@ -36,7 +39,7 @@ from lava_ros.scene.projection import (
     WGS84,
     with_epsg,
 )
-from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
+from lava_ros.scene.terrain import crest_lines, MAX_SIDE_CELLS, Terrain
 
 _LOG = logging.getLogger(__name__)
 
@@ -49,8 +52,12 @@ DEMO = Path(__file__).with_name('st_helens.npz')
 #: Largest code that a file may name, far above those of EPSG.
 MOST_EPSG = 999_999
 
+#: Name of the tag of a GeoTIFF, or the key of an .npz file, with the crests of barriers as JSON.
+_BARRIERS = 'lava_ros_barriers'
+
 NPZ_KEYS = (
     'elevation', 'resolution', 'dx', 'dy', 'origin', 'epsg', 'offset', 'row_order', 'source',
+    _BARRIERS,
 )
 
 #: Heights of ground [m]: below the first nothing is, above the second nothing on Earth.
@@ -142,6 +149,7 @@ def load_terrain(
         epsg=raster.epsg,
         offset=offset,
         source=raster.source or path.name,
+        barriers=raster.barriers,
     )
     wrong = _holes_and_pits(terrain)
     if fill_holes and wrong.any():
@@ -175,6 +183,8 @@ def _read_npz(path: Path) -> Raster:
         offset=offset,
         is_metric=True,
         source=str(data.get('source', '')),
+        barriers=_barriers({_BARRIERS: str(data[_BARRIERS])}, epsg, path)
+        if _BARRIERS in data else (),
     )
 
 
@@ -183,7 +193,7 @@ def _read_gdal(path: Path) -> Raster:
         _check_band(source, path)
         elevation = source.read(1, out_dtype=np.float32)
         elevation[source.read_masks(1) == 0] = np.nan
-        transform, crs = source.transform, source.crs
+        transform, crs, tags = source.transform, source.crs, source.tags()
         scale, shift = source.scales[0], source.offsets[0]
     # what is not finite then is no terrain
     with np.errstate(over='ignore', invalid='ignore'):
@@ -200,7 +210,32 @@ def _read_gdal(path: Path) -> Raster:
         corner=(transform.c, bottom),
         epsg=code,
         wkt=crs.to_wkt() if crs and code is None else None,
+        barriers=_barriers(tags, code, path),
     )
+
+
+def barrier_tags(terrain: Terrain) -> dict[str, str]:
+    """Return the barriers of a terrain as tags of its file, which ``load_terrain`` reads."""
+    if not terrain.barriers:
+        return {}
+    return {_BARRIERS: json.dumps({'epsg': terrain.epsg, 'crests': terrain.barriers})}
+
+
+def _barriers(
+    tags: Mapping[str, str], epsg: int | None, path: Path
+) -> tuple[tuple[tuple[float, float], ...], ...]:
+    """Read the barriers of a file, which only maps show: damage is no reason to refuse it."""
+    if _BARRIERS not in tags:
+        return ()
+    try:
+        known = parse_json(_BARRIERS, tags[_BARRIERS])
+        if known['epsg'] != epsg:
+            # other programs copy tags when they take a file to another system
+            raise LavaError(f'{_BARRIERS}.epsg', known['epsg'], f'{epsg}, that of the file')
+        return crest_lines(_BARRIERS, known['crests'])
+    except (LavaError, KeyError, TypeError, ValueError) as error:
+        _LOG.warning(f'{path.name}: maps will not show its barriers: {error}')
+        return ()
 
 
 def _check_band(source: Any, path: Path) -> None:

@@ -35,7 +35,7 @@ from lava_ros.maps.forecast import occupancy
 from lava_ros.pages.runs import read_run
 
 MAPS = (
-    'inundation_probability', 'expected_thickness', 'arrival_time_p10', 'arrival_time_p50',
+    'inundation_probability', 'expected_peak_thickness', 'arrival_time_p10', 'arrival_time_p50',
     'arrival_time_p90',
 )
 
@@ -99,7 +99,7 @@ def test_maps_of_a_scene(scene, tmp_path):
     half = maps['arrival_time_p50'] >= 0.0
     np.testing.assert_array_equal(half, probability >= 50.0)
     assert (maps['arrival_time_p10'][half] <= maps['arrival_time_p50'][half]).all()
-    assert ((maps['expected_thickness'] > 0.0) >= (probability > 0.0)).all()
+    assert ((maps['expected_peak_thickness'] > 0.0) >= (probability > 0.0)).all()
     with rasterio.open(out / 'arrival_time_p50.tif') as file:
         assert file.crs.to_epsg() == 32633 and file.units == ('s',)
         assert file.bounds[:2] == CORNER and file.tags()['members'] == '8'

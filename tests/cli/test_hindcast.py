@@ -249,7 +249,10 @@ def test_barrier_is_written(tmp_path):
     x, y = VENT
     line = [f'{x - 100},{y - 200}', f'{x + 100},{y - 200}']
     words = ['barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--line', *line]
-    assert 'm3 of earth' in done(*words, '--height', '8', '--width', '30', '--epsg', '32633')
+    said = done(*words, '--height', '8', '--width', '30', '--epsg', '32633')
+    # 200 m of 8 m x 38 m, and a cone without its top
+    ends = np.pi * 8.0 * (23.0**2 + 23.0 * 15.0 + 15.0**2) / 3.0
+    assert f'{200.0 * 8.0 * 38.0 + ends:.0f} m3 of earth' in said and 'widened' not in said
     with (
         rasterio.open(case / 'elevation.asc') as before,
         rasterio.open(tmp_path / 'new.tif') as after,
@@ -259,6 +262,8 @@ def test_barrier_is_written(tmp_path):
         added = after.read(1) - before.read(1)
     assert added.max() == pytest.approx(8.0, abs=1e-3)
     assert (added > 0.0).sum() < 120
+    said = done(*words, '--height', '8', '--width', '2', '--epsg', '32633')
+    assert 'with the crest widened to ' in said
 
 
 @pytest.mark.parametrize(

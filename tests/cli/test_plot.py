@@ -146,7 +146,7 @@ def test_several_runs(bag, ensemble, tmp_path):
     assert said['notes']['discharge'] == '10 m³/s'
     assert said['notes']['result'].count('covered') == 2
     said = plot(tmp_path, bag, ensemble)
-    assert said['maps'][1] == 'members: Expected thickness of the lava'
+    assert said['maps'][1] == 'members: Expected peak thickness of the lava'
     nowhere = record(tmp_path / 'nowhere', terrain=Terrain(TERRAIN.elevation, 5.0, TERRAIN.origin))
     picture = tmp_path / 'no.png'
     assert 'the same for all' in refused('plot', bag, nowhere, '-o', picture)
@@ -283,7 +283,7 @@ def test_reports(bag, ensemble, tmp_path, seen):
     assert 'data:image/png;base64,' in text and 'brier score of members' in text
     assert 'Simulation, not verified.' in text
     done('report', bag, ensemble, '-o', page)
-    assert 'members: Expected thickness of the lava' in page.read_text()
+    assert 'members: Expected peak thickness of the lava' in page.read_text()
     refused('report', bag, '-o', page, '--observed', seen)
 
 

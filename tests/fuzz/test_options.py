@@ -31,8 +31,8 @@ from command_line import lava
 from eruption import write_case
 from fuzz.limits import bounded
 from lava_ros.cli import manual, scenes
+from lava_ros.scene import reshaping, terrain_files
 from lava_ros.scene import scene as scene_module
-from lava_ros.scene import terrain_files
 
 #: What a command may take beside what this process has [bytes].
 MEMORY = 2 << 30
@@ -53,6 +53,7 @@ COMMANDS = {
     'forecast-demo': [],
     'hindcast': ['valley'],
     'materials': [],
+    'places': [str(SAMPLE), 'places.csv'],
     'plan': ['scene.yaml', '--within', '1min'],
     'plot': [str(SAMPLE), '-o', 'frame.png'],
     'verify': [],
@@ -145,13 +146,14 @@ def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     # a process of its own makes it once too; of a line in this one it is a third of the time
     monkeypatch.setattr(manual, 'parser_of', cache(manual.parser_of))
     # what has been read is told before what is wrong
-    for module in (terrain_files, scene_module, scenes):
+    for module in (terrain_files, scene_module, scenes, reshaping):
         monkeypatch.setattr(module._LOG, 'disabled', True)
     with tempfile.TemporaryDirectory() as folder:
         monkeypatch.chdir(folder)
         north = np.arange(30)[:, None] * 20.0
         ground = np.broadcast_to(500.0 - 0.1 * north, (30, 24))
         np.savez('ground.npz', elevation=ground, resolution=20.0)
+        Path('places.csv').write_text('name,x,y\nhut,240,200\n')
         write_case(Path('valley'))
         Path('scene.yaml').write_text(yaml.safe_dump({
             'terrain': {'file': 'ground.npz'},

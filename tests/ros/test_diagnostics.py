@@ -171,6 +171,7 @@ def test_simulation_values():
         'step_s': '0.25',
         'step_limit': 'advection',
         'step_stages': '1',
+        'highest_temperature_c': '-273.15',
     }
 
 

@@ -14,6 +14,7 @@
 
 """Points, lines and areas of others on a terrain; barriers, a low-pass filter and finer cells."""
 
+from dataclasses import replace
 import json
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,11 @@ from rasterio.warp import transform
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.rasters import seen_in_file
-from lava_ros.scene import Terrain
-from lava_ros.scene.features import read_features
+from lava_ros.maps.gis import write_grid
+from lava_ros.scene import Scene, scene_to_dict, Terrain
+from lava_ros.scene.features import load_features, read_features
 from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier
+from lava_ros.scene.terrain_files import barrier_tags, load_terrain
 from lava_ros.simulation.terrain import ringed_heights
 
 #: A square kilometre on the central meridian of UTM zone 33.
@@ -91,6 +94,23 @@ def test_geojson(tmp_path: Path) -> None:
     first, second = read_features('--overlay', path, TERRAIN)
     np.testing.assert_allclose(first.rings[0], [[1, 2], [3, 4]], atol=1e-6)
     np.testing.assert_allclose(second.rings[0], [[5, 6], [7, 8]], atol=1e-6)
+
+
+def test_features_without_a_geometry_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The others are read; errors and warnings have the name of the feature."""
+    path = features(tmp_path / 'a.geojson', of={'gone': None})
+    with pytest.raises(LavaError, match='at least one point'):
+        read_features('--overlay', path, TERRAIN)
+    assert 'feature 0 (gone) has no geometry and is left out' in caplog.text
+    point = {'type': 'Point', 'coordinates': DEGREES}
+    path = features(tmp_path / 'a.geojson', of={'gone': None, 'here': point})
+    (found,) = load_features('--overlay', path)
+    assert (found.name, found.system) == ('here', 'EPSG:4326')
+    np.testing.assert_allclose(found.on(TERRAIN).rings[0], METRES, atol=1e-3)
+    with pytest.raises(LavaError, match=r'feature 1 \(here\) is .*no coordinate system'):
+        found.on(Terrain(np.zeros((5, 5)), 10.0))
 
 
 def test_a_geopackage(tmp_path: Path) -> None:
@@ -179,6 +199,58 @@ def test_thin_barrier_has_no_gap() -> None:
         assert len(columns)
         # the parts of two rows overlap: no way leads through between them
         assert set(columns) & set(following)
+
+
+@pytest.mark.parametrize('width', [8.0, 30.0])
+def test_barrier_takes_the_earth_of_its_cross_section(
+    width: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """On fine cells the ground has as much; a crest that cells have to widen is told."""
+    barrier = Barrier(((140.0, 500.0), (861.0, 500.0)), height=12.0, width=width)
+    volumes = {}
+    for cell in (1.0, 10.0):
+        ground = Terrain(np.zeros((int(1000 / cell), int(1000 / cell))), cell)
+        caplog.clear()
+        added = with_barrier(ground, barrier).elevation
+        volumes[cell] = float(added.sum(dtype=float)) * cell**2
+        is_widened = bool(width < np.sqrt(2.0) * cell)
+        assert is_widened is ('becomes 14.1 m wide on cells of 10 m' in caplog.text)
+    assert barrier.volume == pytest.approx(volumes[1.0], rel=1e-3)
+    assert (barrier.volume < 0.8 * volumes[10.0]) is (width < 10.0)
+
+
+@pytest.mark.parametrize('ending', ['.tif', '.npz'])
+def test_barriers_stay_with_the_file_of_their_ground(
+    tmp_path: Path, ending: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What reads the file draws them; damage and another system are told, and nothing worse."""
+    line = (_place(100, 100), _place(300, 100), _place(300, 300))
+    dam = with_barrier(GROUND, Barrier(line, 8.0, 20.0))
+    dam = with_barrier(dam, Barrier(line[:2], 9.0, 20.0))
+    path = tmp_path / f'dam{ending}'
+
+    def write(tags: dict[str, str], epsg: int = 32633) -> Terrain:
+        if ending == '.tif':
+            write_grid(
+                path, dam.elevation, replace(dam, epsg=epsg), unit='m', meaning='', tags=tags
+            )
+        else:
+            known = {name: getattr(dam, name) for name in ('elevation', 'resolution', 'offset')}
+            np.savez(path, **known, **tags, epsg=epsg)
+        return load_terrain(path)
+
+    tags = barrier_tags(dam)
+    assert write(tags).barriers == (line, line[:2]) == finer(dam, 2).barriers
+    assert write(barrier_tags(GROUND)).barriers == ()
+    for wrong, epsg in (
+        (tags, 32634), (dict.fromkeys(tags, '{'), 32633), (dict.fromkeys(tags, '[1]'), 32633),
+        (dict.fromkeys(tags, '{"epsg": 32633, "crests": [[[1, 2]]]}'), 32633),
+    ):
+        caplog.clear()
+        assert write(wrong, epsg).barriers == ()
+        assert 'maps will not show its barriers' in caplog.text
+    told = scene_to_dict(Scene(dam))['terrain']['barriers']
+    assert told == [[list(place) for place in crest] for crest in dam.barriers]
 
 
 def test_corners_and_turned_barriers() -> None:

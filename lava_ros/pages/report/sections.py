@@ -27,6 +27,7 @@ from lava_ros.maps.arrival import rounding
 from lava_ros.maps.frames import Recording
 from lava_ros.maps.layers import DEPTHS, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
 from lava_ros.maps.numbers import percent, seconds
+from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.survey import Survey
 from lava_ros.simulation.accuracy import COVERED
@@ -242,6 +243,18 @@ def rounding_note(survey: Survey) -> str:
             notes.append(f'{layer.name} in steps of {step:g} {unit}')
     text = ', '.join(notes)
     return f'<p class="note">Recorded as grids: {escape(text)}.</p>' if notes else ''
+
+
+def places_section(tables: Mapping[str, ArrivalTable]) -> str:
+    """When lava arrives at places, of each run by its name; empty without any run."""
+    if not tables:
+        return ''
+    html = '<section aria-labelledby="places-title"><h2 id="places-title">Arrival at places</h2>'
+    for name, table in tables.items():
+        head, *rows = table.as_texts()
+        heading = f'<h3>{escape(name)}</h3>' if len(tables) > 1 else ''
+        html += f'{heading}<p class="note">{escape(table.summary)}.</p>{_table(head, rows)}'
+    return html + '</section>'
 
 
 def _table(
