@@ -225,6 +225,7 @@ def test_weights_of_members_count(ensemble: Path, tmp_path: Path) -> None:
         '--horizon', '3min', '--workers', 1, '--device', 'cpu',
         '--observed', tmp_path / 'seen.geojson', '--observed-at', '2min',
     )
+    ensemble = ensemble / 'weighted'
     found = table(ensemble, write_places(tmp_path / 'a.geojson'), folder=tmp_path)
     likely = values_at(ensemble / 'inundation_probability.tif', POINTS)
     assert any(value % (100.0 / 6) > 0.1 for value in likely.values())
