@@ -346,8 +346,7 @@ def take(simulation: 'Simulation') -> Checkpoint:
     vents, counted = simulation._counted
     is_counted = [vents is simulation._vents and n in counted for n in range(len(vents.vents))]
     arrays['vents.counted'] = np.array(is_counted, dtype=np.int32)
-    if simulation._notes_arrival:
-        arrays['arrived.times'] = simulation._state.arrived.numpy()
+    arrays['arrived.times'] = simulation._state.arrived.numpy().copy()
     for effect, step in simulation._after_step.items():
         if hasattr(step, 'save'):
             arrays |= {f'{effect}.{name}': array for name, array in step.save().items()}
@@ -393,12 +392,13 @@ def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
         is_counted = fitting('vents.counted', vents['counted'], shape, np.int32)
         counted = np.flatnonzero(is_counted).tolist()
     simulation._counted = simulation._vents, set(counted)
-    if simulation._notes_arrival:
-        target, times = simulation._state.arrived, parts.pop('arrived')['times']
-        target.assign(fitting('arrived.times', times, target.shape, np.float32))
     for effect, step in simulation._after_step.items():
         if hasattr(step, 'load'):
             step.load(parts.pop(effect, {}))
+    # what was written without times has those of the first steps that follow
+    if 'arrived' in parts:
+        target, times = simulation._state.arrived, parts.pop('arrived').get('times')
+        target.assign(fitting('arrived.times', times, target.shape, np.float32))
     if parts:
         raise LavaError('checkpoint.arrays', sorted(parts), 'those of the effects that are on')
     if simulation.time != checkpoint.time:

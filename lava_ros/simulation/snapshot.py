@@ -60,8 +60,8 @@ class Snapshot:
         steps: The time stepping so far.
         frozen: The frozen part of ``thickness`` [m], float32, same shape; None without
             solidification.
-        arrived: Time at which lava from ``COVERED`` on came to a cell, to a step [s], float32,
-            same shape, NaN where it has not come; None where that is not noted.
+        arrived: Time of the end of the step in which lava reached a cell (``own_ground.py``) [s],
+            float32, same shape, NaN where it has not; None in a snapshot made of maps without it.
     """
 
     time: float
