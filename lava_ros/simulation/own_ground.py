@@ -41,7 +41,7 @@ def cells_function(real: Any) -> Any:
     vec4 = wp.types.vector(4, real)
 
     @wp.func
-    def cells_of(p: vec4, thickness: real, ground: ground_type(real)) -> wp.vec4i:
+    def cells_of(p: vec4, thickness: real, ground: ground_type(real)):
         inverse = real(1.0) / ground.resolution
         x, y = (p[0] - ground.x0) * inverse, (p[1] - ground.y0) * inverse
         # a square that is a cell less reaches into the cells whose middle the whole one has

@@ -323,7 +323,8 @@ class Simulation:
 
     def looks(self, threshold: float, most: int) -> Looks:
         """Make ready for ``most`` looks at lava from ``threshold`` [m] on (``looking``)."""
-        return Looks(self.scene.terrain.shape, threshold, most, self._device)
+        noted = self._state.arrived if math.isclose(threshold, COVERED) else None
+        return Looks(self.scene.terrain.shape, threshold, most, self._device, noted=noted)
 
     def looking(self, looks: Looks) -> Iterator[None]:
         """Take a look as ``look`` does, in parts as ``advancing``."""

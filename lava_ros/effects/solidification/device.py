@@ -117,7 +117,8 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     def common(first: wp.float64, last: wp.float64, n: int) -> wp.float64:
         """Length that an interval has in common with the n-th cell [cells]."""
         start = wp.float64(n)
-        return wp.max(wp.min(last, start + wp.float64(1.0)) - wp.max(first, start), wp.float64(0.0))
+        end = wp.min(last, start + wp.float64(1.0))
+        return wp.max(end - wp.max(first, start), wp.float64(0.0))
 
     @wp.func
     def is_shown(m: arguments_type(real), row: int, column: int, is_reached: bool) -> bool:
