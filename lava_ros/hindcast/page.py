@@ -29,7 +29,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import ExpectedError
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings
-from lava_ros.hindcast.score import covered_by, Score
+from lava_ros.hindcast.score import Score
 from lava_ros.maps.gis import NODATA_BYTE, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.sheet import draw_sheet, Panel
@@ -37,6 +37,7 @@ from lava_ros.pages.report.page import write_still
 from lava_ros.pages.runs import system_words
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import Material
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.selection import Decision
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -88,8 +89,9 @@ def facts(
         'fit, its root': f'{judged.fit:.3f}',
         'recall': f'{judged.recall:.3f}',
         'precision': f'{judged.precision:.3f}',
-        'area': f'{judged.area / 1e6:.3g} of {judged.mapped_area / 1e6:.3g} km² '
+        'inundated area': f'{judged.area / 1e6:.3f} of {judged.mapped_area / 1e6:.3f} km² '
         f'({100 * judged.area_error:+.0f} %)',
+        'standing lava': f'{judged.standing_area / 1e6:.3f} km² at the end',
         'length': f'{judged.length / 1e3:.3g} of {judged.mapped_length / 1e3:.3g} km '
         f'({100 * judged.length_error:+.0f} %)',
         'volume': f'{judged.volume / 1e6:.3g} million m³',
@@ -156,7 +158,7 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         'elevation': f'{terrain.shape[0]} x {terrain.shape[1]} cells of {terrain.resolution:g} m'
         + (f', smoothed over {case.low_pass:g} m' if case.low_pass else '')
         + (f', simulated on cells of {cell:g} m' if cell != terrain.resolution else ''),
-        'covered means': 'lava at least 0.1 m thick reached the cell',
+        'inundated area': f'all cells that lava at least {COVERED:g} m thick has reached',
         'events': events or 'none',
         'preset': f'{settings.preset}: particles {accuracy.spacing:g} m apart where the flow is '
         f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',
@@ -183,7 +185,7 @@ NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA_BYTE
 def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
     """Hits, misses and false alarms, uint8, shape [rows, columns]."""
     table = np.array([[NEITHER, MISS], [FALSE_ALARM, HIT]], np.uint8)
-    codes = table[covered_by(snapshot).astype(int), footprint.astype(int)]
+    codes = table[snapshot.inundated.astype(int), footprint.astype(int)]
     codes[~snapshot.terrain.has_data & ~footprint] = UNKNOWN
     return codes
 
@@ -201,13 +203,13 @@ def write_maps(
     dry = np.where(terrain.has_data, 0.0, np.nan)
     thickness = np.where(terrain.has_data, snapshot.thickness, np.nan)
     maps = {
-        'thickness': (thickness, 'm', 'thickness of the lava at the end; 0: none'),
+        'thickness': (thickness, 'm', 'thickness of the standing lava at the end; 0: none'),
         'peak_thickness': (result.peak + dry, 'm', 'largest thickness in any map; 0: none'),
-        'arrival': (snapshot.arrived, 's', 'time when lava came; no data: none came'),
+        'arrival': (snapshot.arrived, 's', 'time when lava reached the cell; no data: never'),
         'temperature': (snapshot.temperature - 273.15, 'degC', 'temperature; no data: no lava'),
     }
     if several is not None:
-        meaning = f'share of {len(several.scores)} runs whose lava came there'
+        meaning = f'fraction of {len(several.scores)} runs that inundate the cell'
         maps['runs'] = (several.share + dry, '1', meaning)
     codes = comparison(snapshot, case.footprint)
     maps['comparison'] = (codes, '1', '0: neither, 1: hit, 2: miss, 3: false alarm')

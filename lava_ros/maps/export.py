@@ -28,6 +28,7 @@ from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import inundated_cells
 
 #: What can be exported.
 MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
@@ -41,11 +42,11 @@ _SOURCES = {'height': THICKNESS, 'temperature': 'temperature', 'hazard': 'hazard
 
 #: Units and meanings of the maps.
 _MEANINGS = {
-    'height': ('m', 'thickness of the lava; no data: no lava'),
+    'height': ('m', 'thickness of the standing lava; no data: no lava'),
     'temperature': ('degC', 'temperature of the lava; no data: no lava'),
-    'hazard': ('1', 'hazard; 0: no lava, 1 to 99: burial and heat combined, 100: lethal'),
+    'hazard': ('1', 'hazard index; 0: no lava so far, 50: lava has drained away, 100: lethal'),
     'arrival': (
-        's', 'simulated time at which lava as thick as the threshold came; no data: it did not'
+        's', 'simulated time at which lava of the threshold reached the cell; no data: never'
     ),
     'peak_height': ('m', 'largest thickness of the lava in any map; no data: no lava'),
 }
@@ -142,7 +143,7 @@ def export_bag(
     for name in ('arrival', 'peak_height'):
         if name in maps and history.frame is not None:
             writer.write_history(name, history.frame, history)
-    writer.finish()
+    writer.finish(last, history)
     if not writer.written:
         have = sorted({layer.source for layer in recording.layers.values()})
         raise LavaError('maps', ', '.join(maps), f'maps of what the bag has: {", ".join(have)}')
@@ -251,14 +252,21 @@ class _Writer:
             self.written.append(path)
             gis.write_style(path, name, values)
 
-    def finish(self) -> None:
-        """Write the newest maps in the formats that have them in one file."""
+    def finish(self, frame: Frame, history: Arrival) -> None:
+        """Write the newest maps in the formats that have them in one file.
+
+        The outline is that of the inundated area up to the frame; where the bag does not say, that
+        of the lava that stands then.
+        """
         if self.place is None:
             return
         layers: dict[str, list[dict[str, Any]]] = {}
-        if 'height' in self.newest:
-            covered = np.nan_to_num(self.newest['height'][0]) >= COVERED
-            layers['outline'] = gis.area(covered, self.place, from_m=COVERED)
+        cells, name = frame.inundated, 'inundated area'
+        if cells is None and history.times is not None and self.threshold == COVERED:
+            cells = inundated_cells(history.times)
+        if cells is None:
+            cells, name = frame.standing, 'standing lava'
+        layers['outline'] = gis.area(cells, self.place, shows=name, from_m=COVERED)
         if 'arrival' in self.newest:
             layers['isochrones'] = gis.isochrones(self.newest['arrival'][0], self.place)
         self.written += gis.write_formats(

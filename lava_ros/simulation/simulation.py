@@ -514,7 +514,6 @@ class Simulation:
         snapshot = self.snapshot()
         columns = measure_columns(snapshot, sample)
         distance = float(np.median(np.sqrt(columns.volume / columns.thickness)))
-        area = np.count_nonzero(np.nan_to_num(snapshot.thickness) >= COVERED)
         terrain = self.scene.terrain
         sources = np.reshape([vent.position for vent in self.scene.vents], (-1, 2))
         heights = terrain.elevations_at(np.concatenate([sample.position, sources]))
@@ -526,7 +525,7 @@ class Simulation:
             kernel_radius=self.radius,
             duration=max(self._horizon, self.time),
             is_measured=True,
-            is_extended=is_extended(area * terrain.resolution**2, distance),
+            is_extended=is_extended(snapshot.area(snapshot.standing), distance),
         )
 
     def _watch(self, *, is_due: bool = False) -> None:

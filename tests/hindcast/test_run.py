@@ -27,7 +27,7 @@ from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
 from lava_ros.hindcast.replicates import agreement, Direction, directions, run_replicates
 from lava_ros.hindcast.run import Run, Settings, simulate
-from lava_ros.hindcast.score import covered_by, judge
+from lava_ros.hindcast.score import judge
 from lava_ros.scene import Terrain
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
@@ -56,7 +56,7 @@ def test_lava_comes_down_the_valley(valley: Case) -> None:
     assert all(0.0 <= time - due <= 60.0 for time, due in zip(times, dues, strict=True))
     assert times[-1] == valley.duration
     result = run.result()
-    judged = judge(valley, result.snapshot.thickness, covered_by(result.snapshot))
+    judged = judge(valley, result.snapshot.thickness, result.snapshot.inundated)
     assert judged.jaccard > 0.3
     budget = result.snapshot.budget
     assert budget.emitted == pytest.approx(valley.volume)

@@ -75,7 +75,13 @@ def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
     last = recording.timeline.last_run[-1]
     rows = [
         ('simulated', duration(last.time)),
-        (f'covered by {COVERED:g} m or more', area_words(survey.area[-1])),
+        *(
+            (f'{name}, {COVERED:g} m or more', area_words(area))
+            for name, area in (
+                ('inundated area', survey.inundated[-1]), ('standing lava', survey.standing[-1])
+            )
+            if math.isfinite(area)
+        ),
     ]
     thickest = survey.frame.thickest
     if math.isfinite(thickest):
@@ -155,11 +161,11 @@ def hazard_legend(recording: Recording) -> str:
 
 
 def depth_table(survey: Survey) -> str:
-    """How much ground lava covers how deeply at the end, in classes that people can picture."""
+    """Area of the lava that stands at the end by its depth, in classes that people can picture."""
     thickness = survey.frame.layers.get('thickness')
     if thickness is None:
         return ''
-    depth = thickness.values[survey.frame.covered]
+    depth = thickness.values[survey.frame.standing]
     counts = np.histogram(depth, [0.0, *DEPTHS, np.inf])[0]
     names = ('up to the knee', "up to somebody's height", 'up to a roof', 'over a roof')
     ends = [f'below {DEPTHS[0]:g} m', *(f'{a:g} to {b:g} m' for a, b in pairwise(DEPTHS))]
