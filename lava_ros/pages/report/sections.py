@@ -25,7 +25,7 @@ import yaml
 
 from lava_ros.maps.arrival import rounding
 from lava_ros.maps.frames import Recording
-from lava_ros.maps.layers import DEPTHS, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
+from lava_ros.maps.layers import DEPTHS, DRAINED, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
 from lava_ros.maps.numbers import percent, seconds
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.survey import Survey
@@ -146,14 +146,16 @@ def hazard_legend(recording: Recording) -> str:
         for kelvin in (limits.lethal_temperature, limits.safe_temperature)
     )
     return _table(
-        ('hazard', 'meaning'),
+        ('hazard index', 'meaning'),
         [
             ('-1', 'outside the terrain: unknown'),
-            ('0', 'no lava'),
+            ('0', 'no lava so far'),
+            (str(DRAINED), 'lava has been here and drained away: hot ground or crust'),
             (
                 '1 .. 99',
-                f'lava: burial, from 0 to {limits.lethal_thickness:g} m, and heat, from {safe} to '
-                f'{lethal}, as if they struck independently',
+                f'lava cooler than {lethal}, which freezes long before: burial, from 0 to '
+                f'{limits.lethal_thickness:g} m, and heat, from {safe} to {lethal}, as if they '
+                'struck independently',
             ),
             ('100', f'lethal: {limits.lethal_thickness:g} m of lava or more, or {lethal} or more'),
         ],
