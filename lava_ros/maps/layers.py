@@ -195,9 +195,10 @@ class Layer:
     def raw_values(self, snapshot: 'Shown') -> np.ndarray:
         """Return the layer's quantity on the terrain's cells; LavaError if it shows several.
 
-        float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard index (``DRAINED``
-        where lava has been) or probability 0..100, arrival [s], or time [s] of it. Dry cells are 0, or NaN for temperature and both of
-        these; cells of which nothing is known, as outside the terrain, are NaN, and for the
+        float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard index
+        (``DRAINED`` where lava has been) or probability 0..100, arrival [s], or time [s] of it.
+        Dry cells are 0, or NaN for temperature and both of these; cells of which nothing is known,
+        as outside the terrain, are NaN, and for the
         arrival ``UNKNOWN``.
         """
         if self.source == ARRIVED:

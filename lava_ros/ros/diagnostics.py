@@ -91,8 +91,6 @@ def simulation_status(
         }
     if snapshot is not None:
         values |= snapshot_values(snapshot, frame_stamp_ns)
-        values['inundated_area_m2'] = repr(snapshot.area(snapshot.inundated))
-        values['standing_area_m2'] = repr(snapshot.area(snapshot.standing))
     if not is_active:
         message = f'inactive: {message}'
     return status('simulation', level, message, values)
@@ -101,10 +99,14 @@ def simulation_status(
 def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
     """The values of a status for a snapshot; ``stamp_ns`` is the stamp of its maps [ns]."""
     steps = snapshot.steps
+    areas = {'standing_area_m2': repr(snapshot.area(snapshot.standing))}
+    if snapshot.arrived is not None:
+        areas['inundated_area_m2'] = repr(snapshot.area(snapshot.inundated))
     return {
         'simulated_time_s': repr(snapshot.time),
         'frame_stamp_ns': stamp_ns,
         'particles': snapshot.particle_count,
+        **areas,
         **snapshot.budget.texts(),
         'steps': steps.count,
         'step_s': f'{steps.length:.6g}',

@@ -107,7 +107,7 @@ def motion_function(
     vec4 = wp.types.vector(4, real)
     temperature_after = temperature_function(real, effects)
     heats = temperature_after is not None
-    note = note_function(real)
+    note = note_function(real, False)
     has_age = effects.any('needs_age')
     falls = 'viscous_heating' in effects
 

@@ -16,8 +16,8 @@
 
 A particle of volume V and thickness h stands for the square of side sqrt(V / h) around it. Lava
 has reached a cell when its middle was in the square of a particle, or a particle was in the cell,
-at the end of a time step, and the lava there was at least ``COVERED`` thick
-(docs/MODEL.md). This does not depend on when maps are drawn.
+at the end of a time step, and the lava there was at least ``COVERED`` thick, or came out of a
+vent there (docs/MODEL.md). This does not depend on when maps are drawn.
 """
 
 from functools import lru_cache
@@ -57,17 +57,18 @@ def cells_function(real: Any) -> Any:
 
 
 @lru_cache
-def note_function(real: Any) -> Any:
+def note_function(real: Any, is_new: bool) -> Any:
     """Return the device function that notes the time in cells that lava has not reached before.
 
-    Threads that meet in a cell write the same time.
+    They are the cells of a particle's own square, or its own cell alone where it ``is_new`` and
+    has no thickness yet. Threads that meet in a cell write the same time.
     """
     vec4 = wp.types.vector(4, real)
     cells_of = cells_function(real)
 
     @wp.func
     def note(p: vec4, thickness: real, m: arguments_type(real)):
-        if thickness >= real(wp.static(COVERED)):
+        if wp.static(is_new) or thickness >= real(wp.static(COVERED)):
             cells = cells_of(p, thickness, m.ground)
             time = wp.float32(m.clock[at.TIME])
             for row in range(cells[0], cells[1]):
