@@ -76,7 +76,7 @@ def test_an_even_layer_freezes_into_an_even_layer(device, precision):
     assert exact.sum() * 100.0 == pytest.approx(120000.0, rel=1e-12)
     raised = raised_in(simulation)
     for shown in (snapshot.frozen, raised):
-        inside = shown[13:27, 18:42]
+        inside = shown[14:26, 19:41]
         assert inside == pytest.approx(np.full_like(inside, 2.0), abs=1e-3)
     assert (snapshot.temperature[snapshot.frozen > 0.0] == 1200.0).all()
     assert np.array_equal(snapshot.thickness, snapshot.frozen)

@@ -27,9 +27,10 @@ seen, and which of them freezes first would decide where the lava after them tur
 most the kernel radius. The column leaves the set of particles; what froze is summed in
 ``State.frozen``.
 
-Maps show the column where it stood, not as wide as the ground is raised: its volume is shared out
-to the cells with data that lava has reached (``own_ground.py``), by the area that they have in
-common with the column's own square. No lava is then shown on ground that none has reached.
+Maps show the column where it stood: its volume is shared out to the cells with data that lava has
+reached (``own_ground.py``), by the area that they have in common with the column's own square. The
+square is at least as wide as maps smooth the fluid, or columns that lie at random would leave gaps
+and peaks. No lava is shown on ground that none has reached.
 
 What has frozen is kept apart from the ground in whole parts of 2^-44 m: sums of integers have no
 order, so runs are the same to the bit, and a float32 of the elevation does not wear off deposits.
@@ -57,8 +58,9 @@ from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_f
 #: allow, narrower runs that differ in their last digits part sooner.
 _LEAST = 0.65
 
-#: Half the side of the smallest square that a column is shown on [cells].
-_MIN_HALF = 1e-6
+#: Half the least side of the square that a column is shown on, over the kernel radius: the fluid's
+#: maps have that width too, and smaller squares leave gaps where few columns froze.
+_LEAST_SHOWN = 0.75
 
 #: What the frozen lava's thickness is counted in [m]; its largest thickness is 2^63 of them.
 _PART = 2.0**-44
@@ -145,13 +147,14 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         i: int,
         p: vec4,
         m: arguments_type(real),
+        widest: wp.float64,
         frame: ground_type(wp.float64),
         placed: wp.array2d(dtype=wp.int64),
     ):
-        """Share a column out to the cells of its own square."""
+        """Share a column out to the cells of its square."""
         half = wp.float64(0.5) * wp.sqrt(wp.float64(p[2]) / wp.float64(m.flow[i][0]))
-        # a smaller square than this would have no cell to itself by rounding
-        half = wp.max(half / frame.resolution, wp.float64(wp.static(_MIN_HALF)))
+        half = wp.max(half, wp.float64(wp.static(1.5 * _LEAST_SHOWN)) * widest) / frame.resolution
+        half = wp.max(half, wp.float64(0.5))
         x = (wp.float64(p[0]) - frame.x0) / frame.resolution
         y = (wp.float64(p[1]) - frame.y0) / frame.resolution
         south = wp.max(int(wp.floor(y - half)), 0)
@@ -215,7 +218,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
             p = m.particle[i]
             # what is off the terrain has left
             if wp.float64(p[3]) < solidus and is_known(m.ground, p[0], p[1]):
-                place(i, p, m, frame, placed)
+                place(i, p, m, widest, frame, placed)
                 lay_down(i, p, m, widest, frame, deposit)
 
     @quick_kernel
@@ -318,7 +321,8 @@ class AfterStep:
         def moved(thickness: np.ndarray) -> np.ndarray:
             for axis in (0, 1):
                 thickness = _shared(thickness, before, terrain, axis)
-            return thickness
+            # sums of equal maps are equal in equal order
+            return np.ascontiguousarray(thickness)
 
         frozen = former.thickness()
         thickness = moved(frozen)
