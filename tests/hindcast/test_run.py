@@ -193,6 +193,26 @@ def test_maps_come_back_on_the_finer_cells() -> None:
     assert refined(snapshot, coarse, 1) is snapshot
 
 
+@pytest.mark.parametrize('shape', [(6, 8), (7, 9), (9, 6)])
+def test_refined_lava_stands_on_inundated_cells_and_keeps_its_volume(shape):
+    """Also where larger cells end in the middle of smaller ones."""
+    ground = Terrain(np.zeros(shape), 10.0)
+    coarse = coarsened(ground, 2)
+    arrived = np.full(coarse.shape, np.nan, np.float32)
+    arrived[1:3, 1:3] = 7.0
+    thickness = np.where(np.isfinite(arrived), 3.0, 0.0).astype(np.float32)
+    thickness[1, 1] = 1.0
+    snapshot = replace(
+        Snapshot(1.0, coarse, thickness, np.full_like(thickness, np.nan), None, 1, None),
+        arrived=arrived, frozen=thickness / 2.0,
+    )
+    fine = refined(snapshot, ground, 2)
+    assert not (fine.standing & ~fine.inundated).any() and fine.inundated.any()
+    for name in ('thickness', 'frozen'):
+        before, after = getattr(snapshot, name), getattr(fine, name)
+        assert after.sum() * 100.0 == pytest.approx(before.sum() * 400.0, rel=1e-6)
+
+
 #: Of several runs.
 TWO_MAPS = replace(SETTINGS, maps=2)
 
