@@ -137,6 +137,8 @@ def test_the_inundated_area_is_one(run):
     assert f'{area / 1e6:.3f} of ' in run.page and f'{area / 1e6:.3f} of ' in run.printed
     assert f'{area_words(area)} inundated' in run.plot['summary']
     assert f'<dt>inundated area, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
+    for path in (run.out / 'peak_thickness.tif', run.maps / 'peak_height.tif'):
+        assert (read_tif(path)[inundated] >= np.float32(0.1)).all()
     # ground that lava has reached is never safe again
     assert (run.bag.hazard[inundated] > 0).all()
     others = (run.bag.hazard > 0) & ~inundated

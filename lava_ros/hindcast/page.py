@@ -38,6 +38,7 @@ from lava_ros.pages.runs import system_words
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import Material
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import raise_peak
 from lava_ros.simulation.selection import Decision
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -202,9 +203,10 @@ def write_maps(
     assert snapshot.arrived is not None
     dry = np.where(terrain.has_data, 0.0, np.nan)
     thickness = np.where(terrain.has_data, snapshot.thickness, np.nan)
+    peak = raise_peak(result.peak, snapshot.arrived)
     maps = {
         'thickness': (thickness, 'm', 'thickness of the standing lava at the end; 0: none'),
-        'peak_thickness': (result.peak + dry, 'm', 'largest thickness in any map; 0: none'),
+        'peak_thickness': (peak + dry, 'm', 'largest thickness in any map; 0: none'),
         'arrival': (snapshot.arrived, 's', 'time when lava reached the cell; no data: never'),
         'temperature': (snapshot.temperature - 273.15, 'degC', 'temperature; no data: no lava'),
     }

@@ -28,7 +28,7 @@ from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.inundation import inundated_cells
+from lava_ros.simulation.inundation import inundated_cells, raise_peak
 
 #: What can be exported.
 MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
@@ -232,7 +232,10 @@ class _Writer:
             values = history.times.astype(np.float32)
         else:
             tags['saturated'] = 'yes' if history.is_saturated else 'no'
-            values = np.where(history.peak > 0.0, history.peak, np.float32(np.nan))
+            peak = history.peak
+            if history.is_noted:
+                peak = raise_peak(peak, history.times)
+            values = np.where(peak > 0.0, peak, np.float32(np.nan))
         self._write(name, values, frame, f'{name}.tif', tags)
 
     def _write(

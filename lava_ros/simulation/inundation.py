@@ -35,6 +35,22 @@ def inundated_cells(arrived: np.ndarray) -> np.ndarray:
     return np.isfinite(arrived)
 
 
+def raise_peak(peak: np.ndarray, arrived: np.ndarray) -> np.ndarray:
+    """Return the largest thickness of maps, at least ``COVERED`` in inundated cells.
+
+    Lava may come and drain away between two maps.
+
+    Args:
+        peak: Largest thickness in any map [m], any shape.
+        arrived: Time at which lava reached each cell [s], NaN where it has not, same shape.
+
+    Returns:
+        Largest thickness [m], float32, same shape.
+    """
+    least = np.where(inundated_cells(arrived), np.float32(COVERED), np.float32(0.0))
+    return np.fmax(peak, least).astype(np.float32)
+
+
 def standing_cells(thickness: np.ndarray, least: float = COVERED) -> np.ndarray:
     """Return the cells with lava now, flowing or solidified.
 

@@ -248,8 +248,11 @@ def _write(
                 share = place / wp.float64(looks.last[i, j])
         before = looks.times[wp.max(look - 2, 0)]
         arrival = before + share * (looks.times[look - 1] - before)
-    thickness, temperature = looks.thickness[i, j], looks.temperature[i, j]
-    shown[thread] = wp.vec3d(arrival, wp.float64(thickness), wp.float64(temperature))
+    thickness = wp.float64(looks.thickness[i, j])
+    # what has come and gone between two looks was as thick as the threshold
+    if looks.noted.shape[0] > 0 and arrival > looks.times[0]:
+        thickness = wp.max(thickness, wp.float64(looks.threshold))
+    shown[thread] = wp.vec3d(arrival, thickness, wp.float64(looks.temperature[i, j]))
 
 
 class Seen(NamedTuple):
