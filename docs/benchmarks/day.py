@@ -90,7 +90,8 @@ def main():
     }
     finest = inundated[min(COURANT)]
     for courant, found in ends.items():
-        pairs = [(one, other) for one in inundated[courant] for other in finest if one is not other]
+        here = inundated[courant]
+        pairs = [(one, other) for one in here for other in finest if one is not other]
         quantities = {
             ('wall time', 's'): [taken for taken, _ in found],
             ('particles', '1'): [snapshot.particle_count for _, snapshot in found],
