@@ -17,15 +17,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.effects import EFFECTS, laws, possible
-from lava_ros.effects.effect import check_fields, number, with_fields
+from lava_ros.effects.effect import check_fields, join_names, number, with_fields
 from lava_ros.errors import LavaError
 
 
 @dataclass(frozen=True)
-@with_fields({key: item for one in EFFECTS.values() for key, item in one.constants.items()})
+@with_fields(partial(join_names, 'constants', EFFECTS))
 class Lava:
     """Material constants; each field says what it is, in which unit and within which limits.
 

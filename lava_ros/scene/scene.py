@@ -16,13 +16,14 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from functools import partial
 import logging
 from pathlib import Path
 from typing import Any
 
 from lava_ros import validation
 from lava_ros.effects import EFFECTS, possible
-from lava_ros.effects.effect import check_fields, number, with_fields
+from lava_ros.effects.effect import check_fields, join_names, number, with_fields
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
@@ -46,7 +47,7 @@ KELVIN = 273.15
 
 
 @dataclass(frozen=True, eq=False)
-@with_fields({key: item for one in EFFECTS.values() for key, item in one.environment.items()})
+@with_fields(partial(join_names, 'environment', EFFECTS))
 class Scene:
     """Everything a simulation needs to know about the world.
 
