@@ -75,7 +75,7 @@ STYLES = {
         ('#1c1014', '#5b0f14', '#a11d12', '#dc4a10', '#f79420', '#fee08a', '#fffbe6'),
     ),
     'hazard': Style(
-        'Hazard', '0 no lava, 100 lethal',
+        'Hazard', '50 lava has drained away, 100 lethal',
         ('#ffffb2', '#fed976', '#feb24c', '#fd8d3c', '#f03b20', '#a50026'),
     ),
     'arrival': Style(
