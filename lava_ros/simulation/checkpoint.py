@@ -41,6 +41,7 @@ from lava_ros.files.yaml import parse_json
 from lava_ros.scene import ENVIRONMENT, Lava, Scene, scene_to_dict, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
+from lava_ros.simulation.inundation import standing_cells
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
@@ -395,10 +396,14 @@ def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
     for effect, step in simulation._after_step.items():
         if hasattr(step, 'load'):
             step.load(parts.pop(effect, {}))
-    # what was written without times has those of the first steps that follow
+    target = simulation._state.arrived
     if 'arrived' in parts:
-        target, times = simulation._state.arrived, parts.pop('arrived').get('times')
+        times = parts.pop('arrived').get('times')
         target.assign(fitting('arrived.times', times, target.shape, np.float32))
+    elif 'solidification' in simulation._after_step:
+        # written without times: lava that flows has those of the next step
+        frozen = standing_cells(simulation._after_step['solidification'].thickness())
+        target.assign(np.where(frozen, np.float32(checkpoint.time), np.float32(-1.0)))
     if parts:
         raise LavaError('checkpoint.arrays', sorted(parts), 'those of the effects that are on')
     if simulation.time != checkpoint.time:
