@@ -49,7 +49,7 @@ from lava_ros.hindcast.expected_error import estimate_error, ExpectedError
 from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
 from lava_ros.hindcast.replicates import agreement, MOST, run_replicates
 from lava_ros.hindcast.run import Result, Run, Settings, UNFINISHED
-from lava_ros.hindcast.score import covered_by, judge, Score
+from lava_ros.hindcast.score import judge, Score
 from lava_ros.hindcast.tables import VentRow
 from lava_ros.hindcast.unknowns import unknowns_of
 from lava_ros.maps.plot import duration
@@ -108,7 +108,7 @@ def hindcast(args: argparse.Namespace) -> int:
         for share, _ in run.snapshots():
             progress.show(duration(share * case.duration), share)
     result = run.result()
-    judged = judge(case, result.snapshot.thickness, covered_by(result.snapshot))
+    judged = judge(case, result.snapshot.thickness, result.snapshot.inundated)
     several = None
     if runs > 1:
         with Progress() as progress:

@@ -29,7 +29,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import ExpectedError
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings
-from lava_ros.hindcast.score import covered_by, Score
+from lava_ros.hindcast.score import Score
 from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.raster_layers import NODATA
@@ -39,6 +39,7 @@ from lava_ros.pages.runs import system_words
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import raise_peak
 from lava_ros.simulation.selection import Decision
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -88,8 +89,9 @@ def facts(
         'fit, its root': f'{judged.fit:.3f}',
         'recall': f'{judged.recall:.3f}',
         'precision': f'{judged.precision:.3f}',
-        'area': f'{judged.area / 1e6:.3g} of {judged.mapped_area / 1e6:.3g} km² '
+        'inundated area': f'{judged.area / 1e6:.3f} of {judged.mapped_area / 1e6:.3f} km² '
         f'({100 * judged.area_error:+.0f} %)',
+        'standing lava': f'{judged.standing_area / 1e6:.3f} km² at the end',
         'length': f'{judged.length / 1e3:.3g} of {judged.mapped_length / 1e3:.3g} km '
         f'({100 * judged.length_error:+.0f} %)',
         'volume': f'{judged.volume / 1e6:.3g} million m³',
@@ -170,7 +172,7 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         'elevation': f'{terrain.shape[0]} x {terrain.shape[1]} cells of {terrain.resolution:g} m'
         + (f', smoothed over {case.low_pass:g} m' if case.low_pass else '')
         + (f', simulated on cells of {cell:g} m' if cell != terrain.resolution else ''),
-        'covered means': 'lava at least 0.1 m thick reached the cell',
+        'inundated area': f'all cells that lava at least {COVERED:g} m thick has reached',
         'events': events or 'none',
         'preset': f'{settings.preset}: particles {accuracy.spacing:g} m apart where the flow is '
         f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',
@@ -197,7 +199,7 @@ NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA
 def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
     """Hits, misses and false alarms, int16, shape [rows, columns]."""
     table = np.array([[NEITHER, MISS], [FALSE_ALARM, HIT]], np.int16)
-    codes = table[covered_by(snapshot).astype(int), footprint.astype(int)]
+    codes = table[snapshot.inundated.astype(int), footprint.astype(int)]
     codes[~snapshot.terrain.has_data & ~footprint] = UNKNOWN
     return codes
 
@@ -219,7 +221,7 @@ def write_maps(
     codes = comparison(snapshot, case.footprint).astype(np.float32)
     maps = {
         'thickness': snapshot.thickness,
-        'peak_thickness': result.peak,
+        'peak_thickness': raise_peak(result.peak, snapshot.arrived),
         'arrival': snapshot.arrived,
         'temperature': snapshot.temperature - 273.15,
         'comparison': np.where(codes == UNKNOWN, np.float32(np.nan), codes),

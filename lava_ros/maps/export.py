@@ -31,6 +31,7 @@ from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.plot import time_note
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import inundated_cells, raise_peak
 
 _LOG = logging.getLogger(__name__)
 
@@ -140,7 +141,7 @@ def export_bag(
     for name in ('arrival', 'peak_height'):
         if name in maps and history.frame is not None:
             writer.write_history(name, history.frame, history)
-    writer.finish()
+    writer.finish(last, history)
     if not writer.written:
         have = sorted({layer.source for layer in recording.layers.values()})
         raise LavaError('maps', ', '.join(maps), f'maps of what the bag has: {", ".join(have)}')
@@ -245,6 +246,8 @@ class _Writer:
         else:
             tags['saturated'] = 'yes' if history.is_saturated else 'no'
             values = history.peak
+            if history.is_noted:
+                values = raise_peak(values, history.times)
         self._write(name, values, frame, f'{name}.tif', tags)
 
     def _write(
@@ -259,14 +262,21 @@ class _Writer:
             # the style belongs to its GeoTIFF
             self.written.append(files[0])
 
-    def finish(self) -> None:
-        """Write the newest maps in the formats that have them in one file."""
+    def finish(self, frame: Frame, history: Arrival) -> None:
+        """Write the newest maps in the formats that have them in one file.
+
+        The outline is that of the inundated area up to the frame; where the bag does not say, that
+        of the lava that stands then.
+        """
         if self.place is None:
             return
         layers: dict[str, list[dict[str, Any]]] = {}
-        if 'height' in self.newest:
-            covered = np.nan_to_num(self.newest['height']) >= COVERED
-            layers['outline'] = gis.area(covered, self.place, from_m=COVERED)
+        cells, name = frame.inundated, 'inundated area'
+        if cells is None and history.times is not None and self.threshold == COVERED:
+            cells = inundated_cells(history.times)
+        if cells is None:
+            cells, name = frame.standing, 'standing lava'
+        layers['outline'] = gis.area(cells, self.place, shows=name, from_m=COVERED)
         if 'arrival' in self.newest:
             layers['isochrones'] = gis.isochrones(self.newest['arrival'], self.place)
         self.written += gis.write_formats(

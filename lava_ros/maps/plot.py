@@ -84,7 +84,7 @@ STYLES = {
         ('#1c1014', '#5b0f14', '#a11d12', '#dc4a10', '#f79420', '#fee08a', '#fffbe6'),
     ),
     'hazard': Style(
-        'Hazard', '0 no lava, 100 lethal',
+        'Hazard', '50 lava has drained away, 100 lethal',
         ('#ffffb2', '#fed976', '#feb24c', '#fd8d3c', '#f03b20', '#a50026'),
     ),
     'arrival': Style(
@@ -126,8 +126,11 @@ _TIMES = (('d', 86_400.0), ('h', 3600.0), ('min', 60.0), ('s', 1.0))
 
 
 def titles(frame: Frame) -> tuple[str, str]:
-    """Title of a frame with its time, and a line with covered area and largest thickness."""
-    facts = [f'{area_words(frame.area)} covered' if frame.area else 'no lava']
+    """Title of a frame with its time, and a line with its areas and the largest thickness."""
+    sets = {'inundated': frame.inundated, 'standing lava': frame.standing}
+    areas = {name: frame.area(cells) for name, cells in sets.items() if cells is not None}
+    facts = [f'{area_words(area)} {name}' for name, area in areas.items() if area]
+    facts = facts or ['no lava']
     if math.isfinite(frame.thickest):
         prefix = 'over' if frame.layers['thickness'].is_saturated else 'up to'
         facts.append(f'{prefix} {frame.thickest:.3g} m thick')

@@ -79,7 +79,7 @@ def _arrival_quantile(percent: int) -> RasterLayer:
     )
 
 
-_THICKNESS = RasterLayer('thickness', 'm', 'lava thickness; no data: no lava')
+_THICKNESS = RasterLayer('thickness', 'm', 'thickness of the standing lava; no data: no lava')
 _PEAK = RasterLayer('thickness', 'm', 'largest lava thickness in any map; no data: no lava')
 
 #: All maps by name.
@@ -93,7 +93,7 @@ RASTER_LAYERS = {
     ),
     'hazard': RasterLayer(
         'hazard', '1',
-        'hazard index: 0: no lava, 1 to 99: burial and heat combined, 100: lethal; no data: '
+        'hazard index: 0: no lava so far, 50: lava has drained away, 100: lethal; no data: '
         'outside the terrain',
         is_whole=True,
     ),

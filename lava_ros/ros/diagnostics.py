@@ -34,7 +34,7 @@ from lava_ros.ros.session import Eruption, is_on
 from lava_ros.ros.sources import DeadlineChoice
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import temperature_doubts, Terrain
-from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import inundated_cells
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -92,7 +92,6 @@ def simulation_status(
         }
     if snapshot is not None:
         values |= snapshot_values(snapshot, frame_stamp_ns)
-        values['wet_cells'] = int((snapshot.thickness >= COVERED).sum())
     if not is_active:
         message = f'inactive: {message}'
     return status('simulation', level, message, values)
@@ -101,10 +100,14 @@ def simulation_status(
 def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
     """The values of a status for a snapshot; ``stamp_ns`` is the stamp of its maps [ns]."""
     steps = snapshot.steps
+    areas = {'standing_area_m2': repr(snapshot.area(snapshot.standing))}
+    if snapshot.arrived is not None:
+        areas['inundated_area_m2'] = repr(snapshot.area(snapshot.inundated))
     return {
         'simulated_time_s': repr(snapshot.time),
         'frame_stamp_ns': stamp_ns,
         'particles': snapshot.particle_count,
+        **areas,
         **snapshot.budget.texts(),
         'steps': steps.count,
         'step_s': f'{steps.length:.6g}',
@@ -157,7 +160,7 @@ def ahead_status(
         }
     if latest is not None and not is_ensemble:
         values['particles'] = latest.shown.particle_count
-        values['cells_reached'] = int(np.isfinite(latest.shown.arrival).sum())
+        values['cells_reached'] = int(inundated_cells(latest.shown.arrival).sum())
     elif latest is not None:
         ensemble, maps = latest.shown, latest.shown.maps
         values |= {

@@ -194,7 +194,7 @@ class Page:
     def _draw_ground(self, frame: Frame) -> None:
         least = LEAST_CELLS * frame.resolution
         left, bottom, right, top = window_of(
-            bounds_of(frame, frame.covered), extent_of(frame), 1.5, least
+            bounds_of(frame, frame.lava), extent_of(frame), 1.5, least
         )
         self._window.data = {'left': [left], 'right': [right], 'bottom': [bottom], 'top': [top]}
         self.vents.data = {'x': frame.vents[:, 0], 'y': frame.vents[:, 1]}

@@ -144,7 +144,7 @@ def test_several_runs(bag, ensemble, tmp_path):
         f'{path.parent.name}/flow: Lava thickness' for path in (bag, other)
     ]
     assert said['notes']['discharge'] == '10 m³/s'
-    assert said['notes']['result'].count('covered') == 2
+    assert said['notes']['result'].count('standing lava') == 2
     said = plot(tmp_path, bag, ensemble)
     assert said['maps'][1] == 'members: Expected peak thickness of the lava'
     nowhere = record(tmp_path / 'nowhere', terrain=Terrain(TERRAIN.elevation, 5.0, TERRAIN.origin))

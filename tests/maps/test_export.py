@@ -221,7 +221,9 @@ def test_outline_and_isochrones(floats, tmp_path):
         json.loads((tmp_path / f'out/{name}.geojson').read_text())['features']
         for name in ('outline', 'isochrones')
     )
-    assert [item['properties'] for item in outline] == [{'from_m': 0.1, 'area_m2': 80 * 25.0}]
+    assert [item['properties'] for item in outline] == [
+        {'shows': 'inundated area', 'from_m': 0.1, 'area_m2': 80 * 25.0}
+    ]
     (ring,) = outline[0]['geometry']['coordinates'][0]
     # 15 degrees east is 500 km east in zone 33; the flow is there from -50 m to -10 m
     assert all(14.999 < x < 15.0 and 37.7 < y < 37.8 for x, y in ring)

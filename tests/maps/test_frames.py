@@ -274,6 +274,9 @@ def test_times_are_those_that_the_simulation_noted(tmp_path):
     assert found.times is not None and found.is_noted
     np.testing.assert_array_equal(found.times[12, :8], 100.0 * np.arange(8) + 37.5)
     assert (found.times[25] == 12.0).all()
+    frame = Recording(bag).frame_at()
+    assert frame.inundated is not None and frame.inundated[25].all()
+    assert not frame.standing[25].any()
     other = arrival_of(bag, 0.5)
     assert other.times is not None and not other.is_noted
     assert other.times[12, 0] == 200.0

@@ -110,9 +110,13 @@ def charts_of(recording: Recording, seen: Survey) -> list[Chart]:
         item for item in volumes
         if item.label in _VOLUMES or any(value > 0.0 for value in item.values)
     ]
+    is_known = math.isfinite(seen.inundated[-1])
     return [
         _scaled('volume', 'Volume', 'm³', volumes),
-        _scaled('area', 'Area', 'm²', [Curve('covered', seen.times, seen.area)]),
+        _scaled('area', 'Area', 'm²', [
+            *([Curve('inundated', seen.times, seen.inundated)] if is_known else []),
+            Curve('standing lava', seen.times, seen.standing),
+        ]),
         _scaled(
             'front', 'Distance of the front', 'm',
             [Curve('from the nearest vent', seen.times, seen.front)],

@@ -205,7 +205,7 @@
     const area = data.areas[frame()] / 1e6;
     map.setAttribute(
       'aria-label',
-      `${view.title} after ${duration(time)}: ${area.toPrecision(2)} square kilometres with lava`,
+      `${view.title} after ${duration(time)}: ${area.toPrecision(2)} square kilometres of standing lava`,
     );
   };
 

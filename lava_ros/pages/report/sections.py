@@ -25,7 +25,7 @@ import yaml
 
 from lava_ros.maps.arrival import rounding
 from lava_ros.maps.frames import Recording
-from lava_ros.maps.layers import DEPTHS, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
+from lava_ros.maps.layers import DEPTHS, DRAINED, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
 from lava_ros.maps.numbers import percent, seconds
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
@@ -76,7 +76,13 @@ def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
     last = recording.timeline.last_run[-1]
     rows = [
         ('simulated', duration(last.time)),
-        (f'covered by {COVERED:g} m or more', area_words(survey.area[-1])),
+        *(
+            (f'{name}, {COVERED:g} m or more', area_words(area))
+            for name, area in (
+                ('inundated area', survey.inundated[-1]), ('standing lava', survey.standing[-1])
+            )
+            if math.isfinite(area)
+        ),
     ]
     thickest = survey.frame.thickest
     if math.isfinite(thickest):
@@ -141,14 +147,16 @@ def hazard_legend(recording: Recording) -> str:
         for kelvin in (limits.lethal_temperature, limits.safe_temperature)
     )
     return _table(
-        ('hazard', 'meaning'),
+        ('hazard index', 'meaning'),
         [
             ('-1', 'outside the terrain: unknown'),
-            ('0', 'no lava'),
+            ('0', 'no lava so far'),
+            (str(DRAINED), 'lava has been here and drained away: hot ground or crust'),
             (
                 '1 .. 99',
-                f'lava: burial, from 0 to {limits.lethal_thickness:g} m, and heat, from {safe} to '
-                f'{lethal}, as if they struck independently',
+                f'lava cooler than {lethal}, which freezes long before: burial, from 0 to '
+                f'{limits.lethal_thickness:g} m, and heat, from {safe} to {lethal}, as if they '
+                'struck independently',
             ),
             ('100', f'lethal: {limits.lethal_thickness:g} m of lava or more, or {lethal} or more'),
         ],
@@ -156,11 +164,11 @@ def hazard_legend(recording: Recording) -> str:
 
 
 def depth_table(survey: Survey) -> str:
-    """How much ground lava covers how deeply at the end, in classes that people can picture."""
+    """Area of the lava that stands at the end by its depth, in classes that people can picture."""
     thickness = survey.frame.layers.get('thickness')
     if thickness is None:
         return ''
-    depth = thickness.values[survey.frame.covered]
+    depth = thickness.values[survey.frame.standing]
     counts = np.histogram(depth, [0.0, *DEPTHS, np.inf])[0]
     names = ('up to the knee', "up to somebody's height", 'up to a roof', 'over a roof')
     ends = [f'below {DEPTHS[0]:g} m', *(f'{a:g} to {b:g} m' for a, b in pairwise(DEPTHS))]

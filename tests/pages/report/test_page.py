@@ -270,11 +270,13 @@ def test_the_picture_and_the_page_agree(tmp_path):
     frame = Recording(bag).frame_at()
     rows = dict(facts(Recording(bag), survey(Recording(bag))))
     # 10 rows of 8 columns, less the row that is too thin
-    assert frame.area == 72 * 25.0
-    assert rows['covered by 0.1 m or more'] == '1800 m²'
+    assert frame.area(frame.standing) == 72 * 25.0
+    assert rows['standing lava, 0.1 m or more'] == '1800 m²'
+    # without arrival times nobody knows what has drained
+    assert frame.inundated is None and not any('inundated' in name for name in rows)
     assert rows['thickest'] == '41.3 m'
     assert Reader(bag).after('from 5 m on', 2) == ['over a roof', '25 m²']
-    assert read_run(bag).summary == '1800 m² covered  ·  up to 41.3 m thick'
+    assert read_run(bag).summary == '1800 m² standing lava  ·  up to 41.3 m thick'
     assert not any('thicker in places' in item for item in warnings(
         Recording(bag), survey(Recording(bag))))
 
