@@ -102,7 +102,7 @@ def run(tmp_path_factory):
         plot=json.loads((folder / 'plot.json').read_text()),
         report=(folder / 'report.html').read_text(),
         page=(out / 'hindcast.html').read_text(),
-        arrival=read_tif(out / 'arrival.tif'), thickness=read_tif(out / 'thickness.tif'),
+        arrival=read_tif(out / 'arrival.tif'), thickness=np.nan_to_num(read_tif(out / 'thickness.tif')),
         bag=read_bag(out / 'bag'),
     )
 
