@@ -29,7 +29,7 @@ from lava_ros import validation
 from lava_ros.cli.options import argument, command, device_named, seconds_of
 from lava_ros.cli.output import Progress, write_json
 from lava_ros.cli.ros import missing_package
-from lava_ros.cli.scenes import SCENE, scene_as_given, scene_from_arguments
+from lava_ros.cli.scenes import RATE_OPTIONS, SCENE, scene_as_given, scene_from_arguments
 from lava_ros.cli.show import formats
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
@@ -177,9 +177,10 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
         ), None
-    for name in ('terrain', 'vent', 'vents', 'discharge', 'horizon', 'fill_holes'):
+    names = ('terrain', 'vent', 'vents', 'discharge', 'horizon', 'fill_holes', *RATE_OPTIONS)
+    for name in names:
         if getattr(args, name) not in (None, False):
-            option = f'--{name.replace("_", "-")}'
+            option = f'--{name.replace("_", "-")}'.replace('discharge', 'effusion-rate')
             right = f'no {option} for {args.scene}, a mapped eruption'
             raise LavaError(option, getattr(args, name), right)
     case = load_case(args.scene, material=args.material)

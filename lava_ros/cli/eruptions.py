@@ -48,10 +48,10 @@ from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps,
 from lava_ros.hindcast.replicates import agreement, MOST, run_replicates
 from lava_ros.hindcast.run import Result, Run, Settings, UNFINISHED
 from lava_ros.hindcast.score import covered_by, judge, Score
-from lava_ros.hindcast.tables import VentRow
 from lava_ros.hindcast.unknowns import unknowns_of
 from lava_ros.maps.plot import duration
 from lava_ros.scene import Terrain
+from lava_ros.scene.vent_files import VentRow
 from lava_ros.simulation.defaults import device_of
 from lava_ros.simulation.selection import decision_as_dict
 
@@ -143,13 +143,16 @@ def hindcast(args: argparse.Namespace) -> int:
 def _vents(
     args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
 ) -> tuple[VentRow, ...]:
+    if isinstance(args.discharge, str):
+        right = 'one number [m3/s]: the effusion rates of a case are those of its table'
+        raise LavaError('--effusion-rate', args.discharge, right)
     given = vents_as_given(args, ground)
     if not given:
         return tuple(replace(row, discharge=args.discharge) for row in rows)
     is_own = [vent.discharge is not None for vent in given]
     if any(is_own) and not all(is_own):
         right = 'one for every vent, or for none'
-        raise LavaError(f'discharge of {given[is_own.index(False)].name!r}', None, right)
+        raise LavaError(f'effusion rate of {given[is_own.index(False)].name!r}', None, right)
     return tuple(given)
 
 

@@ -17,7 +17,7 @@
 import json
 from pathlib import Path
 import re
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
 
@@ -113,7 +113,7 @@ class _MisreadError(yaml.composer.ComposerError):
 class _Loader(yaml.SafeLoader):
     """The safe loader, which stops where a text would become more than is allowed."""
 
-    yaml_implicit_resolvers = {
+    yaml_implicit_resolvers: ClassVar[Any] = {
         first: [item for item in resolvers if item[0] != 'tag:yaml.org,2002:timestamp']
         for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
     }

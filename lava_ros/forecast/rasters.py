@@ -37,7 +37,9 @@ def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.nda
     The file has areas (``areas_on``), or is a raster (``raster_on``) with values above 0 where
     lava was, 0 where it was not, and no data where nobody looked.
     """
-    read = areas_on if Path(path).suffix.lower() in ENDINGS else raster_on
+    # a grid may be a .txt
+    suffix = Path(path).suffix.lower()
+    read = areas_on if suffix in ENDINGS and suffix != '.txt' else raster_on
     values = read(terrain, path, field='--observed').astype(np.float64)
     known = np.isfinite(values) & terrain.has_data
     return (values > 0.0) & known, known

@@ -24,6 +24,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
+from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
@@ -32,9 +33,9 @@ from lava_ros.simulation.accuracy import COVERED
 #: What can be exported.
 MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
 
-#: What maps are written as: GeoTIFF with styles of QGIS, outline and isochrones as GeoJSON or as
-#: layers of a GeoPackage, all maps in a NetCDF.
-FORMATS = ('tif', 'geojson', 'gpkg', 'nc')
+#: What maps are written as: GeoTIFF with styles of QGIS, outline and isochrones as vector files,
+#: all maps in a NetCDF.
+FORMATS = ('tif', *WRITTEN, 'nc')
 
 #: Maps of one frame: what they show.
 _SOURCES = {'height': THICKNESS, 'temperature': 'temperature', 'hazard': 'hazard'}

@@ -12,14 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Maps as what GIS programs read: GeoTIFF with styles of QGIS, GeoJSON, GeoPackage, NetCDF.
+"""Maps as what GIS programs read: GeoTIFF with styles of QGIS, vector files, NetCDF.
 
 What writes a file raises LavaError where it cannot be written.
 """
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-import json
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -28,7 +27,7 @@ import numpy as np
 
 import lava_ros
 from lava_ros.errors import LavaError
-from lava_ros.files import replacing, write_output
+from lava_ros.files import vectors, write_output
 from lava_ros.files.optional import require
 from lava_ros.maps.plot import duration, STYLES
 from lava_ros.scene import Terrain
@@ -204,15 +203,21 @@ def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
 
 
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
-    """Refuse formats that lack a library, and GeoJSON without a coordinate system."""
-    if 'geojson' in formats and crs is None:
-        right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
-        raise LavaError('epsg', None, right)
-    if 'gpkg' in formats:
-        require('fiona', 'GeoPackage', str(folder))
+    """Refuse formats that lack a library, and GeoJSON and KML without a coordinate system."""
+    for name in formats:
+        if crs is None and _in_degrees(name):
+            right = f'the EPSG code of the map: {name} has longitudes and latitudes'
+            raise LavaError('epsg', None, right)
+        if name in vectors.WRITTEN:
+            require('pyogrio', name, str(folder))
     if 'nc' in formats:
         require('xarray', 'NetCDF', str(folder))
         require('scipy', 'NetCDF', str(folder))
+
+
+def _in_degrees(name: str) -> bool:
+    known = vectors.FORMATS.get('kml' if name == 'kmz' else name)
+    return known is not None and known.is_degrees
 
 
 def write_formats(
@@ -225,26 +230,27 @@ def write_formats(
 ) -> list[Path]:
     """Write the formats that hold several layers or maps, and return the paths of their files.
 
-    ``geojson`` (a file for each layer) and ``gpkg`` hold ``layers``, lists of features by name.
-    ``nc`` holds ``maps``, as ``write_netcdf`` takes them. Other formats are ignored. LavaError as
-    in ``require_formats``.
+    Those of ``vectors.WRITTEN`` hold ``layers``, lists of features by name. ``nc`` holds ``maps``,
+    as ``write_netcdf`` takes them. Other formats are ignored. LavaError as in ``require_formats``.
     """
     require_formats(formats, folder, place.crs)
     written = []
-    for name, features in layers.items() if 'geojson' in formats else ():
-        written.append(folder / f'{name}.geojson')
-        write_geojson(written[-1], features, place)
-    if 'gpkg' in formats:
-        written.append(folder / 'lava.gpkg')
-        write_geopackage(written[-1], layers, place)
+    for name in formats:
+        if name not in vectors.WRITTEN:
+            continue
+        features, crs = layers, place.crs.to_wkt() if place.crs else None
+        if _in_degrees(name):
+            features = {key: _geographic(items, place) for key, items in layers.items()}
+            crs = 'EPSG:4326'
+        written += vectors.write_vectors(folder, name, features, crs, stem='lava')
     if 'nc' in formats:
         written.append(folder / 'maps.nc')
         write_netcdf(written[-1], maps, place, title)
     return written
 
 
-def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Place) -> None:
-    """Write features in longitude and latitude, as RFC 7946 demands."""
+def _geographic(features: Sequence[Mapping[str, Any]], place: Place) -> list[dict[str, Any]]:
+    """Features in longitude and latitude."""
     from rasterio.warp import transform_geom
 
     geometries = [item['geometry'] for item in features]
@@ -254,43 +260,10 @@ def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Plac
     except Exception as error:
         right = f'easting and northing that have a longitude and latitude ({error})'
         raise LavaError('the corner of the map', place.corner, right) from error
-    turned = [
+    return [
         {**item, 'geometry': geometry}
         for item, geometry in zip(features, geometries, strict=True)
     ]
-    text = json.dumps({'type': 'FeatureCollection', 'features': turned})
-    write_output('output', path, text + '\n')
-
-
-def write_geopackage(
-    path: Path, layers: Mapping[str, Sequence[Mapping[str, Any]]], place: Place
-) -> None:
-    """Write layers of features in the coordinate system of the map, but for empty ones."""
-    import fiona
-
-    try:
-        with replacing(path) as partial:
-            # an empty file is no GeoPackage to add a layer to
-            partial.unlink()
-            for name, features in layers.items():
-                if not features:
-                    continue
-                kinds = {
-                    key: 'str' if isinstance(value, str) else 'float'
-                    for key, value in features[0]['properties'].items()
-                }
-                with fiona.open(
-                    partial,
-                    'w',
-                    driver='GPKG',
-                    layer=name,
-                    schema={'geometry': 'MultiPolygon', 'properties': kinds},
-                    crs_wkt=place.crs.to_wkt() if place.crs else None,
-                ) as file:
-                    file.writerecords(features)
-    except Exception as error:
-        # what GDAL and SQLite say has no class in common
-        raise LavaError('output', str(path), f'a file to write ({error})') from error
 
 
 def write_netcdf(

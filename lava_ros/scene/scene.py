@@ -26,6 +26,13 @@ from lava_ros.effects.effect import check_fields, number, with_fields
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
+from lava_ros.scene.effusion_rates import (
+    error_of_rates,
+    Interval,
+    options_from_dict,
+    read_effusion_rates,
+    series_of_rates,
+)
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import default_lava, lava_from_dict
 from lava_ros.scene.terrain import Terrain
@@ -168,6 +175,10 @@ def read_scene(
 
     A name for which there is no file is looked for in the package's ``examples/``.
 
+    In the file, the ``effusion_rate`` of a vent may be a mapping: ``file``, a table relative to
+    the scene file, and the fields of ``effusion_rates.Options``. The errors of such tables are the
+    uncertainty of the effusion rate unless the file has one.
+
     The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
     the scene file or ``st_helens.npz`` of the package, and the options of
     ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``fill_holes``
@@ -190,7 +201,36 @@ def read_scene(
         if fill_holes:
             options['fill_holes'] = True
         terrain = load_terrain(terrain_path(name, path.parent), **options)
-    return data, terrain
+    return _with_rates(data, path.parent), terrain
+
+
+def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Replace the tables of effusion rates of a scene by what they hold, and use their errors."""
+    vents = data.get('vents')
+    read: list[Interval] = []
+    if not isinstance(vents, list):
+        return data
+    vents = list(vents)
+    for index, vent in enumerate(vents):
+        rate = vent.get('effusion_rate') if isinstance(vent, Mapping) else None
+        if not isinstance(rate, Mapping):
+            continue
+        label = f'vents[{index}].effusion_rate'
+        name = rate.get('file')
+        if not isinstance(name, str):
+            raise LavaError(f'{label}.file', name, 'the name of a table')
+        rest = {key: value for key, value in rate.items() if key != 'file'}
+        rates = read_effusion_rates(label, folder / name, options_from_dict(label, rest))
+        read += rates
+        vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
+    error, uncertain = error_of_rates(read), data.get('uncertainty', {})
+    data = {**data, 'vents': vents}
+    if error is not None and isinstance(uncertain, Mapping) and not (
+        {'discharge', 'effusion_rate'} & uncertain.keys()
+    ):
+        known = uncertainty_to_dict(Uncertainty(discharge=error))
+        data['uncertainty'] = {**uncertain, **known}
+    return data
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
