@@ -80,8 +80,8 @@ BAG = 'atlas'
         'cell; replaces the position of the vent',
     ),
     argument(
-        '--observed', 'FILE', 'observed lava: a raster with values above 0, or areas (.geojson, '
-        '.gpkg); the better a member agrees with it, the more it counts',
+        '--observed', 'FILE', 'observed lava: a raster with values above 0, or areas (a '
+        'vector file); the better a member agrees with it, the more it counts',
     ),
     argument(
         '--observed-at', 'TIME', 'time of the observation, counted from the start of the scene'

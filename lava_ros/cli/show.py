@@ -25,6 +25,7 @@ from lava_ros.cli.ros import require_ros
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, PICTURES
 from lava_ros.files.optional import require
+from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps.animation import animate_bag
 from lava_ros.maps.export import export_bag, FORMATS, MAPS
 from lava_ros.pages.pictures import draw_runs
@@ -46,13 +47,14 @@ _RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemb
 _OVERLAYS = (
     argument(
         '--overlay', 'FILE', 'points, lines and areas to draw, such as stations or roads: '
-        '.geojson, .gpkg, or .csv with x,y or lon,lat and name; may be repeated',
+        'GeoJSON, GeoPackage, Shapefile, KML, or .csv with x,y or lon,lat and name; may be '
+        'repeated (docs/FORMATS.md)',
         [], action='append',
     ),
     argument(
-        '--observed', 'FILE', 'observed lava: areas (.geojson, .gpkg), or a raster with values '
-        'above 0; the page shows its outline and, of an ensemble, how reliable the probabilities '
-        'are',
+        '--observed', 'FILE', 'observed lava: areas (a vector file as for --overlay), or a raster '
+        'with values above 0; the page shows its outline and, of an ensemble, how reliable the '
+        'probabilities are',
     ),
 )
 
@@ -62,8 +64,8 @@ def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:
     usual = ' '.join(default) if default else 'tif, and geojson in a known coordinate system'
     return argument(
         '--formats', 'FORMAT',
-        f'file formats: tif (with styles for QGIS), geojson and gpkg ({shapes}), nc (all '
-        "maps, by the CF conventions); gpkg and nc need pip install 'lava_ros[gis]' "
+        f'file formats: tif (with styles for QGIS), {", ".join(WRITTEN)} ({shapes}; zip holds a '
+        "Shapefile), nc (all maps, by the CF conventions; pip install 'lava_ros[gis]') "
         f'(default: {usual})',
         default, nargs='+', choices=FORMATS,
     )

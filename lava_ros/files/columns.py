@@ -236,7 +236,9 @@ def angle(field: str, value: object, axis: str) -> float:
     try:
         return validation.number(field, value, at_least=-limit, at_most=limit)
     except LavaError:
-        parts = _ANGLE.fullmatch(value) if isinstance(value, str) else None
+        # a cell of a table that commas do not separate
+        text = value.replace(',', '.') if isinstance(value, str) else ''
+        parts = _ANGLE.fullmatch(text)
     if parts is None:
         raise LavaError(field, value, expected)
     hemisphere = (parts['before'] or parts['after'] or '').upper()

@@ -95,6 +95,10 @@ _OF_KML = frozenset((
     'visibility', 'drawOrder', 'icon', 'snippet', 'Description', 'gx_media_links',
 ))
 
+#: The coordinate system that a GeoJSON file from before RFC 7946 names; GDAL takes one that it
+#: does not know for degrees.
+_CRS = re.compile(rb'"crs"\s*:\s*\{[^{}]*\{[^{}]*"name"\s*:\s*"([^"]*)"')
+
 #: A feature: its name for errors, the geometry and attributes of GeoJSON, and the definition of
 #: its coordinate system (None: unknown).
 Item = tuple[str, Mapping[str, Any] | None, str | None, Mapping[str, Any]]
@@ -138,6 +142,7 @@ def _read(known: Format, data: bytes, path: Path) -> list[Item]:
     if len(layers) > MAX_LAYERS:
         raise LavaError(f'layers of {path}', len(layers), f'at most {MAX_LAYERS}')
     result: list[Item] = []
+    named = _CRS.search(data) if known.ending == 'geojson' else None
     for index, (layer, kind) in enumerate(layers):
         if kind is None:
             continue
@@ -151,7 +156,8 @@ def _read(known: Format, data: bytes, path: Path) -> list[Item]:
                 name: value for name, value in (item['properties'] or {}).items()
                 if value is not None and (known.ending != 'kml' or name not in _OF_KML)
             }
-            result.append((f'{where} {number}', item['geometry'], meta['crs'], properties))
+            crs = named[1].decode(errors='replace') if named else meta['crs']
+            result.append((f'{where} {number}', item['geometry'], crs, properties))
     return result
 
 
@@ -275,7 +281,7 @@ def write_vectors(
     Args:
         folder: Where the files go.
         ending: The format, one of ``WRITTEN``.
-        layers: The features of each layer, with coordinates in ``crs``.
+        layers: The features of each layer, of one kind of geometry, with coordinates in ``crs``.
         crs: Definition of the coordinate system (WKT); None if there is none.
         stem: Name of a file of several layers.
 
@@ -286,7 +292,6 @@ def write_vectors(
 
     inner = {'kmz': 'kml', 'zip': 'shp'}.get(ending, ending)
     known = FORMATS.get(inner)
-    suffix = 'kmz' if ending == 'kmz' else inner
     options: dict[str, Any] = {'CSV': {'GEOMETRY': 'AS_WKT'}, 'GeoJSON': {'RFC7946': 'YES'}}.get(
         'CSV' if known is None else known.driver, {}
     )
@@ -305,23 +310,18 @@ def write_vectors(
                 text = json.dumps({'type': 'FeatureCollection', 'features': list(features)})
                 meta, _, geometry, values = raw.read(text.encode())
                 in_one = known is not None and known.has_layers
-                place = Path(temporary, f'{stem if in_one else name}.{suffix}')
+                place = Path(temporary, f'{stem if in_one else name}.{inner}')
                 raw.write(
                     place, geometry, values, meta['fields'], layer=name,
                     driver='CSV' if known is None else known.driver,
-                    geometry_type='MultiPolygon', crs=crs, append=place.exists(),
+                    geometry_type=features[0]['geometry']['type'], crs=crs, append=place.exists(),
                     layer_options=options,
                 )
             made = sorted(Path(temporary).iterdir())
-            if ending == 'zip':
-                for place in (item for item in made if item.suffix == '.shp'):
-                    content = io.BytesIO()
-                    with zipfile.ZipFile(content, 'w', zipfile.ZIP_DEFLATED) as packed:
-                        for part in (item for item in made if item.stem == place.stem):
-                            packed.write(part, part.name)
-                    written.append(folder / f'{place.stem}.zip')
-                    write_output('output', written[-1], content.getvalue())
-                made = []
+            if ending != inner:
+                made = [
+                    _packed(place, ending, made) for place in made if place.suffix[1:] == inner
+                ]
             for place in made:
                 written.append(folder / place.name)
                 write_output('output', written[-1], place.read_bytes())
@@ -331,6 +331,15 @@ def write_vectors(
     except Exception as error:
         raise LavaError('output', str(folder), f'a folder to write to ({error})') from error
     return written
+
+
+def _packed(place: Path, ending: str, made: Sequence[Path]) -> Path:
+    """An archive, beside the files, of a file and the other parts of it."""
+    path = place.with_suffix(f'.{ending}')
+    with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
+        for part in (item for item in made if item.stem == place.stem):
+            archive.write(part, 'doc.kml' if ending == 'kmz' else part.name)
+    return path
 
 
 def geometries_of_wkt(field: str, texts: Sequence[str]) -> list[Mapping[str, Any] | None]:

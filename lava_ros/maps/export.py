@@ -14,8 +14,9 @@
 
 """The maps of a bag -> GeoTIFF, and what else GIS programs read."""
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+import logging
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,7 +29,10 @@ from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
+from lava_ros.scene import Vent
 from lava_ros.simulation.accuracy import COVERED
+
+_LOG = logging.getLogger(__name__)
 
 #: What can be exported.
 MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
@@ -120,6 +124,7 @@ def export_bag(
     gis.require_formats(formats, target, crs)
     _make_empty(target)
     writer = _Writer(target, crs, placement.offset, Path(path).name, threshold, formats)
+    writer.vents = _vents(recording.scene)
     current = [name for name in MAPS if name in maps and name in _SOURCES]
     history = Arrival(threshold)
     last: Frame | None = None
@@ -176,6 +181,20 @@ def placement_of(
     return Placement(known, own)
 
 
+def _vents(scene: Mapping[str, Any]) -> list[Vent]:
+    """The vents that a bag describes; none where it does not, with a warning if it tries to."""
+    names = {item.name for item in fields(Vent)}
+    items = scene.get('vents', [])
+    try:
+        return [
+            Vent(**{name: value for name, value in item.items() if name in names})
+            for item in items
+        ]
+    except (AttributeError, TypeError, LavaError) as error:
+        _LOG.warning(f'the vents of the bag are left out: {error}')
+        return []
+
+
 def _make_empty(directory: Path) -> None:
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -199,6 +218,7 @@ class _Writer:
     written: list[Path] = field(default_factory=list)
     newest: dict[str, tuple[np.ndarray, str, str]] = field(default_factory=dict)
     place: gis.Place | None = None
+    vents: Sequence[Vent] = ()
 
     def write_layer(self, name: str, frame: Frame, file_name: str) -> None:
         """Write a layer of a frame, when it has it."""
@@ -262,6 +282,7 @@ class _Writer:
             layers['outline'] = gis.area(covered, self.place, from_m=COVERED)
         if 'arrival' in self.newest:
             layers['isochrones'] = gis.isochrones(self.newest['arrival'][0], self.place)
+        layers |= gis.vents(self.vents, self.offset)
         self.written += gis.write_formats(
             self.directory, self.formats, layers, self.newest, self.place,
             f'lava flow of {self.bag}',

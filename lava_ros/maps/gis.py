@@ -30,7 +30,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import vectors, write_output
 from lava_ros.files.optional import require
 from lava_ros.maps.plot import duration, STYLES
-from lava_ros.scene import Terrain
+from lava_ros.scene import Terrain, Vent
 
 #: Value of cells without data in files of floating-point numbers, and in those of bytes.
 NODATA, NODATA_BYTE = -9999.0, 255
@@ -191,6 +191,32 @@ def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
         for end in map(float, ends)
         for feature in area(known <= end, place, time_s=end, time=duration(end))
     ]
+
+
+def vents(items: Sequence[Vent], offset: tuple[float, float]) -> dict[str, list[dict[str, Any]]]:
+    """Make layers of GeoJSON features of vents: points (``vents``) and lines (``fissures``).
+
+    Args:
+        items: The vents.
+        offset: Easting and northing [m] of the map frame's origin.
+    """
+    layers: dict[str, list[dict[str, Any]]] = {}
+    for item in items:
+        places = [
+            np.add(place, offset).tolist() for place in (item.position, item.end) if place
+        ]
+        # of a rate that changes the peak, which --vents does not take for a constant
+        name = 'effusion_rate' if isinstance(item.discharge, float) else 'peak_effusion_rate'
+        known = {'name': item.name, name: item.peak, 'radius': item.radius}
+        if item.temperature is not None:
+            known['temperature'] = item.temperature
+        kind, coordinates = ('LineString', places) if item.end else ('Point', places[0])
+        layers.setdefault('fissures' if item.end else 'vents', []).append({
+            'type': 'Feature',
+            'properties': known,
+            'geometry': {'type': kind, 'coordinates': coordinates},
+        })
+    return layers
 
 
 def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:

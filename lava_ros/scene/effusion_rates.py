@@ -14,7 +14,7 @@
 
 """Tables of effusion rates -> intervals with one rate: means, instants or erupted volumes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime, timezone
 from itertools import pairwise
@@ -120,6 +120,9 @@ def read_effusion_rates(
     path = Path(path)
     rows = read_table(field, path, (), None)
     columns, others = understood(str(path), rows[0][1], COLUMNS)
+    if 'volume' in columns and 'time' in columns:
+        # of instants a volume is what has come out by then
+        columns['cumulative_volume'] = columns.pop('volume')
     amounts = [name for name in AMOUNTS if name in columns]
     has_spans = 'start' in columns
     if len(amounts) != 1 or has_spans == ('time' in columns) or has_spans != ('end' in columns):
@@ -127,33 +130,31 @@ def read_effusion_rates(
         right += 'cumulative_volume'
         raise LavaError(f'{path}, first line', ','.join(rows[0][1]), f'the columns {right}')
     amount = amounts[0]
-    if amount == 'volume' and not has_spans:
-        amount = 'cumulative_volume'
-    elif amount == 'cumulative_volume' and has_spans:
+    if amount == 'cumulative_volume' and has_spans:
         right = 'time in place of start and end'
         raise LavaError(f'{path}, first line', ','.join(rows[0][1]), right)
     if others:
         _LOG.warning(f'{path}: columns that are not understood are ignored: {", ".join(others)}')
     if amount == 'cumulative_volume' and 'error' in columns:
         _LOG.warning(f'{path}: errors of a cumulative volume are not used')
-    factor = _bulk_factor(path, columns[amounts[0]], options)
+    factor = _bulk_factor(path, columns[amount], options)
     times = _Times(options.start)
     read = []
     for where, row in rows:
         names = ('start', 'end') if has_spans else ('time',)
         when = [times.seconds(where, columns[name], row[columns[name].header]) for name in names]
-        value = _amount(where, columns[amounts[0]], row, options)
+        value = _amount(where, columns[amount], row, options)
         error = _error(where, columns, row, value) if value is not None else None
         read.append((where, when, value, error))
     if options.gaps == 'interpolate' and not has_spans:
         for where, _, value, _ in read:
             if value is None:
-                _LOG.warning(f'{where}: no {columns[amounts[0]].header}, interpolated in time')
+                _LOG.warning(f'{where}: no {columns[amount].header}, interpolated in time')
         read = [row for row in read if row[2] is not None]
     if has_spans:
-        found = _of_spans(read, is_volume=amount == 'volume')
+        found = _of_spans(read, columns, is_volume=amount == 'volume')
     else:
-        found = _of_instants(read, is_cumulative=amount == 'cumulative_volume')
+        found = _of_instants(read, columns, is_cumulative=amount == 'cumulative_volume')
     wheres, intervals = _without_gaps(found, options)
     result = tuple(
         replace(
@@ -163,7 +164,7 @@ def read_effusion_rates(
         for item in intervals
     )
     for where, item in zip(wheres, result, strict=True):
-        label = f'{where}, {columns[amounts[0]].header}'
+        label = f'{where}, {columns[amount].header}'
         if not 0.0 <= item.discharge <= MAX_DISCHARGE:
             raise LavaError(label, item.discharge, f'0 to {MAX_DISCHARGE:g} m3/s')
     if not any(item.discharge > 0.0 for item in result):
@@ -209,7 +210,8 @@ def instants_to_series(
 ) -> tuple[tuple[float, float], ...]:
     """Return the series of rates [m3/s] that change linearly between instants [s]."""
     rows = [(where, [time], rate, None) for time, rate in instants]
-    found = _of_instants(rows, is_cumulative=False)
+    columns = {'time': Column('time'), 'effusion_rate': Column('effusion_rate')}
+    found = _of_instants(rows, columns, is_cumulative=False)
     return series_of_rates(_without_gaps(found, Options())[1])
 
 
@@ -267,13 +269,17 @@ def _amount(where: str, column: Column, row: dict[str, str], options: Options) -
     text = row[column.header]
     if text.lower() in _MISSING and options.gaps is not None:
         return None
+    label = f'{where}, {column.header}'
     try:
-        return column.number(where, text)
-    except LavaError as error:
-        right = 'a finite number' if text.lower() not in _MISSING else (
-            'a finite number, or gaps: zero or interpolate'
-        )
-        raise LavaError(error.field, error.value, right) from None
+        value = column.number(where, text)
+    except LavaError:
+        right = 'a finite number'
+        if text.lower() in _MISSING:
+            right += ', or gaps: zero or interpolate'
+        raise LavaError(label, text, right) from None
+    if value < 0.0:
+        raise LavaError(label, text, 'at least 0')
+    return value
 
 
 def _error(
@@ -292,16 +298,17 @@ def _error(
 _Row = tuple[str, float, float, float | None, float | None]
 
 
-def _of_spans(read: Sequence[Any], *, is_volume: bool) -> list[_Row]:
+def _of_spans(
+    read: Sequence[Any], columns: Mapping[str, Column], *, is_volume: bool
+) -> list[_Row]:
     rows: list[_Row] = []
     for where, (start, end), value, error in read:
         if end <= start:
-            raise LavaError(f'{where}, end_s', end, f'a time after its start, {start:g} s')
+            label = f'{where}, {columns["end"].header}'
+            raise LavaError(label, end, f'a time after its start, {start:g} s')
         if rows and start < rows[-1][2] - _OVERLAP * (end - start):
             right = f'at least {rows[-1][2]:g} s, where the row before ends'
-            raise LavaError(f'{where}, start_s', start, right)
-        if value is not None and value < 0.0:
-            raise LavaError(f'{where}, effusion rate', value, f'0 to {MAX_DISCHARGE:g} m3/s')
+            raise LavaError(f'{where}, {columns["start"].header}', start, right)
         if is_volume and value is not None:
             value /= end - start
             error = None if error is None else error / (end - start)
@@ -309,22 +316,22 @@ def _of_spans(read: Sequence[Any], *, is_volume: bool) -> list[_Row]:
     return rows
 
 
-def _of_instants(read: Sequence[Any], *, is_cumulative: bool) -> list[_Row]:
+def _of_instants(
+    read: Sequence[Any], columns: Mapping[str, Column], *, is_cumulative: bool
+) -> list[_Row]:
     """Means between instants: of rates that are linear between them, or of volumes."""
     if len(read) < 2:
         raise LavaError(read[0][0], 'the only row', 'at least two instants')
     rows: list[_Row] = []
     for (_, (start,), before, first), (where, (end,), after, last) in pairwise(read):
         if end <= start:
-            raise LavaError(f'{where}, time', end, f'a time after the row before, {start:g} s')
+            right = f'a time after the row before, {start:g} s'
+            raise LavaError(f'{where}, {columns["time"].header}', end, right)
         rate = None
         if before is not None and after is not None:
-            if min(before, after) < 0.0:
-                worst = min(before, after)
-                raise LavaError(f'{where}, effusion rate', worst, f'0 to {MAX_DISCHARGE:g} m3/s')
             if is_cumulative and after < before:
-                right = f'at least that of the row before, {before:g} m3'
-                raise LavaError(f'{where}, cumulative volume', after, right)
+                label = f'{where}, {columns["cumulative_volume"].header}'
+                raise LavaError(label, after, f'at least that of the row before, {before:g} m3')
             rate = (after - before) / (end - start) if is_cumulative else 0.5 * (before + after)
         errors = [error for error in (first, last) if error is not None]
         error = sum(errors) / len(errors) if errors and not is_cumulative else None

@@ -180,15 +180,16 @@ def island(tmp_path):
 
 def test_vents_from_a_file(island, tmp_path):
     """Points and fissures; one with a bend becomes two that share its discharge by length."""
-    crs = {'properties': {'name': 'EPSG:32740'}}
+    crs = {'type': 'name', 'properties': {'name': 'EPSG:32740'}}
     line = [[365_300, 7_650_400], [365_300, 7_650_500], [365_600, 7_650_500]]
     shapes = [
-        {'properties': {'name': 'bent', 'discharge': 8},
+        {'type': 'Feature', 'properties': {'name': 'bent', 'discharge': 8},
          'geometry': {'type': 'LineString', 'coordinates': line}},
-        {'properties': {}, 'geometry': {'type': 'Point', 'coordinates': line[2]}},
+        {'type': 'Feature', 'properties': {},
+         'geometry': {'type': 'Point', 'coordinates': line[2]}},
     ]
     path = tmp_path / 'vents.geojson'
-    path.write_text(json.dumps({'features': shapes, 'crs': crs}))
+    path.write_text(json.dumps({'type': 'FeatureCollection', 'features': shapes, 'crs': crs}))
     words = ('--terrain', island, '--vents', str(path))
     first, second, point = scene_of(*words).vents
     assert (first.name, first.discharge, second.discharge) == ('bent', 2.0, 6.0)
@@ -196,13 +197,13 @@ def test_vents_from_a_file(island, tmp_path):
     np.testing.assert_allclose(second.end, point.position)
     assert (point.end, point.discharge) == (None, 50.0)
     for more, named in (
-        (('--discharge', '5'), '--discharge is 5.0, expected no --discharge, since'),
+        (('--discharge', '5'), '--effusion-rate is 5.0, expected no --effusion-rate, since'),
         (('--vent', '365300,7650400'), 'no --vent together with --vents'),
     ):
         with pytest.raises(LavaError, match=named):
             scene_of(*words, *more)
     path.write_text('{"type": "Point", "coordinates": [10.0, 20.0]}')
-    with pytest.raises(LavaError, match='a vent of .*feature 0 is .*a place on the terrain'):
+    with pytest.raises(LavaError, match=r'a vent of .* .vent 0. is .*a place on the terrain'):
         scene_of(*words)
 
 
