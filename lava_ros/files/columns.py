@@ -215,8 +215,9 @@ def _unit(text: str) -> str:
 #: Degrees, minutes and seconds, each but the last whole, and the letter of a hemisphere.
 _ANGLE = re.compile(
     r"""\s*(?P<before>[NSEW])?\s*(?P<sign>[-+])?\s*(?P<degrees>\d+(?:\.\d+)?)\s*(?:°|º|d|deg|:|\s)?
-    (?:\s*(?P<minutes>\d+(?:\.\d+)?)\s*(?:['\u2032\u2019m]|min|:|\s)?
-    (?:\s*(?P<seconds>\d+(?:\.\d+)?)\s*(?:["\u2033\u201ds]|''|sec)?)?)?\s*(?P<after>[NSEW])?\s*""",
+    (?:\s*(?P<minutes>\d+(?:\.\d+)?)\s*(?:['\u2032\u2019]|min|:|\s)?
+    (?:\s*(?P<seconds>\d+(?:\.\d+)?)\s*(?:["\u2033\u201d]|\'\'|sec)?)?)?
+    \s*(?P<after>[NSEW])?\s*""",
     re.VERBOSE | re.IGNORECASE,
 )
 
@@ -236,9 +237,7 @@ def angle(field: str, value: object, axis: str) -> float:
     try:
         return validation.number(field, value, at_least=-limit, at_most=limit)
     except LavaError:
-        # a cell of a table that commas do not separate
-        text = value.replace(',', '.') if isinstance(value, str) else ''
-        parts = _ANGLE.fullmatch(text)
+        parts = _ANGLE.fullmatch(value) if isinstance(value, str) else None
     if parts is None:
         raise LavaError(field, value, expected)
     hemisphere = (parts['before'] or parts['after'] or '').upper()

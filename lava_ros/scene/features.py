@@ -189,7 +189,8 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
         if pair == ('x', 'y'):
             return [columns[name].number(where, cell)
                     for name, cell in zip(names, cells, strict=True)]
-        return [angle(f'{where}, {columns[name].header}', cell, axis)
+        # a comma in a cell is a decimal comma
+        return [angle(f'{where}, {columns[name].header}', cell.replace(',', '.'), axis)
                 for name, cell, axis in zip(names, cells, ('longitude', 'latitude'), strict=True)]
 
     for where, row in rows:

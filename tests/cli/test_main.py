@@ -207,7 +207,35 @@ def test_vents_from_a_file(island, tmp_path):
         scene_of(*words)
 
 
-@pytest.mark.parametrize('place', ['365300,7650400', '55.7018,-21.2430'])
+def test_a_table_of_effusion_rates_of_the_command(island, tmp_path):
+    """It is divided among the vents, given ones or those of the scene; its error is used."""
+    (tmp_path / 'rates.csv').write_text('date;TADR;error\n2021-09-19;20;5\n2021-09-20;40;10\n')
+    (tmp_path / 'vents.csv').write_text(
+        'X,Y,share\n365300,7650400,1\n365500,7650400,2\n'
+    )
+    words = ('--terrain', island, '--effusion-rate', str(tmp_path / 'rates.csv'))
+    start = ('--eruption-start', '2021-09-18T23:00:00Z', '--porosity', '0.25')
+    scene = scene_of(*words, *start, '--vents', str(tmp_path / 'vents.csv'))
+    first, second = scene.vents
+    assert first.series[:2] == ((3600.0, pytest.approx(40.0 / 3.0)), (90000.0, 0.0))
+    assert second.peak == pytest.approx(80.0 / 3.0)
+    assert scene.uncertainty.discharge is not None
+    (summit,) = scene_of(*words).vents
+    assert summit.discharge == ((0.0, 30.0), (86400.0, 0.0))
+    for more, sentence in (
+        (('--effusion-rate', '7', '--gaps', 'zero'), '--gaps is .zero., expected no --gaps with'),
+        (('--gaps', 'none'), 'there are zero, interpolate'),
+        (('--porosity', '2'), 'porosity is 2.0, expected at least 0 and below 1'),
+        (('--eruption-start', 'now'), "start is 'now', expected a date such as 2021-09-19"),
+        (('--effusion-rate', 'nowhere.csv'), '--effusion-rate is .nowhere.csv., expected a file'),
+    ):
+        assert re.search(sentence, refused('effects', *words, *more))
+
+
+@pytest.mark.parametrize(
+    'place', ['365300,7650400', '55.7018,-21.2430', '55°42\'6.5"E,21°14\'34.8"S',
+              '21 14 34.8 S, 55 42 6.5 E'],
+)
 def test_vent_discharge_and_material_of_the_command(place, island, caplog):
     """A vent is placed on the map or on the globe; what is not typed is usual."""
     caplog.set_level('INFO')

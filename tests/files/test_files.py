@@ -38,7 +38,8 @@ from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml, read_yaml
 from lava_ros.hindcast.calibration import read_trials
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.tables import read_rates
+from lava_ros.scene.effusion_rates import read_effusion_rates
+from lava_ros.scene.features import ENDINGS, load_features
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.verification.rows import read_csv
 from recording import record
@@ -48,7 +49,10 @@ READERS: dict[str, Callable[[Path], Any]] = {
     'bag.mcap': BagReader,
     'one.mcap': attachments_of,
     'scene.yaml': lambda path: read_yaml('scene', path),
-    'rates.csv': read_rates,
+    'rates.csv': lambda path: read_effusion_rates('case', path),
+    **{
+        f'vents{ending}': lambda path: load_features('--vents', path) for ending in ENDINGS
+    },
     'rows.csv': read_csv,
     'ground.tif': load_terrain,
     'ground.asc': load_terrain,

@@ -36,8 +36,10 @@ from eruption import (
 )
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.tables import Interval, series_of, VentRow
+from lava_ros.hindcast.tables import series_of
+from lava_ros.scene.effusion_rates import Interval
 from lava_ros.scene.materials import material_named
+from lava_ros.scene.vent_files import VentRow
 
 ETNA = Path(__file__).parents[3] / 'shared/data/etna2001'
 

@@ -227,7 +227,9 @@ def test_names_of_columns_do_not_overlap() -> None:
     assert found['x_end'].header == 'x1' and others == ['colour']
 
 
-@pytest.mark.parametrize('text', ['15 61', '15 30.5 20', '-15 W', 'W 15 W', '15 0 0 N', '181', ''])
+@pytest.mark.parametrize(
+    'text', ['15 61', '15 30.5 20', '15,006', '-15 W', 'W 15 W', '15 0 0 N', '181', '']
+)
 def test_angles_that_are_none(text: str) -> None:
     """Minutes of 60 and more, fractions inside, two signs, and those of the other axis."""
     with pytest.raises(LavaError, match='a longitude from -180 to 180 degrees'):
