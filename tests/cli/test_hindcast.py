@@ -260,7 +260,8 @@ def test_a_case_in_degrees_runs_without_a_warning(tmp_path):
     words = ['hindcast', folder, '--preset', 'draft', '--device', 'cpu', '--maps', '1']
     status, out, err = lava(*words, '-o', tmp_path / 'out')
     said = [line for line in err.splitlines() if line.startswith('lava hindcast: ')]
-    # what the elevation was taken for; there is no bag without ROS 2
-    assert [line for line in said if 'no bag' not in line] == [said[0]]
-    assert 'EPSG:4326 taken to EPSG:32633' in said[0]
+    # how the elevation and the effusion rates were read; there is no bag without ROS 2
+    ground, rates = (line for line in said if 'no bag' not in line)
+    assert 'EPSG:4326 taken to EPSG:32633' in ground
+    assert '2 intervals of mean rates, 0 to 1800 s, 2.7e+04 m3 in all' in rates
     assert status == 0 and 'area' in out
