@@ -21,6 +21,7 @@ headers: ``Effusion rate (m3/s)``, ``TADR``, ``start_h``, ``Easting``.
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
+import math
 import re
 import unicodedata
 
@@ -135,7 +136,11 @@ class Column:
 
     def number(self, where: str, value: object) -> float:
         """Return a value in SI units; LavaError, which names ``where`` and the header."""
-        return validation.number(f'{where}, {self.header}', value) * self.factor + self.offset
+        label = f'{where}, {self.header}'
+        result = validation.number(label, value) * self.factor + self.offset
+        if not math.isfinite(result):
+            raise LavaError(label, value, 'a finite number in SI units')
+        return result
 
 
 def understood(

@@ -200,7 +200,10 @@ def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
                 raise LavaError(field, str(path), right)
     except FileNotFoundError:
         raise LavaError(field, str(path), 'a file that exists') from None
-    except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+    except LavaError:
+        raise
+    # a damaged archive raises what each of its parts does, which has no class in common
+    except Exception as error:
         raise LavaError(field, str(path), f'a readable file ({error})') from error
     known = FORMATS[ending]
     # a KMZ of GDAL has a file for each layer
