@@ -226,7 +226,7 @@ def _as_dict(
     ),
     argument(
         '--unknown', 'NAME[=LOW:HIGH]', 'constant to search, and its range: one of the lava '
-        "('lava materials NAME' lists them), vent_temperature [K], or discharge, a factor; may "
+        "('lava materials NAME' lists them), vent_temperature [K], or effusion_rate, a factor; may "
         'be repeated (default: those with a published range)', [], action='append',
     ),
     argument('--workers', 'N', 'number of simultaneous runs, which share the GPU', 1),
@@ -310,6 +310,7 @@ def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[floa
     names, ranges = [], {}
     for text in texts:
         name, has_range, span = text.partition('=')
+        name = {'effusion_rate': 'discharge'}.get(name, name)
         names.append(name)
         if has_range:
             try:

@@ -89,7 +89,7 @@ def forecast_demo(args: argparse.Namespace) -> int:
 
     The command starts a node that computes forecasts and ensembles, opens a vent over DDS, and
     prints how long the first forecast takes. It then sends the node the outline of a flow whose
-    discharge and viscosity the node does not know, and draws the probabilities before and after
+    effusion rate and viscosity the node does not know, and draws the probabilities before and after
     it.
     """
     require_ros()

@@ -80,11 +80,11 @@ FORMATS = {
 }
 
 #: Other ends of names, and archives, with the formats that they may hold.
-_ALIASES = {'json': 'geojson'}
-_ARCHIVES = {'kmz': ('kml',), 'zip': tuple(FORMATS), 'shz': ('shp',)}
+ALIASES = {'json': 'geojson'}
+ARCHIVES = {'kmz': ('kml',), 'zip': tuple(FORMATS), 'shz': ('shp',)}
 
 #: Ends of the names of files that can be read.
-ENDINGS = tuple(f'.{ending}' for ending in (*FORMATS, *_ALIASES, *_ARCHIVES))
+ENDINGS = tuple(f'.{ending}' for ending in (*FORMATS, *ALIASES, *ARCHIVES))
 
 #: Parts of a Shapefile that are read and written; the first three it needs.
 _PARTS = ('.shp', '.shx', '.dbf', '.prj', '.cpg')
@@ -182,12 +182,12 @@ def _as_geojson(meta: Any, geometry: Any, values: Any) -> list[dict[str, Any]]:
 def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
     """The format of a file, and what GDAL is given: of a Shapefile an archive of its parts."""
     ending = path.suffix.lower()[1:]
-    ending = _ALIASES.get(ending, ending)
-    if ending not in FORMATS and ending not in _ARCHIVES:
+    ending = ALIASES.get(ending, ending)
+    if ending not in FORMATS and ending not in ARCHIVES:
         raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
     try:
-        if ending in _ARCHIVES:
-            ending, parts = _unpacked(field, path, _ARCHIVES[ending])
+        if ending in ARCHIVES:
+            ending, parts = _unpacked(field, path, ARCHIVES[ending])
         elif ending == 'shp':
             names = {item.suffix.lower(): item for item in path.parent.iterdir()
                      if item.stem == path.stem and item.suffix.lower() in _PARTS}

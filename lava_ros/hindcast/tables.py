@@ -156,8 +156,8 @@ def check_discharge(vents: Sequence[Series], area: float) -> None:
             'the mean thickness of the lava',
             f'{thickness:.3g} m',
             f'{THINNEST:g} to {THICKEST:g} m: effusion_rate.csv gives {volume:.3g} m3, too {too} '
-            f'for the {area:.3g} m2 of the footprint; is discharge_m3_per_s in m3/s, and are '
-            'start_s and end_s in s?',
+            f'for the {area:.3g} m2 of the footprint; are its rates in m3/s, and its '
+            'times (start_s, end_s) in s?',
         )
 
 

@@ -179,7 +179,7 @@ def _vents(scene: Scene | None) -> dict[str, str]:
     flux = f'{sum(vent.peak for vent in scene.vents):.4g} m³/s'
     if any(len(vent.series) > 1 for vent in scene.vents):
         flux += ' at most'
-    return {'discharge': flux + (f' from {count} vents' if count > 1 else '')}
+    return {'effusion rate': flux + (f' from {count} vents' if count > 1 else '')}
 
 
 def _model(recording: Recording) -> dict[str, str]:

@@ -253,7 +253,7 @@ class Settings:
         'Subscribe to clicked_point, whose points open vents; false: clicks in RViz open no vents',
     )
     default_discharge: float = _parameter(
-        10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
+        10.0, 'Effusion rate of a vent opened by a click [m3/s]', (0.0, 1e6)
     )
     default_temperature: float = _parameter(
         round(constants_of(None)['lava'].reference_temperature - ZERO_CELSIUS, 2),

@@ -94,6 +94,9 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
         unknown |= dict.fromkeys(others)
         number = partial(_number, where, columns, properties)
         rate = number('effusion_rate', at_least=0.0, unit='m3/s')
+        if rate is not None and columns['effusion_rate'].kind == 'dense-rock':
+            right = 'a bulk effusion rate: 1 / (1 - porosity) times the dense-rock one'
+            raise LavaError(f'{where}, {columns["effusion_rate"].header}', rate, right)
         time = number('time')
         width = number('width', above=0.0)
         if width is not None and 'radius' in columns:

@@ -88,7 +88,7 @@ def test_a_bag(bag, tmp_path):
     notes = said['notes']
     assert 'expected error of the footprint 15 %' in notes.pop('model')
     assert notes.items() >= {
-        'computed': '2026-09-21', 'discharge': '10 m³/s', 'elevation': 'maps in cells of 5 m',
+        'computed': '2026-09-21', 'effusion rate': '10 m³/s', 'elevation': 'maps in cells of 5 m',
         'coordinates': 'WGS 84 / UTM zone 33N (EPSG:32633)',
     }.items()
     said = plot(
@@ -141,7 +141,7 @@ def test_several_runs(bag, ensemble, tmp_path):
     assert said['maps'] == [
         f'{path.parent.name}/flow: Lava thickness' for path in (bag, other)
     ]
-    assert said['notes']['discharge'] == '10 m³/s'
+    assert said['notes']['effusion rate'] == '10 m³/s'
     assert said['notes']['result'].count('covered') == 2
     said = plot(tmp_path, bag, ensemble)
     assert said['maps'][1] == 'members: Expected thickness of the lava'

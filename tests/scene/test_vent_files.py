@@ -15,6 +15,7 @@
 """Vector files and tables of other programs: one file of each format, for each use."""
 
 from argparse import Namespace
+import importlib.util
 from itertools import groupby
 import json
 from pathlib import Path
@@ -203,6 +204,7 @@ def test_a_vent_table_of_lava2d(tmp_path: Path) -> None:
         ('x,y,q,rate\n500100,4180100,1,2\n', "is 'q and rate', expected one column for"),
         ('x,y,radius,width\n500100,4180100,1,2\n', 'no radius as well'),
         ('x,y,start,end\n500100,4180100,5,2\n', 'line 2.*, end is 2.0, expected a time after'),
+        ('x,y,rate_dre\n500100,4180100,5\n', 'rate_dre is 5.0, expected a bulk effusion rate'),
         ('x,y,time\n500100,4180100,5\n', 'an effusion rate, and a point'),
         ('x,y\n510100,4180100\n', 'a vent of .*a place on the terrain, which covers'),
         ('x,y,x_end,y_end\n500100,4180100,500100,4180100\n', 'a line of no length'),
@@ -213,6 +215,18 @@ def test_vents_that_are_wrong(text: str, words: str, tmp_path: Path) -> None:
     (tmp_path / 'a.csv').write_text(text)
     with pytest.raises(LavaError, match=words):
         vents_of(tmp_path / 'a.csv')
+
+
+def test_the_tables_of_the_page_are_up_to_date() -> None:
+    """docs/formats.py would write the page as it is."""
+    page = Path(__file__).parents[2] / 'docs/FORMATS.md'
+    spec = importlib.util.spec_from_file_location('formats', page.with_name('formats.py'))
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    text = page.read_text(encoding='utf-8')
+    assert module.page(text) == text, 'run python docs/formats.py'
+    assert set(module.MEANINGS) == set(COLUMNS)
 
 
 def test_names_of_columns_do_not_overlap() -> None:
