@@ -226,8 +226,8 @@ def _as_dict(
     ),
     argument(
         '--unknown', 'NAME[=LOW:HIGH]', 'constant to search, and its range: one of the lava '
-        "('lava materials NAME' lists them), vent_temperature [K], or effusion_rate, a factor; may "
-        'be repeated (default: those with a published range)', [], action='append',
+        "('lava materials NAME' lists them), vent_temperature [K], or effusion_rate, a factor; "
+        'may be repeated (default: those with a published range)', [], action='append',
     ),
     argument('--workers', 'N', 'number of simultaneous runs, which share the GPU', 1),
     argument('--material', 'NAME', 'lava by name; replaces the lava of the cases'),

@@ -298,6 +298,10 @@ def _usual_vent(terrain: Terrain, **known: Any) -> dict[str, Any]:
 
 def _described(vent: VentRow, terrain: Terrain) -> dict[str, Any]:
     flux = SUMMIT_DISCHARGE * vent.share if vent.discharge is None else vent.discharge
+    if isinstance(flux, float) and math.isfinite(vent.end):
+        flux = ((max(vent.start, min(0.0, vent.end - 1.0)), flux), (vent.end, 0.0))
+    elif isinstance(flux, float) and math.isfinite(vent.start):
+        flux = ((vent.start, flux),)
     known = {
         'radius': vent.radius, 'temperature': vent.temperature, 'projected_end': vent.other_end,
     }

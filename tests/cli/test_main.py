@@ -15,6 +15,7 @@
 """`lava`: its parser and manual page, what it prints, and its status."""
 
 import json
+import math
 import os
 from pathlib import Path
 import re
@@ -205,6 +206,23 @@ def test_vents_from_a_file(island, tmp_path):
     path.write_text('{"type": "Point", "coordinates": [10.0, 20.0]}')
     with pytest.raises(LavaError, match=r'a vent of .* .vent 0. is .*a place on the terrain'):
         scene_of(*words)
+
+
+@pytest.mark.parametrize(
+    ('start', 'end', 'series'),
+    [
+        ('', '', ((-math.inf, 9.0),)),
+        ('60', '', ((60.0, 9.0),)),
+        ('', '90', ((0.0, 9.0), (90.0, 0.0))),
+        ('60', '90', ((60.0, 9.0), (90.0, 0.0))),
+    ],
+)
+def test_vents_of_a_file_open_and_close(start, end, series, island, tmp_path):
+    """An effusion rate that is one number holds from the start to the end of the vent."""
+    text = f'x,y,q,start_s,end_s\n365300,7650400,9,{start},{end}\n'
+    (tmp_path / 'vents.csv').write_text(text)
+    (vent,) = scene_of('--terrain', island, '--vents', str(tmp_path / 'vents.csv')).vents
+    assert vent.series == series
 
 
 def test_a_table_of_effusion_rates_of_the_command(island, tmp_path):
