@@ -19,7 +19,7 @@ from pathlib import Path
 
 from lava_ros.files import vectors
 from lava_ros.files.columns import COLUMNS
-from lava_ros.scene import effusion_rates, features, vent_files
+from lava_ros.scene import effusion_rates, features, reshaping, vent_files
 
 PAGE = Path(__file__).with_name('FORMATS.md')
 
@@ -37,13 +37,15 @@ MEANINGS = {
     'effusion_rate': 'effusion rate [m3/s]',
     'temperature': 'temperature of the lava [K]',
     'radius': 'radius of a vent, or half the width of a fissure [m]',
-    'width': 'twice the radius [m]',
+    'width': 'twice the radius, or the width of the crest of a barrier [m]',
     'share': 'weight of a vent when vents divide an effusion rate',
     'start': 'start of an interval ([s] or a date), or when a vent opens [s]',
     'end': 'end of an interval ([s] or a date), or when a vent closes [s]',
     'time': 'an instant ([s], or of rates a date)',
     'volume': 'volume that comes out in an interval [m3]',
     'cumulative_volume': 'volume that has come out by an instant [m3]',
+    'height': 'height of a barrier above the ground [m]',
+    'slope': 'slope of the sides of a barrier, rise over run',
     'error': 'standard error of the effusion rate [m3/s], or [%]',
 }
 
@@ -80,7 +82,10 @@ def column_rows() -> Iterator[tuple[str, ...]]:
     ends = ('', '_end')
     places = [f'{name}{end}' for pair in features.PLACES for name in pair for end in ends]
     uses = {
-        'places': (*places, 'name'), 'vents': vent_files.COLUMNS, 'rates': effusion_rates.COLUMNS,
+        'places': (*places, 'name'),
+        'vents': vent_files.COLUMNS,
+        'barriers': ('name', *reshaping.LIMITS),
+        'rates': effusion_rates.COLUMNS,
     }
     yield ('column', 'meaning', 'of', 'other names')
     for name, (known, _) in COLUMNS.items():

@@ -17,9 +17,11 @@
 import argparse
 from collections.abc import Mapping
 import csv
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 import json
 import math
+
+import numpy as np
 
 from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.output import Progress, write_json
@@ -36,7 +38,7 @@ from lava_ros.scene import Scene
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import Constant, material_named
 from lava_ros.scene.materials import materials as known_materials
-from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
+from lava_ros.scene.reshaping import Barrier, low_pass, read_barriers, with_barrier
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
@@ -167,6 +169,10 @@ def _cited(constant: Constant, sources: dict[str, int]) -> str:
         '--line', 'E,N', 'easting and northing [m] of two or more places along the crest',
         nargs='+',
     ),
+    argument(
+        '--lines', 'FILE', 'vector file of lines along crests, each with its own height [m], '
+        'width [m] and slope or else those below (docs/FORMATS.md)',
+    ),
     argument('--height', 'M', 'height above the ground [m]', float),
     argument('--width', 'M', 'width of the crest [m]', 10.0),
     argument('--slope', 'S', 'slope of the sides, rise over run', 1.0),
@@ -174,20 +180,28 @@ def _cited(constant: Constant, sources: dict[str, int]) -> str:
     low_pass=0.0,
 )
 def barrier(args: argparse.Namespace) -> int:
-    """Add a barrier to a terrain, and write the result to a new file.
+    """Add barriers to a terrain, and write the result to a new file.
 
-    The command raises the elevation along a line and writes it as GeoTIFF. --low-pass smooths the
-    elevation before that.
+    The command raises the elevation along a line, or the lines of a file, and writes it as
+    GeoTIFF. Where barriers overlap, the highest counts. --low-pass smooths the elevation before
+    that.
     """
-    if not args.line and not args.low_pass:
-        raise LavaError('--line', None, 'the places of a barrier, or --low-pass')
+    if not args.line and not args.lines and not args.low_pass:
+        raise LavaError('--line', None, 'the places of a barrier, --lines, or --low-pass')
     output = file_to_write('--output', args.output, ('.tif', '.tiff'))
     before = terrain = low_pass(load_terrain(args.terrain, epsg=args.epsg), args.low_pass)
+    barriers = []
     if args.line:
         if args.height is None:
             raise LavaError('--height', None, 'a height [m]')
         line = tuple(_place(text) for text in args.line)
-        terrain = with_barrier(before, Barrier(line, args.height, args.width, args.slope))
+        barriers.append(Barrier(line, args.height, args.width, args.slope))
+    if args.lines:
+        usual = {'height': args.height, 'width': args.width, 'slope': args.slope}
+        barriers += read_barriers('--lines', args.lines, before, usual)
+    for item in barriers:
+        higher = with_barrier(before, item).elevation
+        terrain = replace(before, elevation=np.maximum(terrain.elevation, higher))
     write_grid(output, terrain.elevation, terrain, unit='m', meaning='elevation of the ground')
     added = (terrain.elevation - before.elevation)[terrain.has_data]
     volume = float(added.sum(dtype='float64')) * terrain.resolution**2

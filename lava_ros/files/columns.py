@@ -101,6 +101,8 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
          'total_volume'),
         _VOLUME,
     ),
+    'height': (('height', 'barrier_height'), _LENGTH),
+    'slope': (('slope', 'side_slope'), _NONE),
     'error': (
         ('error', 'err', 'uncertainty', 'sigma', 'std', 'stdev', 'plus_minus',
          'effusion_rate_error', 'discharge_error', 'rate_error', 'tadr_error',
@@ -108,6 +110,9 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
         _ERROR,
     ),
 }
+
+#: Length of the names of columns in a Shapefile, to which longer ones are cut.
+SHAPEFILE_LETTERS = 10
 
 #: Columns that GIS programs add to number their rows.
 _NUMBERS = ('fid', 'ogc_fid', 'objectid', 'gid')
@@ -174,10 +179,12 @@ def understood(
             twice = f'{found[names[0]].header} and {header}'
             raise LavaError(f'columns of {where}', twice, f'one column for {names[0]}')
         units = COLUMNS[name][1]
+        # what is in the brackets of a name is no unit
+        unit = unit if units else ''
         if unit and _unit(unit) not in units:
             known = ', '.join(list(units)[:4]).replace('_per_', '/')
-            expected = f'a unit such as {known}' if known else 'no unit'
-            raise LavaError(f'unit of the column {header} of {where}', unit, expected)
+            field = f'unit of the column {header} of {where}'
+            raise LavaError(field, unit, f'a unit such as {known}')
         number = units.get(_unit(unit), 1.0) if unit else 1.0
         is_shift = name == 'temperature'
         found[name] = Column(
@@ -202,6 +209,11 @@ def _parts(header: str) -> tuple[list[str], str, str]:
     for count in range(len(words), 0, -1):
         base, rest = '_'.join(words[:count]), '_'.join(words[count:])
         names = [name for name, (known, _) in COLUMNS.items() if base in known]
+        if not names and len(base) == SHAPEFILE_LETTERS == len(text):
+            names = [
+                name for name, (known, _) in COLUMNS.items()
+                if any(item.startswith(base) for item in known)
+            ][:1]
         if names and (not rest or (not unit and _unit(rest) in COLUMNS[names[0]][1])):
             return names, unit or rest, kind
     # a column of hours or days

@@ -228,6 +228,21 @@ def test_barrier_is_written(tmp_path):
     assert (added > 0.0).sum() < 120
 
 
+def test_barriers_of_a_file(tmp_path):
+    """Lines with their own heights; where two overlap the higher one counts."""
+    case = write_case(tmp_path / 'valley')
+    lines = tmp_path / 'lines.csv'
+    x, y = VENT
+    lines.write_text(f'x,y,x_end,y_end,height\n{x - 100},{y},{x + 100},{y},10\n'
+                     f'{x},{y - 100},{x},{y + 100},\n')
+    said = done('barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--lines', lines,
+                '--height', '4')
+    assert 'raised by up to 10.0 m' in said
+    assert 'height is missing' in refused(
+        'barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--lines', lines
+    )
+
+
 @pytest.mark.parametrize(
     ('words', 'named'),
     [
