@@ -29,7 +29,7 @@ EXTRAS = {
         'ros-jazzy-rclpy[fastrtps]>=7.1.6,<7.2',
         'ros-jazzy-common-interfaces>=5.3.6,<5.4',
     ],
-    'terrain': ['pyogrio>=0.11,<1', 'rasterio>=1.3.10,<2'],
+    'terrain': ['pyogrio>=0.12,<1', 'rasterio>=1.3.10,<2'],
     'plot': ['matplotlib>=3.8,<4', 'mcap-ros2-support>=0.5.5,<1', 'pillow>=10,<14'],
     'hindcast': ['scipy>=1.11,<2'],
     'completion': ['shtab>=1.7,<2'],

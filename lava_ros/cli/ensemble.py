@@ -52,7 +52,7 @@ from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.maps.forecast import HazardMaps
-from lava_ros.maps.gis import coordinate_system, require_formats
+from lava_ros.maps.gis import coordinate_system, require_formats, usual_formats
 from lava_ros.scene.uncertainty import uncertainty_to_dict
 from lava_ros.simulation import presets
 
@@ -114,7 +114,8 @@ def ensemble(args: argparse.Namespace) -> int:
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
     scene, output = plan.scene, Path(args.output)
-    require_formats(args.formats or (), output, coordinate_system(scene.terrain.epsg))
+    crs = coordinate_system(scene.terrain.epsg)
+    require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
     susceptibility = None
     if args.susceptibility is not None:
         likelihood = raster_on(scene.terrain, args.susceptibility, field='--susceptibility')

@@ -89,10 +89,10 @@ ENDINGS = tuple(f'.{ending}' for ending in (*FORMATS, *ALIASES, *ARCHIVES))
 #: Parts of a Shapefile that are read and written; the first three it needs.
 _PARTS = ('.shp', '.shx', '.dbf', '.prj', '.cpg')
 
-#: Attributes of GDAL's KML that no table has.
+#: Attributes of each KML feature, which say how it is drawn.
 _OF_KML = frozenset((
-    'id', 'description', 'timestamp', 'begin', 'end', 'altitudeMode', 'tessellate', 'extrude',
-    'visibility', 'drawOrder', 'icon', 'snippet', 'Description', 'gx_media_links',
+    'id', 'description', 'altitudeMode', 'tessellate', 'extrude', 'visibility', 'drawOrder', 'icon',
+    'snippet', 'Description', 'gx_media_links',
 ))
 
 #: The coordinate system that a GeoJSON file from before RFC 7946 names; GDAL takes one that it

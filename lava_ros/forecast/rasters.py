@@ -182,6 +182,6 @@ def write_atlas(
         gis.write_map(written[-1], values, place, name=name, unit=unit, meaning=meaning, tags=tags)
         gis.write_style(written[-1], name, values)
     if formats is None:
-        formats = () if place.crs is None else ('geojson',)
+        formats = gis.usual_formats(place.crs)
     title = f'lava flow, {maps.members} members'
     return [*written, *gis.write_formats(folder, formats, shapes, layers, place, title)]

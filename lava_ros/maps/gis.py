@@ -228,6 +228,11 @@ def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
     ]
 
 
+def usual_formats(crs: Any) -> tuple[str, ...]:
+    """Return the formats of an ensemble beside GeoTIFF: GeoJSON in a known coordinate system."""
+    return () if crs is None else ('geojson',)
+
+
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
     """Refuse formats that lack a library, and GeoJSON and KML without a coordinate system."""
     for name in formats:
