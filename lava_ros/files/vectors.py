@@ -91,8 +91,8 @@ _PARTS = ('.shp', '.shx', '.dbf', '.prj', '.cpg')
 
 #: Attributes of each KML feature, which say how it is drawn.
 _OF_KML = frozenset((
-    'id', 'description', 'altitudeMode', 'tessellate', 'extrude', 'visibility', 'drawOrder', 'icon',
-    'snippet', 'Description', 'gx_media_links',
+    'id', 'description', 'Description', 'snippet', 'altitudeMode', 'tessellate', 'extrude',
+    'visibility', 'drawOrder', 'icon', 'gx_media_links',
 ))
 
 #: The coordinate system that a GeoJSON file from before RFC 7946 names; GDAL takes one that it
