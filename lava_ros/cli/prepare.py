@@ -200,8 +200,8 @@ def barrier(args: argparse.Namespace) -> int:
         usual = {'height': args.height, 'width': args.width, 'slope': args.slope}
         barriers += read_barriers('--lines', args.lines, before, usual)
     for item in barriers:
-        higher = with_barrier(before, item).elevation
-        terrain = replace(before, elevation=np.maximum(terrain.elevation, higher))
+        higher = np.maximum(terrain.elevation, with_barrier(before, item).elevation)
+        terrain = replace(with_barrier(terrain, item), elevation=higher)
     write_grid(output, terrain.elevation, terrain, unit='m', meaning='elevation of the ground')
     added = (terrain.elevation - before.elevation)[terrain.has_data]
     volume = float(added.sum(dtype='float64')) * terrain.resolution**2

@@ -25,7 +25,7 @@ from rasterio.warp import transform
 from lava_ros.errors import LavaError
 from lava_ros.forecast.rasters import seen_in_file
 from lava_ros.scene import Terrain
-from lava_ros.scene.features import read_features
+from lava_ros.scene.features import load_features, read_features
 from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier
 from lava_ros.simulation.terrain import ringed_heights
 
@@ -92,6 +92,23 @@ def test_geojson(tmp_path: Path) -> None:
     assert first.where == second.where
     np.testing.assert_allclose(first.rings[0], [[1, 2], [3, 4]], atol=1e-6)
     np.testing.assert_allclose(second.rings[0], [[5, 6], [7, 8]], atol=1e-6)
+
+
+def test_features_without_a_geometry_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The others are read; errors and warnings have the name of the feature."""
+    path = features(tmp_path / 'a.geojson', of={'gone': None})
+    with pytest.raises(LavaError, match='at least one point'):
+        read_features('--overlay', path, TERRAIN)
+    assert 'feature 0 (gone) has no geometry and is left out' in caplog.text
+    point = {'type': 'Point', 'coordinates': DEGREES}
+    path = features(tmp_path / 'a.geojson', of={'gone': None, 'here': point})
+    (found,) = load_features('--overlay', path)
+    assert (found.name, found.system) == ('here', 'EPSG:4326')
+    np.testing.assert_allclose(found.on(TERRAIN).rings[0], METRES, atol=1e-3)
+    with pytest.raises(LavaError, match=r'feature 1 \(here\) is .*no coordinate system'):
+        found.on(Terrain(np.zeros((5, 5)), 10.0))
 
 
 def test_areas_become_cells(tmp_path: Path) -> None:
