@@ -167,7 +167,7 @@ def _vents_of(path: str, rate: float | str | None, terrain: Terrain) -> Iterator
                 right = f'a place {terrain.bounds(projected=True)}'
                 raise LavaError(f'a vent of {path} ({vent.name})', shown, right)
         if vent.discharge is None and isinstance(rate, float):
-            vent = replace(vent, discharge=rate * vent.share)
+            vent = replace(vent, discharge=rate * vent.part)
         yield vent
 
 
@@ -215,6 +215,11 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         vents = [
             replace(vent, discharge=own) for vent, own in zip(vents, series, strict=True)
         ]
+    for vent in () if rates else vents:
+        is_own = args.discharge is None and vent.discharge is not None
+        if not is_own and not math.isclose(vent.share, vent.part):
+            right = 'none without a table that vents divide: --effusion-rate FILE'
+            raise LavaError(f'share of {vent.name!r}', vent.share / vent.part, right)
     if vents:
         data['vents'] = [_described(vent, terrain) for vent in vents]
     if args.material is not None:
@@ -297,7 +302,7 @@ def _usual_vent(terrain: Terrain, **known: Any) -> dict[str, Any]:
 
 
 def _described(vent: VentRow, terrain: Terrain) -> dict[str, Any]:
-    flux = SUMMIT_DISCHARGE * vent.share if vent.discharge is None else vent.discharge
+    flux = SUMMIT_DISCHARGE * vent.part if vent.discharge is None else vent.discharge
     if isinstance(flux, float) and math.isfinite(vent.end):
         flux = ((max(vent.start, min(0.0, vent.end - 1.0)), flux), (vent.end, 0.0))
     elif isinstance(flux, float) and math.isfinite(vent.start):

@@ -55,6 +55,7 @@ class VentRow:
             series of (time [s], rate [m3/s]) pairs; None: the part.
         radius: Its radius, or half the width of a fissure [m]; None: the usual one.
         temperature: Temperature of its lava [K]; None: the usual one.
+        part: Fraction of a feature of several parts; ``share`` and ``discharge`` include it.
     """
 
     name: str
@@ -66,6 +67,7 @@ class VentRow:
     discharge: Discharge | None = None
     radius: float | None = None
     temperature: float | None = None
+    part: float = 1.0
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
@@ -204,6 +206,7 @@ def _divided(vent: VentRow, lines: Sequence[tuple[Any, Any, float]]) -> list[Ven
             place=start,
             other_end=end,
             share=vent.share * weight / whole,
+            part=weight / whole,
             discharge=None if vent.discharge is None else vent.discharge * weight / whole,  # type: ignore[operator]
         )
         for start, end, weight in lines

@@ -238,6 +238,9 @@ def test_a_table_of_effusion_rates_of_the_command(island, tmp_path):
     assert first.series[:2] == ((3600.0, pytest.approx(40.0 / 3.0)), (90000.0, 0.0))
     assert second.peak == pytest.approx(80.0 / 3.0)
     assert scene.uncertainty.discharge is not None
+    for rate in ((), ('--effusion-rate', '5')):
+        with pytest.raises(LavaError, match='share of .vent 1. is 2.0, expected none without a'):
+            scene_of('--terrain', island, '--vents', str(tmp_path / 'vents.csv'), *rate)
     (summit,) = scene_of(*words).vents
     assert summit.discharge == ((0.0, 30.0), (86400.0, 0.0))
     for more, sentence in (
