@@ -64,7 +64,7 @@ VENT_RADIUS = 1.5
 #: Keys of ``case.yaml``.
 KEYS = (
     *('title', 'source', 'material', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
-    *('start', 'end', 'epsg', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
+    *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
 )
 
 
@@ -165,7 +165,10 @@ def load_case(
     if low_pass_width is not None:
         options['low_pass'] = low_pass_width
     read = partial(
-        load_terrain, epsg=options.get('epsg'), fill_holes=options.get('fill_holes', False)
+        load_terrain,
+        epsg=options.get('epsg'),
+        nodata=options.get('nodata'),
+        fill_holes=options.get('fill_holes', False),
     )
     ground = read(elevation)
     check_elevation(ground)
@@ -245,7 +248,8 @@ def _placed(rows: tuple[VentRow, ...], ground: Terrain) -> tuple[VentRow, ...]:
     """Vents in the elevation's metres, those given as longitude and latitude too."""
 
     def place(point: tuple[float, float]) -> tuple[float, float]:
-        is_off = ground.epsg is not None and not ground.covers(*ground.to_map(*point))
+        is_placed = ground.epsg is not None or ground.wkt is not None
+        is_off = is_placed and not ground.covers(*ground.to_map(*point))
         if not is_off or not is_degrees(point):
             return point
         there = projected(ground, *point)

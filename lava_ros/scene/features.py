@@ -27,7 +27,7 @@ from lava_ros.files import open_input
 from lava_ros.files.csv import read_table
 from lava_ros.files.optional import require
 from lava_ros.files.yaml import parse_json
-from lava_ros.scene.projection import transformed
+from lava_ros.scene.projection import coordinate_system, transformed
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
 #: Ends of the names of files that can be read.
@@ -112,11 +112,12 @@ def _on(terrain: Terrain, places: np.ndarray, system: str | None, where: str) ->
     """Places [count, 2] of a system in that of a terrain."""
     if system is None:
         return places
-    if terrain.epsg is None:
+    own = coordinate_system(terrain.epsg, terrain.wkt)
+    if own is None:
         right = 'coordinates of the terrain, which has no coordinate system'
         raise LavaError(where, f'coordinates of {system}', right)
     try:
-        return transformed(system, f'EPSG:{terrain.epsg}', *places.T).T
+        return transformed(system, own, *places.T).T
     except ValueError as error:
         right = f'places of a coordinate system that GDAL knows ({error})'
         raise LavaError(where, f'places of {system}', right) from error

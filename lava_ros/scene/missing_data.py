@@ -1,0 +1,126 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cells without data whose value a file does not declare: cliffs around them that ground lacks."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lava_ros.errors import LavaError
+from lava_ros.files.optional import is_installed
+
+#: Values that files use for cells without data. The first ones are no height of ground near
+#: volcanoes, and even one cell of them counts; the others can be the sea, and only a block counts.
+MARKS = (-32768.0, -32767.0, -9999.0, -999.0, 9999.0, 32767.0, 65535.0, 99999.0)
+BLOCK_MARKS = (-99.0, -1.0, 0.0)
+
+#: Smallest number of cells of a block, and largest fraction of all cells with data: the rest of a
+#: plane with a few spikes is ground.
+MIN_BLOCK, MAX_BLOCK = 4, 0.95
+
+#: Height of the step around cells without data, in cells: a slope of 63 degrees on nearly all
+#: sides.
+MIN_STEP = 2.0
+
+#: Fraction of the border of such cells that may have a smaller step.
+MAX_SMALL_STEPS = 0.1
+
+#: Heights between which and all others this much is empty, and more than all others differ by,
+#: are no heights [m].
+MIN_GAP = 1000.0
+
+#: Bins in which an empty range of heights is looked for.
+_BINS = 1024
+
+#: What the user can do, for ``format`` with the value.
+NODATA_ADVICE = (
+    'if these cells have no data, --nodata {0} or terrain.nodata: {0} in a scene file declares '
+    'it, as gdal_edit.py -a_nodata {0} does in a GeoTIFF; --nodata none keeps them as ground'
+)
+
+
+def without_value(elevation: np.ndarray, value: float) -> np.ndarray:
+    """Return the elevation with NaN in place of one stored value."""
+    return np.where(elevation == np.float32(value), np.float32(np.nan), elevation)
+
+
+def check_missing(elevation: np.ndarray, cell: float, name: str) -> None:
+    """Refuse an elevation in which some cells look as if they had no data.
+
+    Args:
+        elevation: Elevation as stored in the file, NaN without data, shape [rows, columns].
+        cell: Approximate side of a cell [m].
+        name: Name of the file, for the message.
+
+    Raises:
+        LavaError: If a value that files use for missing data stands in a block or a spike with
+            steep steps around it, or if some elevations are far away from all others.
+    """
+    known = elevation[np.isfinite(elevation)]
+    if not known.size:
+        return
+    for value, count in (_far_value(known), *_marks_with_cliffs(elevation, cell)):
+        if count:
+            shown = f'{value:g} in {count} {"cell" if count == 1 else "cells"}'
+            right = f'heights like those around them ({NODATA_ADVICE.format(f"{value:g}")})'
+            raise LavaError(f'elevation of {name}', shown, right)
+
+
+def _far_value(known: np.ndarray) -> tuple[float, int]:
+    """Return the outermost of the values that are far away from all others, and their number."""
+    low, high = float(known.min()), float(known.max())
+    if not high - low > MIN_GAP:
+        return low, 0
+    edges = np.linspace(low, high, _BINS + 1)
+    filled = np.flatnonzero(np.histogram(known, edges)[0])
+    last = filled[np.argmax(np.diff(filled))]
+    is_below = known < edges[last + 1]
+    below, above = known[is_below], known[~is_below]
+    gap = float(above.min()) - float(below.max())
+    if gap < MIN_GAP or gap <= 0.5 * (high - low):
+        return low, 0
+    # a constant is the mark, also in most cells
+    is_constant = below.max() == low, above.min() == high
+    is_low = is_constant[0] if is_constant[0] != is_constant[1] else below.size <= above.size
+    return (low, below.size) if is_low else (high, above.size)
+
+
+def _marks_with_cliffs(elevation: np.ndarray, cell: float) -> Iterator[tuple[float, int]]:
+    """Yield each value for missing data, and its cells in blocks with steep steps around them."""
+    for value in (*MARKS, *BLOCK_MARKS):
+        is_marked = elevation == value
+        if not is_marked.any():
+            continue
+        labels = is_marked.astype(np.int32)
+        if is_installed('scipy'):
+            from scipy.ndimage import label
+
+            labels = label(is_marked)[0]
+        sizes = np.bincount(labels.ravel())
+        border, small = np.zeros((2, sizes.size))
+        for one, other in ((labels, elevation), (labels.T, elevation.T)):
+            for here, there in ((np.s_[1:], np.s_[:-1]), (np.s_[:-1], np.s_[1:])):
+                # steps to cells without data are NaN, which no comparison counts
+                step = np.abs(other[there] - np.float32(value))
+                at = (one[here] > 0) & (step > 0.0)
+                border += np.bincount(one[here][at], minlength=sizes.size)
+                at &= step < MIN_STEP * cell
+                small += np.bincount(one[here][at], minlength=sizes.size)
+        least, most = 1, np.inf
+        if value in BLOCK_MARKS:
+            least, most = MIN_BLOCK, MAX_BLOCK * np.isfinite(elevation).sum()
+        is_missing = (sizes >= least) & (sizes <= most)
+        is_missing &= (border > 0) & (small <= MAX_SMALL_STEPS * border)
+        yield value, int(sizes[1:][is_missing[1:]].sum())
