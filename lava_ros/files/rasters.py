@@ -15,10 +15,12 @@
 """Opens rasters from anywhere with the GDAL driver that the content of the file calls for."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 import mmap
 from pathlib import Path
 import re
+import sqlite3
+import sys
 from typing import Any, NamedTuple
 import warnings
 from xml.etree import ElementTree
@@ -39,6 +41,7 @@ class RasterFormat(NamedTuple):
         suffixes: Usual ends of the names of such files.
         head: Pattern that the first bytes of such files match.
         needs_suffix: True if the first bytes of such files do not identify them.
+        is_plain: True if such files hold each value uncompressed, as bytes.
         notes: Conditions and limits, for people.
         written: Outputs in this format, for people; empty if it is only read.
     """
@@ -48,6 +51,7 @@ class RasterFormat(NamedTuple):
     suffixes: tuple[str, ...]
     head: re.Pattern[bytes]
     needs_suffix: bool = False
+    is_plain: bool = False
     notes: str = ''
     written: str = ''
 
@@ -71,9 +75,12 @@ FORMATS = (
     ),
     RasterFormat('Erdas Imagine', 'HFA', ('.img',), re.compile(rb'EHFA_HEADER_TAG')),
     RasterFormat(
-        'NetCDF', 'netCDF', ('.nc', '.grd'), re.compile(rb'CDF[\1\2\5]|\x89HDF\r\n\x1a\n'),
+        'NetCDF classic', 'netCDF', ('.nc', '.grd'), re.compile(rb'CDF[\1\2\5]'), is_plain=True,
+        notes='a single gridded variable', written='`--formats nc`: all maps, CF conventions',
+    ),
+    RasterFormat(
+        'NetCDF-4', 'netCDF', ('.nc', '.grd'), re.compile(rb'\x89HDF\r\n\x1a\n'),
         notes='a single gridded variable, as GMT writes it',
-        written='`--formats nc`: all maps in one file, CF conventions',
     ),
     RasterFormat(
         'GeoPackage', 'GPKG', ('.gpkg',), re.compile(rb'SQLite format 3\0'),
@@ -89,7 +96,7 @@ FORMATS = (
     ),
     RasterFormat(
         'ESRI binary grid', 'EHdr', ('.flt', '.bil'), re.compile(b''), needs_suffix=True,
-        notes='with its `.hdr` file',
+        is_plain=True, notes='with its `.hdr` file',
     ),
     RasterFormat(
         'ESRI ASCII grid', 'AAIGrid', ('.asc', '.txt'), _HEADER,
@@ -113,6 +120,10 @@ _SYSTEM = re.compile(r'\s*(EPSG:\d+\s*$|[A-Za-z_]+\[)')
 
 #: Largest virtual raster [bytes].
 MAX_VIRTUAL = 1 << 22
+
+#: Drivers of text grids, and the header of Surfer's: sides, and ranges of x, y and z.
+_TEXT = ('AAIGrid', 'GSAG')
+_SURFER = re.compile(rb'DSAA(?:\s+[-+.\deE]+){8}')
 
 _NUMBER = rb'[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?'
 
@@ -138,42 +149,46 @@ def opened_raster(field: str, path: str | Path) -> Iterator[Any]:
     # an absolute path is no URL
     place = Path(path).absolute()
     try:
-        driver = _driver_of(field, place)
-        if driver == 'VRT':
+        kind = _format_of(field, place)
+        if kind.driver == 'VRT':
             _check_virtual(field, place)
-        with _opened(field, place, driver) as source:
+        with _opened(field, place, kind) as source:
             yield source
-    except (RasterioError, OSError) as error:
+    # what GDAL says of a damaged file may contain bytes of it
+    except (RasterioError, OSError, UnicodeDecodeError) as error:
         raise LavaError(field, str(path), f'a raster that GDAL can read ({error})') from error
 
 
-def _driver_of(field: str, path: Path) -> str:
-    """Return the name of the GDAL driver for a file."""
+def _format_of(field: str, path: Path) -> RasterFormat:
+    """Return the format of a file."""
     with open_input(path) as file:
         head = file.read(1024)
     for item in FORMATS:
         if item.head.match(head) and not (
             item.needs_suffix and path.suffix.lower() not in item.suffixes
         ):
-            return item.driver
+            return item
     right = f'a raster of a known format: {", ".join(item.name for item in FORMATS)} '
     right += '(gdal_translate turns other formats into GeoTIFF)'
     raise LavaError(field, str(path), right)
 
 
 @contextmanager
-def _opened(field: str, path: Path, driver: str) -> Iterator[Any]:
-    """Open a raster with one driver, and check what has to hold in all formats."""
+def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
+    """Open a raster with one driver, and check what GDAL does not."""
     import rasterio
     from rasterio.errors import NotGeoreferencedWarning
 
     for beside in (Path(f'{path}.msk'), Path(f'{path}.ovr')):
         # GDAL opens these with any driver
-        if beside.exists() and _driver_of(field, beside) != 'GTiff':
+        if beside.exists() and _format_of(field, beside).driver != 'GTiff':
             raise LavaError(field, str(beside), 'a mask or overviews in a GeoTIFF')
-    with warnings.catch_warnings():
+    if kind.driver == 'GPKG':
+        _check_database(field, path)
+    numbers = _count_numbers(path) if kind.driver in _TEXT else None
+    with warnings.catch_warnings(), _without_undecodable_errors():
         warnings.simplefilter('ignore', NotGeoreferencedWarning)
-        with rasterio.open(path, driver=driver) as source:
+        with rasterio.open(path, driver=kind.driver) as source:
             if source.height * source.width > MOST_CELLS:
                 shown = f'{source.height} x {source.width} cells'
                 right = f'at most {MOST_CELLS} (gdal_translate -srcwin takes a part)'
@@ -184,11 +199,29 @@ def _opened(field: str, path: Path, driver: str) -> Iterator[Any]:
                 raise LavaError(field, str(path), right)
             if any(Path(name).absolute().parent != path.parent for name in source.files):
                 raise LavaError(field, str(path), 'a raster without files in other folders')
-            if driver == 'EHdr':
+            if kind.is_plain:
                 _check_size(field, path, source)
-            elif driver == 'AAIGrid':
-                _check_numbers(path, source.width * source.height)
+            cells = source.width * source.height
+            if numbers not in (None, cells):
+                right = f'{cells}, as many as the header has cells'
+                raise LavaError(f'number of values in {path.name}', numbers, right)
             yield source
+
+
+@contextmanager
+def _without_undecodable_errors() -> Iterator[None]:
+    """Keep Python from printing errors of GDAL that contain other bytes of a file than text."""
+    hook = sys.unraisablehook
+
+    def report(error: Any) -> None:
+        if not isinstance(error.exc_value, UnicodeDecodeError):
+            hook(error)
+
+    sys.unraisablehook = report
+    try:
+        yield
+    finally:
+        sys.unraisablehook = hook
 
 
 def _check_virtual(field: str, path: Path) -> None:
@@ -212,13 +245,29 @@ def _check_virtual(field: str, path: Path) -> None:
             if item.get('relativeToVRT') != '1' or not re.fullmatch(r'[^/\\:<>]+', value):
                 raise LavaError(name, value, f'the name of a file {advice}')
             source = path.with_name(value)
-            driver = _driver_of(field, source)
-            if driver not in _TILES:
+            kind = _format_of(field, source)
+            if kind.driver not in _TILES:
                 raise LavaError(name, value, f'a {" or ".join(_TILES)} file {advice}')
-            with _opened(field, source, driver):
+            with _opened(field, source, kind):
                 pass
     if not any(item.tag == 'SourceFilename' for item in elements):
         raise LavaError(field, str(path), f'a virtual raster with files {advice}')
+
+
+def _check_database(field: str, path: Path) -> None:
+    """Refuse a damaged database, whose missing values GDAL reads as 0."""
+    try:
+        with closing(sqlite3.connect(f'{path.as_uri()}?immutable=1', uri=True)) as database:
+            (found,) = database.execute('PRAGMA quick_check(1)').fetchone()
+            sizes = [
+                database.execute(f'PRAGMA page_{name}').fetchone()[0] for name in ('count', 'size')
+            ]
+        if found == 'ok' and sizes[0] * sizes[1] > path.stat().st_size:
+            found = f'{path.stat().st_size} of {sizes[0] * sizes[1]} bytes'
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        found = str(error)
+    if found != 'ok':
+        raise LavaError(field, str(path), f'an undamaged GeoPackage ({found})')
 
 
 def _check_size(field: str, path: Path, source: Any) -> None:
@@ -232,10 +281,12 @@ def _check_size(field: str, path: Path, source: Any) -> None:
         raise LavaError(field, f'{found} bytes in {path.name}', f'{needed} bytes, as its header')
 
 
-def _check_numbers(path: Path, cells: int) -> None:
-    """Refuse a text grid with other text than numbers, or more or fewer numbers than cells."""
+def _count_numbers(path: Path) -> int:
+    """Count the values of a text grid; LavaError for text, which GDAL reads as 0 or in part."""
     with open_input(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         begin, known = 0, _NUMBER
+        if surfer := _SURFER.match(data):
+            begin = surfer.end()
         while line := _HEADER.match(data, begin):
             begin = line.end()
             if line[1].lower() == b'nodata_value':
@@ -255,7 +306,5 @@ def _check_numbers(path: Path, cells: int) -> None:
         count = 0
         for at in range(begin, len(data), 1 << 24):
             is_text = np.frombuffer(data[at - 1 : at + (1 << 24)], np.uint8) > ord(' ')
-            count += np.count_nonzero(is_text[1:] & ~is_text[:-1])
-        if count != cells:
-            right = f'{cells}: the header has that many cells'
-            raise LavaError(f'number of values in {path.name}', int(count), right)
+            count += int(np.count_nonzero(is_text[1:] & ~is_text[:-1]))
+        return count
