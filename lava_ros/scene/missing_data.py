@@ -26,9 +26,11 @@ from lava_ros.files.optional import is_installed
 MARKS = (-32768.0, -32767.0, -9999.0, -999.0, 9999.0, 32767.0, 65535.0, 99999.0)
 BLOCK_MARKS = (-99.0, -1.0, 0.0)
 
-#: Smallest number of cells of a block, and largest fraction of all cells with data: the rest of a
-#: plane with a few spikes is ground.
-MIN_BLOCK, MAX_BLOCK = 4, 0.95
+#: Smallest number of cells of a block.
+MIN_BLOCK = 4
+
+#: Largest fraction of all cells with data in blocks: a plane with a few spikes is ground.
+MAX_BLOCKS = 0.95
 
 #: Height of the step around cells without data, in cells: a slope of 63 degrees on nearly all
 #: sides.
@@ -71,7 +73,7 @@ def check_missing(elevation: np.ndarray, cell: float, name: str) -> None:
     known = elevation[np.isfinite(elevation)]
     if not known.size:
         return
-    for value, count in (_far_value(known), *_marks_with_cliffs(elevation, cell)):
+    for value, count in (_far_value(known), *_marks_with_cliffs(elevation, known, cell)):
         if count:
             shown = f'{value:g} in {count} {"cell" if count == 1 else "cells"}'
             right = f'heights like those around them ({NODATA_ADVICE.format(f"{value:g}")})'
@@ -97,11 +99,17 @@ def _far_value(known: np.ndarray) -> tuple[float, int]:
     return (low, below.size) if is_low else (high, above.size)
 
 
-def _marks_with_cliffs(elevation: np.ndarray, cell: float) -> Iterator[tuple[float, int]]:
+def _marks_with_cliffs(
+    elevation: np.ndarray, known: np.ndarray, cell: float
+) -> Iterator[tuple[float, int]]:
     """Yield each value for missing data, and its cells in blocks with steep steps around them."""
     for value in (*MARKS, *BLOCK_MARKS):
-        is_marked = elevation == value
-        if not is_marked.any():
+        is_marked, is_block = elevation == value, value in BLOCK_MARKS
+        others = known[known != value]
+        if others.size == known.size:
+            continue
+        # planes, and walls and steps of one height, are made by hand
+        if is_block and (others.size < (1.0 - MAX_BLOCKS) * known.size or not np.ptp(others)):
             continue
         labels = is_marked.astype(np.int32)
         if is_installed('scipy'):
@@ -118,9 +126,6 @@ def _marks_with_cliffs(elevation: np.ndarray, cell: float) -> Iterator[tuple[flo
                 border += np.bincount(one[here][at], minlength=sizes.size)
                 at &= step < MIN_STEP * cell
                 small += np.bincount(one[here][at], minlength=sizes.size)
-        least, most = 1, np.inf
-        if value in BLOCK_MARKS:
-            least, most = MIN_BLOCK, MAX_BLOCK * np.isfinite(elevation).sum()
-        is_missing = (sizes >= least) & (sizes <= most)
+        is_missing = sizes >= (MIN_BLOCK if is_block else 1)
         is_missing &= (border > 0) & (small <= MAX_SMALL_STEPS * border)
         yield value, int(sizes[1:][is_missing[1:]].sum())
