@@ -28,9 +28,8 @@ def raster_rows() -> Iterator[tuple[str, ...]]:
     for item in rasters.FORMATS:
         names = ', '.join(f'`{suffix}`' for suffix in item.suffixes)
         yield (item.name, names, item.driver, item.notes, item.written)
-    yield (
-        'NumPy archive', '`.npz`', '', 'arrays with the names of `lava_ros.scene.terrain_files`', ''
-    )
+    arrays = 'arrays with the names of `lava_ros.scene.terrain_files`'
+    yield ('NumPy archive', '`.npz`', '', arrays, '')
 
 
 #: Tables by the name of their section.
