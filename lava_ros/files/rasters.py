@@ -211,17 +211,21 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
 @contextmanager
 def _without_undecodable_errors() -> Iterator[None]:
     """Keep Python from printing errors of GDAL that contain other bytes of a file than text."""
-    hook = sys.unraisablehook
+    hooks = sys.excepthook, sys.unraisablehook
 
-    def report(error: Any) -> None:
+    def report(kind: Any, error: Any, traceback: Any) -> None:
+        if not isinstance(error, UnicodeDecodeError):
+            hooks[0](kind, error, traceback)
+
+    def report_ignored(error: Any) -> None:
         if not isinstance(error.exc_value, UnicodeDecodeError):
-            hook(error)
+            hooks[1](error)
 
-    sys.unraisablehook = report
+    sys.excepthook, sys.unraisablehook = report, report_ignored
     try:
         yield
     finally:
-        sys.unraisablehook = hook
+        sys.excepthook, sys.unraisablehook = hooks
 
 
 def _check_virtual(field: str, path: Path) -> None:

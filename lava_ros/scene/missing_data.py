@@ -43,6 +43,9 @@ MAX_SMALL_STEPS = 0.1
 #: are no heights [m].
 MIN_GAP = 1000.0
 
+#: A step larger than all others [m].
+FAR = 1e30
+
 #: Bins in which an empty range of heights is looked for.
 _BINS = 1024
 
@@ -103,6 +106,8 @@ def _marks_with_cliffs(
     elevation: np.ndarray, known: np.ndarray, cell: float
 ) -> Iterator[tuple[float, int]]:
     """Yield each value for missing data, and its cells in blocks with steep steps around them."""
+    # the size of a cell has not been checked yet
+    limit = np.float32(min(MIN_STEP * cell, FAR))
     for value in (*MARKS, *BLOCK_MARKS):
         is_marked, is_block = elevation == value, value in BLOCK_MARKS
         others = known[known != value]
@@ -121,10 +126,11 @@ def _marks_with_cliffs(
         for one, other in ((labels, elevation), (labels.T, elevation.T)):
             for here, there in ((np.s_[1:], np.s_[:-1]), (np.s_[:-1], np.s_[1:])):
                 # steps to cells without data are NaN, which no comparison counts
-                step = np.abs(other[there] - np.float32(value))
+                with np.errstate(over='ignore', invalid='ignore'):
+                    step = np.abs(other[there] - np.float32(value))
                 at = (one[here] > 0) & (step > 0.0)
                 border += np.bincount(one[here][at], minlength=sizes.size)
-                at &= step < MIN_STEP * cell
+                at &= step < limit
                 small += np.bincount(one[here][at], minlength=sizes.size)
         is_missing = sizes >= (MIN_BLOCK if is_block else 1)
         is_missing &= (border > 0) & (small <= MAX_SMALL_STEPS * border)
