@@ -119,7 +119,8 @@ def horizontal(crs: Any) -> Any:
 def vertical_unit(crs: Any) -> tuple[str, float]:
     """Return the unit of the heights of a compound system, and its length [m].
 
-    ``'', 1`` for a system without heights.
+    The length is NaN for depths and for other units than lengths; ``'', 1`` stands for a system
+    without heights.
     """
     parts = _definition(crs)
     if parts.get('type') != 'CompoundCRS':
@@ -127,9 +128,12 @@ def vertical_unit(crs: Any) -> tuple[str, float]:
     # of a bound system the source is meant
     heights = parts['components'][1]
     heights = heights.get('source_crs', heights)
-    unit = heights['coordinate_system']['axis'][0]['unit']
+    axis = heights['coordinate_system']['axis'][0]
+    unit = axis['unit']
     if isinstance(unit, str):
         unit = {'name': unit, 'conversion_factor': 1.0 if unit == 'metre' else math.nan}
+    if axis['direction'] == 'down':
+        return f'{unit["name"]} of depth', math.nan
     return unit['name'], float(unit['conversion_factor'])
 
 
@@ -145,12 +149,13 @@ def _definition(crs: Any) -> dict[str, Any]:
 
 def with_epsg(raster: Raster, epsg: int | None) -> Raster:
     """Give the raster the coordinate system that the user names, also in place of its own."""
-    if epsg is None:
+    if epsg in (None, raster.epsg):
         return raster
-    if isinstance(epsg, bool) or not isinstance(epsg, int) or epsg < 1024:
-        raise LavaError('terrain.epsg', epsg, 'an EPSG code such as 32633')
-    if raster.epsg == epsg:
-        return raster
+    x, y = raster.corner
+    has_degrees = abs(x) <= 180.0 and abs(y) <= 90.0 and min(raster.dx, raster.dy) < SMALLEST_CELL
+    if has_degrees and not coordinate_system(epsg).is_geographic:
+        right = f'the code of a system in degrees: cells are {raster.dx:.3g} wide at {x:g}, {y:g}'
+        raise LavaError('terrain.epsg', epsg, right)
     if raster.is_placed:
         _LOG.warning(f'EPSG:{epsg} as given, although the file states {raster.system}')
     return replace(raster, epsg=epsg, wkt=None)

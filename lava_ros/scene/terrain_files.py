@@ -33,6 +33,7 @@ from lava_ros.files.optional import is_installed, require
 from lava_ros.files.rasters import opened_raster
 from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE, without_value
 from lava_ros.scene.projection import (
+    coordinate_system,
     cropped,
     horizontal,
     in_square_metres,
@@ -147,6 +148,8 @@ def load_terrain(
         is_file = False
     if not is_file:
         raise LavaError('terrain file', str(path), 'a file that exists')
+    if epsg is not None and (isinstance(epsg, bool) or not isinstance(epsg, int) or epsg < 1024):
+        raise LavaError('terrain.epsg', epsg, 'an EPSG code such as 32633')
     if resolution is not None:
         resolution = validation.number('terrain.resolution', resolution, above=0.0, unit='m')
     if offset is not None:
@@ -219,8 +222,8 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
         scale, shift = source.scales[0], source.offsets[0]
         unit = _unit_of_heights(source, path)
     code = horizontal(crs).to_epsg() if crs else None
-    is_geographic = epsg == WGS84 if epsg is not None else bool(crs and crs.is_geographic)
-    cell = abs(transform.e) * (METRES_PER_DEGREE if is_geographic else 1.0)
+    given = crs if epsg is None else coordinate_system(epsg)
+    cell = abs(transform.e) * (METRES_PER_DEGREE if given and given.is_geographic else 1.0)
     # the marks of missing data are stored values, whatever their unit
     elevation = _with_missing(elevation, cell, nodata, path)
     # what is not finite then is no terrain

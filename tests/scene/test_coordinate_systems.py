@@ -140,6 +140,17 @@ def test_epsg_code_replaces_the_system_of_a_file(
     assert (terrain.wkt is not None) == is_same
 
 
+def test_degrees_stay_degrees(tmp_path: Path) -> None:
+    """An EPSG code does not make metres of them; a label that is wrong is replaced."""
+    path = write(tmp_path / 'a.tif', 'EPSG:4326')
+    assert load_terrain(path, epsg=32633).resolution == 10.0
+    with rasterio.open(path, 'r+') as file:
+        file.transform = from_origin(15.0, 37.0, 1e-4, 1e-4)
+    with pytest.raises(LavaError, match='a system in degrees: cells are 0.0001 wide'):
+        load_terrain(path, epsg=32633)
+    assert load_terrain(path, epsg=4258).epsg == 32633
+
+
 def test_system_survives_files_of_lava(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Scenes, checkpoints and npz; those without a definition are read as before."""
     terrain = load_terrain(write(tmp_path / 'a.tif', NATIONAL))
@@ -233,10 +244,15 @@ def test_heights_become_metres(
 
 @pytest.mark.parametrize(
     ('crs', 'unit', 'value'),
-    [('EPSG:32633', 'fathom', 'fathom'), ('EPSG:32633+8228', 'm', 'foot and m')],
+    [
+        ('EPSG:32633', 'fathom', 'fathom'),
+        ('EPSG:32633+8228', 'm', 'foot and m'),
+        # mean sea level, depths
+        ('EPSG:32633+5715', None, 'metre of depth'),
+    ],
 )
 def test_units_that_are_unknown_or_contradict_are_refused(
-    tmp_path: Path, crs: str, unit: str, value: str
+    tmp_path: Path, crs: str, unit: str | None, value: str
 ) -> None:
     """Nobody guesses which is right."""
     with pytest.raises(LavaError, match=f'unit of the elevations of a.tif is .{value}.'):
