@@ -32,9 +32,9 @@ MIN_BLOCK = 4
 #: Largest fraction of all cells with data in blocks: a plane with a few spikes is ground.
 MAX_BLOCKS = 0.95
 
-#: Height of the step around cells without data, in cells: a slope of 63 degrees on nearly all
-#: sides.
-MIN_STEP = 2.0
+#: Height of the step around cells without data, in cells (a slope of 63 degrees on nearly all
+#: sides) and in metres: boxes on the floor of a laboratory are lower.
+MIN_STEP, MIN_STEP_HEIGHT = 2.0, 10.0
 
 #: Fraction of the border of such cells that may have a smaller step.
 MAX_SMALL_STEPS = 0.1
@@ -61,13 +61,17 @@ def without_value(elevation: np.ndarray, value: float) -> np.ndarray:
     return np.where(elevation == np.float32(value), np.float32(np.nan), elevation)
 
 
-def check_missing(elevation: np.ndarray, cell: float, name: str) -> None:
+def check_missing(
+    field: str, elevation: np.ndarray, cell: float, *, unit: float = 1.0, advice: str = ''
+) -> None:
     """Refuse an elevation in which some cells look as if they had no data.
 
     Args:
-        elevation: Elevation as stored in the file, NaN without data, shape [rows, columns].
+        field: Name of the elevation, for the message.
+        elevation: Elevation as stored, NaN without data, shape [rows, columns].
         cell: Approximate side of a cell [m].
-        name: Name of the file, for the message.
+        unit: Unit of the stored values [m].
+        advice: What the user can do; ``{0}`` stands for the value.
 
     Raises:
         LavaError: If a value that files use for missing data stands in a block or a spike with
@@ -76,25 +80,29 @@ def check_missing(elevation: np.ndarray, cell: float, name: str) -> None:
     known = elevation[np.isfinite(elevation)]
     if not known.size:
         return
-    for value, count in (_far_value(known), *_marks_with_cliffs(elevation, known, cell)):
+    # neither the size of a cell nor the unit has been checked yet
+    unit = min(max(abs(unit), 1.0 / FAR), FAR)
+    step = min(max(MIN_STEP * cell, MIN_STEP_HEIGHT) / unit, FAR)
+    gap = min(MIN_GAP / unit, FAR)
+    for value, count in (_far_value(known, gap), *_marks_with_cliffs(elevation, known, step)):
         if count:
             shown = f'{value:g} in {count} {"cell" if count == 1 else "cells"}'
-            right = f'heights like those around them ({NODATA_ADVICE.format(f"{value:g}")})'
-            raise LavaError(f'elevation of {name}', shown, right)
+            right = f'heights like those around them ({advice.format(f"{value:g}")})'
+            raise LavaError(field, shown, right)
 
 
-def _far_value(known: np.ndarray) -> tuple[float, int]:
+def _far_value(known: np.ndarray, least: float) -> tuple[float, int]:
     """Return the outermost of the values that are far away from all others, and their number."""
     low, high = float(known.min()), float(known.max())
-    if not high - low > MIN_GAP:
+    if not high - low > least:
         return low, 0
-    edges = np.linspace(low, high, _BINS + 1)
-    filled = np.flatnonzero(np.histogram(known, edges)[0])
-    last = filled[np.argmax(np.diff(filled))]
-    is_below = known < edges[last + 1]
+    filled = np.flatnonzero(np.histogram(known, _BINS, (low, high))[0])
+    widest = np.argmax(np.diff(filled))
+    middle = 0.5 * (filled[widest] + filled[widest + 1] + 1.0)
+    is_below = known < low + middle / _BINS * (high - low)
     below, above = known[is_below], known[~is_below]
     gap = float(above.min()) - float(below.max())
-    if gap < MIN_GAP or gap <= 0.5 * (high - low):
+    if gap < least or gap <= 0.5 * (high - low):
         return low, 0
     # a constant is the mark, also in most cells
     is_constant = below.max() == low, above.min() == high
@@ -103,11 +111,9 @@ def _far_value(known: np.ndarray) -> tuple[float, int]:
 
 
 def _marks_with_cliffs(
-    elevation: np.ndarray, known: np.ndarray, cell: float
+    elevation: np.ndarray, known: np.ndarray, least: float
 ) -> Iterator[tuple[float, int]]:
     """Yield each value for missing data, and its cells in blocks with steep steps around them."""
-    # the size of a cell has not been checked yet
-    limit = np.float32(min(MIN_STEP * cell, FAR))
     for value in (*MARKS, *BLOCK_MARKS):
         is_marked, is_block = elevation == value, value in BLOCK_MARKS
         others = known[known != value]
@@ -130,7 +136,7 @@ def _marks_with_cliffs(
                     step = np.abs(other[there] - np.float32(value))
                 at = (one[here] > 0) & (step > 0.0)
                 border += np.bincount(one[here][at], minlength=sizes.size)
-                at &= step < limit
+                at &= step < np.float32(least)
                 small += np.bincount(one[here][at], minlength=sizes.size)
         is_missing = sizes >= (MIN_BLOCK if is_block else 1)
         is_missing &= (border > 0) & (small <= MAX_SMALL_STEPS * border)

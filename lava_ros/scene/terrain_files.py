@@ -225,7 +225,7 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
     given = crs if epsg is None else coordinate_system(epsg)
     cell = abs(transform.e) * (METRES_PER_DEGREE if given and given.is_geographic else 1.0)
     # the marks of missing data are stored values, whatever their unit
-    elevation = _with_missing(elevation, cell, nodata, path)
+    elevation = _with_missing(elevation, cell, nodata, path, scale * unit)
     # what is not finite then is no terrain
     with np.errstate(over='ignore', invalid='ignore'):
         elevation *= np.float32(scale * unit)
@@ -250,13 +250,14 @@ def _full_definition(crs: Any, code: int | None, unit: float) -> str | None:
 
 
 def _with_missing(
-    elevation: np.ndarray, cell: float, nodata: float | str | None, path: Path
+    elevation: np.ndarray, cell: float, nodata: float | str | None, path: Path, unit: float = 1.0
 ) -> np.ndarray:
     """Make the cells of a value NaN; without one raise LavaError for a likely undeclared value."""
     if isinstance(nodata, float):
         return without_value(elevation, nodata)
     if nodata is None:
-        check_missing(elevation, cell, path.name)
+        field = f'elevation of {path.name}'
+        check_missing(field, elevation, cell, unit=unit, advice=NODATA_ADVICE)
     return elevation
 
 
