@@ -17,7 +17,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from lava_ros.files import vectors
+from lava_ros.files import rasters, vectors
 from lava_ros.files.columns import COLUMNS
 from lava_ros.scene import effusion_rates, features, reshaping, vent_files
 
@@ -48,6 +48,16 @@ MEANINGS = {
     'slope': 'slope of the sides of a barrier, rise over run',
     'error': 'standard error of the effusion rate [m3/s], or [%]',
 }
+
+
+def raster_rows() -> Iterator[tuple[str, ...]]:
+    """Each raster format: what it is, and what reads and writes it."""
+    yield ('format', 'file names', 'read by GDAL driver', 'limits', 'written')
+    for item in rasters.FORMATS:
+        names = ', '.join(f'`{suffix}`' for suffix in item.suffixes)
+        yield (item.name, names, item.driver, item.notes, item.written)
+    arrays = 'arrays with the names of `lava_ros.scene.terrain_files`'
+    yield ('NumPy archive', '`.npz`', '', arrays, '')
 
 
 def vector_rows() -> Iterator[tuple[str, ...]]:
@@ -94,7 +104,7 @@ def column_rows() -> Iterator[tuple[str, ...]]:
 
 
 #: Tables by the name of their section.
-TABLES = {'vectors': vector_rows, 'columns': column_rows}
+TABLES = {'rasters': raster_rows, 'vectors': vector_rows, 'columns': column_rows}
 
 
 def table(rows: Iterator[tuple[str, ...]]) -> str:

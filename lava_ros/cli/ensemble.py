@@ -52,7 +52,7 @@ from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.maps.forecast import HazardMaps
-from lava_ros.maps.gis import coordinate_system, require_formats, usual_formats
+from lava_ros.maps.gis import place_of, require_formats, usual_formats
 from lava_ros.scene.uncertainty import uncertainty_to_dict
 from lava_ros.simulation import presets
 
@@ -114,7 +114,7 @@ def ensemble(args: argparse.Namespace) -> int:
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
     scene, output = plan.scene, Path(args.output)
-    crs = coordinate_system(scene.terrain.epsg)
+    crs = place_of(scene.terrain).crs
     require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
     susceptibility = None
     if args.susceptibility is not None:
@@ -178,8 +178,11 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
         ), None
-    names = ('terrain', 'vent', 'vents', 'discharge', 'horizon', 'fill_holes', *RATE_OPTIONS)
-    for name in names:
+    options = (
+        'terrain', 'epsg', 'nodata', 'fill_holes', 'vent', 'vents', 'discharge', 'horizon',
+        *RATE_OPTIONS,
+    )
+    for name in options:
         if getattr(args, name) not in (None, False):
             option = f'--{name.replace("_", "-")}'.replace('discharge', 'effusion-rate')
             right = f'no {option} for {args.scene}, a mapped eruption'

@@ -25,7 +25,7 @@ import numpy as np
 
 from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.output import Progress, write_json
-from lava_ros.cli.scenes import SCENE, scene_from_arguments
+from lava_ros.cli.scenes import SCENE, scene_from_arguments, terrain_options
 from lava_ros.effects import EFFECTS
 from lava_ros.effects.effect import Effect
 from lava_ros.errors import LavaError
@@ -163,7 +163,7 @@ def _cited(constant: Constant, sources: dict[str, int]) -> str:
 
 
 @command(
-    argument('terrain', 'TERRAIN', 'GeoTIFF, ESRI ASCII grid or npz'),
+    argument('terrain', 'TERRAIN', 'GeoTIFF or another raster (docs/FORMATS.md), or npz'),
     argument('-o --output', 'FILE', 'elevation to write, .tif', required=True),
     argument(
         '--line', 'E,N', 'easting and northing [m] of two or more places along the crest',
@@ -176,7 +176,7 @@ def _cited(constant: Constant, sources: dict[str, int]) -> str:
     argument('--height', 'M', 'height above the ground [m]', float),
     argument('--width', 'M', 'width of the crest [m]', 10.0),
     argument('--slope', 'S', 'slope of the sides, rise over run', 1.0),
-    '--low-pass', '--epsg',
+    '--low-pass', '--epsg', '--nodata',
     low_pass=0.0,
 )
 def barrier(args: argparse.Namespace) -> int:
@@ -189,7 +189,8 @@ def barrier(args: argparse.Namespace) -> int:
     if not args.line and not args.lines and not args.low_pass:
         raise LavaError('--line', None, 'the places of a barrier, --lines, or --low-pass')
     output = file_to_write('--output', args.output, ('.tif', '.tiff'))
-    before = terrain = low_pass(load_terrain(args.terrain, epsg=args.epsg), args.low_pass)
+    terrain = load_terrain(args.terrain, **terrain_options(args))
+    before = terrain = low_pass(terrain, args.low_pass)
     barriers = []
     if args.line:
         if args.height is None:

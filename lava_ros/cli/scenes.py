@@ -120,11 +120,13 @@ _TABLE = (
 
 _FILE = 'scene file (YAML): terrain, vents and lava'
 
-_PARTS = (
+_PARTS: tuple[str | Argument, ...] = (
     argument(
-        '--terrain', 'FILE', "elevation: GeoTIFF, ESRI ASCII grid or npz; replaces the scene's "
-        'terrain (default without a scene: Mount St. Helens, 7.8 x 7.8 km)',
+        '--terrain', 'FILE', 'elevation: GeoTIFF or another raster (docs/FORMATS.md), or npz; '
+        "replaces the scene's terrain (default without a scene: Mount St. Helens, 7.8 x 7.8 km)",
     ),
+    '--epsg',
+    '--nodata',
     argument(
         '--fill-holes', None, 'fill pits and inner cells without data from the cells around them',
         action='store_true',
@@ -136,6 +138,22 @@ _PARTS = (
 #: The arguments that choose a scene: its file without a flag, or with one.
 SCENE = (argument('scene', 'SCENE', _FILE, nargs='?'), *_PARTS)
 SCENE_OPTIONS = (argument('--scene', 'FILE', _FILE), *_PARTS)
+
+
+def terrain_options(args: argparse.Namespace) -> dict[str, Any]:
+    """The options of ``load_terrain`` that the arguments give.
+
+    Raises:
+        LavaError: --nodata is neither a number nor ``none``.
+    """
+    given: dict[str, Any] = {'epsg': args.epsg, 'nodata': args.nodata}
+    if args.nodata not in (None, 'none'):
+        try:
+            given['nodata'] = float(args.nodata)
+        except ValueError:
+            raise LavaError('--nodata', args.nodata, 'a number, or none') from None
+    given['fill_holes'] = getattr(args, 'fill_holes', None) or None
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
@@ -194,12 +212,15 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     Raises:
         LavaError: A file or an argument cannot be used.
     """
-    fill = args.fill_holes
-    terrain = load_terrain(args.terrain, fill_holes=fill) if args.terrain else None
+    given = terrain_options(args)
+    terrain = load_terrain(args.terrain, **given) if args.terrain else None
     data: dict[str, Any] = {}
     if args.scene:
-        data, terrain = read_scene(args.scene, terrain=terrain, fill_holes=fill)
+        data, terrain = read_scene(args.scene, terrain=terrain, options=given)
     elif terrain is None:
+        for name, value in given.items():
+            right = 'left out without --terrain or a scene'
+            raise LavaError(f'--{name.replace("_", "-")}', value, right)
         terrain = demo_terrain()
         data['vents'] = [
             {'position': (x, y), 'discharge': discharge, 'radius': 20.0, 'name': f'vent {index}'}
@@ -256,7 +277,8 @@ def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
 def _place(text: str, terrain: Terrain) -> tuple[float, float]:
     """Easting and northing of what is typed for a vent: longitude, latitude where it can be."""
     x, y = _coordinates(text)
-    is_geographic = terrain.epsg is not None and abs(x) <= 180.0 and abs(y) <= 90.0
+    is_placed = terrain.epsg is not None or terrain.wkt is not None
+    is_geographic = is_placed and abs(x) <= 180.0 and abs(y) <= 90.0
     place = projected(terrain, x, y) if is_geographic else (x, y)
     if not terrain.covers(*terrain.to_map(*place)):
         right = f'a place {terrain.bounds(projected=True)}'

@@ -267,7 +267,7 @@ def export(args: argparse.Namespace) -> int:
         print(f'{len(files)} files written to {args.output}')
     else:
         print('\n'.join(f'written to {path}' for path in files))
-    if placement.epsg is None:
+    if placement.system is None:
         where = 'in the map frame' if placement.offset == (0.0, 0.0) else 'with its offset'
         print(
             f'lava export: the bag names no coordinate system, so the files have none and are '

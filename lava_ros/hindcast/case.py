@@ -71,7 +71,8 @@ VENT_RADIUS = 1.5
 #: Keys of ``case.yaml``.
 KEYS = (
     *('title', 'source', 'material', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
-    *('start', 'end', 'epsg', 'fill_holes', 'low_pass', 'events', 'uncertainty', 'effusion_rate'),
+    *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
+    'effusion_rate',
 )
 
 
@@ -176,7 +177,10 @@ def load_case(
     if low_pass_width is not None:
         options['low_pass'] = low_pass_width
     read = partial(
-        load_terrain, epsg=options.get('epsg'), fill_holes=options.get('fill_holes', False)
+        load_terrain,
+        epsg=options.get('epsg'),
+        nodata=options.get('nodata'),
+        fill_holes=options.get('fill_holes', False),
     )
     ground = read(elevation)
     check_elevation(ground)

@@ -31,6 +31,7 @@ from lava_ros.files import vectors, write_output
 from lava_ros.files.optional import require
 from lava_ros.maps.plot import duration, STYLES
 from lava_ros.scene import Terrain, Vent
+from lava_ros.scene.projection import coordinate_system
 
 #: Value of cells without data in files of floating-point numbers, and in those of bytes.
 NODATA, NODATA_BYTE = -9999.0, 255
@@ -67,23 +68,10 @@ class Place:
     crs: Any
 
 
-def coordinate_system(epsg: int | None) -> Any:
-    """The rasterio coordinate system of an EPSG code, None for None; LavaError if unknown."""
-    from rasterio.crs import CRS
-    from rasterio.errors import CRSError
-
-    if epsg is None:
-        return None
-    try:
-        return CRS.from_epsg(epsg)
-    except CRSError as error:
-        raise LavaError('epsg', epsg, f'a coordinate system GDAL knows ({error})') from error
-
-
 def place_of(terrain: Terrain) -> Place:
     """Where the cells of a terrain are; LavaError where GDAL does not know its system."""
     corner = (terrain.offset[0] + terrain.origin[0], terrain.offset[1] + terrain.origin[1])
-    return Place(corner, terrain.resolution, coordinate_system(terrain.epsg))
+    return Place(corner, terrain.resolution, coordinate_system(terrain.epsg, terrain.wkt))
 
 
 def write_map(
@@ -113,7 +101,8 @@ def write_map(
     try:
         # GDAL only prints that a disk is full: it writes into memory, and we write the file
         with MemoryFile() as memory, memory.open(
-            driver='GTiff',
+            driver='COG',
+            overview_resampling='nearest',
             width=columns,
             height=rows,
             count=1,

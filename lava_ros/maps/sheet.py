@@ -126,10 +126,10 @@ def draw_sheet(
         picture = plot.picture_of(panel.values, ground, scale)
         plot.draw_map(axes, panel.frame, picture, window, panel.fissures)
         plot.draw_contours(axes, panel.frame, window)
-        epsg = placement_of(panel.frame.scene).epsg
-        plot.draw_ticks(axes, panel.offset if epsg else None)
-        if epsg:
-            _draw_degrees(axes, window, panel.offset, epsg)
+        system = placement_of(panel.frame.scene).system
+        plot.draw_ticks(axes, panel.offset if system else None)
+        if system:
+            _draw_degrees(axes, window, panel.offset, system)
         for number, (name, cells) in enumerate((panel.outlines or {}).items()):
             handles.setdefault(name, _outline(axes, panel.frame, cells, number))
         for number, (name, features) in enumerate(overlays.items(), len(panel.outlines or {})):
@@ -332,7 +332,7 @@ def _warn_of_hidden(overlays: Mapping[str, Sequence[Feature]], seen: Window) -> 
             _LOG.warning(f'{name}: {count} of {len(features)} features lie outside the map')
 
 
-def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], epsg: int) -> None:
+def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system: str) -> None:
     """Longitudes along the upper edge, latitudes along the right one, inside the map."""
     from matplotlib.ticker import MaxNLocator
 
@@ -343,7 +343,7 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], epsg: 
         y = np.full(9, y1) if axis == 0 else y0 + steps * (y1 - y0)
         try:
             easting, northing = x + offset[0], y + offset[1]
-            degrees = transformed(f'EPSG:{epsg}', 'EPSG:4326', easting, northing)[axis]
+            degrees = transformed(system, 'EPSG:4326', easting, northing)[axis]
         except (LavaError, ValueError):
             # without rasterio, or outside the projection
             return

@@ -30,6 +30,7 @@ from lava_ros.maps.plot import STYLES
 from lava_ros.maps.sheet import BANNER, draw_sheet, Panel
 from lava_ros.pages.runs import read_run, Run
 from lava_ros.scene.features import read_features
+from lava_ros.scene.projection import system_name
 
 
 def draw_runs(
@@ -109,9 +110,9 @@ def _check_together(runs: Sequence[Run]) -> None:
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
         raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')
-    systems = {run.terrain.epsg for run in runs}
+    systems = {(run.terrain.epsg, run.terrain.wkt) for run in runs}
     if len(systems) > 1:
-        told = ' and '.join(f'EPSG:{item}' if item else 'none' for item in systems)
+        told = ' and '.join(system_name(*item) for item in systems)
         raise LavaError('coordinate systems of the runs', told, 'the same for all')
 
 

@@ -136,7 +136,7 @@ SOURCES = (
     _FixedSpec(
         'terrain_file',
         '',
-        'Terrain to start with (GeoTIFF, ESRI ASCII grid, npz), also in place of that of the '
+        'Terrain to start with (GeoTIFF or another raster, npz), also in place of that of the '
         'scene file; empty: from the scene file or the topics',
     ),
     _FixedSpec(

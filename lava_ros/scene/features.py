@@ -26,7 +26,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import vectors
 from lava_ros.files.columns import angle, understood
 from lava_ros.files.csv import read_table
-from lava_ros.scene.projection import transformed
+from lava_ros.scene.projection import coordinate_system, transformed
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
 _LOG = logging.getLogger(__name__)
@@ -148,11 +148,12 @@ def _parts(where: str, geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]
 
 def _on(terrain: Terrain, places: np.ndarray, system: str, where: str) -> np.ndarray:
     """Places [count, 2] of a system in that of a terrain."""
-    if terrain.epsg is None:
+    own = coordinate_system(terrain.epsg, terrain.wkt)
+    if own is None:
         right = 'coordinates of the terrain, which has no coordinate system'
         raise LavaError(where, f'coordinates of {system}', right)
     try:
-        return transformed(system, f'EPSG:{terrain.epsg}', *places.T).T
+        return transformed(system, own, *places.T).T
     except ValueError as error:
         right = f'places of a coordinate system that GDAL knows ({error})'
         raise LavaError(where, f'places of {system}', right) from error

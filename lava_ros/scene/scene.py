@@ -36,7 +36,7 @@ from lava_ros.scene.effusion_rates import (
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import default_lava, lava_from_dict
 from lava_ros.scene.terrain import Terrain
-from lava_ros.scene.terrain_files import load_terrain, terrain_path
+from lava_ros.scene.terrain_files import load_terrain, TERRAIN_OPTIONS, terrain_path
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict, uncertainty_to_dict
 from lava_ros.scene.vents import check_vents, Vent, vents_from_list
 
@@ -152,6 +152,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
             'epsg': terrain.epsg,
             'offset': list(terrain.offset),
             **({'source': terrain.source} if terrain.source else {}),
+            **({'wkt': terrain.wkt} if terrain.wkt else {}),
         },
         'vents': [
             {name: value for name, value in asdict(vent).items() if value not in (None, '')}
@@ -169,7 +170,7 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
 
 
 def read_scene(
-    path: str | Path, *, terrain: Terrain | None = None, fill_holes: bool = False
+    path: str | Path, *, terrain: Terrain | None = None, options: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], Terrain]:
     """Read a scene file without making a scene of it: what ``scene_from_dict`` takes.
 
@@ -181,26 +182,24 @@ def read_scene(
 
     The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
     the scene file or ``st_helens.npz`` of the package, and the options of
-    ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``fill_holes``
-    fills the holes of the file's own, whatever the file says. LavaError where the file cannot be
-    read, or has other keys, or its ground is not usable.
+    ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``options`` of
+    ``load_terrain`` replace those of the file. LavaError where the file cannot be read, or has
+    other keys, or its ground is not usable.
     """
     path = find_file(path, 'examples', field='scene', expected='a readable YAML file')
     data = validation.keys('scene', read_yaml('scene', path), allowed=SCENE_KEYS)
     ground = data.pop('terrain', None)
     if terrain is None:
-        options: dict[str, Any] = validation.keys(
+        known: dict[str, Any] = validation.keys(
             'scene.terrain',
             ground,
-            allowed=['file', 'epsg', 'resolution', 'offset', 'window', 'fill_holes'],
+            allowed=['file', *TERRAIN_OPTIONS],
             required=['file'],
         )
-        name = options.pop('file')
+        name = known.pop('file')
         if not isinstance(name, str):
             raise LavaError('scene.terrain.file', name, 'the name of a file, text')
-        if fill_holes:
-            options['fill_holes'] = True
-        terrain = load_terrain(terrain_path(name, path.parent), **options)
+        terrain = load_terrain(terrain_path(name, path.parent), **known | dict(options or {}))
     return _with_rates(data, path.parent), terrain
 
 

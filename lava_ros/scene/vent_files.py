@@ -160,7 +160,8 @@ def _number(
 
 def _placed(part: Feature, terrain: Terrain) -> Feature:
     """A feature on the terrain; without a system its coordinates may be degrees or metres."""
-    if part.system is not None or terrain.epsg is None:
+    is_placed = terrain.epsg is not None or terrain.wkt is not None
+    if part.system is not None or not is_placed:
         return part.on(terrain)
 
     def place(point: np.ndarray) -> tuple[float, float]:

@@ -41,6 +41,7 @@ from mcap.opcode import Opcode
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
 import rasterio
+from rasterio.shutil import copy
 from rasterio.transform import from_origin
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, PointCloud2
@@ -408,18 +409,45 @@ def hostile_rates(chance: random.Random, folder: Path) -> Path:
     return path
 
 
+#: Drivers that write the other formats, by suffix.
+_DRIVERS = {
+    'vrt': ('VRT',), 'img': ('HFA',), 'nc': ('netCDF',), 'gpkg': ('GPKG',), 'flt': ('EHdr',),
+    'grd': ('GSAG', 'GSBG', 'GS7BG'),
+}
+
+
 def hostile_raster(chance: random.Random, folder: Path) -> Path:
     """Write a raster of which a number in the header or the way it is kept is another one."""
     values = np.add.outer(np.arange(20.0), np.zeros(20)).astype(np.float32)
-    kind = chance.choice(('npz', 'npz', 'asc', 'tif', 'tif'))
+    kind = chance.choice(('npz', 'npz', 'asc', 'asc', 'tif', 'tif', *_DRIVERS))
     path = folder / f'ground.{kind}'
     if kind == 'asc':
         path.write_text(other_grid(chance, grid(0.0, 0.0, values)), encoding='utf-8')
     elif kind == 'npz':
         _write_npz(chance, path, values)
+    elif kind in _DRIVERS:
+        _write_other(chance, path, values)
     else:
         _write_tif(chance, path, values)
     return path
+
+
+def _write_other(chance: random.Random, path: Path, values: np.ndarray) -> None:
+    source = path.with_name('source.tif')
+    with rasterio.open(
+        source, 'w', driver='GTiff', height=20, width=20, count=1, dtype='float32',
+        crs='EPSG:32633', transform=from_origin(500_000.0, 4_180_000.0, 10.0, 10.0),
+    ) as file:
+        file.write(values, 1)
+    copy(source, path, driver=chance.choice(_DRIVERS[path.suffix[1:]]))
+    damaged = path.with_suffix('.hdr')
+    damaged = damaged if damaged.exists() and chance.random() < 0.5 else path
+    data = damaged.read_bytes()
+    if chance.random() < 0.3:
+        data = data[: chance.randrange(len(data))]
+    else:
+        data = _set(chance, data[:1000]) + data[1000:]
+    damaged.write_bytes(data)
 
 
 def _npy(value: Any) -> bytes:

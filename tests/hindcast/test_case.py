@@ -314,7 +314,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     ),
     'nodata that the header does not name': (
         _all(_grid('elevation', _holed()), _changed('elevation.asc', 'value -9999', 'value -1')),
-        'a height of elevation.asc ... -9999 ... NODATA_value',
+        'elevation of elevation.asc ... -9999 in ... --nodata -9999',
     ),
     # of a low hill: those of a mountain would be out of range
     'heights in centimetres': (
