@@ -81,6 +81,12 @@ def _name(where: str, properties: Mapping[str, Any]) -> str:
     return ''
 
 
+def _called(where: str, properties: Mapping[str, Any]) -> str:
+    """What errors call a feature: its place in the file, and its name if it has one."""
+    name = _name(where, properties)
+    return f'{where} ({name})' if name else where
+
+
 def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Feature]:
     """Read the features of a file in the system of a terrain.
 
@@ -111,8 +117,7 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
         _LOG.warning(f'{path} names no coordinate system: it is taken to be that of the terrain')
     features = []
     for where, geometry, system, properties in found:
-        name = _name(where, properties)
-        where = f'{where} ({name})' if name else where
+        where = _called(where, properties)
         if geometry is None:
             _LOG.warning(f'{where} has no geometry and is left out')
             continue
@@ -194,7 +199,8 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
                 for name, cell, axis in zip(names, cells, ('longitude', 'latitude'), strict=True)]
 
     for where, row in rows:
-        start, end = place(where, row, ''), place(where, row, '_end')
+        called = _called(where, row)
+        start, end = place(called, row, ''), place(called, row, '_end')
         kind: dict[str, Any] = {'type': 'Point', 'coordinates': start}
         if end is not None:
             kind = {'type': 'LineString', 'coordinates': [start, end]}
