@@ -74,6 +74,7 @@ class Feature:
 
 
 def _name(where: str, properties: Mapping[str, Any]) -> str:
+    """Return the name of a feature; may be empty."""
     # of two columns for a name the first is taken
     for header, value in properties.items():
         if value and understood(where, [header], ['name'])[0]:
@@ -82,7 +83,7 @@ def _name(where: str, properties: Mapping[str, Any]) -> str:
 
 
 def _called(where: str, properties: Mapping[str, Any]) -> str:
-    """What errors call a feature: its place in the file, and its name if it has one."""
+    """Return the place of a feature in its file, and its name if it has one, for errors."""
     name = _name(where, properties)
     return f'{where} ({name})' if name else where
 
@@ -137,7 +138,7 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
 
 
 def _parts(where: str, geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The single geometries of one; a point is a list of one place."""
+    """Yield the single geometries of a geometry; a point is a list of one place."""
     kind = str(geometry['type'])
     if kind == 'GeometryCollection':
         for item in geometry['geometries']:
@@ -152,7 +153,7 @@ def _parts(where: str, geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]
 
 
 def _on(terrain: Terrain, places: np.ndarray, system: str, where: str) -> np.ndarray:
-    """Places [count, 2] of a system in that of a terrain."""
+    """Transform places [count, 2] from a system to that of a terrain."""
     if terrain.epsg is None:
         right = 'coordinates of the terrain, which has no coordinate system'
         raise LavaError(where, f'coordinates of {system}', right)
@@ -164,6 +165,7 @@ def _on(terrain: Terrain, places: np.ndarray, system: str, where: str) -> np.nda
 
 
 def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
+    """Yield the rows of a table as features."""
     rows = read_table(field, path, (), None)
     header = list(rows[0][1])
     wanted = [f'{name}{end}' for pair in PLACES for name in pair for end in ('', '_end')]
@@ -208,5 +210,5 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
 
 
 def _filled(row: Mapping[str, str]) -> dict[str, str]:
-    """The cells of a row that are not empty."""
+    """Return the cells of a row that are not empty."""
     return {name: text for name, text in row.items() if text}
