@@ -195,7 +195,7 @@ def understood(
 
 @cache
 def _parts(header: str) -> tuple[list[str], str, str]:
-    """What a header may mean, its unit as it is written, and the kind of its volume."""
+    """Return the columns that a header may name, its unit as written, and the kind of volume."""
     text = unicodedata.normalize('NFKC', header).strip()
     bracket = re.fullmatch(r'(.+?)\s*[\[(]([^\[\]()]*)[\])]', text)
     text, unit = bracket.groups() if bracket else (text, '')
@@ -223,7 +223,7 @@ def _parts(header: str) -> tuple[list[str], str, str]:
 
 
 def _unit(text: str) -> str:
-    """A unit as it is in the tables above."""
+    """Normalise a unit to its spelling in the tables above."""
     text = unicodedata.normalize('NFKC', text).lower().replace('°', 'deg').replace('^', '')
     text = text.replace('/', '_per_').strip()
     return '%' if text == '%' else re.sub(r'[^a-z0-9]+', '_', text).strip('_')

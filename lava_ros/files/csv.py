@@ -84,6 +84,6 @@ def read_table(
 
 
 def _cell(text: str, separator: str) -> str:
-    """A value as text, a decimal comma replaced."""
+    """Return the text of a cell with a decimal point."""
     text = text.strip()
     return text.replace(',', '.') if separator != ',' and _COMMA.fullmatch(text) else text

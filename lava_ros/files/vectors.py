@@ -131,11 +131,12 @@ def read_vectors(field: str, path: Path) -> list[Item]:
 
 
 def _named(message: object, path: Path) -> str:
-    """What GDAL says, with the name of the file in place of that in memory."""
+    """Return a message of GDAL with the name of the file instead of its name in memory."""
     return re.sub(r"/vsi[^\s']+", path.name, str(message))
 
 
 def _read(known: Format, data: bytes, path: Path) -> list[Item]:
+    """Read the features of all layers of a file in memory."""
     from pyogrio import list_layers, raw, read_info
 
     layers = list_layers(data)
@@ -162,7 +163,7 @@ def _read(known: Format, data: bytes, path: Path) -> list[Item]:
 
 
 def _as_geojson(meta: Any, geometry: Any, values: Any) -> list[dict[str, Any]]:
-    """Features that pyogrio has read, as GeoJSON has them but in their own system."""
+    """Return features that pyogrio has read as those of GeoJSON, in their own system."""
     from pyogrio import raw
 
     if not len(geometry):
@@ -180,7 +181,7 @@ def _as_geojson(meta: Any, geometry: Any, values: Any) -> list[dict[str, Any]]:
 
 
 def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
-    """The format of a file, and what GDAL is given: of a Shapefile an archive of its parts."""
+    """Return the format of a file, and the bytes for GDAL: an archive of a Shapefile's parts."""
     ending = path.suffix.lower()[1:]
     ending = ALIASES.get(ending, ending)
     if ending not in FORMATS and ending not in ARCHIVES:
@@ -227,6 +228,7 @@ def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
 
 
 def _bytes(field: str, path: Path) -> bytes:
+    """Read a file of limited size."""
     with open_input(path) as file:
         data = file.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
@@ -235,7 +237,7 @@ def _bytes(field: str, path: Path) -> bytes:
 
 
 def _unpacked(field: str, path: Path, endings: Sequence[str]) -> tuple[str, dict[str, bytes]]:
-    """The ending of the one file of an archive that has a format, and its parts by suffix."""
+    """Read the one vector file of an archive: its ending, and the bytes of its parts by suffix."""
     with open_input(path) as file, zipfile.ZipFile(file) as archive:
         members = [item for item in archive.infolist() if not item.is_dir()]
         if len(members) > MAX_MEMBERS:
@@ -337,7 +339,7 @@ def write_vectors(
 
 
 def _packed(place: Path, ending: str, made: Sequence[Path]) -> Path:
-    """An archive, beside the files, of a file and the other parts of it."""
+    """Pack a file and its other parts into an archive in the same folder, and return its path."""
     path = place.with_suffix(f'.{ending}')
     with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
         for part in (item for item in made if item.stem == place.stem):
@@ -346,7 +348,7 @@ def _packed(place: Path, ending: str, made: Sequence[Path]) -> Path:
 
 
 def geometries_of_wkt(field: str, texts: Sequence[str]) -> list[Mapping[str, Any] | None]:
-    """Read geometries in well-known text, as GeoJSON has them; None for each that is not one.
+    """Read geometries in well-known text as those of GeoJSON; None for text that is not one.
 
     Raises:
         LavaError: pyogrio is not installed. The error names ``field``.

@@ -61,7 +61,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Options:
-    """How a table of effusion rates is read.
+    """Choices for reading a table of effusion rates.
 
     Attributes:
         start: Date at which the eruption starts (ISO 8601), which is time 0; None: the first date
@@ -216,14 +216,14 @@ def instants_to_series(
 
 
 class _Times:
-    """Times of a table -> seconds; dates from the start of the eruption, else from the first."""
+    """Converter of the times of a table to seconds after the start, or after the first date."""
 
     def __init__(self, start: str | None) -> None:
         self.origin = None if start is None else _date('effusion_rate.start', start)
         self._is_date: bool | None = None
 
     def seconds(self, where: str, column: Column, text: str) -> float:
-        """The time [s] of a cell."""
+        """Return the time [s] of a cell."""
         label, date = f'{where}, {column.header}', None
         try:
             number = column.number(where, text)
@@ -245,6 +245,7 @@ class _Times:
 
 
 def _date(label: str, text: object) -> datetime:
+    """Read a date; UTC unless it names another zone."""
     try:
         if not isinstance(text, str):
             raise ValueError
@@ -256,6 +257,7 @@ def _date(label: str, text: object) -> datetime:
 
 
 def _bulk_factor(path: Path, column: Column, options: Options) -> float:
+    """Return the bulk volume over the volume in a table."""
     if column.kind == 'dense-rock' and options.porosity is None:
         right = 'a porosity, with which dense-rock rates become bulk rates'
         raise LavaError(f'{path}, {column.header}', 'dense-rock', right)
@@ -266,6 +268,7 @@ def _bulk_factor(path: Path, column: Column, options: Options) -> float:
 
 
 def _amount(where: str, column: Column, row: dict[str, str], options: Options) -> float | None:
+    """Return the rate or volume of a row, None if it is missing and the options fill gaps."""
     text = row[column.header]
     if text.lower() in _MISSING and options.gaps is not None:
         return None
@@ -285,6 +288,7 @@ def _amount(where: str, column: Column, row: dict[str, str], options: Options) -
 def _error(
     where: str, columns: dict[str, Column], row: dict[str, str], value: float
 ) -> float | None:
+    """Return the standard error of a row in the unit of its value, None if it has none."""
     column = columns.get('error')
     if column is None or row[column.header].lower() in _MISSING:
         return None
@@ -301,6 +305,7 @@ _Row = tuple[str, float, float, float | None, float | None]
 def _of_spans(
     read: Sequence[Any], columns: Mapping[str, Column], *, is_volume: bool
 ) -> list[_Row]:
+    """Return mean rates of intervals from rates or volumes."""
     rows: list[_Row] = []
     for where, (start, end), value, error in read:
         if end <= start:
@@ -319,7 +324,7 @@ def _of_spans(
 def _of_instants(
     read: Sequence[Any], columns: Mapping[str, Column], *, is_cumulative: bool
 ) -> list[_Row]:
-    """Means between instants: of rates that are linear between them, or of volumes."""
+    """Return mean rates between instants from rates that are linear there, or from volumes."""
     if len(read) < 2:
         raise LavaError(read[0][0], 'the only row', 'at least two instants')
     rows: list[_Row] = []

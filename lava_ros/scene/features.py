@@ -74,11 +74,18 @@ class Feature:
 
 
 def _name(where: str, properties: Mapping[str, Any]) -> str:
+    """Return the name of a feature; may be empty."""
     # of two columns for a name the first is taken
     for header, value in properties.items():
         if value and understood(where, [header], ['name'])[0]:
             return str(value)
     return ''
+
+
+def _called(where: str, properties: Mapping[str, Any]) -> str:
+    """Return the place of a feature in its file, and its name if it has one, for errors."""
+    name = _name(where, properties)
+    return f'{where} ({name})' if name else where
 
 
 def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Feature]:
@@ -111,8 +118,7 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
         _LOG.warning(f'{path} names no coordinate system: it is taken to be that of the terrain')
     features = []
     for where, geometry, system, properties in found:
-        name = _name(where, properties)
-        where = f'{where} ({name})' if name else where
+        where = _called(where, properties)
         if geometry is None:
             _LOG.warning(f'{where} has no geometry and is left out')
             continue
@@ -132,7 +138,7 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
 
 
 def _parts(where: str, geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The single geometries of one; a point is a list of one place."""
+    """Yield the single geometries of a geometry; a point is a list of one place."""
     kind = str(geometry['type'])
     if kind == 'GeometryCollection':
         for item in geometry['geometries']:
@@ -147,7 +153,7 @@ def _parts(where: str, geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]
 
 
 def _on(terrain: Terrain, places: np.ndarray, system: str, where: str) -> np.ndarray:
-    """Places [count, 2] of a system in that of a terrain."""
+    """Transform places [count, 2] from a system to that of a terrain."""
     own = coordinate_system(terrain.epsg, terrain.wkt)
     if own is None:
         right = 'coordinates of the terrain, which has no coordinate system'
@@ -160,6 +166,7 @@ def _on(terrain: Terrain, places: np.ndarray, system: str, where: str) -> np.nda
 
 
 def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
+    """Yield the rows of a table as features."""
     rows = read_table(field, path, (), None)
     header = list(rows[0][1])
     wanted = [f'{name}{end}' for pair in PLACES for name in pair for end in ('', '_end')]
@@ -195,7 +202,8 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
                 for name, cell, axis in zip(names, cells, ('longitude', 'latitude'), strict=True)]
 
     for where, row in rows:
-        start, end = place(where, row, ''), place(where, row, '_end')
+        called = _called(where, row)
+        start, end = place(called, row, ''), place(called, row, '_end')
         kind: dict[str, Any] = {'type': 'Point', 'coordinates': start}
         if end is not None:
             kind = {'type': 'LineString', 'coordinates': [start, end]}
@@ -203,5 +211,5 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
 
 
 def _filled(row: Mapping[str, str]) -> dict[str, str]:
-    """The cells of a row that are not empty."""
+    """Return the cells of a row that are not empty."""
     return {name: text for name, text in row.items() if text}

@@ -149,7 +149,7 @@ def _number(
     where: str, columns: Mapping[str, Column], properties: Mapping[str, Any], name: str,
     **limits: Any,
 ) -> float | None:
-    """An attribute in SI units, None if it is absent."""
+    """Return an attribute in SI units, None if it is absent."""
     column = columns.get(name)
     if column is None:
         return None
@@ -159,7 +159,7 @@ def _number(
 
 
 def _placed(part: Feature, terrain: Terrain) -> Feature:
-    """A feature on the terrain; without a system its coordinates may be degrees or metres."""
+    """Transform a feature to the terrain's system; without a system it may be in degrees."""
     is_placed = terrain.epsg is not None or terrain.wkt is not None
     if part.system is not None or not is_placed:
         return part.on(terrain)
@@ -180,7 +180,7 @@ def is_degrees(place: tuple[float, float]) -> bool:
 
 
 def _lines(parts: Sequence[Feature]) -> list[tuple[Any, Any, float]]:
-    """Start, end (None: a point) and weight of the straight parts of a feature."""
+    """Return start, end (None: a point) and weight of the straight parts of a feature."""
     if any(part.kind == 'Polygon' for part in parts):
         raise LavaError(parts[0].where, 'an area', 'a point or a line')
     if len({part.kind for part in parts}) > 1:
@@ -199,7 +199,7 @@ def _lines(parts: Sequence[Feature]) -> list[tuple[Any, Any, float]]:
 
 
 def _divided(vent: VentRow, lines: Sequence[tuple[Any, Any, float]]) -> list[VentRow]:
-    """A vent for each part of a feature, which divide its effusion rate by their weights."""
+    """Return a vent for each part of a feature; they divide its effusion rate by weight."""
     whole = sum(weight for *_, weight in lines)
     return [
         replace(

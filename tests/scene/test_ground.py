@@ -131,7 +131,7 @@ def test_areas_become_cells(tmp_path: Path) -> None:
         ('a.csv', 'here,there\n1,2\n', "first line is 'here,there', expected the columns x,y"),
         ('a.csv', 'x,y\n', '1 lines'),
         ('a.csv', 'x,y\n1,here\n', "line 2, y is 'here', expected a finite number"),
-        ('a.csv', 'x,y\n1,nan\n', 'a finite number'),
+        ('a.csv', 'name,x,y\nhut,1,nan\n', r"line 2 \(hut\), y is 'nan', expected a finite"),
         ('a.csv', 'x,y\n1,1e30\n', 'two coordinates'),
         ('a.csv', 'x,y,x_end\n1,2,3\n', 'both or neither'),
         ('a.csv', 'lon,lat,x,y\n2,4,5,6\n', 'the columns x,y or lon,lat or wkt'),
