@@ -43,7 +43,7 @@ LAVA = (
 DISCHARGE = ((0, 600, 25), (600, 1500, 0), (1500, 2100, 25), (2100, 3600, 0))
 
 #: Formats of an export, by the package that writes each.
-FORMATS = {'tif': 'rasterio', 'geojson': 'rasterio', 'gpkg': 'fiona', 'nc': 'xarray'}
+FORMATS = {'tif': 'rasterio', 'geojson': 'rasterio', 'gpkg': 'pyogrio', 'nc': 'xarray'}
 
 
 def write_eruption(folder: Path) -> Path:
@@ -102,7 +102,8 @@ def run(tmp_path_factory):
         plot=json.loads((folder / 'plot.json').read_text()),
         report=(folder / 'report.html').read_text(),
         page=(out / 'hindcast.html').read_text(),
-        arrival=read_tif(out / 'arrival.tif'), thickness=np.nan_to_num(read_tif(out / 'thickness.tif')),
+        arrival=read_tif(out / 'arrival.tif'),
+        thickness=np.nan_to_num(read_tif(out / 'thickness.tif')),
         bag=read_bag(out / 'bag'),
     )
 

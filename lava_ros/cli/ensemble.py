@@ -29,7 +29,7 @@ from lava_ros import validation
 from lava_ros.cli.options import argument, command, device_named, seconds_of
 from lava_ros.cli.output import made_folder, Progress, write_json
 from lava_ros.cli.ros import missing_package
-from lava_ros.cli.scenes import SCENE, scene_as_given, scene_from_arguments
+from lava_ros.cli.scenes import RATE_OPTIONS, SCENE, scene_as_given, scene_from_arguments
 from lava_ros.cli.show import formats
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
@@ -52,7 +52,7 @@ from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.maps.forecast import HazardMaps
-from lava_ros.maps.gis import coordinate_system, Provenance, require_formats
+from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
 from lava_ros.scene.uncertainty import uncertainty_to_dict
 from lava_ros.simulation import presets
 
@@ -80,8 +80,8 @@ BAG, WEIGHTED = 'atlas', 'weighted'
         'cell; replaces the position of the vent',
     ),
     argument(
-        '--observed', 'FILE', 'observed lava: a raster with values above 0, or areas (.geojson, '
-        '.gpkg); the better a member agrees with it, the more it counts in the maps in the folder '
+        '--observed', 'FILE', 'observed lava: a raster with values above 0, or areas (a vector '
+        'file); the better a member agrees with it, the more it counts in the maps in the folder '
         'weighted',
     ),
     argument(
@@ -115,7 +115,8 @@ def ensemble(args: argparse.Namespace) -> int:
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
     scene, output = plan.scene, Path(args.output)
-    require_formats(args.formats or (), output, coordinate_system(scene.terrain.epsg))
+    crs = place_of(scene.terrain).crs
+    require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
     susceptibility = None
     if args.susceptibility is not None:
         likelihood = raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
@@ -192,9 +193,13 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
         ), None
-    for name in ('terrain', 'vent', 'vents', 'discharge', 'horizon', 'fill_holes'):
+    options = (
+        'terrain', 'epsg', 'nodata', 'fill_holes', 'vent', 'vents', 'discharge', 'horizon',
+        *RATE_OPTIONS,
+    )
+    for name in options:
         if getattr(args, name) not in (None, False):
-            option = f'--{name.replace("_", "-")}'
+            option = f'--{name.replace("_", "-")}'.replace('discharge', 'effusion-rate')
             right = f'no {option} for {args.scene}, a mapped eruption'
             raise LavaError(option, getattr(args, name), right)
     case = load_case(args.scene, material=args.material)

@@ -50,10 +50,10 @@ from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps,
 from lava_ros.hindcast.replicates import agreement, MOST, run_replicates
 from lava_ros.hindcast.run import Result, Run, Settings, UNFINISHED
 from lava_ros.hindcast.score import judge, Score
-from lava_ros.hindcast.tables import VentRow
 from lava_ros.hindcast.unknowns import unknowns_of
 from lava_ros.maps.plot import duration
 from lava_ros.scene import Terrain
+from lava_ros.scene.vent_files import VentRow
 from lava_ros.simulation.defaults import device_of
 from lava_ros.simulation.selection import decision_as_dict
 
@@ -145,13 +145,16 @@ def hindcast(args: argparse.Namespace) -> int:
 def _vents(
     args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
 ) -> tuple[VentRow, ...]:
+    if isinstance(args.discharge, str):
+        right = 'one number [m3/s]: the effusion rates of a case are those of its table'
+        raise LavaError('--effusion-rate', args.discharge, right)
     given = vents_as_given(args, ground)
     if not given:
         return tuple(replace(row, discharge=args.discharge) for row in rows)
     is_own = [vent.discharge is not None for vent in given]
     if any(is_own) and not all(is_own):
         right = 'one for every vent, or for none'
-        raise LavaError(f'discharge of {given[is_own.index(False)].name!r}', None, right)
+        raise LavaError(f'effusion rate of {given[is_own.index(False)].name!r}', None, right)
     return tuple(given)
 
 
@@ -236,8 +239,8 @@ def _as_dict(
     ),
     argument(
         '--unknown', 'NAME[=LOW:HIGH]', 'constant to search, and its range: one of the lava '
-        "('lava materials NAME' lists them), vent_temperature [K], or discharge, a factor; may "
-        'be repeated (default: those with a published range)', [], action='append',
+        "('lava materials NAME' lists them), vent_temperature [K], or effusion_rate, a factor; "
+        'may be repeated (default: those with a published range)', [], action='append',
     ),
     argument('--workers', 'N', 'number of simultaneous runs, which share the GPU', 1),
     argument('--material', 'NAME', 'lava by name; replaces the lava of the cases'),
@@ -320,6 +323,7 @@ def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[floa
     names, ranges = [], {}
     for text in texts:
         name, has_range, span = text.partition('=')
+        name = {'effusion_rate': 'discharge'}.get(name, name)
         names.append(name)
         if has_range:
             try:

@@ -86,8 +86,8 @@ def forecast_demo(args: argparse.Namespace) -> int:
 
     The command starts a node that computes forecasts and ensembles, opens a vent over DDS, and
     prints how long the first forecast takes. It then sends the node the outline of a flow whose
-    discharge and viscosity the node does not know, and draws the probabilities before and after
-    it.
+    effusion rate and viscosity the node does not know, and draws the probabilities before and
+    after it.
     """
     require_ros()
     members = validation.whole('--members', args.members, at_least=2, at_most=10_000)

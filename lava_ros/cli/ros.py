@@ -162,7 +162,7 @@ def running_node(scene: Scene, settings: Mapping[str, Any], domain: int) -> Iter
 
 
 def _started(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
-    names = ('elevation', 'resolution', 'origin', 'offset', 'source', 'epsg')
+    names = ('elevation', 'resolution', 'origin', 'offset', 'source', 'epsg', 'wkt')
     grid = {name: getattr(scene.terrain, name) for name in names} | barrier_tags(scene.terrain)
     np.savez(folder / 'terrain.npz', **{k: v for k, v in grid.items() if v is not None})
     plain = scene_to_dict(scene) | {'terrain': {'file': 'terrain.npz'}}

@@ -26,6 +26,7 @@ from lava_ros.cli.ros import require_ros
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, PICTURES, write_output
 from lava_ros.files.optional import require
+from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps.animation import animate_bag
 from lava_ros.maps.export import export_bag, FORMATS, MAPS
 from lava_ros.maps.page_layout import Imprint
@@ -52,13 +53,14 @@ _RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemb
 _PAGE = (
     argument(
         '--overlay', 'FILE', 'points, lines and areas to show with their names, such as villages '
-        'or roads: .geojson, .gpkg, or .csv with x,y or lon,lat and name; may be repeated',
+        'or roads: GeoJSON, GeoPackage, Shapefile, KML, or .csv with x,y or lon,lat and name; may '
+        'be repeated (docs/FORMATS.md)',
         [], action='append',
     ),
     argument(
-        '--observed', 'FILE', 'observed lava: areas (.geojson, .gpkg), or a raster with values '
-        'above 0; the page shows its outline and, of an ensemble, how reliable the probabilities '
-        'are',
+        '--observed', 'FILE', 'observed lava: areas (a vector file as for --overlay), or a raster '
+        'with values above 0; the page shows its outline and, of an ensemble, how reliable the '
+        'probabilities are',
     ),
     argument(
         '--extent', ('WEST', 'SOUTH', 'EAST', 'NORTH'), 'what the maps show at least, in metres '
@@ -116,8 +118,8 @@ def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:
     usual = ' '.join(default) if default else 'tif, and geojson in a known coordinate system'
     return argument(
         '--formats', 'FORMAT',
-        f'file formats: tif (with styles for QGIS), geojson and gpkg ({shapes}), nc (all '
-        "maps, by the CF conventions); gpkg and nc need pip install 'lava_ros[gis]' "
+        f'file formats: tif (with styles for QGIS), {", ".join(WRITTEN)} ({shapes}; zip holds a '
+        "Shapefile), nc (all maps, by the CF conventions; pip install 'lava_ros[gis]') "
         f'(default: {usual})',
         default, nargs='+', choices=FORMATS,
     )
@@ -355,7 +357,7 @@ def export(args: argparse.Namespace) -> int:
         print(f'{len(files)} files written to {args.output}')
     else:
         print('\n'.join(f'written to {path}' for path in files))
-    if placement.epsg is None:
+    if placement.system is None:
         where = 'in the map frame' if placement.offset == (0.0, 0.0) else 'with its offset'
         print(
             f'lava export: the bag names no coordinate system, so the files have none and are '

@@ -29,6 +29,7 @@ from lava_ros.maps import gis
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import ENDINGS, read_features
+from lava_ros.scene.projection import coordinate_system, horizontal
 
 
 def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
@@ -41,7 +42,9 @@ def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.nda
         LavaError: If the file cannot be read, or has no lava on the terrain.
     """
     field = '--observed'
-    read = areas_on if Path(path).suffix.lower() in ENDINGS else raster_on
+    # a grid may be a .txt
+    suffix = Path(path).suffix.lower()
+    read = areas_on if suffix in ENDINGS and suffix != '.txt' else raster_on
     values = read(terrain, path, field=field).astype(np.float64)
     known = np.isfinite(values) & terrain.has_data
     lava = (values > 0.0) & known
@@ -53,8 +56,7 @@ def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.nda
 def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     """Read a raster at the centres of a terrain's cells: float64, NaN where it has no data.
 
-    A GeoTIFF or an ESRI ASCII grid without a coordinate system is taken to be in the terrain's.
-    Errors name ``field``.
+    A raster without a coordinate system is taken to be in the terrain's. Errors name ``field``.
 
     Raises:
         LavaError: The file cannot be read, has more than one band, has no data on the terrain, or
@@ -74,7 +76,7 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
         band,
         result,
         src_transform=place,
-        src_crs=crs or target_crs,
+        src_crs=horizontal(crs) if crs else target_crs,
         src_nodata=np.nan,
         dst_transform=_grid(terrain),
         dst_crs=target_crs,
@@ -123,15 +125,12 @@ def _grid(terrain: Terrain) -> Any:
 
 def _coordinates(terrain: Terrain, crs: Any, path: str | Path, field: str) -> Any:
     """The terrain's coordinate system; a terrain without one is where its numbers say."""
-    from rasterio.crs import CRS
-
-    if terrain.epsg is not None:
-        return CRS.from_epsg(terrain.epsg)
-    if crs:
+    own = coordinate_system(terrain.epsg, terrain.wkt)
+    if own is None and crs:
         right = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
         raise LavaError(field, str(path), right)
-    # both are in the same metres, whatever these are called
-    return CRS.from_epsg(32631)
+    # without systems both are in the same metres, whatever these are called
+    return own or coordinate_system(32631)
 
 
 def write_atlas(
@@ -178,6 +177,6 @@ def write_atlas(
         # the style belongs to its GeoTIFF
         written += gis.write_map(folder / f'{name}.tif', name, values, place, origin, tags)[:1]
     if formats is None:
-        formats = () if place.crs is None else ('geojson',)
+        formats = gis.usual_formats(place.crs)
     title = f'lava flow, {maps.members} members'
     return [*written, *gis.write_formats(folder, formats, shapes, layers, place, title)]

@@ -255,7 +255,7 @@ def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path)
         'mapped': f'{area_words(case.area)}, {case.volume / 1e6:.3g} million m³ in '
         f'{duration(case.duration)}',
         'model': f'lava_ros {lava_ros.__version__}, depth-averaged lava as particles',
-        'coordinates': system_words(case.scene.terrain.epsg),
+        'coordinates': system_words(case.scene.terrain.epsg, case.scene.terrain.wkt),
     }
     if case.source:
         facts['source'] = case.source

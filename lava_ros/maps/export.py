@@ -14,8 +14,8 @@
 
 """The maps of a bag -> GeoTIFF, and what else GIS programs read."""
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 import logging
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,10 +26,13 @@ from lava_ros import validation
 from lava_ros.bag.description import described, effects_on
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
+from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.plot import time_note
+from lava_ros.scene import Vent
+from lava_ros.scene.projection import coordinate_system, system_name
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.inundation import inundated_cells, raise_peak
 
@@ -38,18 +41,24 @@ _LOG = logging.getLogger(__name__)
 #: What can be exported.
 MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
 
-#: What maps are written as: GeoTIFF with styles of QGIS, outline and isochrones as GeoJSON or as
-#: layers of a GeoPackage, all maps in a NetCDF.
-FORMATS = ('tif', 'geojson', 'gpkg', 'nc')
+#: What maps are written as: GeoTIFF with styles of QGIS, outline and isochrones as vector files,
+#: all maps in a NetCDF.
+FORMATS = ('tif', *WRITTEN, 'nc')
 
 #: Maps of one frame: what they show.
 _SOURCES = {'height': THICKNESS, 'temperature': 'temperature', 'hazard': 'hazard'}
 
 class Placement(NamedTuple):
-    """Where the map frame is: easting and northing [m] of its origin; EPSG code if known."""
+    """Where the map frame is: easting and northing [m] of its origin; its system if known."""
 
     epsg: int | None
     offset: tuple[float, float]
+    wkt: str | None = None
+
+    @property
+    def system(self) -> str | None:
+        """The coordinate system as GDAL takes it, None without one."""
+        return self.wkt if self.epsg is None else f'EPSG:{self.epsg}'
 
 
 class Exported(NamedTuple):
@@ -85,8 +94,9 @@ def export_bag(
         time: Simulated time [s] to show the newest maps up to; None for the last ones.
         every: Whether height, temperature and hazard are written for every frame up to the time.
         threshold: Thickness from which on lava has arrived [m].
-        epsg: EPSG code for a bag that has none.
-        offset: Easting and northing [m] of the map frame's origin, for a bag without EPSG code.
+        epsg: EPSG code, in place of the coordinate system of the bag.
+        offset: Easting and northing [m] of the map frame's origin, for a bag without a system, or
+            together with ``epsg``.
         progress: Is told what is being done, and the share of the frames that is done.
 
     Raises:
@@ -109,13 +119,14 @@ def export_bag(
     thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
     if wants_history and thickness:
         check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
-    crs = gis.coordinate_system(placement.epsg)
+    crs = coordinate_system(placement.epsg, placement.wkt)
     gis.require_formats(formats, target, crs)
     _make_empty(target)
     origin = provenance_of(recording)
     writer = _Writer(
         target, crs, placement.offset, Path(path).name, origin, threshold, formats
     )
+    writer.vents = _vents(recording.scene)
     current = [name for name in MAPS if name in maps and name in _SOURCES]
     history = Arrival(threshold)
     last: Frame | None = None
@@ -156,22 +167,39 @@ def placement_of(
 ) -> Placement:
     """Where the map frame of a bag is.
 
-    The description of the scene in the bag decides; ``epsg`` and ``offset`` [m] fill in what it
-    lacks. LavaError where they contradict it, or its own values are not usable.
+    ``epsg``, and ``offset`` [m] beside it, replace what the scene in the bag states. LavaError
+    where ``offset`` alone contradicts it, or its own values are not usable.
     """
     terrain = scene.get('terrain')
     terrain = terrain if isinstance(terrain, Mapping) else {}
-    known = terrain.get('epsg')
+    known, wkt = terrain.get('epsg'), terrain.get('wkt')
     if known is not None and (isinstance(known, bool) or not isinstance(known, int)):
         raise LavaError("the bag's terrain.epsg", known, 'an EPSG code such as 32633')
     own = validation.pair("the bag's terrain.offset", terrain.get('offset', (0.0, 0.0)))
-    if known is None:
-        return Placement(epsg, own if offset is None else offset)
-    if epsg not in (None, known):
-        raise LavaError('epsg', epsg, f'{known}, as the bag says')
-    if offset is not None and offset != own:
-        raise LavaError('offset', offset, f'{own}, as the bag says')
-    return Placement(known, own)
+    if wkt is not None and not isinstance(wkt, str):
+        raise LavaError("the bag's terrain.wkt", wkt, 'the definition of a coordinate system')
+    stated = Placement(known, own, wkt)
+    if epsg in (None, known) and stated.system:
+        if offset is not None and offset != own:
+            raise LavaError('offset', offset, f'{own}, as the bag states')
+        return stated
+    if stated.system:
+        _LOG.warning(f'EPSG:{epsg} as given, although the bag states {system_name(known, wkt)}')
+    return Placement(epsg, own if offset is None else offset)
+
+
+def _vents(scene: Mapping[str, Any]) -> list[Vent]:
+    """The vents that a bag describes; none where it does not, with a warning if it tries to."""
+    names = {item.name for item in fields(Vent)}
+    items = scene.get('vents', [])
+    try:
+        return [
+            Vent(**{name: value for name, value in item.items() if name in names})
+            for item in items
+        ]
+    except (AttributeError, TypeError, LavaError) as error:
+        _LOG.warning(f'the vents of the bag are left out: {error}')
+        return []
 
 
 def provenance_of(recording: Recording) -> gis.Provenance:
@@ -212,6 +240,7 @@ class _Writer:
     written: list[Path] = field(default_factory=list)
     newest: dict[str, np.ndarray] = field(default_factory=dict)
     place: gis.Place | None = None
+    vents: Sequence[Vent] = ()
 
     def write_layer(self, name: str, frame: Frame, file_name: str) -> None:
         """Write a layer of a frame, when it has it."""
@@ -279,6 +308,7 @@ class _Writer:
         layers['outline'] = gis.area(cells, self.place, shows=name, from_m=COVERED)
         if 'arrival' in self.newest:
             layers['isochrones'] = gis.isochrones(self.newest['arrival'], self.place)
+        layers |= gis.vents(self.vents, self.offset)
         self.written += gis.write_formats(
             self.directory, self.formats, layers, self.newest, self.place,
             f'lava flow of {self.bag}',

@@ -12,14 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Maps as what GIS programs read: GeoTIFF with styles of QGIS, GeoJSON, GeoPackage, NetCDF.
+"""Maps as what GIS programs read: GeoTIFF with styles of QGIS, vector files, NetCDF.
 
 What writes a file raises LavaError where it cannot be written.
 """
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-import json
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +27,12 @@ import numpy as np
 import lava_ros
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files import replacing, write_output
+from lava_ros.files import vectors, write_output
 from lava_ros.files.optional import require
 from lava_ros.maps.plot import duration, isochrone_times
 from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
-from lava_ros.scene import Terrain
+from lava_ros.scene import Terrain, Vent
+from lava_ros.scene.projection import coordinate_system
 
 #: Probabilities that contours are drawn at [%].
 PROBABILITIES = (10.0, 50.0, 90.0)
@@ -81,23 +81,10 @@ class Place:
     crs: Any
 
 
-def coordinate_system(epsg: int | None) -> Any:
-    """The rasterio coordinate system of an EPSG code, None for None; LavaError if unknown."""
-    from rasterio.crs import CRS
-    from rasterio.errors import CRSError
-
-    if epsg is None:
-        return None
-    try:
-        return CRS.from_epsg(epsg)
-    except CRSError as error:
-        raise LavaError('epsg', epsg, f'a coordinate system GDAL knows ({error})') from error
-
-
 def place_of(terrain: Terrain) -> Place:
     """Where the cells of a terrain are; LavaError where GDAL does not know its system."""
     corner = (terrain.offset[0] + terrain.origin[0], terrain.offset[1] + terrain.origin[1])
-    return Place(corner, terrain.resolution, coordinate_system(terrain.epsg))
+    return Place(corner, terrain.resolution, coordinate_system(terrain.epsg, terrain.wkt))
 
 
 def write_map(
@@ -135,7 +122,8 @@ def write_map(
     try:
         # GDAL only prints that a disk is full: it writes into memory, and we write the file
         with MemoryFile() as memory, memory.open(
-            driver='GTiff',
+            driver='COG',
+            overview_resampling='nearest',
             width=columns,
             height=rows,
             count=1,
@@ -216,6 +204,32 @@ def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
     ]
 
 
+def vents(items: Sequence[Vent], offset: tuple[float, float]) -> dict[str, list[dict[str, Any]]]:
+    """Make layers of GeoJSON features of vents: points (``vents``) and lines (``fissures``).
+
+    Args:
+        items: The vents.
+        offset: Easting and northing [m] of the map frame's origin.
+    """
+    layers: dict[str, list[dict[str, Any]]] = {}
+    for item in items:
+        places = [
+            np.add(place, offset).tolist() for place in (item.position, item.end) if place
+        ]
+        # of a rate that changes the peak, which --vents does not take for a constant
+        name = 'effusion_rate' if isinstance(item.discharge, float) else 'peak_effusion_rate'
+        known = {'name': item.name, name: item.peak, 'radius': item.radius}
+        if item.temperature is not None:
+            known['temperature'] = item.temperature
+        kind, coordinates = ('LineString', places) if item.end else ('Point', places[0])
+        layers.setdefault('fissures' if item.end else 'vents', []).append({
+            'type': 'Feature',
+            'properties': known,
+            'geometry': {'type': kind, 'coordinates': coordinates},
+        })
+    return layers
+
+
 def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
     """Where lava comes at least as likely as ``PROBABILITIES``; NaN is unknown."""
     return [
@@ -225,16 +239,27 @@ def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
     ]
 
 
+def usual_formats(crs: Any) -> tuple[str, ...]:
+    """Return the formats of an ensemble beside GeoTIFF: GeoJSON in a known coordinate system."""
+    return () if crs is None else ('geojson',)
+
+
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
-    """Refuse formats that lack a library, and GeoJSON without a coordinate system."""
-    if 'geojson' in formats and crs is None:
-        right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
-        raise LavaError('epsg', None, right)
-    if 'gpkg' in formats:
-        require('fiona', 'GeoPackage', str(folder))
+    """Refuse formats that lack a library, and GeoJSON and KML without a coordinate system."""
+    for name in formats:
+        if crs is None and _in_degrees(name):
+            right = f'the EPSG code of the map: {name} has longitudes and latitudes'
+            raise LavaError('epsg', None, right)
+        if name in vectors.WRITTEN:
+            require('pyogrio', name, str(folder))
     if 'nc' in formats:
         require('xarray', 'NetCDF', str(folder))
         require('scipy', 'NetCDF', str(folder))
+
+
+def _in_degrees(name: str) -> bool:
+    known = vectors.FORMATS.get('kml' if name == 'kmz' else name)
+    return known is not None and known.is_degrees
 
 
 def write_formats(
@@ -247,26 +272,27 @@ def write_formats(
 ) -> list[Path]:
     """Write the formats that hold several layers or maps, and return the paths of their files.
 
-    ``geojson`` (a file for each layer) and ``gpkg`` hold ``layers``, lists of features by name.
-    ``nc`` holds ``maps``, as ``write_netcdf`` takes them. Other formats are ignored. LavaError as
-    in ``require_formats``.
+    Those of ``vectors.WRITTEN`` hold ``layers``, lists of features by name. ``nc`` holds ``maps``,
+    as ``write_netcdf`` takes them. Other formats are ignored. LavaError as in ``require_formats``.
     """
     require_formats(formats, folder, place.crs)
     written = []
-    for name, features in layers.items() if 'geojson' in formats else ():
-        written.append(folder / f'{name}.geojson')
-        write_geojson(written[-1], features, place)
-    if 'gpkg' in formats:
-        written.append(folder / 'lava.gpkg')
-        write_geopackage(written[-1], layers, place)
+    for name in formats:
+        if name not in vectors.WRITTEN:
+            continue
+        features, crs = layers, place.crs.to_wkt() if place.crs else None
+        if _in_degrees(name):
+            features = {key: _geographic(items, place) for key, items in layers.items()}
+            crs = 'EPSG:4326'
+        written += vectors.write_vectors(folder, name, features, crs, stem='lava')
     if 'nc' in formats:
         written.append(folder / 'maps.nc')
         write_netcdf(written[-1], maps, place, title)
     return written
 
 
-def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Place) -> None:
-    """Write features in longitude and latitude, as RFC 7946 demands."""
+def _geographic(features: Sequence[Mapping[str, Any]], place: Place) -> list[dict[str, Any]]:
+    """Features in longitude and latitude."""
     from rasterio.warp import transform_geom
 
     geometries = [item['geometry'] for item in features]
@@ -276,43 +302,10 @@ def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Plac
     except Exception as error:
         right = f'easting and northing that have a longitude and latitude ({error})'
         raise LavaError('the corner of the map', place.corner, right) from error
-    turned = [
+    return [
         {**item, 'geometry': geometry}
         for item, geometry in zip(features, geometries, strict=True)
     ]
-    text = json.dumps({'type': 'FeatureCollection', 'features': turned})
-    write_output('output', path, text + '\n')
-
-
-def write_geopackage(
-    path: Path, layers: Mapping[str, Sequence[Mapping[str, Any]]], place: Place
-) -> None:
-    """Write layers of features in the coordinate system of the map, but for empty ones."""
-    import fiona
-
-    try:
-        with replacing(path) as partial:
-            # an empty file is no GeoPackage to add a layer to
-            partial.unlink()
-            for name, features in layers.items():
-                if not features:
-                    continue
-                kinds = {
-                    key: 'str' if isinstance(value, str) else 'float'
-                    for key, value in features[0]['properties'].items()
-                }
-                with fiona.open(
-                    partial,
-                    'w',
-                    driver='GPKG',
-                    layer=name,
-                    schema={'geometry': 'MultiPolygon', 'properties': kinds},
-                    crs_wkt=place.crs.to_wkt() if place.crs else None,
-                ) as file:
-                    file.writerecords(features)
-    except Exception as error:
-        # what GDAL and SQLite say has no class in common
-        raise LavaError('output', str(path), f'a file to write ({error})') from error
 
 
 def write_netcdf(

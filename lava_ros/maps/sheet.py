@@ -183,10 +183,10 @@ def _draw_panel(
     picture = plot.picture_of(panel.values, plot.shaded_ground(frame), scale)
     plot.draw_map(axes, frame, picture, window, panel.fissures)
     plot.draw_contours(axes, frame, window, interval)
-    epsg = placement_of(frame.scene).epsg
-    plot.draw_ticks(axes, panel.offset if epsg else None)
-    if epsg:
-        _draw_degrees(axes, window, panel.offset, epsg)
+    system = placement_of(frame.scene).system
+    plot.draw_ticks(axes, panel.offset if system else None)
+    if system:
+        _draw_degrees(axes, window, panel.offset, system)
     if panel.source == 'arrival':
         plot.draw_isochrones(axes, frame, panel.values)
     for number, cells in enumerate((panel.outlines or {}).values()):
@@ -282,7 +282,7 @@ def _line(**look: Any) -> Any:
     return Line2D([], [], **look)
 
 
-def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], epsg: int) -> None:
+def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system: str) -> None:
     """Longitudes along the upper edge, latitudes along the right one, inside the map."""
     from matplotlib.ticker import MaxNLocator
 
@@ -295,7 +295,7 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], epsg: 
         y = np.full(9, y1) if axis == 0 else y0 + steps * (y1 - y0)
         try:
             easting, northing = x + offset[0], y + offset[1]
-            degrees = transformed(f'EPSG:{epsg}', 'EPSG:4326', easting, northing)[axis]
+            degrees = transformed(system, 'EPSG:4326', easting, northing)[axis]
         except (LavaError, ValueError):
             # without rasterio, or outside the projection
             return

@@ -32,7 +32,7 @@ from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.pages.onset import Onset
 from lava_ros.pages.runs import read_run, Run
 from lava_ros.scene.features import read_features
-from lava_ros.scene.projection import is_degrees, projected
+from lava_ros.scene.projection import coordinate_system, is_degrees, projected, system_name
 
 
 def draw_runs(
@@ -136,7 +136,8 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
     terrain = runs[0].terrain
     if not (west < east and south < north):
         raise LavaError('--extent', shown, 'WEST SOUTH EAST NORTH, west < east and south < north')
-    if terrain.epsg and is_degrees((west, south)) and is_degrees((east, north)):
+    system = coordinate_system(terrain.epsg, terrain.wkt)
+    if system and is_degrees((west, south)) and is_degrees((east, north)):
         corners = [projected(terrain, x, y) for x in (west, east) for y in (south, north)]
         (west, south), (east, north) = np.min(corners, axis=0), np.max(corners, axis=0)
     window = (float(west), float(south), float(east), float(north))
@@ -171,9 +172,9 @@ def _check_together(runs: Sequence[Run]) -> None:
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
         raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')
-    systems = {run.terrain.epsg for run in runs}
+    systems = {(run.terrain.epsg, run.terrain.wkt) for run in runs}
     if len(systems) > 1:
-        told = ' and '.join(f'EPSG:{item}' if item else 'none' for item in systems)
+        told = ' and '.join(system_name(*item) for item in systems)
         raise LavaError('coordinate systems of the runs', told, 'the same for all')
 
 

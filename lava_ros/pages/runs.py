@@ -38,10 +38,10 @@ from lava_ros.forecast.picture import frame_of
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.frames import Frame, Recording
-from lava_ros.maps.gis import coordinate_system
 from lava_ros.maps.plot import area_words, duration, STYLES, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import Scene, scene_from_dict, Terrain
+from lava_ros.scene.projection import coordinate_system, system_name
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.budget import VolumeBudget
 
@@ -157,7 +157,7 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
         },
         Terrain(
             frame.elevation, frame.resolution, frame.origin, terrain.get('epsg'),
-            terrain.get('offset', (0.0, 0.0)),
+            terrain.get('offset', (0.0, 0.0)), wkt=terrain.get('wkt'),
         ),
         is_ensemble=False,
         end=frame.time,
@@ -216,7 +216,7 @@ def _vents(scene: Scene | None) -> dict[str, str]:
     flux = f'{sum(vent.peak for vent in scene.vents):.4g} m³/s'
     if any(len(vent.series) > 1 for vent in scene.vents):
         flux += ' at most'
-    return {'discharge': flux + (f' from {count} vents' if count > 1 else '')}
+    return {'effusion rate': flux + (f' from {count} vents' if count > 1 else '')}
 
 
 def _model(recording: Recording) -> dict[str, str]:
@@ -249,23 +249,23 @@ def _plain(effect: str) -> str:
 
 def _ground(frame: Frame) -> dict[str, str]:
     terrain = frame.scene.get('terrain') or {}
-    epsg, source = terrain.get('epsg'), terrain.get('source')
+    source = terrain.get('source')
     cells = f'maps in cells of {frame.resolution:g} m'
     return {
         'elevation': f'{source}, {cells}' if source else cells,
-        'coordinates': system_words(epsg),
+        'coordinates': system_words(terrain.get('epsg'), terrain.get('wkt')),
     }
 
 
-def system_words(epsg: int | None) -> str:
+def system_words(epsg: int | None, wkt: str | None) -> str:
     """The coordinate system by its code, and by its name where GDAL is installed."""
     if not epsg:
-        return 'of the map frame: no coordinate system'
+        return system_name(None, wkt) if wkt else 'of the map frame: no coordinate system'
     try:
-        wkt = coordinate_system(epsg).to_wkt()
-    except ImportError:
+        known = coordinate_system(epsg).to_wkt()
+    except LavaError:
         return f'EPSG:{epsg}'
-    return f'{wkt.split(chr(34))[1]} (EPSG:{epsg})'
+    return f'{known.split(chr(34))[1]} (EPSG:{epsg})'
 
 
 def _ensemble(folder: Path) -> Run:

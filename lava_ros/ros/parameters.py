@@ -140,7 +140,7 @@ SOURCES = (
     _FixedSpec(
         'terrain_file',
         '',
-        'Terrain to start with (GeoTIFF, ESRI ASCII grid, npz), also in place of that of the '
+        'Terrain to start with (GeoTIFF or another raster, npz), also in place of that of the '
         'scene file; empty: from the scene file or the topics',
     ),
     _FixedSpec(
@@ -262,7 +262,7 @@ class Settings:
         'Subscribe to clicked_point, whose points open vents; false: clicks in RViz open no vents',
     )
     default_discharge: float = _parameter(
-        10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
+        10.0, 'Effusion rate of a vent opened by a click [m3/s]', (0.0, 1e6)
     )
     default_temperature: float = _parameter(
         round(constants_of(None)['lava'].reference_temperature - ZERO_CELSIUS, 2),

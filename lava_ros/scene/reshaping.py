@@ -14,19 +14,24 @@
 
 """Terrain -> terrain: barriers of earth along a line, no short waves, finer cells."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 import logging
 import math
 from math import dist
+from pathlib import Path
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files.columns import understood
 from lava_ros.files.optional import require
+from lava_ros.scene.features import read_features
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
+
+_LOG = logging.getLogger(__name__)
 
 #: Smallest and largest numbers of barriers, and units: that of 1983 on Etna was 18 m high.
 LIMITS = {'height': (0.1, 200.0, 'm'), 'width': (0.1, 1000.0, 'm'), 'slope': (0.05, 100.0, '')}
@@ -97,6 +102,46 @@ class Barrier:
         required = ['line', 'height', 'width']
         values = validation.keys(label, data, allowed=[*required, 'slope'], required=required)
         return cls(**values)  # type: ignore[arg-type]
+
+
+def read_barriers(
+    field: str, path: str | Path, terrain: Terrain, usual: Mapping[str, float | None]
+) -> list[Barrier]:
+    """Read the barriers of a file: its lines, with their height, width and slope.
+
+    Args:
+        field: What errors call the file.
+        path: A file for ``features.read_features``.
+        terrain: The ground, whose coordinate system the result has.
+        usual: Height and width of the crest [m], and slope, of lines without their own.
+
+    Raises:
+        LavaError: The file cannot be read, has points or areas, or a number is not usable.
+    """
+    barriers = []
+    unknown: dict[str, None] = {}
+    for feature in read_features(field, path, terrain):
+        if feature.kind != 'LineString':
+            raise LavaError(feature.where, f'a {feature.kind}', 'a line')
+        columns, others = understood(str(path), feature.properties, (*LIMITS, 'name'))
+        unknown |= dict.fromkeys(others)
+        numbers = {
+            name: columns[name].number(feature.where, feature.properties[columns[name].header])
+            if name in columns else value
+            for name, value in usual.items()
+        }
+        line = tuple((float(x), float(y)) for x, y in feature.rings[0])
+        try:
+            barriers.append(Barrier(line, **numbers))  # type: ignore[arg-type]
+        except LavaError as error:
+            name = error.field.removeprefix('barrier.')
+            raise LavaError(f'{feature.where}, {name}', error.value, error.expected) from None
+    if unknown:
+        _LOG.warning(
+            f'{path}: attributes that are not understood are ignored: {", ".join(unknown)} '
+            f'(of a barrier: name, {", ".join(LIMITS)})'
+        )
+    return barriers
 
 
 def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:

@@ -32,6 +32,9 @@ RESOLUTION_RANGE = (1e-4, 1e5)
 #: Largest height above or below zero that ground can have [m]: Mars has 22 km.
 MAX_ELEVATION = 1e5
 
+#: Largest definition of a coordinate system [characters].
+MAX_WKT = 100_000
+
 #: Largest distance of places from the origin of the map and of a projected system [m].
 MAX_COORDINATE = 1e9
 
@@ -50,6 +53,8 @@ class Terrain:
         source: Where it is from, for people; may be empty.
         barriers: Crests of the barriers that have been built on it, each two or more eastings and
             northings [m]. Maps draw them.
+        wkt: Full definition (WKT) of the coordinate system, where ``epsg`` does not give it all: a
+            local system without a code, or a projected one with a vertical datum.
     """
 
     elevation: np.ndarray
@@ -59,6 +64,7 @@ class Terrain:
     offset: tuple[float, float] = (0.0, 0.0)
     source: str = ''
     barriers: tuple[tuple[tuple[float, float], ...], ...] = ()
+    wkt: str | None = None
 
     def __post_init__(self) -> None:
         """Validate and normalise every field; LavaError names one that is not usable."""
@@ -99,6 +105,11 @@ class Terrain:
         ):
             raise LavaError('terrain.epsg', self.epsg, 'an EPSG code such as 32633, or None')
         put(self, 'barriers', crest_lines('terrain.barriers', self.barriers))
+        if self.wkt is not None and not (
+            isinstance(self.wkt, str) and 0 < len(self.wkt) <= MAX_WKT
+        ):
+            right = f'the definition of a coordinate system, up to {MAX_WKT} characters, or None'
+            raise LavaError('terrain.wkt', str(self.wkt)[:40], right)
 
     @property
     def shape(self) -> tuple[int, int]:

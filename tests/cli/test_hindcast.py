@@ -266,6 +266,21 @@ def test_barrier_is_written(tmp_path):
     assert 'with the crest widened to ' in said
 
 
+def test_barriers_of_a_file(tmp_path):
+    """Lines with their own heights; where two overlap the higher one counts."""
+    case = write_case(tmp_path / 'valley')
+    lines = tmp_path / 'lines.csv'
+    x, y = VENT
+    lines.write_text(f'x,y,x_end,y_end,height\n{x - 100},{y},{x + 100},{y},10\n'
+                     f'{x},{y - 100},{x},{y + 100},\n')
+    said = done('barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--lines', lines,
+                '--height', '4')
+    assert 'raised by up to 10.0 m' in said
+    assert 'height is missing' in refused(
+        'barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--lines', lines
+    )
+
+
 @pytest.mark.parametrize(
     ('words', 'named'),
     [
@@ -298,7 +313,8 @@ def test_a_case_in_degrees_runs_without_a_warning(tmp_path):
     words = ['hindcast', folder, '--preset', 'draft', '--device', 'cpu', '--maps', '1']
     status, out, err = lava(*words, '-o', tmp_path / 'out')
     said = [line for line in err.splitlines() if line.startswith('lava hindcast: ')]
-    # what the elevation was taken for; there is no bag without ROS 2
-    assert [line for line in said if 'no bag' not in line] == [said[0]]
-    assert 'EPSG:4326 taken to EPSG:32633' in said[0]
+    # how the elevation and the effusion rates were read; there is no bag without ROS 2
+    ground, rates = (line for line in said if 'no bag' not in line)
+    assert 'EPSG:4326 taken to EPSG:32633' in ground
+    assert '2 intervals of mean rates, 0 to 1800 s, 2.7e+04 m3 in all' in rates
     assert status == 0 and 'area' in out

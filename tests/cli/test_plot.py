@@ -22,6 +22,7 @@ from typing import Any
 
 from matplotlib.image import imread
 import numpy as np
+import pyogrio
 import pytest
 from rasterio.warp import transform
 import yaml
@@ -88,7 +89,7 @@ def test_a_bag(bag, tmp_path):
     notes = said['notes']
     assert 'expected error of the footprint 15 %' in notes.pop('model')
     assert notes.items() >= {
-        'computed': '2026-09-21', 'discharge': '10 m³/s', 'elevation': 'maps in cells of 5 m',
+        'computed': '2026-09-21', 'effusion rate': '10 m³/s', 'elevation': 'maps in cells of 5 m',
         'coordinates': 'WGS 84 / UTM zone 33N (EPSG:32633)',
     }.items()
     said = plot(
@@ -126,14 +127,13 @@ def test_formats_of_an_ensemble(ensemble, monkeypatch):
     """The command given again writes what was not asked for before; what cannot be is refused."""
     words = [*ensemble_words(ensemble.parent), '--formats', 'gpkg']
     with monkeypatch.context() as patch:
-        patch.setitem(sys.modules, 'fiona', None)
-        assert "pip install 'lava_ros[gis]'" in refused(*words)
-    fiona = pytest.importorskip('fiona')
+        patch.setitem(sys.modules, 'pyogrio', None)
+        assert "pip install 'lava_ros[terrain]'" in refused(*words)
     done(*words)
-    layers = fiona.listlayers(ensemble / 'lava.gpkg')
+    layers = [name for name, _ in pyogrio.list_layers(ensemble / 'lava.gpkg')]
     assert {'inundation_probability', 'arrival_time_p50'} <= set(layers)
-    with fiona.open(ensemble / 'lava.gpkg', layer='arrival_time_p50') as layer:
-        assert layer.crs.to_epsg() == 32633 and 'time_s' in layer.schema['properties']
+    found = pyogrio.read_info(ensemble / 'lava.gpkg', layer='arrival_time_p50')
+    assert found['crs'] == 'EPSG:32633' and 'time_s' in found['fields']
 
 
 def test_several_runs(bag, ensemble, tmp_path):
@@ -143,7 +143,7 @@ def test_several_runs(bag, ensemble, tmp_path):
     assert said['maps'] == [
         f'{path.parent.name}/flow: Lava thickness' for path in (bag, other)
     ]
-    assert said['notes']['discharge'] == '10 m³/s'
+    assert said['notes']['effusion rate'] == '10 m³/s'
     assert said['notes']['result'].count('standing lava') == 2
     said = plot(tmp_path, bag, ensemble)
     assert said['maps'][1] == 'members: Expected peak thickness of the lava'

@@ -26,6 +26,7 @@ from rasterio.warp import transform
 
 from lava_ros.cli.main import main
 from lava_ros.errors import LavaError
+from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps import gis
 from lava_ros.maps.export import export_bag, MAPS
 from lava_ros.maps.frames import Recording
@@ -33,7 +34,8 @@ from lava_ros.maps.gis import coordinate_system
 from lava_ros.maps.plot import MAX_ISOCHRONES, STYLES
 from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.scene import Terrain
-from recording import GRIDS, record, silenced, TERRAIN
+from lava_ros.scene.features import load_features
+from recording import GRIDS, record, silenced, TERRAIN, VENT
 
 
 @pytest.fixture(scope='module')
@@ -180,8 +182,7 @@ def test_a_bag_without_coordinate_system(tmp_path):
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
-        ({'epsg': 32632}, 'epsg is 32632, expected 32633, as the bag says'),
-        ({'offset': (1.0, 2.0)}, 'offset is .*as the bag says'),
+        ({'offset': (1.0, 2.0)}, 'offset is .*as the bag states'),
         ({'time': 100.0}, 'time is 100.0, expected 200 to 800 s'),
         ({'threshold': 0.01}, 'threshold is 0.01'),
         ({'threshold': float('nan')}, 'threshold is nan'),
@@ -238,7 +239,7 @@ def test_places_outside_the_projection(tmp_path):
     place = gis.Place((1e8, 4e6), 10.0, gis.coordinate_system(32633))
     features = gis.area(np.ones((2, 2), dtype=bool), place)
     with pytest.raises(LavaError, match='corner of the map') as caught:
-        gis.write_geojson(tmp_path / 'outline.geojson', features, place)
+        gis.write_formats(tmp_path, ['geojson'], {'outline': features}, {}, place, '')
     assert caught.value.value == place.corner
 
 
@@ -345,7 +346,7 @@ def test_a_raster_without_a_row_in_the_table_is_refused(tmp_path):
     ('format_name', 'module', 'words'),
     [
         ('tif', 'rasterio', r"pip install 'lava_ros\[terrain\]'"),
-        ('gpkg', 'fiona', r"GeoPackage is .*fiona.*'lava_ros\[gis\]'"),
+        ('gpkg', 'pyogrio', r"gpkg is .*pyogrio.*'lava_ros\[terrain\]'"),
         ('nc', 'xarray', r"NetCDF is .*xarray.*'lava_ros\[gis\]'"),
     ],
 )
@@ -357,16 +358,27 @@ def test_without_the_library(format_name, module, words, floats, tmp_path, monke
     assert not (tmp_path / 'out').exists()
 
 
-def test_a_geopackage(floats, tmp_path):
-    """Outline and isochrones are layers of it, in the coordinates of the map."""
-    fiona = pytest.importorskip('fiona')
-    export_bag(floats, tmp_path / 'out', formats=['gpkg'])
-    path = tmp_path / 'out/lava.gpkg'
-    assert fiona.listlayers(path) == ['outline', 'isochrones']
-    with fiona.open(path, layer='outline') as layer:
-        assert layer.crs.to_epsg() == 32633
-        assert layer.bounds == (499_950.0, 4_180_070.0, 499_990.0, 4_180_120.0)
-        assert [item['properties']['area_m2'] for item in layer] == [2000.0]
+@pytest.mark.parametrize('ending', WRITTEN)
+def test_vector_formats(ending, floats, tmp_path):
+    """Outline, isochrones and vents come back from each format, at their places."""
+    out = tmp_path / 'out'
+    exported = export_bag(floats, out, formats=[ending])
+    assert sorted(exported.files) == sorted(out.iterdir())
+    paths = [path for path in exported.files if path.suffix == f'.{ending}']
+    found = [item for path in paths for item in load_features('--overlay', path)]
+    areas = [item for item in found if item.kind == 'Polygon']
+    (outline,) = (item for item in areas if 'time_s' not in item.properties)
+    times = {float(item.properties['time_s']) for item in areas if item is not outline}
+    assert times == {300.0, 600.0, 900.0}
+    assert float(outline.properties['area_m2']) == 2000.0
+    (ring,) = outline.on(TERRAIN).rings
+    ends = [(499_950.0, 4_180_070.0), (499_990.0, 4_180_120.0)]
+    np.testing.assert_allclose([ring.min(axis=0), ring.max(axis=0)], ends, atol=0.02)
+    (vent,) = (item for item in found if item.kind == 'Point')
+    place = np.add(VENT.position, TERRAIN.offset)
+    np.testing.assert_allclose(vent.on(TERRAIN).rings[0], [place], atol=0.02)
+    name = 'effusion_rate' if ending not in ('shp', 'zip') else 'effusion_r'
+    assert float(vent.properties[name]) == VENT.discharge
 
 
 def test_a_netcdf(floats, tmp_path):

@@ -92,6 +92,7 @@ def test_geojson(tmp_path: Path) -> None:
     lines = {'type': 'MultiLineString', 'coordinates': [[[1, 2], [3, 4]], [[5, 6], [7, 8]]]}
     path = features(tmp_path / 'b.json', of={'b': lines}, crs=crs)
     first, second = read_features('--overlay', path, TERRAIN)
+    assert first.where == second.where
     np.testing.assert_allclose(first.rings[0], [[1, 2], [3, 4]], atol=1e-6)
     np.testing.assert_allclose(second.rings[0], [[5, 6], [7, 8]], atol=1e-6)
 
@@ -113,20 +114,6 @@ def test_features_without_a_geometry_are_told(
         found.on(Terrain(np.zeros((5, 5)), 10.0))
 
 
-def test_a_geopackage(tmp_path: Path) -> None:
-    """Its layers are in their own systems."""
-    fiona = pytest.importorskip('fiona')
-    schema = {'geometry': 'Point', 'properties': {'name': 'str'}}
-    with fiona.open(
-        tmp_path / 'a.gpkg', 'w', driver='GPKG', schema=schema, crs='EPSG:4326', layer='stations'
-    ) as file:
-        geometry = {'type': 'Point', 'coordinates': DEGREES}
-        file.write({'geometry': geometry, 'properties': {'name': 'gauge'}})
-    (found,) = read_features('--overlay', tmp_path / 'a.gpkg', TERRAIN)
-    np.testing.assert_allclose(found.rings[0], METRES, atol=1e-3)
-    assert found.name == 'gauge'
-
-
 def test_areas_become_cells(tmp_path: Path) -> None:
     """A cell is in an area whose middle is; a hole stays one."""
     square = [[[x, y] for x, y in ((0, 0), (100, 0), (100, 100), (0, 100), (0, 0))]]
@@ -142,20 +129,36 @@ def test_areas_become_cells(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('name', 'text', 'words'),
     [
-        ('a.shp', '', 'ends with .geojson'),
-        ('a.csv', 'east,north\n1,2\n', "first line is 'east,north', expected the columns x,y"),
+        ('a.doc', '', 'ends with .geojson'),
+        ('a.shp', '', 'a file of Shapefile'),
+        ('a.csv', 'here,there\n1,2\n', "first line is 'here,there', expected the columns x,y"),
         ('a.csv', 'x,y\n', '1 lines'),
-        ('a.csv', 'x,y\n1,here\n', 'line 2 is .*a geometry of numbers'),
-        ('a.csv', 'x,y\n1,nan\n', 'two coordinates'),
-        ('a.geojson', '[1]', 'a FeatureCollection'),
-        ('a.geojson', '{"features": []}', 'at least one point'),
-        ('a.geojson', '{"features": [{"geometry": {"type": "Circle"}}]}', 'feature 0 is .Circle'),
-        ('a.geojson', '{"features": [{"geometry": 5}]}', 'with a geometry'),
-        ('a.geojson', '{"type": "Point", "coordinates": [[1], 2]}', 'a geometry of numbers'),
+        ('a.csv', 'x,y\n1,here\n', "line 2, y is 'here', expected a finite number"),
+        ('a.csv', 'name,x,y\nhut,1,nan\n', r"line 2 \(hut\), y is 'nan', expected a finite"),
+        ('a.csv', 'x,y\n1,1e30\n', 'two coordinates'),
+        ('a.csv', 'x,y,x_end\n1,2,3\n', 'both or neither'),
+        ('a.csv', 'lon,lat,x,y\n2,4,5,6\n', 'the columns x,y or lon,lat or wkt'),
+        ('a.csv', 'X,Easting,y\n2,4,5\n', "is 'X and Easting', expected one column for x"),
+        ('a.csv', 'x (furlong),y\n2,4\n', "x .furlong. of .* is 'furlong', expected a unit such"),
+        ('a.csv', 'wkt\nPNT\n', "line 2, wkt is 'PNT', expected well-known text"),
+        ('a.csv', 'lon,lat\n200,1\n', "lon is '200', expected a longitude from -180 to 180"),
+        ('a.csv', "lon,lat\n15 61 0,1\n", "lon is '15 61 0', expected a longitude"),
+        ('a.csv', "lon,lat\n37N,15E\n", "lon is '37N', expected a longitude"),
+        ('a.geojson', '[1]', 'a file of GeoJSON'),
+        ('a.geojson', '{"features": []}', 'GeoJSON that GDAL can read'),
+        ('a.geojson', '{"type": "FeatureCollection", "features": []}', 'at least one point'),
+        ('a.geojson', '{"type": "Feature", "geometry": {"type": "Circle"}}', 'at least one point'),
+        ('a.geojson', '{"type": "Point", "coordinates": [[1], 2]}', "invalid 'x' coordinate"),
         ('a.geojson', '{"type": "Point", "coordinates": [500, 95]}', 'that GDAL knows'),
-        ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "crs": {"properties": '
-         '{"name": "EPSG:0"}}}', 'that GDAL knows'),
-        ('a.gpkg', 'SQLite it is not', 'GeoPackage'),
+        ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "crs": {"type": "name", '
+         '"properties": {"name": "EPSG:0"}}}', 'that GDAL knows'),
+        ('a.gpkg', 'SQLite it is not', 'a file of GeoPackage'),
+        ('a.kml', '<html/>', 'a file of KML'),
+        ('a.kml', '<!DOCTYPE x [<!ENTITY a "b">]><kml/>', 'a file of KML'),
+        ('a.kml', '<kml><!DOCTYPE x></kml>', 'a file of KML'),
+        ('a.kml', '<OGRVRTDataSource/>', 'a file of KML'),
+        ('a.kmz', 'PK', 'a readable file'),
+        ('a.zip', 'x', 'a readable file'),
     ],
 )
 def test_what_cannot_be_read(tmp_path: Path, name: str, text: str, words: str) -> None:

@@ -197,7 +197,7 @@ ambient_temperature: 290
         ('terrain: {}', r'scene\.terrain\.file'),
         ('lava: {stickiness: 3}', r'scene\.lava\.stickiness'),
         ('vents: 3', 'vents'),
-        ('vents: [{position: [5, 5]}]', r'vents\[0\]\.discharge'),
+        ('vents: [{position: [5, 5]}]', r'vents\[0\]\.effusion_rate'),
         ('vents: [{discharge: 5}]', r'vents\[0\]\.position'),
     ],
 )

@@ -30,6 +30,7 @@ from lava_ros.maps.numbers import percent, seconds
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.survey import Survey
+from lava_ros.scene.projection import system_name
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
@@ -214,7 +215,7 @@ def recorded_section(recording: Recording, survey: Survey, told: Mapping[str, An
     bag, frame = recording.bag, survey.frame
     rows, columns = frame.elevation.shape
     terrain = recording.scene.get('terrain')
-    epsg = terrain.get('epsg') if isinstance(terrain, dict) else None
+    terrain = terrain if isinstance(terrain, dict) else {}
     lines = [
         ('bag', bag.path.name),
         ('state', 'cut off; what was written before is here' if bag.recovered else 'finished'),
@@ -222,7 +223,7 @@ def recorded_section(recording: Recording, survey: Survey, told: Mapping[str, An
         ('recording lasted', duration(bag.duration_ns / 1e9)),
         ('maps shown on this page', f'{len(survey.times)} frames of the last run'),
         ('terrain', f'{columns} x {rows} cells of {frame.resolution:g} m'),
-        ('coordinate system', f'EPSG:{epsg}' if epsg else 'none: coordinates of the map frame'),
+        ('coordinate system', system_name(terrain.get('epsg'), terrain.get('wkt'))),
         ('recorded by', f'lava_ros {bag.custom_data.get("version") or "of unknown version"}'),
     ]
     html = _table(('recording', ''), lines)
