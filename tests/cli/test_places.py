@@ -243,7 +243,7 @@ def test_weights_of_members_count(ensemble: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('text', 'words'),
     [
-        ('name,x,y\nhut,here,5\n', r'line 2 \(hut\) is .*a geometry of numbers'),
+        ('name,x,y\nhut,here,5\n', r"line 2 \(hut\), x is 'here'"),
         ('name,x,y,x_end,y_end\nroad,500000,4180090,500000,4180090\n', r'\(road\) is .a line'),
         ('name,east\nhut,5\n', 'the columns x,y'),
     ],

@@ -37,7 +37,7 @@ ROOT = Path(__file__).parents[2]
 BARE_ARRAYS = {
     'particle', 'ordered', 'flow', 'cell', 'rank', 'remainder', 'ordered_remainder', 'clock',
     'counts', 'chosen', 'rates', 'stage', 'top', 'left', 'limit_time', 'base', 'drift',
-    'ordered_base', 'ordered_drift', 'share', 'home',
+    'ordered_base', 'ordered_drift', 'share', 'home', 'arrived',
 }
 
 #: The kernels it launches, in their order.

@@ -25,7 +25,7 @@ from rasterio.warp import transform
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.rasters import seen_in_file
-from lava_ros.maps.gis import write_grid
+from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.features import load_features, read_features
 from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier
@@ -234,9 +234,8 @@ def test_barriers_stay_with_the_file_of_their_ground(
 
     def write(tags: dict[str, str], epsg: int = 32633) -> Terrain:
         if ending == '.tif':
-            write_grid(
-                path, dam.elevation, replace(dam, epsg=epsg), unit='m', meaning='', tags=tags
-            )
+            origin = Provenance('dam', effects=(), preset='none')
+            write_grid(path, 'elevation', dam.elevation, replace(dam, epsg=epsg), origin, tags)
         else:
             known = {name: getattr(dam, name) for name in ('elevation', 'resolution', 'offset')}
             np.savez(path, **known, **tags, epsg=epsg)

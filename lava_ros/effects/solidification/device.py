@@ -27,10 +27,8 @@ seen, and which of them freezes first would decide where the lava after them tur
 most the kernel radius. The column leaves the set of particles; what froze is summed in
 ``State.frozen``.
 
-Maps show the column where it stood: its volume is shared out to the cells with data that lava has
-reached (``own_ground.py``), by the area that they have in common with the column's own square. The
-square is at least as wide as maps smooth the fluid, or columns that lie at random would leave gaps
-and peaks. No lava is shown on ground that none has reached.
+Maps show the column by the same weights, but on cells that lava has reached alone
+(``own_ground.py``): no lava is shown on ground that none has reached.
 
 What has frozen is kept apart from the ground in whole parts of 2^-44 m: sums of integers have no
 order, so runs are the same to the bit, and a float32 of the elevation does not wear off deposits.
@@ -57,10 +55,6 @@ from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_f
 #: Least width over the largest: wider smooths what freezes by more than the bounds of its case
 #: allow, narrower runs that differ in their last digits part sooner.
 _LEAST = 0.65
-
-#: Half the least side of the square that a column is shown on, over the kernel radius: the fluid's
-#: maps have that width too, and smaller squares leave gaps where few columns froze.
-_LEAST_SHOWN = 0.75
 
 #: What the frozen lava's thickness is counted in [m]; its largest thickness is 2^63 of them.
 _PART = 2.0**-44
@@ -116,64 +110,23 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         )
 
     @wp.func
-    def common(first: wp.float64, last: wp.float64, n: int) -> wp.float64:
-        """Length that an interval has in common with the n-th cell [cells]."""
-        start = wp.float64(n)
-        end = wp.min(last, start + wp.float64(1.0))
-        return wp.max(end - wp.max(first, start), wp.float64(0.0))
-
-    @wp.func
     def is_shown(m: arguments_type(real), row: int, column: int, is_reached: bool) -> bool:
         if m.ground.known[row, column] == wp.uint8(0):
             return False
         return not is_reached or m.arrived[row, column] >= wp.float32(0.0)
 
     @wp.func
-    def common_with(
-        m: arguments_type(real), x: wp.float64, y: wp.float64, half: wp.float64,
-        south: int, north: int, west: int, east: int, is_reached: bool,
+    def total_of(
+        p: vec4, m: arguments_type(real), frame: ground_type(wp.float64), width: wp.float64,
+        patch: wp.vec4i, is_reached: bool,
     ) -> wp.float64:
-        """Area that a square has in common with the cells that show it [cells]."""
+        """Sum of the weights of the cells with data, or of those of them that are reached."""
         total = wp.float64(0.0)
-        for row in range(south, north):
-            side = common(y - half, y + half, row)
-            for column in range(west, east):
+        for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
+            for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
                 if is_shown(m, row, column, is_reached):
-                    total += side * common(x - half, x + half, column)
+                    total += weight_of(frame, p[0], p[1], width, row, column)
         return total
-
-    @wp.func
-    def place(
-        i: int,
-        p: vec4,
-        m: arguments_type(real),
-        widest: wp.float64,
-        frame: ground_type(wp.float64),
-        placed: wp.array2d(dtype=wp.int64),
-    ):
-        """Share a column out to the cells of its square."""
-        half = wp.float64(0.5) * wp.sqrt(wp.float64(p[2]) / wp.float64(m.flow[i][0]))
-        half = wp.max(half, wp.float64(wp.static(1.5 * _LEAST_SHOWN)) * widest) / frame.resolution
-        half = wp.max(half, wp.float64(0.5))
-        x = (wp.float64(p[0]) - frame.x0) / frame.resolution
-        y = (wp.float64(p[1]) - frame.y0) / frame.resolution
-        south = wp.max(int(wp.floor(y - half)), 0)
-        north = wp.min(int(wp.floor(y + half)) + 1, frame.rows)
-        west = wp.max(int(wp.floor(x - half)), 0)
-        east = wp.min(int(wp.floor(x + half)) + 1, frame.columns)
-        total = common_with(m, x, y, half, south, north, west, east, True)
-        # lava that was too thin to reach any of the cells is in all of them
-        is_reached = total > wp.float64(0.0)
-        if not is_reached:
-            total = common_with(m, x, y, half, south, north, west, east, False)
-        parts = wp.float64(p[2]) / (frame.resolution * frame.resolution * total)
-        parts /= wp.float64(wp.static(_PART))
-        for row in range(south, north):
-            side = parts * common(y - half, y + half, row)
-            for column in range(west, east):
-                if is_shown(m, row, column, is_reached):
-                    share = side * common(x - half, x + half, column)
-                    wp.atomic_add(placed, row, column, wp.int64(wp.round(share)))
 
     @wp.func
     def lay_down(
@@ -183,21 +136,28 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         widest: wp.float64,
         frame: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),
+        placed: wp.array2d(dtype=wp.int64),
     ):
         width = width_of(p[2], m.flow[i][0], frame, widest)
         patch = patch_of(frame, p[0], p[1], width)
-        total = wp.float64(0.0)
-        for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
-            for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
-                if m.ground.known[row, column] != wp.uint8(0):
-                    total += weight_of(frame, p[0], p[1], width, row, column)
-        parts = wp.float64(p[2]) / (frame.resolution * frame.resolution * total)
-        parts /= wp.float64(wp.static(_PART))
+        volume = wp.float64(p[2]) / (frame.resolution * frame.resolution)
+        volume /= wp.float64(wp.static(_PART))
+        total = total_of(p, m, frame, width, patch, False)
+        parts = volume / total
         # cells without data and the ring are raised as well, lest the deposit end in a cliff there
         for row in range(patch[2], patch[3]):
             for column in range(patch[0], patch[1]):
                 share = parts * weight_of(frame, p[0], p[1], width, row, column)
                 wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(share)))
+        reached = total_of(p, m, frame, width, patch, True)
+        # lava that was too thin to reach any of the cells is in all of them
+        is_reached = reached > wp.float64(0.0)
+        parts = volume / wp.where(is_reached, reached, total)
+        for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
+            for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
+                if is_shown(m, row, column, is_reached):
+                    share = parts * weight_of(frame, p[0], p[1], width, row, column)
+                    wp.atomic_add(placed, row, column, wp.int64(wp.round(share)))
         wp.atomic_add(m.frozen, 0, wp.float64(p[2]))
         m.particle[i] = vec4(p[0], p[1], -p[2], p[3])
 
@@ -218,8 +178,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
             p = m.particle[i]
             # what is off the terrain has left
             if wp.float64(p[3]) < solidus and is_known(m.ground, p[0], p[1]):
-                place(i, p, m, widest, frame, placed)
-                lay_down(i, p, m, widest, frame, deposit)
+                lay_down(i, p, m, widest, frame, deposit, placed)
 
     @quick_kernel
     def raise_ground(
