@@ -118,9 +118,10 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     @wp.func
     def total_of(
         p: vec4, m: arguments_type(real), frame: ground_type(wp.float64), width: wp.float64,
-        patch: wp.vec4i, is_reached: bool,
+        is_reached: bool,
     ) -> wp.float64:
         """Sum of the weights of the cells with data, or of those of them that are reached."""
+        patch = patch_of(frame, p[0], p[1], width)
         total = wp.float64(0.0)
         for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
             for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
@@ -142,14 +143,14 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         patch = patch_of(frame, p[0], p[1], width)
         volume = wp.float64(p[2]) / (frame.resolution * frame.resolution)
         volume /= wp.float64(wp.static(_PART))
-        total = total_of(p, m, frame, width, patch, False)
+        total = total_of(p, m, frame, width, False)
         parts = volume / total
         # cells without data and the ring are raised as well, lest the deposit end in a cliff there
         for row in range(patch[2], patch[3]):
             for column in range(patch[0], patch[1]):
                 share = parts * weight_of(frame, p[0], p[1], width, row, column)
                 wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(share)))
-        reached = total_of(p, m, frame, width, patch, True)
+        reached = total_of(p, m, frame, width, True)
         # lava that was too thin to reach any of the cells is in all of them
         is_reached = reached > wp.float64(0.0)
         parts = volume / wp.where(is_reached, reached, total)
