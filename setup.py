@@ -41,6 +41,7 @@ EXTRAS = {
         'tornado>=6.2,<7',
     ],
     'test': [
+        'fastjsonschema>=2.19,<3',
         'hypothesis>=6.100,<7',
         'mcap-ros2-support>=0.5.5,<1',
         'pytest>=8,<10',
@@ -101,6 +102,8 @@ setup(
         # What `lava report` says a preset errs and costs.
         (f'share/{NAME}/docs/accuracy', ['docs/accuracy/cpu.csv', 'docs/accuracy/h200.csv']),
         (f'share/{NAME}/docs/benchmarks', files_in('docs/benchmarks')),
+        # For editors.
+        (f'share/{NAME}/schemas', files_in('schemas')),
         (f'share/{NAME}/sros2', files_in('sros2')),
     ],
     zip_safe=False,

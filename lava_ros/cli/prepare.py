@@ -132,7 +132,7 @@ def step_costs() -> dict[str, float]:
 def materials(args: argparse.Namespace) -> int:
     """List the lavas that have a name, with their constants and sources.
 
-    A scene file names one with lava: {material: NAME}, and a case with material: NAME.
+    A scene file and the case.yaml of a case name one with lava: {material: NAME}.
     """
     chosen = [material_named(args.name)] if args.name else list(known_materials().values())
     if args.json:

@@ -65,7 +65,7 @@ def test_case_is_read(tmp_path: Path) -> None:
 def test_case_file_replaces_what_is_usual(tmp_path: Path) -> None:
     """Material, constants, temperature, times and filter are those of case.yaml."""
     text = (
-        'title: A valley\nsource: made up\nmaterial: reunion_basalt\nlava: {emissivity: 0.5}\n'
+        'title: A valley\nsource: made up\nlava: {material: reunion_basalt, emissivity: 0.5}\n'
         'vent_temperature: 1400\nvent_radius: 25\nambient_temperature: 280\nstart: 1800\n'
         'end: 9000\nlow_pass: 40\nepsg: 32633\n'
     )
