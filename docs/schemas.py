@@ -72,6 +72,27 @@ MEANINGS = {
     'events': 'Changes of the ground during the eruption',
 }
 
+#: The same for the keys of a layer; msg_configs/default.yaml describes them in full.
+LAYER_MEANINGS = {
+    'topic': 'Relative topic name; the name of the layer if left out',
+    'source': 'Quantity that the layer shows',
+    'message': 'Type of the messages',
+    'range': 'Values [low, high] that map to the ends of scale, in the unit of the source',
+    'scale': 'Grid values [first, last] at the ends of range; [0, 100] if left out',
+    'step': 'Value of the source from which a cell is 100 and below which it is 0',
+    'classes': 'Values of the source at which one class ends and the next begins',
+    'margin': 'Clearance around cells with lava [m]; 0 if left out',
+    'threshold': 'Thickness below which a cell is dry [m]; 0.1 if left out',
+    'outside': 'Grid value of cells without terrain; -1 if left out',
+    'min_cells': 'Minimum number of columns and of rows; 0 if left out',
+    'enabled': 'Publish the layer; true if left out',
+    'rate': 'Maximum rate of the messages [Hz]; 1 if left out',
+    'heartbeat': 'Wall time after which an unchanged map is sent again [s]; 0: never',
+    'record': 'Write the layer to the bag; true if left out',
+    'qos': 'Quality of service of the publisher',
+    'hazard': 'Limits between which heat and burial grow from harmless to lethal',
+}
+
 #: Keyword of JSON Schema for each limit of ``validation.number`` and ``validation.whole``.
 LIMITS = {'above': 'exclusiveMinimum', 'at_least': 'minimum', 'at_most': 'maximum'}
 
@@ -172,7 +193,10 @@ def terrain_options() -> dict[str, Schema]:
 def rate_options() -> dict[str, Schema]:
     """Return the schemas of the choices for reading a table of effusion rates, by name."""
     known = {
-        'start': TEXT | {'description': 'Start of the eruption (ISO 8601), which is time 0'},
+        'start': {
+            'description': 'Start of the eruption (ISO 8601), which is time 0',
+            'type': 'string', 'pattern': r'^\s*\d{4}',
+        },
         'gaps': {
             'description': 'Effusion rate in a time without data',
             'enum': list(effusion_rates.GAPS),
@@ -243,7 +267,8 @@ def uncertainties() -> Schema:
     }
     names = [item.name for item in fields(uncertainty.Uncertainty)]
     texts = {
-        'discharge': 'Factor on all effusion rates', 'effusion_rate': 'Factor on all effusion rates',
+        'discharge': 'Factor on all effusion rates',
+        'effusion_rate': 'Factor on all effusion rates',
         'temperature': 'Offset of the temperature of all vents [K]',
         'position': 'Displacement of all vents', 'terrain': 'Errors of the terrain',
     }
@@ -252,9 +277,7 @@ def uncertainties() -> Schema:
         if name in texts else known.get(name, one)
         for name in [*names, 'effusion_rate']
     }
-    plain = mapping({})
-    both = either('discharge', 'effusion_rate', optional=True)
-    return {**plain, 'properties': schemas, **both}
+    return mapping(schemas, **either('discharge', 'effusion_rate', optional=True))
 
 
 def scene() -> Schema:
@@ -303,13 +326,10 @@ def case_file() -> Schema:
             'description': 'Choices for reading effusion_rate.csv'
         },
     }
-    result = mapping(
-        {**{name: known[name] for name in case.KEYS}, 'material': former_material()},
-        definitions={'distribution': distribution()},
+    known = {name: known[name] for name in case.KEYS}
+    return mapping(
+        {**known, 'material': former_material()}, definitions={'distribution': distribution()}
     )
-    for name in ('end', 'effusion_rate'):
-        result['properties'][name] = known[name]
-    return result
 
 
 def layers() -> Schema:
@@ -333,12 +353,10 @@ def layers() -> Schema:
         'hazard': mapping({item.name: checks[item.name] for item in fields(HazardLimits)}),
     }
     names = [item.name for item in fields(Layer) if item.name != 'name']
-    layer = {
-        'type': 'object',
-        'additionalProperties': False,
-        'properties': {name: known[name] for name in names},
-        'required': ['source', 'message'],
-    }
+    layer = mapping(
+        {name: {'description': LAYER_MEANINGS[name], **known[name]} for name in names},
+        ['source', 'message'],
+    )
     named = {'type': 'object', 'minProperties': 1, 'additionalProperties': layer}
     return mapping({'layers': named}, ['layers'])
 

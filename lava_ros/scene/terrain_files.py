@@ -160,7 +160,8 @@ def load_terrain(
         is_file = False
     if not is_file:
         raise LavaError('terrain file', str(path), 'a file that exists')
-    if epsg is not None and (isinstance(epsg, bool) or not isinstance(epsg, int) or epsg < MIN_EPSG):
+    is_code = isinstance(epsg, int) and not isinstance(epsg, bool) and epsg >= MIN_EPSG
+    if epsg is not None and not is_code:
         raise LavaError('terrain.epsg', epsg, 'an EPSG code such as 32633')
     if resolution is not None:
         resolution = RESOLUTION_CHECK('terrain.resolution', resolution)
