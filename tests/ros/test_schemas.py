@@ -18,6 +18,7 @@ from copy import deepcopy
 from dataclasses import asdict
 from functools import cache
 import importlib.util
+import math
 from pathlib import Path
 import re
 
@@ -150,15 +151,18 @@ VALID = {
 #: Values whose limits depend on other values, on a file or on a list of codes: no schema has them.
 DEPENDENT = re.compile(
     r'scene\.terrain\.(file|epsg|resolution|(window|offset)\[.\])'
-    r'|scene\.vents\[.\]\.(projected|projected_end)\[.\]'
-    r'|scene\.vents\[.\]\.(effusion_rate\.file|discharge\[.\]\[0\])'
+    r'|scene\.vents\[.\]\.(position|end|projected|projected_end)\[.\]'
+    r'|scene\.vents\[.\]\.(temperature|effusion_rate\.(file|porosity)|discharge\[.\]\[0\])'
     # heat gets through a crust of which age matters by conduction alone
-    r'|scene\.lava\.crust'
-    r'|scene\.uncertainty\.(temperature\.mean|position\.deviation|viscosity\.limits\[1\])'
+    r'|scene\.lava\.(crust|liquidus|solidus)'
+    r'|scene\.uncertainty\.(temperature\.(mean|deviation)|position\.(deviation|radius))'
+    r'|scene\.uncertainty\.(viscosity\.median|\w+\.limits\[.\])'
     r'|\w+\.uncertainty\..*\.(low|mode|high)'
     # the widest filter depends on the size of the grid
     r'|case\.(start|end|epsg|low_pass|events\[.\]\.(time|terrain))'
-    r'|layers\.layers\.(depth\.classes\[.\]|mask\.hazard\.(safe|lethal)_temperature)'
+    r'|case\.(vent_temperature|effusion_rate\.porosity)'
+    r'|layers\.layers\.(height\.(range|scale)\[.\]|depth\.classes\[.\])'
+    r'|layers\.layers\.mask\.hazard\.(safe|lethal)_temperature'
 )
 
 
@@ -239,9 +243,32 @@ def _with(data, path, value):
     return data
 
 
-def _mutations(data, path):
-    """Files with a wrong value at a place, and with an unknown key there."""
-    for value in WRONG:
+def _limits(schema, key=None):
+    """Limits of numbers in a schema, or in those of its properties that have a name."""
+    for name, item in schema.items() if isinstance(schema, dict) else enumerate(schema):
+        if key is None and name in ('minimum', 'exclusiveMinimum', 'maximum', 'exclusiveMaximum'):
+            yield item
+        elif name == 'properties' and key in item:
+            yield from _limits(item[key])
+        if isinstance(item, (dict, list)):
+            yield from _limits(item, key)
+
+
+@cache
+def _values(kind, key):
+    """Values to try for a key: wrong ones, its limits and those next to them."""
+    limits = sorted(set(_limits(_generator().schema(kind), key)))
+    result = list(WRONG)
+    for limit in limits:
+        step = 1 if isinstance(limit, int) else math.ulp(limit)
+        result += [limit - step, limit, limit + step]
+    return result
+
+
+def _mutations(kind, data, path):
+    """Files with another value at a place, most of them wrong, and with an unknown key there."""
+    key = next(name for name in reversed(path) if isinstance(name, str))
+    for value in _values(kind, key):
         yield _with(data, path, value)
     old = data
     for key in path:
@@ -325,7 +352,7 @@ def test_valid_files_have_every_key():
 def test_schema_and_parser_agree(kind, number, path, folder):
     """On each value of another type or out of range, and on each unknown key."""
     place = _named(kind, path)
-    for data in _mutations(VALID[kind][number], path):
+    for data in _mutations(kind, VALID[kind][number], path):
         refusal, fits = _refusal(kind, data, folder), _fits(kind, data)
         if not fits:
             # an editor has to accept what the program accepts
