@@ -24,6 +24,7 @@ import sys
 
 from lava_ros.cli.manual import Manual, parsed, ROS_COMMANDS
 from lava_ros.cli.output import check_outputs, Printable
+from lava_ros.cli.start import end_start, INTERRUPTED
 from lava_ros.errors import LavaError, printable
 
 #: Exit status for input that cannot be used, as argparse has it.
@@ -67,6 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     log.setLevel(logging.INFO)
     try:
         with redirect_stdout(Printable(sys.stdout)), redirect_stderr(Printable(sys.stderr)):
+            end_start()
             check_outputs(args)
             status = int(args.run(args))
             is_accepted = getattr(args, 'incomplete', False)
@@ -76,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MemoryError as error:
         problem = f'no memory is left: {printable(str(error))}'
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:
         # The reader of our output has gone: there is nobody to tell, and Python would try at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
