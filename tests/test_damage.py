@@ -107,12 +107,12 @@ def test_a_chunk_that_is_lost_is_said(bag: Path, tmp_path: Path) -> None:
     with rasterio.open(tmp_path / 'out/height.tif') as file:
         assert file.tags()['simulated_time_s'] == '600.0'
     status, out, said = lava('info', bag)
-    assert (status, 'finished; damaged (2 warnings)' in out) == (1, True)
+    assert (status, 'finished; damaged (warnings: 2)' in out) == (1, True)
     assert 'is damaged' in said and 'are missing: ' in said
     before = len(list(BagReader(bag).messages()))
     assert BagReader(bag).message_count == before
     status, out, _ = lava('recover', bag, tmp_path / 'new')
-    assert (status, 'the bag was damaged (2 warnings)' in out) == (1, True)
+    assert (status, 'the bag was damaged (warnings: 2)' in out) == (1, True)
     assert BagReader(tmp_path / 'new').message_count == before > 0
     assert BagReader(tmp_path / 'new').damage == ()
     assert [item.time for item in checkpoints_of(tmp_path / 'new')] == list(TIMES)
