@@ -120,8 +120,8 @@ setup(
     extras_require=EXTRAS,
     entry_points={
         'console_scripts': [
-            f'lava = {NAME}.cli.main:main',
-            f'lava_node = {NAME}.ros.node:main',
+            f'lava = {NAME}.cli.start:lava',
+            f'lava_node = {NAME}.cli.start:lava_node',
         ],
     },
 )
