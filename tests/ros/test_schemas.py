@@ -17,7 +17,6 @@
 from copy import deepcopy
 from dataclasses import asdict
 from functools import cache
-import importlib.util
 import math
 from pathlib import Path
 import re
@@ -39,6 +38,7 @@ from lava_ros.ros.arguments import start_ros
 from lava_ros.scene import constants_of, scene_from_yaml
 from lava_ros.scene.materials import default_lava
 from ros_domain import own_domain
+from scripts import load_script
 
 ROOT = Path(__file__).parents[2]
 
@@ -168,10 +168,7 @@ DEPENDENT = re.compile(
 
 @cache
 def _generator():
-    spec = importlib.util.spec_from_file_location('schemas', ROOT / 'docs' / 'schemas.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script(ROOT / 'docs' / 'schemas.py')
 
 
 @cache
