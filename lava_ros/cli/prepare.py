@@ -201,8 +201,12 @@ def barrier(args: argparse.Namespace) -> int:
         usual = {'height': args.height, 'width': args.width, 'slope': args.slope}
         barriers += read_barriers('--lines', args.lines, before, usual)
     for item in barriers:
-        higher = np.maximum(terrain.elevation, with_barrier(before, item).elevation)
-        terrain = replace(with_barrier(terrain, item), elevation=higher)
+        raised = with_barrier(before, item)
+        terrain = replace(
+            terrain,
+            elevation=np.maximum(terrain.elevation, raised.elevation),
+            barriers=(*terrain.barriers, item.line),
+        )
         print(
             f'barrier {item.length:.0f} m long, {item.height:g} m high, crest {item.width:g} m '
             f'wide: {item.volume:.0f} m3 of earth by its cross-section'
