@@ -1,16 +1,5 @@
-# Copyright 2026 lava_ros contributors
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
 
 """ROS's own linters, for `colcon test` in an installation that has them.
 
@@ -33,7 +22,6 @@ IGNORED += ['D400', 'D401', 'D402', 'D403', 'D404', 'D406', 'D407', 'D408', 'D40
 
 #: What each linter is told; flake8.ini leaves the rest to ruff.
 ARGUMENTS = {
-    'copyright': CODE,
     'flake8': ['--config', str(Path(__file__).with_name('flake8.ini')), *CODE],
     'pep257': ['--ignore', *IGNORED, '--', *CODE],
     'xmllint': [str(ROOT / 'package.xml')],
@@ -50,5 +38,5 @@ ARGUMENTS = {
     ],
 )
 def test_code_is_as_the_linter_asks(name: str) -> None:
-    """License headers, style, docstrings and package.xml: the linter says what is wrong."""
+    """Style, docstrings and package.xml: the linter says what is wrong."""
     assert import_module(f'ament_{name}.main').main(argv=ARGUMENTS[name]) == 0
