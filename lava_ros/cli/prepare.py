@@ -15,7 +15,12 @@ import numpy as np
 
 from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.output import Progress, write_json
-from lava_ros.cli.scenes import SCENE, scene_from_arguments, terrain_options
+from lava_ros.cli.scenes import (
+    place_as_typed,
+    SCENE,
+    scene_from_arguments,
+    terrain_options,
+)
 from lava_ros.effects import EFFECTS
 from lava_ros.effects.effect import Effect
 from lava_ros.errors import LavaError
@@ -155,8 +160,8 @@ def _cited(constant: Constant, sources: dict[str, int]) -> str:
     argument('terrain', 'TERRAIN', 'GeoTIFF or another raster (docs/FORMATS.md), or npz'),
     argument('-o --output', 'FILE', 'elevation to write, .tif', required=True),
     argument(
-        '--line', 'E,N', 'easting and northing [m] of two or more places along the crest',
-        nargs='+',
+        '--line', 'E,N', 'two or more places along the crest: easting,northing [m] or '
+        'longitude,latitude', nargs='+',
     ),
     argument(
         '--lines', 'FILE', 'vector file of lines along crests, each with its own height [m], '
@@ -184,7 +189,7 @@ def barrier(args: argparse.Namespace) -> int:
     if args.line:
         if args.height is None:
             raise LavaError('--height', None, 'a height [m]')
-        line = tuple(_place(text) for text in args.line)
+        line = tuple(place_as_typed('--line', text, terrain) for text in args.line)
         barriers.append(Barrier(line, args.height, args.width, args.slope))
     if args.lines:
         usual = {'height': args.height, 'width': args.width, 'slope': args.slope}
@@ -211,11 +216,3 @@ def barrier(args: argparse.Namespace) -> int:
         print(f'{int((added > 0.0).sum())} cells raised by up to {added.max():.1f} m')
     print(f'written to {output}')
     return 0
-
-
-def _place(text: str) -> tuple[float, float]:
-    try:
-        easting, northing = map(float, text.split(','))
-    except ValueError:
-        raise LavaError('--line', text, 'easting,northing [m]') from None
-    return easting, northing

@@ -27,7 +27,7 @@ from lava_ros.scene.effusion_rates import (
     series_of_rates,
 )
 from lava_ros.scene.materials import DEFAULT as DEFAULT_MATERIAL
-from lava_ros.scene.projection import is_degrees, projected
+from lava_ros.scene.projection import in_degrees, projected
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain
 from lava_ros.scene.vent_files import read_vents, VentRow
@@ -157,7 +157,10 @@ def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
         return list(_vents_of(args.vents, args.discharge, terrain))
     rate = None if isinstance(args.discharge, str) else args.discharge
     return [
-        VentRow(f'vent {index}', _place(text, terrain), discharge=rate)
+        VentRow(
+            f'vent {index}', place_as_typed('--vent', text, terrain, on_terrain=True),
+            discharge=rate,
+        )
         for index, text in enumerate(args.vent or ())
     ]
 
@@ -263,20 +266,26 @@ def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
     return ()
 
 
-def _place(text: str, terrain: Terrain) -> tuple[float, float]:
-    """Easting and northing of what is typed for a vent: longitude, latitude where it can be."""
-    x, y = _coordinates(text)
-    is_geographic = terrain.has_system and is_degrees((x, y))
+def place_as_typed(
+    option: str, text: str, terrain: Terrain, *, on_terrain: bool = False
+) -> tuple[float, float]:
+    """Return easting and northing of a place: longitude, latitude where ``in_degrees`` says so.
+
+    Raises:
+        LavaError: The text is no place, or none on the terrain although it has to be.
+    """
+    x, y = _coordinates(option, text)
+    is_geographic = in_degrees(terrain, (x, y))
     place = projected(terrain, x, y) if is_geographic else (x, y)
-    if not terrain.covers(*terrain.to_map(*place)):
+    if on_terrain and not terrain.covers(*terrain.to_map(*place)):
         right = f'a place {terrain.bounds(projected=True)}'
         if is_geographic:
             right += '; this is easting {:.0f}, northing {:.0f}'.format(*place)
-        raise LavaError('--vent', text.strip(), right)
+        raise LavaError(option, text.strip(), right)
     return place
 
 
-def _coordinates(text: str) -> tuple[float, float]:
+def _coordinates(option: str, text: str) -> tuple[float, float]:
     """The two numbers of a place; the hemispheres of degrees may be in either order."""
     first, _, second = text.partition(',')
     try:
@@ -289,7 +298,7 @@ def _coordinates(text: str) -> tuple[float, float]:
         with suppress(LavaError):
             return angle('', first, 'longitude'), angle('', second, 'latitude')
     right = 'longitude,latitude [degrees] or easting,northing [m]'
-    raise LavaError('--vent', text.strip(), right)
+    raise LavaError(option, text.strip(), right)
 
 
 def _tell(scene: Scene) -> None:

@@ -15,7 +15,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import vectors
 from lava_ros.files.columns import angle, understood
 from lava_ros.files.csv import read_table
-from lava_ros.scene.projection import coordinate_system, transformed
+from lava_ros.scene.projection import coordinate_system, in_degrees, transformed
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
 _LOG = logging.getLogger(__name__)
@@ -39,7 +39,8 @@ class Feature:
 
     ``rings`` are coordinates in ``system``, shape [places, 2]: one array, but for an area its
     outer ring and its holes. A ``system`` of None is that of the terrain: eastings and northings
-    [m]. Errors call the feature by ``where``, which the parts of one feature share.
+    [m], or degrees where ``in_degrees`` says so and the feature is on the terrain then. Errors
+    call the feature by ``where``, which the parts of one feature share.
     """
 
     where: str
@@ -55,9 +56,12 @@ class Feature:
 
     def on(self, terrain: Terrain) -> 'Feature':
         """Return the feature in the system of a terrain; LavaError where that is not possible."""
-        if self.system is None:
+        places = np.concatenate(self.rings)
+        if self.system is None and not in_degrees(terrain, *places):
             return self
-        places = _on(terrain, np.concatenate(self.rings), self.system, self.where)
+        places = _on(terrain, places, self.system or _DEGREES, self.where)
+        if self.system is None and not terrain.covered(places - terrain.offset).any():
+            return self
         ends = np.cumsum([len(ring) for ring in self.rings])[:-1]
         return replace(self, rings=tuple(np.split(places, ends)), system=None)
 

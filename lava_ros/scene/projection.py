@@ -142,7 +142,7 @@ def with_epsg(raster: Raster, epsg: int | None) -> Raster:
     if epsg in (None, raster.epsg):
         return raster
     x, y = raster.corner
-    has_degrees = abs(x) <= 180.0 and abs(y) <= 90.0 and min(raster.dx, raster.dy) < SMALLEST_CELL
+    has_degrees = is_degrees((x, y)) and min(raster.dx, raster.dy) < SMALLEST_CELL
     if has_degrees and not coordinate_system(epsg).is_geographic:
         right = f'the code of a system in degrees: cells are {raster.dx:.3g} wide at {x:g}, {y:g}'
         raise LavaError('terrain.epsg', epsg, right)
@@ -307,9 +307,22 @@ def cropped(raster: Raster, window: tuple[float, float, float, float]) -> Raster
     )
 
 
-def is_degrees(place: tuple[float, float]) -> bool:
+def is_degrees(place: Sequence[float]) -> bool:
     """Return True if a place can be longitude and latitude."""
     return abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0
+
+
+def in_degrees(terrain: Terrain, *places: Sequence[float]) -> bool:
+    """Return True if places without a stated system are longitudes and latitudes.
+
+    They are if they can be, unless the terrain has no coordinate system, or one of them is on the
+    terrain as easting and northing.
+    """
+    return (
+        terrain.has_system
+        and all(map(is_degrees, places))
+        and not any(terrain.covers(*terrain.to_map(x, y)) for x, y in places)
+    )
 
 
 def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 
 """Vents in the files of other programs: vector files, and tables as of DOWNFLOWGO and Lava2d."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,14 +13,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import Column, understood
 from lava_ros.scene.effusion_rates import instants_to_series
 from lava_ros.scene.features import Feature, load_features
-from lava_ros.scene.projection import is_degrees, projected
 from lava_ros.scene.terrain import Terrain
 from lava_ros.scene.vents import Discharge
 
@@ -79,7 +76,7 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
     unknown: dict[str, None] = {}
     instants: dict[VentRow, list[tuple[float, float]]] = defaultdict(list)
     for index, (where, group) in enumerate(groupby(features, key=lambda item: item.where)):
-        parts = [_placed(part, terrain) for part in group]
+        parts = [part.on(terrain) for part in group]
         properties = dict(parts[0].properties)
         columns, others = understood(str(path), properties, COLUMNS)
         unknown |= dict.fromkeys(others)
@@ -131,6 +128,9 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
         replace(vent, discharge=instants_to_series(str(path), series))
         for vent, series in instants.items()
     ]
+    for vent, count in Counter(replace(vent, name='') for vent in rows).items():
+        if count > 1:
+            _LOG.warning(f'{path}: {count} vents at {vent.places} are alike, and each emits lava')
     return tuple(rows)
 
 
@@ -145,21 +145,6 @@ def _number(
     value = column.number(where, properties[column.header])
     validation.number(f'{where}, {column.header}', value, **limits)
     return value
-
-
-def _placed(part: Feature, terrain: Terrain) -> Feature:
-    """Transform a feature to the terrain's system; without a system it may be in degrees."""
-    if part.system is not None or not terrain.has_system:
-        return part.on(terrain)
-
-    def place(point: np.ndarray) -> tuple[float, float]:
-        x, y = map(float, point)
-        if terrain.covers(*terrain.to_map(x, y)) or not is_degrees((x, y)):
-            return x, y
-        there = projected(terrain, x, y)
-        return (x, y) if terrain.cell_at(*terrain.to_map(*there)) is None else there
-
-    return replace(part, rings=tuple(np.array([place(p) for p in ring]) for ring in part.rings))
 
 
 def _lines(parts: Sequence[Feature]) -> list[tuple[Any, Any, float]]:

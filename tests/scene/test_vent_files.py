@@ -288,3 +288,64 @@ def test_a_file_without_a_system(tmp_path: Path, caplog: pytest.LogCaptureFixtur
     (vent,) = vents_of(path)
     np.testing.assert_allclose(vent.place, POINTS[0], atol=0.02)
     assert 'names no coordinate system' in caplog.text
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'words'),
+    [
+        ('"properties"', '"propertys"', 'members that are not understood are ignored: propertys'),
+        ('"crs"', '"srs"', 'members that are not understood are ignored: srs'),
+        ('{"name": "a"}', '12', 'properties is 12, expected an object, or null'),
+        ('"name": "a"', '"q": 1, "q": 2', "q is 'given twice', expected each member once"),
+    ],
+)
+def test_members_of_geojson(
+    old: str, new: str, words: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """GDAL takes no attributes, or the last of two, without a word."""
+    text = json.dumps({
+        'type': 'FeatureCollection', 'crs': {'properties': {'name': 'EPSG:32633'}},
+        'features': [{'type': 'Feature', 'properties': {'name': 'a'},
+                      'geometry': {'type': 'Point', 'coordinates': POINTS[0]}}],
+    })
+    assert old in text
+    (tmp_path / 'a.json').write_text(text.replace(old, new))
+    try:
+        read_vents('--vents', tmp_path / 'a.json', TERRAIN)
+        said = caplog.text
+    except LavaError as error:
+        said = f'{caplog.text}{error}'
+    assert words in said
+
+
+def test_vents_that_are_there_twice(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Both count, and a warning says so; a vent that opens again is no other vent."""
+    row = '500100,4180100,5,{},{}\n'
+    for times, is_said in (((0, 60), False), ((0, 60), True), ((60, 90), False)):
+        rows = row.format(0, 60) + (row.format(*times) if is_said or times != (0, 60) else '')
+        (tmp_path / 'a.csv').write_text('x,y,q,start,end\n' + rows)
+        caplog.clear()
+        read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
+        assert ('2 vents at' in caplog.text) == is_said
+
+
+@pytest.mark.parametrize('ending', ['csv', 'shp'])
+def test_degrees_without_a_system(ending: str, tmp_path: Path) -> None:
+    """A place without a stated system is in degrees if it is on the terrain then, in each use."""
+    path = tmp_path / f'a.{ending}'
+    (lon, lat), (x, y) = geographic([POINTS[0]])[0], POINTS[0]
+    if ending == 'csv':
+        path.write_text(f'x,y,name\n{lon},{lat},a\n')
+    else:
+        write(path, 'Point', POINTS[0], {'name': 'a'})
+        path.with_suffix('.prj').unlink()
+    (vent,) = vents_of(path)
+    (feature,) = read_features('--overlay', path, TERRAIN)
+    np.testing.assert_allclose([vent.place, feature.rings[0][0]], [(x, y)] * 2, atol=0.02)
+    # eastings and northings near the origin of a system of their own
+    local = Terrain(np.zeros((50, 50)), 2.0, epsg=32633)
+    (tmp_path / 'b.csv').write_text('x,y\n15.0,37.7\n')
+    (feature,) = read_features('--overlay', tmp_path / 'b.csv', local)
+    assert feature.rings[0].tolist() == [[15.0, 37.7]]
+    given = Namespace(vents=None, vent=['15.0,37.7'], discharge=1.0)
+    assert vents_as_given(given, local)[0].place == (15.0, 37.7)
