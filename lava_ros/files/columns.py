@@ -44,60 +44,44 @@ _ERROR = {**_RATE, '%': 0.01, 'percent': 0.01}
 #: Names of each column in lower case, its own first, and the factors of its units to SI; a column
 #: without a unit is in the first. A name of two columns is that of the first that is absent.
 COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
-    'x': (
-        ('x', 'easting', 'east', 'utm_e', 'utm_x', 'utm_easting', 'x_utm', 'x_coord', 'xcoord',
-         'coord_x', 'point_x', 'x_init', 'x_start', 'easting_start', 'x0', 'x1'),
-        _LENGTH,
-    ),
-    'y': (
-        ('y', 'northing', 'north', 'utm_n', 'utm_y', 'utm_northing', 'y_utm', 'y_coord', 'ycoord',
-         'coord_y', 'point_y', 'y_init', 'y_start', 'northing_start', 'y0', 'y1'),
-        _LENGTH,
-    ),
-    'x_end': (('x_end', 'easting_end', 'end_x', 'xend', 'x1', 'x2'), _LENGTH),
-    'y_end': (('y_end', 'northing_end', 'end_y', 'yend', 'y1', 'y2'), _LENGTH),
-    'lon': (('lon', 'longitude', 'long', 'lng', 'lon_start', 'lon1'), _DEGREES),
-    'lat': (('lat', 'latitude', 'lat_start', 'lat1'), _DEGREES),
-    'lon_end': (('lon_end', 'longitude_end', 'end_lon', 'lon2'), _DEGREES),
-    'lat_end': (('lat_end', 'latitude_end', 'end_lat', 'lat2'), _DEGREES),
-    'name': (
-        ('name', 'vent', 'vent_name', 'name_vent', 'flow_id', 'label', 'title', 'site', 'station'),
-        _NONE,
-    ),
-    'effusion_rate': (
-        ('effusion_rate', 'discharge', 'rate', 'q', 'tadr', 'discharge_rate', 'eruption_rate',
-         'time_averaged_discharge_rate', 'mean_output_rate', 'mor', 'flux', 'volume_flux',
-         'volumetric_flux'),
-        _RATE,
-    ),
-    'temperature': (
-        ('temperature', 'temp', 'vent_temperature', 'eruption_temperature'),
-        {**_KELVIN, **_CELSIUS},
-    ),
-    'radius': (('radius', 'vent_radius', 'r'), _LENGTH),
-    'width': (('width', 'diameter', 'vent_width', 'vent_diameter', 'fissure_width'), _LENGTH),
-    'share': (('share', 'fraction', 'weight'), _NONE),
-    'start': (('start', 'begin', 'from', 'start_time', 'start_date', 't_start', 'opens'), _TIME),
-    'end': (('end', 'stop', 'to', 'until', 'end_time', 'end_date', 't_end', 'closes'), _TIME),
-    'time': (
-        ('time', 't', 'date', 'datetime', 'date_time', 'timestamp', 'elapsed', 'elapsed_time',
-         'time_since_start'),
-        _TIME,
-    ),
-    'volume': (('volume', 'vol', 'erupted_volume'), _VOLUME),
-    'cumulative_volume': (
-        ('cumulative_volume', 'cum_volume', 'volume_cumulative', 'cumulated_volume',
-         'total_volume'),
-        _VOLUME,
-    ),
-    'height': (('height', 'barrier_height'), _LENGTH),
-    'slope': (('slope', 'side_slope'), _NONE),
-    'error': (
-        ('error', 'err', 'uncertainty', 'sigma', 'std', 'stdev', 'plus_minus',
-         'effusion_rate_error', 'discharge_error', 'rate_error', 'tadr_error',
-         'effusion_rate_uncertainty', 'discharge_uncertainty'),
-        _ERROR,
-    ),
+    names.split()[0]: (tuple(names.split()), units)
+    for units, *columns in (
+        (_LENGTH,
+         'x easting east utm_e utm_x utm_easting x_utm x_coord xcoord coord_x point_x x_init '
+         'x_start easting_start x0 x1',
+         'y northing north utm_n utm_y utm_northing y_utm y_coord ycoord coord_y point_y '
+         'y_init y_start northing_start y0 y1',
+         'x_end easting_end end_x xend x1 x2',
+         'y_end northing_end end_y yend y1 y2',
+         'radius vent_radius r',
+         'width diameter vent_width vent_diameter fissure_width',
+         'height barrier_height'),
+        (_DEGREES,
+         'lon longitude long lng lon_start lon1',
+         'lat latitude lat_start lat1',
+         'lon_end longitude_end end_lon lon2',
+         'lat_end latitude_end end_lat lat2'),
+        (_NONE,
+         'name vent vent_name name_vent flow_id label title site station',
+         'share fraction weight',
+         'slope side_slope'),
+        (_RATE,
+         'effusion_rate discharge rate q tadr discharge_rate eruption_rate '
+         'time_averaged_discharge_rate mean_output_rate mor flux volume_flux volumetric_flux'),
+        (_KELVIN | _CELSIUS, 'temperature temp vent_temperature eruption_temperature'),
+        (_TIME,
+         'start begin from start_time start_date t_start opens',
+         'end stop to until end_time end_date t_end closes',
+         'time t date datetime date_time timestamp elapsed elapsed_time time_since_start'),
+        (_VOLUME,
+         'volume vol erupted_volume',
+         'cumulative_volume cum_volume volume_cumulative cumulated_volume total_volume'),
+        (_ERROR,
+         'error err uncertainty sigma std stdev plus_minus effusion_rate_error '
+         'discharge_error rate_error tadr_error effusion_rate_uncertainty '
+         'discharge_uncertainty'),
+    )
+    for names in columns
 }
 
 #: Length of the names of columns in a Shapefile, to which longer ones are cut.

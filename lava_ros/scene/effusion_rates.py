@@ -3,14 +3,14 @@
 
 """Tables of effusion rates -> intervals with one rate: means, instants or erupted volumes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime, timezone
 from itertools import pairwise
 import logging
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
@@ -130,32 +130,22 @@ def read_effusion_rates(
     times = _Times(options.start)
     read = []
     for where, row in rows:
-        names = ('start', 'end') if has_spans else ('time',)
-        when = [times.seconds(where, columns[name], row[columns[name].header]) for name in names]
+        when = [times.seconds(where, columns[name], row[columns[name].header])
+                for name in (('start', 'end') if has_spans else ('time',))]
         value = _amount(where, columns[amount], row, options)
-        error = _error(where, columns, row, value) if value is not None else None
-        read.append((where, when, value, error))
-    if options.gaps == 'interpolate' and not has_spans:
-        for where, _, value, _ in read:
-            if value is None:
-                _LOG.warning(f'{where}: no {columns[amount].header}, interpolated in time')
-        read = [row for row in read if row[2] is not None]
-    if has_spans:
-        found = _of_spans(read, columns, is_volume=amount == 'volume')
-    else:
-        found = _of_instants(read, columns, is_cumulative=amount == 'cumulative_volume')
-    wheres, intervals = _without_gaps(found, options)
-    result = tuple(
-        replace(
-            item, discharge=item.discharge * factor,
-            error=None if item.error is None else item.error * factor,
-        )
-        for item in intervals
-    )
-    for where, item in zip(wheres, result, strict=True):
-        label = f'{where}, {columns[amount].header}'
-        if not 0.0 <= item.discharge <= MAX_DISCHARGE:
-            raise LavaError(label, item.discharge, f'0 to {MAX_DISCHARGE:g} m3/s')
+        error = None if value is None else _error(where, columns, row, value)
+        if value is None and options.gaps == 'interpolate' and not has_spans:
+            _LOG.warning(f'{where}: no {columns[amount].header}, interpolated in time')
+        else:
+            read.append(_Row(where, when[0], when[-1], value, error))
+    result = []
+    for where, item in _intervals(str(path), read, columns, amount, options.gaps):
+        rate = item.discharge * factor
+        if not 0.0 <= rate <= MAX_DISCHARGE:
+            label = f'{where}, {columns[amount].header}'
+            raise LavaError(label, rate, f'0 to {MAX_DISCHARGE:g} m3/s')
+        error = None if item.error is None else item.error * factor
+        result.append(replace(item, discharge=rate, error=error))
     if not any(item.discharge > 0.0 for item in result):
         raise LavaError(str(path), 'a table without lava', 'an effusion rate above 0 at some time')
     volume = sum(item.discharge * (item.end - item.start) for item in result)
@@ -167,7 +157,7 @@ def read_effusion_rates(
         f'{path}: {len(result)} intervals of {kind}, {result[0].start:g} to {result[-1].end:g} s, '
         f'{volume:.3g} m3 in all{origin}'
     )
-    return result
+    return tuple(result)
 
 
 def series_of_rates(intervals: Sequence[Interval]) -> tuple[tuple[float, float], ...]:
@@ -198,10 +188,9 @@ def instants_to_series(
     where: str, instants: Sequence[tuple[float, float]]
 ) -> tuple[tuple[float, float], ...]:
     """Return the series of rates [m3/s] that change linearly between instants [s]."""
-    rows = [(where, [time], rate, None) for time, rate in instants]
-    columns = {'time': Column('time'), 'effusion_rate': Column('effusion_rate')}
-    found = _of_instants(rows, columns, is_cumulative=False)
-    return series_of_rates(_without_gaps(found, Options())[1])
+    rows = [_Row(where, time, time, rate, None) for time, rate in instants]
+    found = _intervals(where, rows, {'time': Column('time')}, 'effusion_rate', None)
+    return series_of_rates([item for _, item in found])
 
 
 class _Times:
@@ -287,75 +276,69 @@ def _error(
     return error * value if column.unit in ('%', 'percent') else error
 
 
-# where a row is, its start and end [s], rate (None: missing) and error [m3/s]
-_Row = tuple[str, float, float, float | None, float | None]
+class _Row(NamedTuple):
+    """A row: what errors call it, its times [s], and its rate [m3/s] or volume [m3], if known."""
+
+    where: str
+    start: float
+    end: float
+    value: float | None
+    error: float | None
 
 
-def _of_spans(
-    read: Sequence[Any], columns: Mapping[str, Column], *, is_volume: bool
-) -> list[_Row]:
-    """Return mean rates of intervals from rates or volumes."""
-    rows: list[_Row] = []
-    for where, (start, end), value, error in read:
-        if end <= start:
-            label = f'{where}, {columns["end"].header}'
-            raise LavaError(label, end, f'a time after its start, {start:g} s')
-        if rows and start < rows[-1][2] - _OVERLAP * (end - start):
-            right = f'at least {rows[-1][2]:g} s, where the row before ends'
-            raise LavaError(f'{where}, {columns["start"].header}', start, right)
-        if is_volume and value is not None:
-            value /= end - start
-            error = None if error is None else error / (end - start)
-        rows.append((where, start, end, value, error))
-    return rows
+def _intervals(
+    table: str, rows: list[_Row], columns: Mapping[str, Column], amount: str, gaps: str | None
+) -> Iterator[tuple[str, Interval]]:
+    """Yield mean rates of intervals, and what errors call each.
 
-
-def _of_instants(
-    read: Sequence[Any], columns: Mapping[str, Column], *, is_cumulative: bool
-) -> list[_Row]:
-    """Return mean rates between instants from rates that are linear there, or from volumes."""
-    if len(read) < 2:
-        raise LavaError(read[0][0], 'the only row', 'at least two instants')
-    rows: list[_Row] = []
-    for (_, (start,), before, first), (where, (end,), after, last) in pairwise(read):
-        if end <= start:
-            right = f'a time after the row before, {start:g} s'
-            raise LavaError(f'{where}, {columns["time"].header}', end, right)
-        rate = None
-        if before is not None and after is not None:
-            if is_cumulative and after < before:
-                label = f'{where}, {columns["cumulative_volume"].header}'
-                raise LavaError(label, after, f'at least that of the row before, {before:g} m3')
-            rate = (after - before) / (end - start) if is_cumulative else 0.5 * (before + after)
-        errors = [error for error in (first, last) if error is not None]
-        error = sum(errors) / len(errors) if errors and not is_cumulative else None
-        rows.append((where, start, end, rate, error))
-    return rows
-
-
-def _without_gaps(
-    rows: Sequence[_Row], options: Options
-) -> tuple[list[str], list[Interval]]:
-    """Fill times without a rate as the options say, and log each choice.
-
-    Returns:
-        What errors call each interval, and the intervals.
+    Between instants rates change linearly. Times without a rate are filled as ``gaps`` says, and
+    each choice is logged.
     """
+    is_volume, is_instant = 'volume' in amount, 'time' in columns
+    if is_instant and len(rows) < 2:
+        where, shown = (rows[0].where, 'the only row') if rows else (table, 'no value')
+        raise LavaError(where, shown, 'at least two instants')
+    if is_instant:
+        rows = [_between(*pair, columns.get('cumulative_volume')) for pair in pairwise(rows)]
     filled: list[_Row] = []
     for row in rows:
-        if filled and row[1] > filled[-1][2] * (1.0 + 1e-12) + 1e-9:
-            filled.append((row[0], filled[-1][2], row[1], None, None))
-        filled.append(row)
-    result: list[Interval] = []
+        where, start, end, value, error = row
+        if end <= start:
+            right = f'a time after {"the row before" if is_instant else "its start"}, {start:g} s'
+            header = columns['time' if is_instant else 'end'].header
+            raise LavaError(f'{where}, {header}', end, right)
+        before = filled[-1].end if filled else start
+        if start < before - _OVERLAP * (end - start):
+            right = f'at least {before:g} s, where the row before ends'
+            raise LavaError(f'{where}, {columns["start"].header}', start, right)
+        if filled and start > before * (1.0 + 1e-12) + 1e-9:
+            filled.append(_Row(where, before, start, None, None))
+        if is_volume and value is not None:
+            value, error = value / (end - start), error and error / (end - start)
+        filled.append(_Row(where, start, end, value, error))
+    last = 0.0
     for index, (where, start, end, rate, error) in enumerate(filled):
         if rate is None:
-            before = result[-1].discharge if result else 0.0
-            later = [item[3] for item in filled[index:] if item[3] is not None]
-            rate = 0.5 * (before + (later or [0.0])[0]) if options.gaps == 'interpolate' else 0.0
-            choice = '' if options.gaps else ' (gaps: zero or interpolate chooses)'
+            later = next((row.value for row in filled[index:] if row.value is not None), 0.0)
+            rate = 0.5 * (last + later) if gaps == 'interpolate' else 0.0
+            choice = '' if gaps else ' (gaps: zero or interpolate chooses)'
             _LOG.warning(
                 f'{where}: no effusion rate from {start:g} to {end:g} s, taken to be {rate:.4g} '
                 f'm3/s{choice}'
             )
-        result.append(Interval(start, end, rate, error))
-    return [row[0] for row in filled], result
+        last = rate
+        yield where, Interval(start, end, rate, error)
+
+
+def _between(first: _Row, last: _Row, volume: Column | None) -> _Row:
+    """Return the time between two instants, with the mean rate or the volume that came out."""
+    value = error = None
+    if first.value is not None and last.value is not None:
+        value = last.value - first.value if volume else 0.5 * (first.value + last.value)
+        if volume and value < 0.0:
+            right = f'at least that of the row before, {first.value:g} m3'
+            raise LavaError(f'{last.where}, {volume.header}', last.value, right)
+    errors = [row.error for row in (first, last) if row.error is not None]
+    if errors and not volume:
+        error = sum(errors) / len(errors)
+    return _Row(last.where, first.start, last.start, value, error)

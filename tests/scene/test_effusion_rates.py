@@ -117,6 +117,8 @@ def test_cells_without_a_rate(cell: str, tmp_path: Path) -> None:
         read(tmp_path, text)
     for gaps, rate in (('zero', 0.0), ('interpolate', 3.0)):
         assert read(tmp_path, text, gaps=gaps)[1].discharge == rate
+    with pytest.raises(LavaError, match='no value.*expected at least two instants'):
+        read(tmp_path, f'time,q\n0,{cell}\n100,{cell}\n', gaps='interpolate')
     text = f'time,q\n0,2\n100,{cell}\n300,4\n400,4\n'
     assert [item.discharge for item in read(tmp_path, text, gaps='zero')] == [0.0, 0.0, 4.0]
     assert [item.discharge for item in read(tmp_path, text, gaps='interpolate')] == [3.0, 4.0]
