@@ -84,9 +84,13 @@ _OF_KML = frozenset((
     'visibility', 'drawOrder', 'icon', 'gx_media_links',
 ))
 
-#: The coordinate system that a GeoJSON file from before RFC 7946 names; GDAL takes one that it
-#: does not know for degrees.
-_CRS = re.compile(rb'"crs"\s*:\s*\{[^{}]*\{[^{}]*"name"\s*:\s*"([^"]*)"')
+#: Members of GeoJSON objects by their type; others have no effect.
+_MEMBERS = {
+    'FeatureCollection': (
+        'type', 'features', 'bbox', 'name', 'description', 'crs', 'xy_coordinate_resolution'
+    ),
+    'Feature': ('type', 'id', 'geometry', 'properties', 'bbox'),
+}
 
 #: A feature: its name for errors, the geometry and attributes of GeoJSON, and the definition of
 #: its coordinate system (None: unknown).
@@ -132,7 +136,7 @@ def _read(known: Format, data: bytes, path: Path) -> list[Item]:
     if len(layers) > MAX_LAYERS:
         raise LavaError(f'layers of {path}', len(layers), f'at most {MAX_LAYERS}')
     result: list[Item] = []
-    named = _CRS.search(data) if known.ending == 'geojson' else None
+    named = _check_members(path, data) if known.ending == 'geojson' else None
     for index, (layer, kind) in enumerate(layers):
         if kind is None:
             continue
@@ -146,9 +150,37 @@ def _read(known: Format, data: bytes, path: Path) -> list[Item]:
                 name: value for name, value in (item['properties'] or {}).items()
                 if value is not None and (known.ending != 'kml' or name not in _OF_KML)
             }
-            crs = named[1].decode(errors='replace') if named else meta['crs']
+            crs = named or meta['crs']
             result.append((f'{where} {number}', item['geometry'], crs, properties))
     return result
+
+
+def _check_members(path: Path, data: bytes) -> str | None:
+    """Warn of members of GeoJSON that GDAL passes over, and refuse what it takes for nothing.
+
+    Returns:
+        The coordinate system that a file from before RFC 7946 names; GDAL takes one that it does
+        not know for degrees.
+    """
+    others: dict[str, None] = {}
+
+    def check(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        members = dict(pairs)
+        if len(members) < len(pairs):
+            names = [name for name, _ in pairs]
+            twice = next(name for name in names if names.count(name) > 1)
+            raise LavaError(f'{path}, {twice}', 'given twice', 'each member once')
+        known = _MEMBERS.get(str(members.get('type')), members)
+        for name in ('properties', 'geometry') if known is _MEMBERS['Feature'] else ():
+            if not isinstance(members.get(name), dict | None):
+                raise LavaError(f'{path}, {name}', members[name], 'an object, or null')
+        others.update(dict.fromkeys(name for name in members if name not in known))
+        return members
+
+    system = json.loads(data, object_pairs_hook=check).get('crs')
+    if others:
+        _LOG.warning(f'{path}: members that are not understood are ignored: {", ".join(others)}')
+    return system and str(system['properties']['name'])
 
 
 def _as_geojson(meta: Any, geometry: Any, values: Any) -> list[dict[str, Any]]:
@@ -173,7 +205,7 @@ def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
     """Return the format of a file, and the bytes for GDAL: an archive of a Shapefile's parts."""
     ending = path.suffix.lower()[1:]
     ending = ALIASES.get(ending, ending)
-    if ending not in FORMATS and ending not in ARCHIVES:
+    if f'.{ending}' not in ENDINGS:
         raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
     try:
         if ending in ARCHIVES:
@@ -248,13 +280,8 @@ def _unpacked(field: str, path: Path, endings: Sequence[str]) -> tuple[str, dict
         ]
         if sum(item.file_size for _, item in parts) > MAX_BYTES:
             raise LavaError(field, str(path), f'at most {MAX_BYTES >> 20} MiB when unpacked')
-        result = {}
-        for suffix, item in parts:
-            with archive.open(item) as member:
-                # what an archive says of its sizes may be wrong
-                result[suffix] = member.read(MAX_BYTES + 1)
-        if sum(map(len, result.values())) > MAX_BYTES:
-            raise LavaError(field, str(path), f'at most {MAX_BYTES >> 20} MiB when unpacked')
+        # no more is unpacked than the archive says
+        result = {suffix: archive.read(item) for suffix, item in parts}
     return found[0].suffix.lower()[1:], result
 
 
@@ -284,56 +311,48 @@ def write_vectors(
     """
     from pyogrio import raw
 
-    inner = {'kmz': 'kml', 'zip': 'shp'}.get(ending, ending)
-    known = FORMATS.get(inner)
-    options: dict[str, Any] = {'CSV': {'GEOMETRY': 'AS_WKT'}, 'GeoJSON': {'RFC7946': 'YES'}}.get(
-        'CSV' if known is None else known.driver, {}
-    )
+    known = FORMATS.get({'kmz': 'kml', 'zip': 'shp'}.get(ending, ending))
+    driver = 'CSV' if known is None else known.driver
+    options = {'CSV': {'GEOMETRY': 'AS_WKT'}, 'GeoJSON': {'RFC7946': 'YES'}}.get(driver, {})
     written = []
     try:
         with TemporaryDirectory() as temporary, warnings.catch_warnings():
             # names of a Shapefile's columns have ten letters
             warnings.simplefilter('ignore')
             for name, features in layers.items():
+                collection = {'type': 'FeatureCollection', 'features': list(features)}
+                text = json.dumps(collection) + '\n'
+                in_one = known is not None and known.has_layers
+                # GDAL packs the parts of a Shapefile of this name
+                inner = {'zip': 'shp.zip', 'kmz': 'kml'}.get(ending, ending)
+                place = Path(temporary, f'{stem if in_one else name}.{inner}')
                 if not features:
                     if ending == 'geojson':
-                        written.append(folder / f'{name}.geojson')
-                        empty = {'type': 'FeatureCollection', 'features': list(features)}
-                        write_output('output', written[-1], json.dumps(empty) + '\n')
+                        place.write_text(text)
                     continue
-                text = json.dumps({'type': 'FeatureCollection', 'features': list(features)})
                 meta, _, geometry, values = raw.read(text.encode())
-                in_one = known is not None and known.has_layers
-                place = Path(temporary, f'{stem if in_one else name}.{inner}')
                 raw.write(
-                    place, geometry, values, meta['fields'], layer=name,
-                    driver='CSV' if known is None else known.driver,
+                    place, geometry, values, meta['fields'], layer=name, driver=driver,
                     geometry_type=features[0]['geometry']['type'], crs=crs, append=place.exists(),
                     layer_options=options,
                 )
-            made = sorted(Path(temporary).iterdir())
-            if ending != inner:
-                made = [
-                    _packed(place, ending, made) for place in made if place.suffix[1:] == inner
-                ]
-            for place in made:
-                written.append(folder / place.name)
-                write_output('output', written[-1], place.read_bytes())
+            for place in sorted(Path(temporary).iterdir()):
+                data = place.read_bytes()
+                if ending == 'kmz':
+                    # GDAL adds no layer to an archive
+                    packed = io.BytesIO()
+                    with zipfile.ZipFile(packed, 'w', zipfile.ZIP_DEFLATED) as archive:
+                        archive.writestr('doc.kml', data)
+                    data = packed.getvalue()
+                suffix = place.suffix if ending not in ARCHIVES else f'.{ending}'
+                written.append(folder / f'{place.name.partition(".")[0]}{suffix}')
+                write_output('output', written[-1], data)
     except LavaError:
         raise
     # what GDAL and SQLite say has no class in common
     except Exception as error:
         raise LavaError('output', str(folder), f'a folder to write to ({error})') from error
     return written
-
-
-def _packed(place: Path, ending: str, made: Sequence[Path]) -> Path:
-    """Pack a file and its other parts into an archive in the same folder, and return its path."""
-    path = place.with_suffix(f'.{ending}')
-    with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
-        for part in (item for item in made if item.stem == place.stem):
-            archive.write(part, 'doc.kml' if ending == 'kmz' else part.name)
-    return path
 
 
 def geometries_of_wkt(field: str, texts: Sequence[str]) -> list[Mapping[str, Any] | None]:
