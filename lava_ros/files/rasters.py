@@ -3,8 +3,9 @@
 
 """Opens rasters from anywhere with the GDAL driver that the content of the file calls for."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+import logging
 import mmap
 from pathlib import Path
 import re
@@ -19,6 +20,8 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.files import MOST_CELLS, open_input
 from lava_ros.files.optional import require
+
+_LOG = logging.getLogger(__name__)
 
 
 class RasterFormat(NamedTuple):
@@ -49,6 +52,30 @@ class RasterFormat(NamedTuple):
 _HEADER = re.compile(
     rb'\s*(ncols|nrows|[xy]ll(?:corner|center)|cellsize|d[xy]|nodata_value|byteorder)\s+(\S+)',
     re.IGNORECASE,
+)
+
+_NUMBER = rb'[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?'
+
+#: Lines of the headers of ESRI grids: what their values match, and what that is called.
+_LINES = {
+    name: (re.compile(pattern, re.IGNORECASE), words)
+    for names, pattern, words in (
+        ('nrows ncols nbands nbits skipbytes bandrowbytes totalrowbytes bandgapbytes', rb'\d+',
+         'a whole number'),
+        ('ulxmap ulymap xllcorner yllcorner xllcenter yllcenter cellsize xdim ydim dx dy '
+         'min_value max_value', _NUMBER, 'a number'),
+        ('nodata nodata_value', _NUMBER + rb'|nan|null', 'a number or nan'),
+        ('byteorder', rb'[im]|[lm]sbfirst', 'I or M'),
+        ('layout', rb'bi[lp]|bsq', 'BIL, BIP or BSQ'),
+        ('pixeltype', rb'(un)?signedint|float', 'SIGNEDINT, UNSIGNEDINT or FLOAT'),
+    )
+    for name in names.split()
+}
+
+#: Lines of which one of each group is needed: GDAL takes 0 for a corner, and 1 for a side.
+_PLACE = (
+    ('ulxmap', 'xllcorner', 'xllcenter'), ('ulymap', 'yllcorner', 'yllcenter'),
+    ('xdim', 'cellsize', 'dx'), ('ydim', 'cellsize', 'dy'),
 )
 
 #: Every raster format that GDAL may open, in the order in which they are looked for.
@@ -107,17 +134,12 @@ _VIRTUAL = {
 #: Definitions of a coordinate system that are looked up in no file and at no address.
 _SYSTEM = re.compile(r'\s*(EPSG:\d+\s*$|[A-Za-z_]+\[)')
 
-#: Largest virtual raster [bytes].
-MAX_VIRTUAL = 1 << 22
+#: Largest virtual raster, and the part of a header that is read [bytes].
+MAX_VIRTUAL, MAX_HEADER = 1 << 22, 1 << 16
 
 #: Drivers of text grids, and the header of Surfer's: sides, and ranges of x, y and z.
 _TEXT = ('AAIGrid', 'GSAG')
 _SURFER = re.compile(rb'DSAA(?:\s+[-+.\deE]+){8}')
-
-_NUMBER = rb'[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?'
-
-#: Values of ``NODATA_value`` that are not numbers and that GDAL accepts.
-_NO_DATA = (b'nan', b'null')
 
 
 @contextmanager
@@ -174,7 +196,7 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
             raise LavaError(field, str(beside), 'a mask or overviews in a GeoTIFF')
     if kind.driver == 'GPKG':
         _check_database(field, path)
-    numbers = _count_numbers(path) if kind.driver in _TEXT else None
+    numbers = _count_numbers(field, path) if kind.driver in _TEXT else None
     with warnings.catch_warnings(), _without_undecodable_errors():
         warnings.simplefilter('ignore', NotGeoreferencedWarning)
         with rasterio.open(path, driver=kind.driver) as source:
@@ -190,6 +212,11 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
                 raise LavaError(field, str(path), 'a raster without files in other folders')
             if kind.is_plain:
                 _check_size(field, path, source)
+            if kind.driver == 'EHdr':
+                (header,) = (Path(name) for name in source.files if name.lower().endswith('.hdr'))
+                text = header.read_bytes()[:MAX_HEADER]
+                lines = re.findall(rb'^\s*(\S+)[ \t]*(\S*)', text, re.MULTILINE)
+                _check_header(field, header, lines)
             cells = source.width * source.height
             if numbers not in (None, cells):
                 right = f'{cells}, as many as the header has cells'
@@ -274,21 +301,40 @@ def _check_size(field: str, path: Path, source: Any) -> None:
         raise LavaError(field, f'{found} bytes in {path.name}', f'{needed} bytes, as its header')
 
 
-def _count_numbers(path: Path) -> int:
+def _check_header(field: str, path: Path, lines: Sequence[tuple[bytes, bytes]]) -> None:
+    """Refuse a header of an ESRI grid that GDAL would complete, and warn of lines it ignores."""
+    names, others = set(), []
+    for line, value in lines:
+        label = line.decode(errors='replace')
+        pattern, right = _LINES.get(label.lower(), (None, ''))
+        if pattern is None:
+            others.append(label)
+        elif not pattern.fullmatch(value):
+            text = value.decode(errors='replace')
+            raise LavaError(f'{field}, {label} of {path.name}', text, right)
+        names.add(label.lower())
+    if others:
+        told = ', '.join(others)
+        _LOG.warning(f'{path.name}: lines that are not understood are ignored: {told}')
+    for group in _PLACE:
+        if names.isdisjoint(group):
+            right = f'a line of the header: {", ".join(group)}'
+            raise LavaError(f'{field}, {group[-1]} of {path.name}', None, right)
+
+
+def _count_numbers(field: str, path: Path) -> int:
     """Count the values of a text grid; LavaError for text, which GDAL reads as 0 or in part."""
     with open_input(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        begin, known = 0, _NUMBER
+        begin, known, lines = 0, _NUMBER, []
         if surfer := _SURFER.match(data):
             begin = surfer.end()
         while line := _HEADER.match(data, begin):
             begin = line.end()
-            if line[1].lower() == b'nodata_value':
-                declared = line[2].lower()
-                if declared in _NO_DATA:
-                    known += b'|' + declared
-                elif not re.fullmatch(_NUMBER, declared):
-                    text = line[2].decode(errors='replace')
-                    raise LavaError(f'NODATA_value of {path.name}', text, 'a number or nan')
+            lines.append((line[1], line[2]))
+            if line[1].lower() == b'nodata_value' and line[2].lower() in (b'nan', b'null'):
+                known += b'|' + line[2]
+        if not surfer:
+            _check_header(field, path, lines)
         other = re.compile(rb'(?<!\S)(?!(?:' + known + rb')(?!\S))\S+', re.IGNORECASE)
         if found := other.search(data, begin):
             before = data[: found.start()].split(b'\n')

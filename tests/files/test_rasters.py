@@ -270,3 +270,29 @@ def test_float_grid_without_its_header_is_refused(tmp_path: Path) -> None:
     shutil.move(path.with_suffix('.hdr'), tmp_path / 'other.hdr')
     with pytest.raises(LavaError, match='a raster that GDAL can read'):
         load_terrain(path)
+
+
+@pytest.mark.parametrize('name', ['ESRI ASCII grid', 'ESRI binary grid'])
+def test_header_without_the_place_is_refused(tmp_path: Path, name: str) -> None:
+    """GDAL takes 0 for a corner and 1 for a side that the header does not have."""
+    path = write_format(tmp_path, name)
+    header = path if path.suffix == '.asc' else path.with_suffix('.hdr')
+    whole = header.read_text()
+    place = [line for line in whole.splitlines(keepends=True)
+             if line.lower().startswith(('xll', 'yll', 'cellsize', 'ul', 'xdim', 'ydim'))]
+    assert len(place) in (3, 4)
+    for line in place:
+        header.write_text(whole.replace(line, ''))
+        with pytest.raises(LavaError, match='is missing, expected a line of the header'):
+            load_terrain(path)
+
+
+def test_unknown_lines_of_a_header_are_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """GDAL passes over them."""
+    path = write_format(tmp_path, 'ESRI binary grid')
+    with path.with_suffix('.hdr').open('a') as file:
+        file.write('NO_DATA -1\n')
+    load_terrain(path)
+    assert 'ground.hdr: lines that are not understood are ignored: NO_DATA' in caplog.text
