@@ -15,7 +15,7 @@ COLUMNS = ('tried', 'refused', 'failed', 'longest_s')
 #: What every night tries, and how often at least.
 KINDS = {
     'scenes': 2000, 'messages': 2000, 'files': 2000, 'command lines': 2000, 'kills': 20,
-    'flips': 1500,
+    'flips': 1500, 'rasters': 400, 'vectors': 400, 'tables': 400, 'YAML': 400,
 }
 
 
