@@ -6,6 +6,8 @@
 import json
 import os
 from pathlib import Path
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -16,10 +18,12 @@ from typing import Any
 from matplotlib.image import imread
 import numpy as np
 import pytest
+import rasterio
 from rosbags.highlevel import AnyReader
 import yaml
 
 from cli.calls import refused
+from command_line import lava
 from lava_ros.cli import ros
 from lava_ros.cli.ros import Child, ChildError, SHOWN_LINES
 from lava_ros.errors import LavaError
@@ -89,6 +93,32 @@ def test_the_demo_runs_again(tmp_path):
     with AnyReader([tmp_path / 'bags/demo']) as reader:
         held = {item.topic: item.msgcount for item in reader.connections}
     assert held['/terrain'] and held['/vents']
+
+
+def test_the_tutorial_with_files_of_an_observatory(tmp_path, monkeypatch):
+    """Its commands as they stand: a compound system, a KML fissure, a table with dates."""
+    page = (ROOT / 'docs/tutorials/own_dem.md').read_text(encoding='utf-8')
+    example = [sys.executable, ROOT / 'examples/observatory_files.py']
+    subprocess.run(example, cwd=tmp_path, check=True)
+    (flow,) = re.findall(r'^lava demo (.* rates.csv .*)$', page, re.MULTILINE)
+    output, result = run(tmp_path, *shlex.split(flow), '--max-speed', '100000')
+    # 20 minutes of 12 m3/s and 40 of 5.5
+    assert result['volume_emitted'] == pytest.approx(27_600.0, rel=1e-6)
+    assert 'not understood' not in output
+    (drawing,) = re.findall(r'^lava (plot .* --onset .*?) +#', page, re.MULTILINE)
+    monkeypatch.chdir(tmp_path)
+    for words in (drawing, 'export bags/demo -o maps --formats tif geojson'):
+        status, *said = lava(*shlex.split(words))
+        assert status == 0, said
+    assert (tmp_path / 'map.pdf').read_bytes().startswith(b'%PDF')
+    with rasterio.open(tmp_path / 'maps/height.tif') as file:
+        assert file.crs.to_epsg() == 32633
+        row, column = file.index(500_600.0, 4_179_680.0)
+        assert file.read(1, masked=True)[row, column] > 0.1
+    found = json.loads((tmp_path / 'maps/fissures.geojson').read_text(encoding='utf-8'))
+    (fissure,) = found['features']
+    assert fissure['properties']['name'] == 'upper fissure'
+    assert fissure['properties']['peak_effusion_rate'] == pytest.approx(12.0)
 
 
 def test_what_no_demo_made_is_not_touched(tmp_path, monkeypatch):
@@ -209,6 +239,8 @@ def test_a_child_that_does_not_end_well(program, what, status, child_of):
 COMMAND = """
 import os
 from pathlib import Path
+import re
+import shlex
 import signal
 import sys
 import time
