@@ -19,7 +19,7 @@ _COMMA = re.compile(r'[-+]?\d*,\d+(?:[eE][-+]?\d+)?')
 
 
 def read_table(
-    field: str, path: Path, required: Sequence[str], optional: Sequence[str] | None
+    field: str, path: Path, columns: Sequence[str] | None = None
 ) -> list[tuple[str, dict[str, str]]]:
     """Read a table whose first line names its columns.
 
@@ -27,9 +27,17 @@ def read_table(
     line has. Lines that begin with ``#`` are comments, and so is the rest of a line after `` #``.
     Numbers may have decimal commas where commas separate nothing.
 
-    It has the required columns, and maybe the optional ones (None: any). Returns for each row what
-    messages call it, and its texts by column. LavaError, which names ``field`` or the line, where
-    it cannot be read, has no rows, other columns, a column twice, or rows of another length.
+    Args:
+        field: What errors call the table.
+        path: The file.
+        columns: Its columns in any order; None: any.
+
+    Returns:
+        For each row what errors call it, and its texts by column.
+
+    Raises:
+        LavaError: The table cannot be read, has no rows, other columns, a column twice, or rows of
+            another length.
     """
     try:
         with open_input(path) as file:
@@ -51,18 +59,14 @@ def read_table(
         raise LavaError(field, str(path), 'a file that exists') from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise LavaError(field, str(path), f'a readable table of text ({error})') from error
-    columns = ','.join(required) or 'of names of columns'
+    names = ','.join(columns or ['of names of columns'])
     if len(lines) < 2:
-        right = f'a first line {columns} and at least one row'
+        right = f'a first line {names} and at least one row'
         raise LavaError(str(path), f'{len(lines)} lines', right)
     header = lines[0][1]
-    allowed = header if optional is None else (*required, *optional)
-    unknown = [name for name in header if name not in allowed]
-    if any(name not in header for name in required) or unknown:
-        more = f', and maybe {", ".join(optional)}' if optional else ''
-        raise LavaError(f'{path}, first line', ','.join(header), f'the columns {columns}{more}')
-    twice = [name for index, name in enumerate(header) if name in header[:index]]
-    if twice:
+    if columns is not None and {*header} != {*columns}:
+        raise LavaError(f'{path}, first line', ','.join(header), f'the columns {names}')
+    if twice := [name for index, name in enumerate(header) if name in header[:index]]:
         raise LavaError(f'{path}, first line', ','.join(header), f'the column {twice[0]} once')
     result = []
     for number, row in lines[1:]:

@@ -11,6 +11,7 @@ import csv
 import io
 import json
 import logging
+import math
 from pathlib import Path
 import re
 from tempfile import TemporaryDirectory
@@ -170,6 +171,9 @@ def _check_members(path: Path, data: bytes) -> str | None:
             names = [name for name, _ in pairs]
             twice = next(name for name in names if names.count(name) > 1)
             raise LavaError(f'{path}, {twice}', 'given twice', 'each member once')
+        for name, value in members.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise LavaError(f'{path}, {name}', value, 'a finite number')
         known = _MEMBERS.get(str(members.get('type')), members)
         for name in ('properties', 'geometry') if known is _MEMBERS['Feature'] else ():
             if not isinstance(members.get(name), dict | None):

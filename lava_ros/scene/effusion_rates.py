@@ -107,7 +107,7 @@ def read_effusion_rates(
     """
     options = Options() if options is None else options
     path = Path(path)
-    rows = read_table(field, path, (), None)
+    rows = read_table(field, path)
     columns, others = understood(str(path), rows[0][1], COLUMNS)
     if 'volume' in columns and 'time' in columns:
         # of instants a volume is what has come out by then
@@ -132,8 +132,11 @@ def read_effusion_rates(
     for where, row in rows:
         when = [times.seconds(where, columns[name], row[columns[name].header])
                 for name in (('start', 'end') if has_spans else ('time',))]
-        value = _amount(where, columns[amount], row, options)
-        error = None if value is None else _error(where, columns, row, value)
+        value, error = _number(where, columns[amount], row, options.gaps is not None), None
+        if value is not None and 'error' in columns:
+            error = _number(where, columns['error'], row, True)
+            if error is not None and columns['error'].unit in ('%', 'percent'):
+                error *= value
         if value is None and options.gaps == 'interpolate' and not has_spans:
             _LOG.warning(f'{where}: no {columns[amount].header}, interpolated in time')
         else:
@@ -245,35 +248,22 @@ def _bulk_factor(path: Path, column: Column, options: Options) -> float:
     return 1.0 / (1.0 - (options.porosity or 0.0))
 
 
-def _amount(where: str, column: Column, row: dict[str, str], options: Options) -> float | None:
-    """Return the rate or volume of a row, None if it is missing and the options fill gaps."""
+def _number(
+    where: str, column: Column, row: Mapping[str, str], may_be_missing: bool
+) -> float | None:
+    """Return the number of a row, at least 0; None if it is missing and may be."""
     text = row[column.header]
-    if text.lower() in _MISSING and options.gaps is not None:
+    is_missing = text.lower() in _MISSING
+    if is_missing and may_be_missing:
         return None
-    label = f'{where}, {column.header}'
+    right = 'a finite number' + ', or gaps: zero or interpolate' * is_missing
     try:
         value = column.number(where, text)
     except LavaError:
-        right = 'a finite number'
-        if text.lower() in _MISSING:
-            right += ', or gaps: zero or interpolate'
-        raise LavaError(label, text, right) from None
+        raise LavaError(f'{where}, {column.header}', text, right) from None
     if value < 0.0:
-        raise LavaError(label, text, 'at least 0')
+        raise LavaError(f'{where}, {column.header}', text, 'at least 0')
     return value
-
-
-def _error(
-    where: str, columns: dict[str, Column], row: dict[str, str], value: float
-) -> float | None:
-    """Return the standard error of a row in the unit of its value, None if it has none."""
-    column = columns.get('error')
-    if column is None or row[column.header].lower() in _MISSING:
-        return None
-    error = column.number(where, row[column.header])
-    if error < 0.0:
-        raise LavaError(f'{where}, {column.header}', row[column.header], 'at least 0')
-    return error * value if column.unit in ('%', 'percent') else error
 
 
 class _Row(NamedTuple):

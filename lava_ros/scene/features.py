@@ -15,7 +15,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import vectors
 from lava_ros.files.columns import angle, understood
 from lava_ros.files.csv import read_table
-from lava_ros.scene.projection import coordinate_system, in_degrees, transformed
+from lava_ros.scene.projection import DEGREES, in_degrees, on_terrain
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
 _LOG = logging.getLogger(__name__)
@@ -29,8 +29,6 @@ PLACES = (('x', 'y'), ('lon', 'lat'))
 
 #: Columns of a table that hold well-known text.
 _WKT = ('wkt', 'geometry', 'geom', 'the_geom', 'shape')
-
-_DEGREES = 'EPSG:4326'
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +57,8 @@ class Feature:
         places = np.concatenate(self.rings)
         if self.system is None and not in_degrees(terrain, *places):
             return self
-        places = _on(terrain, places, self.system or _DEGREES, self.where)
+        system = self.system or DEGREES
+        places = on_terrain(terrain, places, system, self.where, f'places of {system}')
         if self.system is None and not terrain.covered(places - terrain.offset).any():
             return self
         ends = np.cumsum([len(ring) for ring in self.rings])[:-1]
@@ -145,22 +144,9 @@ def _parts(where: str, geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]
         yield single, [part] if single == 'Point' else part
 
 
-def _on(terrain: Terrain, places: np.ndarray, system: str, where: str) -> np.ndarray:
-    """Transform places [count, 2] from a system to that of a terrain."""
-    own = coordinate_system(terrain.epsg, terrain.wkt)
-    if own is None:
-        right = 'coordinates of the terrain, which has no coordinate system'
-        raise LavaError(where, f'coordinates of {system}', right)
-    try:
-        return transformed(system, own, *places.T).T
-    except ValueError as error:
-        right = f'places of a coordinate system that GDAL knows ({error})'
-        raise LavaError(where, f'places of {system}', right) from error
-
-
 def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
     """Yield the rows of a table as features."""
-    rows = read_table(field, path, (), None)
+    rows = read_table(field, path)
     header = list(rows[0][1])
     wanted = [f'{name}{end}' for pair in PLACES for name in pair for end in ('', '_end')]
     columns, _ = understood(str(path), header, wanted)
@@ -200,7 +186,7 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
         kind: dict[str, Any] = {'type': 'Point', 'coordinates': start}
         if end is not None:
             kind = {'type': 'LineString', 'coordinates': [start, end]}
-        yield where, kind, None if pair == ('x', 'y') else _DEGREES, _filled(row)
+        yield where, kind, None if pair == ('x', 'y') else DEGREES, _filled(row)
 
 
 def _filled(row: Mapping[str, str]) -> dict[str, str]:

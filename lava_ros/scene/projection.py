@@ -22,6 +22,7 @@ _LOG = logging.getLogger(__name__)
 
 #: EPSG code of WGS 84 longitude and latitude.
 WGS84 = 4326
+DEGREES = f'EPSG:{WGS84}'
 
 #: Length of a degree of latitude [m].
 METRES_PER_DEGREE = 111_195.0
@@ -197,7 +198,7 @@ def _target_epsg(raster: Raster) -> int | None:
     x = raster.corner[0] + 0.5 * columns * raster.dx
     y = raster.corner[1] + 0.5 * rows * raster.dy
     try:
-        (longitude,), (latitude,) = transformed(crs, f'EPSG:{WGS84}', [x], [y])
+        (longitude,), (latitude,) = transformed(crs, DEGREES, [x], [y])
     except ValueError as error:
         if not crs.is_geographic:
             return raster.epsg
@@ -327,16 +328,25 @@ def in_degrees(terrain: Terrain, *places: Sequence[float]) -> bool:
 
 def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[float, float]:
     """Easting and northing [m] of a place; LavaError for a terrain without coordinate system."""
-    target = coordinate_system(terrain.epsg, terrain.wkt)
-    if target is None:
-        right = 'easting and northing: the terrain has no coordinate system'
-        raise LavaError('longitude, latitude', (longitude, latitude), right)
-    try:
-        (x,), (y,) = transformed(f'EPSG:{WGS84}', target, [longitude], [latitude])
-    except ValueError as error:
-        right = f'a place in the domain of {system_name(terrain.epsg, terrain.wkt)} ({error})'
-        raise LavaError('longitude, latitude', (longitude, latitude), right) from error
+    place = (longitude, latitude)
+    ((x, y),) = on_terrain(terrain, np.array([place]), DEGREES, 'longitude, latitude', place)
     return (float(x), float(y))
+
+
+def on_terrain(
+    terrain: Terrain, places: np.ndarray, system: str, where: str, shown: object
+) -> np.ndarray:
+    """Transform places [count, 2] from a system to that of a terrain; errors show ``shown``."""
+    own = coordinate_system(terrain.epsg, terrain.wkt)
+    if own is None:
+        right = 'coordinates of the terrain, which has no coordinate system'
+        raise LavaError(where, shown, right)
+    try:
+        return transformed(system, own, *places.T).T
+    except ValueError as error:
+        right = f'places in the domain of {system_name(terrain.epsg, terrain.wkt)}, of a '
+        right += f'coordinate system that GDAL knows ({error})'
+        raise LavaError(where, shown, right) from error
 
 
 def transformed(source: Any, target: Any, x: Any, y: Any) -> np.ndarray:

@@ -42,13 +42,15 @@ _LOG = logging.getLogger(__name__)
 
 #: Units of elevation by the names that rasters use, in lower case [m].
 UNITS = {
-    **dict.fromkeys(('', 'm', 'metre', 'metres', 'meter', 'meters'), 1.0),
-    **dict.fromkeys(('ft', 'foot', 'feet', 'international foot', 'international feet'), 0.3048),
-    **dict.fromkeys(
-        ('us-ft', 'ftus', 'us survey foot', 'us survey feet', 'foot_us'), 1200.0 / 3937.0
-    ),
-    **dict.fromkeys(('dm', 'decimetre', 'decimetres', 'decimeter', 'decimeters'), 0.1),
-    **dict.fromkeys(('cm', 'centimetre', 'centimetres', 'centimeter', 'centimeters'), 0.01),
+    name: unit
+    for names, unit in (
+        (',m,metre,metres,meter,meters', 1.0),
+        ('ft,foot,feet,international foot,international feet', 0.3048),
+        ('us-ft,ftus,us survey foot,us survey feet,foot_us', 1200.0 / 3937.0),
+        ('dm,decimetre,decimetres,decimeter,decimeters', 0.1),
+        ('cm,centimetre,centimetres,centimeter,centimeters', 0.01),
+    )
+    for name in names.split(',')
 }
 
 #: Unit of the heights in an old .prj file of ESRI.
@@ -284,7 +286,10 @@ def _with_missing(
 ) -> np.ndarray:
     """Make the cells of a value NaN; without one raise LavaError for a likely undeclared value."""
     if isinstance(nodata, float):
-        return without_value(elevation, nodata)
+        found = without_value(elevation, nodata)
+        if np.array_equal(found, elevation, equal_nan=True):
+            _LOG.warning(f'{path.name}: no cell has the value {nodata:g} that nodata declares')
+        return found
     if nodata is None:
         field = f'elevation of {path.name}'
         check_missing(field, elevation, cell, unit=unit, advice=NODATA_ADVICE)

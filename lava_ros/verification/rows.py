@@ -97,7 +97,7 @@ def read_csv(path: Path) -> list[Row]:
     try:
         return [
             Row(*(kind(line[name]) for name, kind in columns.items()))
-            for _, line in read_table('report', path, list(columns), ())
+            for _, line in read_table('report', path, list(columns))
         ]
     except ValueError as error:
         raise LavaError('report', str(path), f'a CSV of measurements ({error})') from error

@@ -276,7 +276,7 @@ KINDS = tuple(dict.fromkeys(item.kind for item in DOCUMENTS))
 #: What a value becomes. The first ones may be what holds without the part.
 _USUAL = (None, '', ' ', True, False, 0, -1, [], {})
 _VALUES = (
-    'text', '12', '1,5', '1e3', '2021-09-19', '010', '1:30', math.nan, math.inf, -math.inf, 1e300,
+    'text', '12', '1,5', '1e3', '2021-09-19', '017', '1:30', math.nan, math.inf, -math.inf, 1e300,
     -1e300, 12, 1.5, [1.0], [1.0, 'a'], {'a': 1}, [[0.0, 1.0]] * 3, 'ä' * 300, '\x07',
 )
 
@@ -381,9 +381,10 @@ def change(chance: random.Random, document: Document) -> Change:
         value = '' if value is None else str(value)
         value = [value if index == row else cell for index, cell in enumerate(tree[name])]
     elif document.kind == 'vectors' and document.depth == 1:
-        # other formats than GeoJSON have neither lists nor numbers that are not finite
+        # not all formats have lists, dates, and numbers that are not finite; in KML names are text
+        is_text = value in _VALUES and (name == 'name' or not _is_number(value))
+        value = f'text: {value}' if is_text else value
         value = json.dumps(value) if isinstance(value, list | dict) else value
-        value = str(value) if value in (math.inf, -math.inf) or value != value else value
     changed = _with(tree, path, lambda part, key: {**part, key: value})
     is_refused = document.is_header and not _is_number(value) and not name.startswith('NODATA')
     return Change(changed, f'{shown} becomes {value!r}', without if named else None, named or (),
