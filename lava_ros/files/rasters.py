@@ -199,6 +199,8 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
     numbers = _count_numbers(field, path) if kind.driver in _TEXT else None
     with warnings.catch_warnings(), _without_undecodable_errors():
         warnings.simplefilter('ignore', NotGeoreferencedWarning)
+        # a declared value of cells without data may be beyond float32
+        warnings.filterwarnings('ignore', 'overflow encountered in cast', RuntimeWarning)
         with rasterio.open(path, driver=kind.driver) as source:
             if source.height * source.width > MOST_CELLS:
                 shown = f'{source.height} x {source.width} cells'
