@@ -3,7 +3,7 @@
 
 """Files that users name: which are opened, and how new ones take the place of what was there."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 import errno
 import logging
@@ -22,6 +22,12 @@ MOST_CELLS = 10**8
 
 #: Suffixes of pictures.
 PICTURES = ('.png', '.pdf', '.svg')
+
+
+def warn_of_others(path: object, parts: str, names: Iterable[str], known: str = '') -> None:
+    """Warn of parts of a file that are not understood, by name; ``known`` says which are."""
+    if others := ', '.join(dict.fromkeys(names)):
+        _LOG.warning(f'{path}: {parts} that are not understood are ignored: {others}{known}')
 
 
 def open_input(path: str | Path) -> BinaryIO:

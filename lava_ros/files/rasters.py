@@ -5,7 +5,6 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
-import logging
 import mmap
 from pathlib import Path
 import re
@@ -18,10 +17,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.files import MOST_CELLS, open_input
+from lava_ros.files import MOST_CELLS, open_input, warn_of_others
 from lava_ros.files.optional import require
-
-_LOG = logging.getLogger(__name__)
 
 
 class RasterFormat(NamedTuple):
@@ -315,9 +312,7 @@ def _check_header(field: str, path: Path, lines: Sequence[tuple[bytes, bytes]]) 
             text = value.decode(errors='replace')
             raise LavaError(f'{field}, {label} of {path.name}', text, right)
         names.add(label.lower())
-    if others:
-        told = ', '.join(others)
-        _LOG.warning(f'{path.name}: lines that are not understood are ignored: {told}')
+    warn_of_others(path.name, 'lines', others)
     for group in _PLACE:
         if names.isdisjoint(group):
             right = f'a line of the header: {", ".join(group)}'

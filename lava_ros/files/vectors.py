@@ -20,7 +20,7 @@ import warnings
 import zipfile
 
 from lava_ros.errors import LavaError
-from lava_ros.files import open_input, write_output
+from lava_ros.files import open_input, warn_of_others, write_output
 from lava_ros.files.optional import require
 
 _LOG = logging.getLogger(__name__)
@@ -163,7 +163,7 @@ def _check_members(path: Path, data: bytes) -> str | None:
         The coordinate system that a file from before RFC 7946 names; GDAL takes one that it does
         not know for degrees.
     """
-    others: dict[str, None] = {}
+    others: list[str] = []
 
     def check(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         members = dict(pairs)
@@ -178,12 +178,11 @@ def _check_members(path: Path, data: bytes) -> str | None:
         for name in ('properties', 'geometry') if known is _MEMBERS['Feature'] else ():
             if not isinstance(members.get(name), dict | None):
                 raise LavaError(f'{path}, {name}', members[name], 'an object, or null')
-        others.update(dict.fromkeys(name for name in members if name not in known))
+        others.extend(name for name in members if name not in known)
         return members
 
     system = json.loads(data, object_pairs_hook=check).get('crs')
-    if others:
-        _LOG.warning(f'{path}: members that are not understood are ignored: {", ".join(others)}')
+    warn_of_others(path, 'members', others)
     return system and str(system['properties']['name'])
 
 

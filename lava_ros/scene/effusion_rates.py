@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files import warn_of_others
 from lava_ros.files.columns import Column, understood
 from lava_ros.files.csv import read_table
 from lava_ros.scene.uncertainty import Distribution
@@ -122,8 +123,7 @@ def read_effusion_rates(
     if amount == 'cumulative_volume' and has_spans:
         right = 'time in place of start and end'
         raise LavaError(f'{path}, first line', ','.join(rows[0][1]), right)
-    if others:
-        _LOG.warning(f'{path}: columns that are not understood are ignored: {", ".join(others)}')
+    warn_of_others(path, 'columns', others)
     if amount == 'cumulative_volume' and 'error' in columns:
         _LOG.warning(f'{path}: errors of a cumulative volume are not used')
     factor = _bulk_factor(path, columns[amount], options)

@@ -15,6 +15,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files import warn_of_others
 from lava_ros.files.columns import understood
 from lava_ros.files.optional import require
 from lava_ros.scene.features import read_features
@@ -24,8 +25,6 @@ _LOG = logging.getLogger(__name__)
 
 #: Smallest and largest numbers of barriers, and units: that of 1983 on Etna was 18 m high.
 LIMITS = {'height': (0.1, 200.0, 'm'), 'width': (0.1, 1000.0, 'm'), 'slope': (0.05, 100.0, '')}
-
-_LOG = logging.getLogger(__name__)
 
 #: Places nearer to each other than this are one [m].
 APART = 1e-3
@@ -108,12 +107,12 @@ def read_barriers(
         LavaError: The file cannot be read, has points or areas, or a number is not usable.
     """
     barriers = []
-    unknown: dict[str, None] = {}
+    unknown: list[str] = []
     for feature in read_features(field, path, terrain):
         if feature.kind != 'LineString':
             raise LavaError(feature.where, f'a {feature.kind}', 'a line')
         columns, others = understood(str(path), feature.properties, (*LIMITS, 'name'))
-        unknown |= dict.fromkeys(others)
+        unknown += others
         numbers = {
             name: columns[name].number(feature.where, feature.properties[columns[name].header])
             if name in columns else value
@@ -125,11 +124,7 @@ def read_barriers(
         except LavaError as error:
             name = error.field.removeprefix('barrier.')
             raise LavaError(f'{feature.where}, {name}', error.value, error.expected) from None
-    if unknown:
-        _LOG.warning(
-            f'{path}: attributes that are not understood are ignored: {", ".join(unknown)} '
-            f'(of a barrier: name, {", ".join(LIMITS)})'
-        )
+    warn_of_others(path, 'attributes', unknown, f' (of a barrier: name, {", ".join(LIMITS)})')
     return barriers
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files import warn_of_others
 from lava_ros.files.columns import Column, understood
 from lava_ros.scene.effusion_rates import instants_to_series
 from lava_ros.scene.features import Feature, load_features
@@ -73,13 +74,13 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
     """
     features = load_features(field, path)
     rows: list[VentRow] = []
-    unknown: dict[str, None] = {}
+    unknown: list[str] = []
     instants: dict[VentRow, list[tuple[float, float]]] = defaultdict(list)
     for index, (where, group) in enumerate(groupby(features, key=lambda item: item.where)):
         parts = [part.on(terrain) for part in group]
         properties = dict(parts[0].properties)
         columns, others = understood(str(path), properties, COLUMNS)
-        unknown |= dict.fromkeys(others)
+        unknown += others
         number = partial(_number, where, columns, properties)
         rate = number('effusion_rate', at_least=0.0, unit='m3/s')
         if rate is not None and columns['effusion_rate'].kind == 'dense-rock':
@@ -118,12 +119,7 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
         else:
             (vent,) = _divided(replace(whole, discharge=None), lines)
             instants[vent].append((time, rate))
-    if unknown:
-        known = ', '.join(COLUMNS)
-        _LOG.warning(
-            f'{path}: attributes that are not understood are ignored: {", ".join(unknown)} '
-            f'(of a vent: {known})'
-        )
+    warn_of_others(path, 'attributes', unknown, f' (of a vent: {", ".join(COLUMNS)})')
     rows += [
         replace(vent, discharge=instants_to_series(str(path), series))
         for vent, series in instants.items()

@@ -28,9 +28,10 @@ from lava_ros.hindcast.case import load_case
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.scene import scene_from_yaml
 from lava_ros.scene.effusion_rates import read_effusion_rates
+from lava_ros.scene.reshaping import read_barriers
 from lava_ros.scene.scene import scene_to_dict
 from lava_ros.scene.terrain_files import load_terrain
-from scene.test_vent_files import DRIVERS, POINTS, TERRAIN
+from scene.test_vent_files import DRIVERS, FISSURE, POINTS, TERRAIN
 from scene.test_vent_files import write as write_vector
 
 #: Heights [m] with a cell without data, row 0 in the north.
@@ -113,6 +114,11 @@ def _vents(path: Path) -> Any:
     return vents_as_given(Namespace(vents=str(path), vent=[], discharge=None), TERRAIN)
 
 
+def _barriers(path: Path) -> Any:
+    usual = {'height': None, 'width': 10.0, 'slope': 1.0}
+    return read_barriers('--lines', path, TERRAIN, usual)
+
+
 def _scene(folder: Path, tree: Any) -> Path:
     _npz(folder, {'elevation': np.maximum(GROUND, 0.0), 'resolution': 10.0})
     return _yaml(folder / 'scene.yaml', tree)
@@ -178,6 +184,11 @@ DOCUMENTS = (
         (('NROWS',), ('NCOLS',), ('ULXMAP',), ('ULYMAP',), ('XDIM',), ('YDIM',)), is_header=True,
     ),
     *(Document('vectors', _ATTRIBUTES, _vector(ending), _vents) for ending in DRIVERS),
+    Document(
+        'vectors', {'name': 'dam', 'height': 12.0, 'width': 15.0, 'slope': 1.5},
+        lambda folder, tree: write_vector(folder / 'a.gpkg', 'MultiLineString', FISSURE, tree),
+        _barriers, (('height',),),
+    ),
     Document(
         'vectors', {
             'type': 'FeatureCollection', 'name': 'fissures',
