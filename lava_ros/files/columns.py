@@ -10,8 +10,8 @@ headers: ``Effusion rate (m3/s)``, ``TADR``, ``start_h``, ``Easting``.
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-import math
 import re
+from typing import Any
 import unicodedata
 
 from lava_ros import validation
@@ -112,13 +112,14 @@ class Column:
     offset: float = 0.0
     kind: str = ''
 
-    def number(self, where: str, value: object) -> float:
-        """Return a value in SI units; LavaError, which names ``where`` and the header."""
+    def number(self, where: str, value: object, **limits: Any) -> float:
+        """Return a value in SI units; LavaError, which names ``where`` and the header.
+
+        ``limits`` are those of ``validation.number`` in SI units.
+        """
         label = f'{where}, {self.header}'
         result = validation.number(label, value) * self.factor + self.offset
-        if not math.isfinite(result):
-            raise LavaError(label, value, 'a finite number in SI units')
-        return result
+        return validation.number(label, result, **limits)
 
 
 def understood(

@@ -27,17 +27,9 @@ def read_table(
     line has. Lines that begin with ``#`` are comments, and so is the rest of a line after `` #``.
     Numbers may have decimal commas where commas separate nothing.
 
-    Args:
-        field: What errors call the table.
-        path: The file.
-        columns: Its columns in any order; None: any.
-
-    Returns:
-        For each row what errors call it, and its texts by column.
-
-    Raises:
-        LavaError: The table cannot be read, has no rows, other columns, a column twice, or rows of
-            another length.
+    It has the ``columns``, in any order (None: any). Returns for each row what errors call it, and
+    its texts by column. LavaError, which names ``field`` or the line, where it cannot be read, has
+    no rows, other columns, a column twice, or rows of another length.
     """
     try:
         with open_input(path) as file:

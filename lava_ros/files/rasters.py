@@ -30,7 +30,6 @@ class RasterFormat(NamedTuple):
         suffixes: Usual ends of the names of such files.
         head: Pattern that the first bytes of such files match.
         needs_suffix: True if the first bytes of such files do not identify them.
-        is_plain: True if such files hold each value uncompressed, as bytes.
         notes: Conditions and limits, for people.
         written: Outputs in this format, for people; empty if it is only read.
     """
@@ -40,7 +39,6 @@ class RasterFormat(NamedTuple):
     suffixes: tuple[str, ...]
     head: re.Pattern[bytes]
     needs_suffix: bool = False
-    is_plain: bool = False
     notes: str = ''
     written: str = ''
 
@@ -88,7 +86,7 @@ FORMATS = (
     ),
     RasterFormat('Erdas Imagine', 'HFA', ('.img',), re.compile(rb'EHFA_HEADER_TAG')),
     RasterFormat(
-        'NetCDF classic', 'netCDF', ('.nc', '.grd'), re.compile(rb'CDF[\1\2\5]'), is_plain=True,
+        'NetCDF classic', 'netCDF', ('.nc', '.grd'), re.compile(rb'CDF[\1\2\5]'),
         notes='a single gridded variable', written='`--formats nc`: all maps, CF conventions',
     ),
     RasterFormat(
@@ -109,7 +107,7 @@ FORMATS = (
     ),
     RasterFormat(
         'ESRI binary grid', 'EHdr', ('.flt', '.bil'), re.compile(b''), needs_suffix=True,
-        is_plain=True, notes='with its `.hdr` file',
+        notes='with its `.hdr` file',
     ),
     RasterFormat(
         'ESRI ASCII grid', 'AAIGrid', ('.asc', '.txt'), _HEADER,
@@ -209,7 +207,7 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
                 raise LavaError(field, str(path), right)
             if any(Path(name).absolute().parent != path.parent for name in source.files):
                 raise LavaError(field, str(path), 'a raster without files in other folders')
-            if kind.is_plain:
+            if kind.driver == 'EHdr' or kind.name == 'NetCDF classic':
                 _check_size(field, path, source)
             if kind.driver == 'EHdr':
                 (header,) = (Path(name) for name in source.files if name.lower().endswith('.hdr'))
@@ -290,7 +288,7 @@ def _check_database(field: str, path: Path) -> None:
 
 
 def _check_size(field: str, path: Path, source: Any) -> None:
-    """Refuse a truncated binary grid, whose missing values GDAL reads as 0."""
+    """Refuse a truncated grid of uncompressed bytes, whose missing values GDAL reads as 0."""
     needed = source.width * source.height * sum(np.dtype(kind).itemsize for kind in source.dtypes)
     found = path.stat().st_size
     if path.suffix.lower() == '.flt':

@@ -206,23 +206,15 @@ def _as_geojson(meta: Any, geometry: Any, values: Any) -> list[dict[str, Any]]:
 
 def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
     """Return the format of a file, and the bytes for GDAL: an archive of a Shapefile's parts."""
-    ending = path.suffix.lower()[1:]
-    ending = ALIASES.get(ending, ending)
+    ending = _ending(path)
     if f'.{ending}' not in ENDINGS:
         raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
+    journal = path.with_name(f'{path.name}-wal')
     try:
-        if ending in ARCHIVES:
-            ending, parts = _unpacked(field, path, ARCHIVES[ending])
-        elif ending == 'shp':
-            names = {item.suffix.lower(): item for item in path.parent.iterdir()
-                     if item.stem == path.stem and item.suffix.lower() in _PARTS}
-            parts = {name: _bytes(field, item) for name, item in names.items()}
-        else:
-            parts = {f'.{ending}': _bytes(field, path)}
-            journal = path.with_name(f'{path.name}-wal')
-            if ending == 'gpkg' and journal.exists() and journal.stat().st_size:
-                right = 'a GeoPackage that no program has open: it has changes that are not in it'
-                raise LavaError(field, str(path), right)
+        if ending == 'gpkg' and journal.exists() and journal.stat().st_size:
+            right = 'a GeoPackage that no program has open: it has changes that are not in it'
+            raise LavaError(field, str(path), right)
+        files = _files(field, path)
     except FileNotFoundError:
         raise LavaError(field, str(path), 'a file that exists') from None
     except LavaError:
@@ -230,62 +222,66 @@ def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
     # a damaged archive raises what each of its parts does, which has no class in common
     except Exception as error:
         raise LavaError(field, str(path), f'a readable file ({error})') from error
-    known = FORMATS[ending]
+    wanted = ARCHIVES.get(ending, (ending,))
+    found = sorted(
+        name for name in files if _ending(name) in wanted and '__MACOSX' not in name.parts
+    )
     # a KMZ of GDAL has a file for each layer
-    contents = [parts[name] for name in sorted(parts) if name.endswith(f'.{ending}')] or [b'']
-    contents = [data.removeprefix(b'\xef\xbb\xbf') for data in contents]
+    if not found or (len(found) > 1 and ending != 'kmz'):
+        shown = ', '.join(map(str, found)) or 'other files'
+        right = f'an archive with one file of {", ".join(FORMATS[end].name for end in wanted)}'
+        raise LavaError(f'{field}, {path}', shown, right)
+    known = FORMATS[_ending(found[0])]
+    contents = [files[name].removeprefix(b'\xef\xbb\xbf') for name in found]
     for data in contents:
         # entities may refer to files, and grow without bound
-        if not known.begins.match(data[:4096]) or (ending == 'kml' and b'<!DOCTYPE' in data):
+        if not known.begins.match(data[:4096]) or (known.ending == 'kml' and b'<!DOCTYPE' in data):
             raise LavaError(field, str(path), f'a file of {known.name}')
-    if ending != 'shp':
+    if known.ending != 'shp':
         return known, contents
-    lacking = [name for name in _PARTS[:3] if name not in parts]
-    if lacking:
+    parts = {name.suffix.lower(): data for name, data in files.items()
+             if name.with_suffix('') == found[0].with_suffix('')}
+    if lacking := [name for name in _PARTS[:3] if name not in parts]:
         right = f'a Shapefile with its other parts beside it ({", ".join(lacking)})'
         raise LavaError(field, str(path), right)
-    archive = io.BytesIO()
-    with zipfile.ZipFile(archive, 'w') as packed:
-        for name, content in parts.items():
-            packed.writestr(f'{re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)}{name}', content)
-    return known, [archive.getvalue()]
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, 'w') as archive:
+        for name, data in parts.items():
+            archive.writestr(f'{re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)}{name}', data)
+    return known, [packed.getvalue()]
 
 
-def _bytes(field: str, path: Path) -> bytes:
-    """Read a file of limited size."""
-    with open_input(path) as file:
-        data = file.read(MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise LavaError(field, str(path), f'a file of at most {MAX_BYTES >> 20} MiB')
-    return data
+def _ending(path: Path) -> str:
+    """Return the end of a file's name, in lower case and without aliases."""
+    ending = path.suffix.lower()[1:]
+    return ALIASES.get(ending, ending)
 
 
-def _unpacked(field: str, path: Path, endings: Sequence[str]) -> tuple[str, dict[str, bytes]]:
-    """Read the one vector file of an archive: its ending, and the bytes of its parts by suffix."""
-    with open_input(path) as file, zipfile.ZipFile(file) as archive:
-        members = [item for item in archive.infolist() if not item.is_dir()]
-        if len(members) > MAX_MEMBERS:
-            raise LavaError(field, str(path), f'an archive of at most {MAX_MEMBERS} files')
-        named = [(Path(item.filename), item) for item in members]
-        found = [
-            name for name, _ in named
-            if name.suffix.lower()[1:] in endings and '__MACOSX' not in name.parts
-        ]
-        if not found or (len(found) > 1 and endings != ('kml',)):
-            shown = ', '.join(map(str, found)) or f'{len(members)} other files'
-            known = ', '.join(FORMATS[end].name for end in endings)
-            raise LavaError(f'{field}, {path}', shown, f'an archive with one file of {known}')
-        wanted = {place.with_suffix(suffix) for place in found for suffix in _PARTS} | {*found}
-        parts = [
-            (str(name) if name in found and endings == ('kml',) else name.suffix.lower(), item)
-            for name, item in named
-            if name in found or name.with_suffix(name.suffix.lower()) in wanted
-        ]
-        if sum(item.file_size for _, item in parts) > MAX_BYTES:
-            raise LavaError(field, str(path), f'at most {MAX_BYTES >> 20} MiB when unpacked')
-        # no more is unpacked than the archive says
-        result = {suffix: archive.read(item) for suffix, item in parts}
-    return found[0].suffix.lower()[1:], result
+def _files(field: str, path: Path) -> dict[Path, bytes]:
+    """Read a file, all parts of a Shapefile, or those files of an archive that may be wanted."""
+    unpacked, result = '', {}
+    if _ending(path) in ARCHIVES:
+        unpacked = ' when unpacked'
+        with open_input(path) as file, zipfile.ZipFile(file) as archive:
+            members = {
+                Path(item.filename): item for item in archive.infolist()
+                if Path(item.filename).suffix.lower() in (*ENDINGS, *_PARTS)
+            }
+            if len(members) > MAX_MEMBERS:
+                raise LavaError(field, str(path), f'an archive of at most {MAX_MEMBERS} files')
+            # no more is unpacked of a member than the archive says
+            if sum(item.file_size for item in members.values()) <= MAX_BYTES:
+                return {name: archive.read(item) for name, item in members.items()}
+    else:
+        beside = path.parent.iterdir() if _ending(path) == 'shp' else ()
+        for item in (path, *(item for item in beside if item.stem == path.stem)):
+            if item == path or item.suffix.lower() in _PARTS:
+                with open_input(item) as file:
+                    result[item] = file.read(MAX_BYTES + 1)
+        if sum(map(len, result.values())) <= MAX_BYTES:
+            return result
+    right = f'a file of at most {MAX_BYTES >> 20} MiB{unpacked}'
+    raise LavaError(field, str(path), right)
 
 
 #: Formats that features are written in: ends of names. A zip holds a Shapefile.

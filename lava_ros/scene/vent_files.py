@@ -4,9 +4,8 @@
 """Vents in the files of other programs: vector files, and tables as of DOWNFLOWGO and Lava2d."""
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import groupby, pairwise
 import logging
 import math
@@ -16,7 +15,7 @@ from typing import Any
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import warn_of_others
-from lava_ros.files.columns import Column, understood
+from lava_ros.files.columns import understood
 from lava_ros.scene.effusion_rates import instants_to_series
 from lava_ros.scene.features import Feature, load_features
 from lava_ros.scene.terrain import Terrain
@@ -76,12 +75,18 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
     rows: list[VentRow] = []
     unknown: list[str] = []
     instants: dict[VentRow, list[tuple[float, float]]] = defaultdict(list)
+
+    def number(name: str, **limits: Any) -> float | None:
+        if name not in columns:
+            return None
+        column = columns[name]
+        return column.number(where, properties[column.header], **limits)
+
     for index, (where, group) in enumerate(groupby(features, key=lambda item: item.where)):
         parts = [part.on(terrain) for part in group]
         properties = dict(parts[0].properties)
         columns, others = understood(str(path), properties, COLUMNS)
         unknown += others
-        number = partial(_number, where, columns, properties)
         rate = number('effusion_rate', at_least=0.0, unit='m3/s')
         if rate is not None and columns['effusion_rate'].kind == 'dense-rock':
             right = 'a bulk effusion rate: 1 / (1 - porosity) times the dense-rock one'
@@ -128,19 +133,6 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
         if count > 1:
             _LOG.warning(f'{path}: {count} vents at {vent.places} are alike, and each emits lava')
     return tuple(rows)
-
-
-def _number(
-    where: str, columns: Mapping[str, Column], properties: Mapping[str, Any], name: str,
-    **limits: Any,
-) -> float | None:
-    """Return an attribute in SI units, None if it is absent."""
-    column = columns.get(name)
-    if column is None:
-        return None
-    value = column.number(where, properties[column.header])
-    validation.number(f'{where}, {column.header}', value, **limits)
-    return value
 
 
 def _lines(parts: Sequence[Feature]) -> list[tuple[Any, Any, float]]:
