@@ -306,15 +306,17 @@ def _check_header(field: str, path: Path, lines: Sequence[tuple[bytes, bytes]]) 
         pattern, right = _LINES.get(label.lower(), (None, ''))
         if pattern is None:
             others.append(label)
-        elif not pattern.fullmatch(value):
+        elif not pattern.fullmatch(value) or label.lower() in names:
+            right = 'only once' if label.lower() in names else right
             text = value.decode(errors='replace')
             raise LavaError(f'{field}, {label} of {path.name}', text, right)
         names.add(label.lower())
     warn_of_others(path.name, 'lines', others)
     for group in _PLACE:
-        if names.isdisjoint(group):
-            right = f'a line of the header: {", ".join(group)}'
-            raise LavaError(f'{field}, {group[-1]} of {path.name}', None, right)
+        if len(found := names.intersection(group)) != 1:
+            right = f'a line of the header: one of {", ".join(group)}'
+            shown = ' and '.join(sorted(found)) or None
+            raise LavaError(f'{field}, {group[-1]} of {path.name}', shown, right)
 
 
 def _count_numbers(field: str, path: Path) -> int:

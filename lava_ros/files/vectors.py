@@ -92,6 +92,7 @@ _MEMBERS = {
     ),
     'Feature': ('type', 'id', 'geometry', 'properties', 'bbox'),
 }
+_GEOMETRY = ('type', 'coordinates', 'geometries', 'bbox')
 
 #: A feature: its name for errors, the geometry and attributes of GeoJSON, and the definition of
 #: its coordinate system (None: unknown).
@@ -178,6 +179,8 @@ def _check_members(path: Path, data: bytes) -> str | None:
         for name in ('properties', 'geometry') if known is _MEMBERS['Feature'] else ():
             if not isinstance(members.get(name), dict | None):
                 raise LavaError(f'{path}, {name}', members[name], 'an object, or null')
+            if name == 'geometry':
+                others.extend(key for key in members.get(name) or () if key not in _GEOMETRY)
         others.extend(name for name in members if name not in known)
         return members
 

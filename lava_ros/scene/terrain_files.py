@@ -197,6 +197,8 @@ def _read_npz(path: Path, nodata: float | str | None) -> Raster:
         found = f'{elevation.dtype} array of shape {elevation.shape}'
         raise LavaError('terrain file elevation', found, 'numbers [m] of shape [rows, columns]')
     sides = ('resolution', 'resolution') if 'resolution' in data else ('dx', 'dy')
+    if 'resolution' in data and ('dx' in data or 'dy' in data):
+        raise LavaError('resolution', data['resolution'], 'absent beside dx and dy')
     dx, dy = (validation.number(name, data.get(name), above=0.0, unit='m') for name in sides)
     elevation = _with_missing(elevation.astype(np.float32), dy, nodata, path)
     epsg = None

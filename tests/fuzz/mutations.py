@@ -30,7 +30,7 @@ from lava_ros.scene import scene_from_yaml
 from lava_ros.scene.effusion_rates import read_effusion_rates
 from lava_ros.scene.reshaping import read_barriers
 from lava_ros.scene.scene import scene_to_dict
-from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.scene.terrain_files import load_terrain, NPZ_KEYS
 from scene.test_vent_files import DRIVERS, FISSURE, POINTS, TERRAIN
 from scene.test_vent_files import write as write_vector
 
@@ -295,13 +295,22 @@ _VALUES = (
 _UNITS = ('furlong', 'stone', '?')
 
 
+#: Parts that a file may have as well, of each kind; no document has ``remark``.
+_MORE = {
+    'rasters': (*NPZ_KEYS[:-1], 'remark', 'CELLSIZE', 'cellsize', 'dx', 'XLLCENTER', 'nodata'),
+    'vectors': (*COLUMNS, 'remark'), 'tables': (*COLUMNS, 'remark'),
+    'YAML': ('remark', 'discharge', 'projected', 'end', 'material', 'step', 'classes', 'scale',
+             'terrain', 'barrier', 'solidus', 'file', 'nodata'),
+}
+
+
 class Change(NamedTuple):
     """A changed document, and how its result has to compare to others.
 
     Attributes:
         tree: The parts now.
         what: The change, in words.
-        without: The parts without the changed one, None for a change of another kind.
+        without: The parts without the changed or added one, None for a change of another kind.
         named: Texts of which a warning has to have one, if the change has no effect.
         same: True if the result is that of the valid file, False if it is not; None: either.
         is_refused: True if no result is right.
@@ -333,6 +342,12 @@ def _with(tree: Any, path: tuple[Any, ...], edit: Callable[[Any, Any], Any]) -> 
     return result
 
 
+def _part_at(tree: Any, path: tuple[Any, ...]) -> Any:
+    for key in path:
+        tree = tree[key]
+    return tree
+
+
 def _without(part: Any, key: Any) -> Any:
     return {name: value for name, value in part.items() if name != key}
 
@@ -352,10 +367,18 @@ def change(chance: random.Random, document: Document) -> Change:
     path = chance.choice(list(_paths(tree, document.depth)))
     name, shown = path[-1], '.'.join(map(str, path))
     without = _with(tree, path, _without)
-    what = chance.choice(('rename', 'rename', 'rename', 'drop', 'set', 'set', 'set', 'order',
-                          *(('unit', 'row', 'cut') if document.is_table else ())))
+    kinds = [*['rename', 'set'] * 3, 'drop', 'order', 'add']
+    what = chance.choice(kinds + ['unit', 'row', 'cut'] * document.is_table)
     if what == 'drop':
         return Change(without, f'{shown} is dropped', is_refused=path in document.needed)
+    if what == 'add':
+        new = chance.choice(_MORE[document.kind])
+        value: Any = ['7'] * len(tree[name]) if document.is_table else 7
+        # GeoJSON has no such objects any more
+        if new in _part_at(tree, path[:-1]) or 'crs' in path[:-1]:
+            return Change(without, f'{shown} is dropped', is_refused=path in document.needed)
+        changed = _with(tree, path, lambda part, _: {**part, new: value})
+        return Change(changed, f'{new} is added beside {shown}', tree, (new, new[:10]))
     if what == 'order':
         return Change(_with(tree, path, lambda part, _: dict(reversed(part.items()))),
                       f'the order at {shown}', same=None if document.is_header else True)
