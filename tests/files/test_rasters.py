@@ -250,6 +250,9 @@ def _write_text(path: Path, body: str) -> Path:
         ('1,5 2 3\n4 5 6\n', "line 6, column 1 of a.asc is '1,5'"),
         ('1 2 3\n4 1,500.0 6\n', "line 7, column 3 of a.asc is '1,500.0'"),
         ('1;2;3\n4;5;6\n', "line 6, column 1 of a.asc is '1;2;3'"),
+        ('cellsize 20\n1 2 3\n4 5 6\n', "cellsize of a.asc is '20', expected only once"),
+        ('dx 20\n1 2 3\n4 5 6\n', "of a.asc is 'cellsize and dx', expected a line of"),
+        ('NODATA_value -9,5\n1 2 3\n4 5 6\n', "is '-9,5', expected a number or nan"),
     ],
 )
 def test_text_grid_is_not_guessed(tmp_path: Path, body: str, message: str) -> None:

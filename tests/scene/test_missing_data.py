@@ -153,3 +153,12 @@ def test_the_user_decides(tmp_path: Path) -> None:
         scene_from_arguments(parsed([*words, '--nodata', 'sea']))
     with pytest.raises(LavaError, match=r'terrain\.nodata'):
         load_terrain(path, nodata='sea')
+
+
+def test_a_declared_value_that_no_cell_has_is_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It may be a slip: the cells without data keep theirs."""
+    np.savez(tmp_path / 'a.npz', elevation=MOUNTAIN, resolution=10.0)
+    load_terrain(tmp_path / 'a.npz', nodata=-99.0)
+    assert 'no cell has the value -99 that nodata declares' in caplog.text

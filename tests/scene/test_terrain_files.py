@@ -367,6 +367,9 @@ def test_bad_file(tmp_path: Path) -> None:
             load_terrain(write_asc(tmp_path / 'a.asc', f'cellsize {size}'))
     np.savez(tmp_path / 'a.npz', elevation=NORTH_FIRST, resolution=30.0)
     whole = (tmp_path / 'a.npz').read_bytes()
+    np.savez(tmp_path / 'a.npz', elevation=NORTH_FIRST, resolution=30.0, dx=20.0)
+    with pytest.raises(LavaError, match='resolution is .*30.*, expected absent beside dx and dy'):
+        load_terrain(tmp_path / 'a.npz')
     (tmp_path / 'a.npz').write_bytes(whole[:200])
     with pytest.raises(LavaError, match='a readable .npz file'):
         load_terrain(tmp_path / 'a.npz')

@@ -295,6 +295,7 @@ def test_a_file_without_a_system(tmp_path: Path, caplog: pytest.LogCaptureFixtur
     [
         ('"properties"', '"propertys"', 'members that are not understood are ignored: propertys'),
         ('"crs"', '"srs"', 'members that are not understood are ignored: srs'),
+        ('"Point"', '"Point", "q": 5', 'members that are not understood are ignored: q'),
         ('{"name": "a"}', '12', 'properties is 12, expected an object, or null'),
         ('"a"', 'Infinity', 'name is inf, expected a finite number'),
         ('"name": "a"', '"q": 1, "q": 2', "q is 'given twice', expected each member once"),
