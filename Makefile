@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo forecast-demo test coverage docs look hard hard-published safeguards nightly audit soak lint types clean
+.PHONY: help setup demo test coverage docs look hard hard-published safeguards nightly audit soak lint types clean
 
 help:  ## Say what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -20,12 +20,8 @@ $(STAMP): setup.py setup.cfg pyproject.toml package.xml constraints.txt $(wildca
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[all]'
 	@touch $@
 
-demo: $(STAMP)  ## Let lava flow down a mountain, live in ROS 2 (ARGS='--help' lists the options)
+demo: $(STAMP)  ## Simulate a flow on a mountain, live in ROS 2 (ARGS='--forecast' narrows a forecast; ARGS='--help' lists the options)
 	$(VENV)/bin/lava demo $(ARGS)
-
-forecast-demo: $(STAMP)  ## Open a vent, live in ROS 2, and see an outline narrow the forecast (ARGS='--members 32')
-	@mkdir -p build
-	$(VENV)/bin/lava forecast-demo --picture build/forecast.png $(ARGS)
 
 test: $(STAMP)  ## Run every test but those marked nightly, three at a time (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest --numprocesses 3 --dist loadfile $(ARGS)

@@ -13,7 +13,7 @@ can, where every forecast has to take from it. Forecasts are made for some secon
 as many, turn about. Slower is by velocity evaluations a second against the turns before and after,
 the median over the turns: other work on the machine comes and goes. Behind is the share of the
 clock's time that was lost in all turns together. With a number of members: how often ensembles of
-the scene of ``lava forecast-demo`` are renewed, half an hour ahead, while its simulation runs 40
+the scene of ``lava demo --forecast`` are renewed, half an hour ahead, while its simulation runs 40
 times as fast as real time.
 """
 
@@ -23,7 +23,7 @@ import time
 
 import numpy as np
 
-from lava_ros.cli.forecast_demo import LAVA, SPACING, SPEED, UNCERTAINTY, VENT
+from lava_ros.cli.demo_forecast import LAVA, SPACING, SPEED, UNCERTAINTY, VENT
 from lava_ros.ros.ensemble_forecasts import ForecastRules
 from lava_ros.ros.forecaster import Forecaster
 from lava_ros.ros.worker import SimulationWorker

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava demo`: a flow on a mountain."""
+"""`lava demo`: a flow on a mountain, or a forecast of one."""
 
 import argparse
 from contextlib import closing
@@ -38,6 +38,11 @@ LONGEST_SILENCE = 120.0
 #: Files beside the bag; the first marks the folder as that of a demo.
 RESULT, PICTURE = 'demo.json', 'demo.png'
 
+#: Options that apply to ``--forecast``.
+_FORECAST_OPTIONS = frozenset(
+    ('--forecast', '--members', '--picture', '--max-speed', '--device', '--domain', '--json')
+)
+
 
 @command(
     *SCENE_OPTIONS,
@@ -45,7 +50,16 @@ RESULT, PICTURE = 'demo.json', 'demo.png'
     argument('--output', 'DIR', 'bag to record; it replaces an earlier demo there', 'bags/demo'),
     argument(
         '--max-speed', 'X', 'run at most X times as fast as real time (default: the speed '
-        f'that takes {LEAST_WALL_TIME:g} s in all)', float,
+        f'that takes {LEAST_WALL_TIME:g} s in all; with --forecast 40)', float,
+    ),
+    argument(
+        '--forecast', None, 'forecast the flow from a vent in the crater of Mount St. Helens, and '
+        'narrow the forecast with an observed outline', action='store_true',
+    ),
+    argument('--members', 'N', 'with --forecast: members of an ensemble (default: 16)', int),
+    argument(
+        '--picture', 'FILE', 'with --forecast: picture of the probabilities before and after the '
+        'outline (default: forecast.png)',
     ),
     '--preset', '--spacing', '--device', '--domain', '--json',
 )
@@ -53,9 +67,17 @@ def demo(args: argparse.Namespace) -> int:
     """Simulate a lava flow on a mountain, live in ROS 2, and record it.
 
     The command starts the node on a scene, receives its maps over DDS, records them in a bag,
-    draws a picture of the last ones, and ends the node.
+    draws a picture of the last ones, and ends the node. With --forecast the node computes
+    forecasts and ensembles. The command opens a vent over DDS, prints how long the first forecast
+    takes, and sends the node the outline of a flow whose effusion rate and viscosity the node is
+    not given. It draws the probabilities before and after the outline.
     """
     require_ros()
+    _check_forecast_options(args)
+    if args.forecast:
+        from lava_ros.cli.demo_forecast import narrow_forecast
+
+        return narrow_forecast(args, _own_domain(args.domain))
     duration = seconds_of('--duration', args.duration)
     if args.spacing is not None:
         validation.number('--spacing', args.spacing, above=0.0, unit='m')
@@ -65,9 +87,7 @@ def demo(args: argparse.Namespace) -> int:
         speed = validation.number(
             '--max-speed', args.max_speed, at_least=slowest, at_most=fastest
         )
-    domain = domain_of(args.domain)
-    # for this process and for the node
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    domain = _own_domain(args.domain)
     scene = scene_from_arguments(args)
     output = Path(args.output)
     _remove_earlier_demo(output)
@@ -101,6 +121,26 @@ def demo(args: argparse.Namespace) -> int:
     write_json(result, output / RESULT, args.json)
     _print_table(result)
     return 0
+
+
+def _check_forecast_options(args: argparse.Namespace) -> None:
+    """Raise LavaError for an option that has no effect with, or without, ``--forecast``."""
+    for names, options in demo.arguments:
+        name = names[-1]
+        value = getattr(args, name.lstrip('-').replace('-', '_'))
+        if value is None or value is False or value == options.get('default'):
+            continue
+        if args.forecast and name not in _FORECAST_OPTIONS:
+            raise LavaError(name, value, f'no {name} together with --forecast')
+        if not args.forecast and name in ('--members', '--picture'):
+            raise LavaError(name, value, f'no {name} without --forecast')
+
+
+def _own_domain(number: int | None) -> int:
+    """Return the ID of the demo's ROS domain, and keep this process and the node to themselves."""
+    domain = domain_of(number)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    return domain
 
 
 def _remove_earlier_demo(output: Path) -> None:

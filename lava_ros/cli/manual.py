@@ -20,7 +20,6 @@ from lava_ros.errors import LONGEST_EXPECTED, one_line
 GROUPS = {
     'run': {
         'demo': 'demo', 'node': 'node', 'feed': 'node', 'ensemble': 'ensemble',
-        'forecast-demo': 'forecast_demo',
     },
     'record': {'replay': 'replay', 'info': 'info', 'recover': 'info'},
     'look': {

@@ -39,7 +39,6 @@ COMMANDS = {
     'effects': ['scene.yaml'],
     'ensemble': ['scene.yaml', '-o', 'out'],
     'export': [str(SAMPLE), '-o', 'maps'],
-    'forecast-demo': [],
     'hindcast': ['valley'],
     'materials': [],
     'places': [str(SAMPLE), 'places.csv'],
@@ -53,7 +52,7 @@ WORK = (
     'lava_ros.maps.animation._Canvas.draw',
     'lava_ros.verification.benchmarks.convergence.compare',
     'lava_ros.cli.demo._flow',
-    'lava_ros.cli.forecast_demo._Truth.__init__',
+    'lava_ros.cli.demo_forecast._Truth.__init__',
     'lava_ros.forecast.pool.Pool.__init__',
     'lava_ros.simulation.simulation.Simulation.__init__',
 )
