@@ -93,7 +93,6 @@ setup(
         (f'share/{NAME}/docs/benchmarks', files_in('docs/benchmarks')),
         # For editors.
         (f'share/{NAME}/schemas', files_in('schemas')),
-        (f'share/{NAME}/sros2', files_in('sros2')),
     ],
     zip_safe=False,
     python_requires='>=3.10',

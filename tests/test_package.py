@@ -145,7 +145,6 @@ def test_data_files_are_there(metadata: dict[str, Any]) -> None:
     assert installed['share/lava_ros'] == ['package.xml']
     assert 'msg_configs/default.yaml' in installed['share/lava_ros/msg_configs']
     assert any(name.endswith('.launch.py') for name in installed['share/lava_ros/launch'])
-    assert installed['share/lava_ros/sros2'] == ['sros2/lava_ros.policy.xml']
     assert 'docs/accuracy/cpu.csv' in installed['share/lava_ros/docs/accuracy']
     assert set(installed['lib/lava_ros']) == {'libexec/lava', 'libexec/lava_node'}
     for folder in ('examples', 'foxglove', 'launch', 'msg_configs', 'params', 'rviz', 'schemas'):
