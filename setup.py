@@ -88,9 +88,8 @@ setup(
         (f'share/{NAME}/rviz', files_in('rviz')),
         (f'share/{NAME}/foxglove', files_in('foxglove')),
         (f'share/{NAME}/examples', files_in('examples')),
-        # What `lava report` says a preset errs and costs.
-        (f'share/{NAME}/docs/accuracy', ['docs/accuracy/cpu.csv', 'docs/accuracy/h200.csv']),
-        (f'share/{NAME}/docs/benchmarks', files_in('docs/benchmarks')),
+        # The costs that `lava effects` prints.
+        (f'share/{NAME}/docs/benchmarks', ['docs/benchmarks/effects_h200.csv']),
         # For editors.
         (f'share/{NAME}/schemas', files_in('schemas')),
     ],

@@ -23,6 +23,7 @@ import pytest
 
 from install import image
 import lava_ros
+from lava_ros.cli.prepare import COSTS
 
 ROOT = Path(__file__).parents[1]
 
@@ -145,7 +146,7 @@ def test_data_files_are_there(metadata: dict[str, Any]) -> None:
     assert installed['share/lava_ros'] == ['package.xml']
     assert 'msg_configs/default.yaml' in installed['share/lava_ros/msg_configs']
     assert any(name.endswith('.launch.py') for name in installed['share/lava_ros/launch'])
-    assert 'docs/accuracy/cpu.csv' in installed['share/lava_ros/docs/accuracy']
+    assert installed['share/lava_ros/docs/benchmarks'] == [COSTS]
     assert set(installed['lib/lava_ros']) == {'libexec/lava', 'libexec/lava_node'}
     for folder in ('examples', 'foxglove', 'launch', 'msg_configs', 'params', 'rviz', 'schemas'):
         files = {f'{folder}/{path.name}' for path in (ROOT / folder).glob('*') if path.is_file()}

@@ -3,9 +3,8 @@
 
 """What forecasts cost the live simulation, and how soon they are there.
 
-It makes forecast_cpu.csv or, with another device, forecast_cuda.csv:
+It makes live_h200.csv; the number of members may be left out:
 
-    python docs/benchmarks/forecast.py cpu 'machine' > docs/benchmarks/forecast_cpu.csv
     python docs/benchmarks/forecast.py cuda:0 'machine' 256 > docs/benchmarks/live_h200.csv
 
 The worker of the node runs a scene, after a clock that it keeps up with and then as fast as it

@@ -39,7 +39,6 @@ SHOWN: dict[str, tuple[tuple[str, str, str], ...]] = {
         ('over bare', 'ratio', '.2f'),
     ),
     'steps': _SPREAD,
-    'publishing': _SPREAD,
     'members': _SPREAD,
     'choice': (
         ('scene', 'scene', ''), ('effect', 'effect', ''), ('expected', 'expected', '.2g'),
@@ -56,11 +55,8 @@ SHOWN: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
 }
 
-#: Where the benchmarks are whose module has another name.
-_ELSEWHERE = {
-    'publishing': 'lava_ros.ros.publishing_benchmark',
-    'choice': 'lava_ros.verification.benchmarks.selection',
-}
+#: The benchmarks whose module has another name.
+_MODULES = {'choice': 'selection'}
 
 
 @command(
@@ -231,9 +227,9 @@ def _judged(result: Run, judged: Sequence[tuple[Measurement, float]]) -> dict[st
     argument('benchmark', '|'.join(SHOWN), None, choices=tuple(SHOWN)),
     '--device', '--preset', '--json',
     argument(
-        '--particles', 'N', 'number of particles, for effects, steps, publishing and members; '
-        'steps and members take several (default: by the device); for choice the largest number '
-        'of a run (default: any)', int, nargs='+',
+        '--particles', 'N', 'number of particles, for effects, steps and members; steps and '
+        'members take several (default: by the device); for choice the largest number of a run '
+        '(default: any)', int, nargs='+',
     ),
     argument(
         '--repetitions', 'N', 'number of measurements, for all but choice and convergence', 5
@@ -253,11 +249,10 @@ def bench(args: argparse.Namespace) -> int:
 
     effects: time of a step with each effect, and with all effects, relative to a step without.
     steps: time of steps and snapshots, and memory, from few particles to many, beside a reference
-    step. publishing: time of steps while maps are published ten times a second, and memory on a
-    large map. choice: scenes with the effects that they call for, with each other effect forced
-    on, and with all effects: the change of the footprint and the stated cost.
-    convergence: footprints at the presets from coarse to fine, of scenes or of mapped eruptions.
-    members: members of an ensemble, from one to many at once.
+    step. members: members of an ensemble, from one to many at once. choice: scenes with the
+    effects that they call for, with each other effect forced on, and with all effects: the change
+    of the footprint and the stated cost. convergence: footprints at the presets from coarse to
+    fine, of scenes or of mapped eruptions.
     """
     name = args.benchmark
     device = device_named(args.device)
@@ -272,7 +267,7 @@ def bench(args: argparse.Namespace) -> int:
         'machine': measure.machine_name(device),
         'command': _again(f'bench {name}', again),
     }
-    module = import_module(_ELSEWHERE.get(name, f'lava_ros.verification.benchmarks.{name}'))
+    module = import_module(f'lava_ros.verification.benchmarks.{_MODULES.get(name, name)}')
     rows = []
     with Progress() as progress:
         for row in module.measure(device, on_progress=progress.show, **options):

@@ -332,7 +332,7 @@ def test_the_page_has_its_parts():
         (('replay', 'bag', '--rte', '2'), "lava replay: '--rte' is not known here, '--rate' is"),
         (('info', 'a', 'b'), "lava info: 'b' is not known here"),
         (('plot', 'bag'), 'lava plot: -o/--output is missing'),
-        (('bench', 'speed'), "'speed' is not known; there are effects, steps, publishing"),
+        (('bench', 'speed'), "'speed' is not known; there are effects, steps, members"),
         (('bench', 'effects', '--runs', '1.5'), "--runs: '1.5' is not a whole number"),
         (('demo', '--preset', 'none'), "--preset: 'none' is not known; there are draft, standard"),
         (('completion', 'fish'), "'fish' is not known; there are bash, zsh"),
