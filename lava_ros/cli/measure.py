@@ -95,9 +95,6 @@ def accuracy(args: argparse.Namespace) -> int:
         for case, item in measure.all_pairs(quick=args.quick)
         if not args.case or case.name in args.case
     ]
-    titles = {
-        case.name: f'{case.title[0].upper()}{case.title[1:]}' for case in cases.CASES.values()
-    }
     device = device_named(args.device)
     folder, stem = made_folder(args.output), measure.file_stem(device)
     given = {
@@ -123,14 +120,14 @@ def accuracy(args: argparse.Namespace) -> int:
             measured += found
             rows = sorted([*kept, *measured], key=lambda row: order.index(row.case))
             write_csv(rows, folder / f'{stem}.csv')
-            page = markdown(rows, titles, stem=stem)
+            page = markdown(rows, cases.TITLES, stem=stem)
             write_output('--output', folder / f'{stem}.md', page)
     for name, is_effect in ((f'{stem}.png', False), (f'{stem}_effects.png', True)):
         shown = [row for row in rows if (row.case in cases.EFFECT_CASES) == is_effect]
         if shown:
-            draw(shown, titles, folder / name)
+            draw(shown, cases.TITLES, folder / name)
     write_json(as_plain(measured), args.json)
-    _print_presets(measured, titles)
+    _print_presets(measured)
     print(f'written to {folder}: {stem}.csv, {stem}.md, {stem}.png')
     return 0
 
@@ -146,7 +143,7 @@ def _again(words: str, options: dict[str, Any]) -> str:
     return f'lava {words}'
 
 
-def _print_presets(rows: Sequence[Row], titles: dict[str, str]) -> None:
+def _print_presets(rows: Sequence[Row]) -> None:
     """Print the presets' errors and costs, one line for each case."""
     found = {(point.case, point.preset): point for point in points(rows) if point.preset}
     names = presets_of(found.values())
@@ -156,7 +153,7 @@ def _print_presets(rows: Sequence[Row], titles: dict[str, str]) -> None:
     for case in dict.fromkeys(case for case, _ in found):
         places = [found.get((case, name)) for name in names]
         texts = [f'{percent(at.error)} in {seconds(at.cost)}' if at else '-' for at in places]
-        lines.append([titles[case], *texts])
+        lines.append([cases.TITLES[case], *texts])
     print('\n'.join(table_lines(lines, '<' + '>' * len(names))))
 
 
