@@ -21,7 +21,7 @@ EXTRAS = {
     'terrain': ['pyogrio>=0.12,<1', 'rasterio>=1.3.10,<2'],
     'plot': ['matplotlib>=3.8,<4', 'mcap-ros2-support>=0.5.5,<1', 'pillow>=10,<14'],
     'hindcast': ['scipy>=1.11,<2'],
-    'completion': ['shtab>=1.7,<2'],
+    'completion': ['argcomplete>=3.5,<4'],
     'ensemble': ['dask>=2025.1,<2027', 'distributed>=2025.1,<2027', 'scipy>=1.11,<2'],
     'watch': [
         'bokeh>=3.4,<4',

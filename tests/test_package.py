@@ -23,7 +23,7 @@ import pytest
 
 from install import image
 import lava_ros
-from lava_ros.cli.prepare import COSTS
+from lava_ros.cli.effects import COSTS
 
 ROOT = Path(__file__).parents[1]
 

@@ -3,6 +3,8 @@
 
 """`lava demo`: a flow on a mountain, or a forecast of one."""
 
+from __future__ import annotations
+
 import argparse
 from contextlib import closing
 import os
@@ -12,19 +14,15 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
+from lava_ros.cli.console import Progress, terminal, write_json
 from lava_ros.cli.options import argument, command, seconds_of
-from lava_ros.cli.output import Progress, terminal, write_json
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
-from lava_ros.cli.scenes import scene_from_arguments, SCENE_OPTIONS
+from lava_ros.cli.scene_options import SCENE_OPTIONS
 from lava_ros.errors import LavaError, printable
-from lava_ros.maps.plot import area_words
-from lava_ros.maps.plot import duration as words
-from lava_ros.pages.pictures import draw_runs
-from lava_ros.scene import Scene
-from lava_ros.simulation.budget import VolumeBudget
 
 if TYPE_CHECKING:
     from lava_ros.ros.monitor import Observation
+    from lava_ros.scene import Scene
 
 #: Default wall time of the flow [s]: a GPU would be done before anybody saw it.
 LEAST_WALL_TIME = 25.0
@@ -72,6 +70,9 @@ def demo(args: argparse.Namespace) -> int:
     takes, and sends the node the outline of a flow whose effusion rate and viscosity the node is
     not given. It draws the probabilities before and after the outline.
     """
+    from lava_ros.cli.scenes import scene_from_arguments
+    from lava_ros.pages.pictures import draw_runs
+
     require_ros()
     _check_forecast_options(args)
     if args.forecast:
@@ -164,12 +165,14 @@ def _remove_earlier_demo(output: Path) -> None:
 
 def _flow(
     scene: Scene, parameters: dict[str, Any], domain: int, duration: float
-) -> 'Observation':
+) -> Observation:
     """Run the node until the flow has ended, and return the last observation.
 
     Raises:
         ChildError: The node failed.
     """
+    from lava_ros.maps.plot import area_words
+    from lava_ros.maps.plot import duration as words
     from lava_ros.ros.monitor import Monitor
 
     with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
@@ -197,7 +200,9 @@ def _flow(
         return seen
 
 
-def _result(seen: 'Observation', max_speed: float) -> dict[str, Any]:
+def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
+    from lava_ros.simulation.budget import VolumeBudget
+
     values = seen.values
     speed = float(values['mean_speed'])
     budget = VolumeBudget.from_texts(values)
@@ -223,6 +228,9 @@ def _result(seen: 'Observation', max_speed: float) -> dict[str, Any]:
 
 def _print_table(result: dict[str, Any]) -> None:
     from rich.table import Table
+
+    from lava_ros.maps.plot import area_words
+    from lava_ros.maps.plot import duration as words
 
     held = ' (held back to watch: --max-speed)' if result['speed_is_limited'] else ''
     table = Table(show_header=False, box=None, pad_edge=False)

@@ -16,7 +16,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.cli.output import write_json
+from lava_ros.cli.console import write_json
 from lava_ros.cli.ros import Child, ChildError, running_node
 from lava_ros.files import file_to_write, PICTURES
 from lava_ros.forecast.picture import draw_narrowing

@@ -3,15 +3,19 @@
 
 """`lava replay`: publish a recorded bag."""
 
+from __future__ import annotations
+
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
-from lava_ros.bag.reader import BagReader
-from lava_ros.bag.replay import Step
+from lava_ros.cli.console import terminal
 from lava_ros.cli.options import argument, command, seconds_of
-from lava_ros.cli.output import terminal
 from lava_ros.cli.ros import require_ros
 from lava_ros.errors import printable
+
+if TYPE_CHECKING:
+    from lava_ros.bag.replay import Step
 
 
 @command(
@@ -40,6 +44,8 @@ def replay(args: argparse.Namespace) -> int:
     in the namespace /etna.
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from lava_ros.bag.reader import BagReader
 
     offset = seconds_of('--start-offset', args.start_offset, may_be_zero=True)
     wait = seconds_of('--wait-for-subscribers', args.wait_for_subscribers, may_be_zero=True)

@@ -16,7 +16,6 @@ _EXTRAS = {
     'pyogrio': 'terrain',
     'rasterio': 'terrain',
     'scipy': 'hindcast',
-    'shtab': 'completion',
     'xarray': 'gis',
 }
 

@@ -316,7 +316,7 @@ def test_a_middleware_that_hangs_or_crashes(code, words, monkeypatch):
 def findings(monkeypatch):
     """What the doctor finds, to be filled."""
     found: list[Finding] = []
-    monkeypatch.setattr('lava_ros.cli.set_up._findings', lambda args: iter(found))
+    monkeypatch.setattr('lava_ros.cli.doctor._findings', lambda args: iter(found))
     return found
 
 

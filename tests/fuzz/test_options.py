@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 import yaml
 
-from command_line import lava
+from command_line import lava, parser_of
 from eruption import write_case
 from fuzz.limits import bounded
-from lava_ros.cli import manual, scenes
+from lava_ros.cli import scenes
 from lava_ros.scene import reshaping, terrain_files
 from lava_ros.scene import scene as scene_module
 
@@ -90,7 +90,7 @@ class BegunError(BaseException):
 @cache
 def options(command: str) -> list[argparse.Action]:
     """The options of a command, as its parser has them."""
-    actions = manual.parser_of(command)._actions
+    actions = parser_of(command)._actions
     return [item for item in actions if item.option_strings and item.dest != 'help']
 
 
@@ -132,8 +132,6 @@ def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
     for name in WORK:
         monkeypatch.setattr(name, begin)
-    # a process of its own makes it once too; of a line in this one it is a third of the time
-    monkeypatch.setattr(manual, 'parser_of', cache(manual.parser_of))
     # what has been read is told before what is wrong
     for module in (terrain_files, scene_module, scenes, reshaping):
         monkeypatch.setattr(module._LOG, 'disabled', True)
