@@ -13,7 +13,7 @@ help:  ## Say what can be made
 setup: $(STAMP)  ## Create .venv and install everything into it
 
 # Installs again when what is installed has changed; the stamp says that it went through.
-$(STAMP): setup.py setup.cfg pyproject.toml package.xml constraints.txt $(wildcard launch/* libexec/* params/* rviz/*)
+$(STAMP): setup.py pyproject.toml package.xml constraints.txt $(wildcard launch/* libexec/* params/* rviz/*)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 	  || { echo 'lava_ros needs Python 3.10 or newer; choose one: make PYTHON=python3.12 $(MAKECMDGOALS)' >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)

@@ -239,7 +239,7 @@ def test_a_table_of_effusion_rates_of_the_command(island, tmp_path):
     assert summit.discharge == ((0.0, 30.0), (86400.0, 0.0))
     for more, sentence in (
         (('--effusion-rate', '7', '--gaps', 'zero'), '--gaps is .zero., expected no --gaps with'),
-        (('--gaps', 'none'), 'there are zero, interpolate'),
+        (('--gaps', 'none'), "argument --gaps: invalid choice: 'none'"),
         (('--porosity', '2'), 'porosity is 2.0, expected at least 0 and below 1'),
         (('--eruption-start', 'now'), "start is 'now', expected a date such as 2021-09-19"),
         (('--effusion-rate', 'nowhere.csv'), '--effusion-rate is .nowhere.csv., expected a file'),
