@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What grids cost that are taken while lava is simulated, and how much memory everything takes.
+"""Measure the cost of grids that are taken while lava is simulated, and the memory.
 
 It makes publishing_h200.csv:
 
@@ -14,8 +14,8 @@ sent. Lava covers nearly every cell. Spans of time with and without grids altern
 grids is compared with those before and after it.
 
 Memory is measured in a process of its own: the most that Warp's memory pool has given out on the
-device, and what the driver reports as in use there, with the context, the kernels, and whatever
-else uses the device.
+device, and the memory that the driver reports as in use there, with the context, the kernels and
+all other programs.
 """
 
 import argparse

@@ -39,8 +39,10 @@ def schedule(
 
     A start offset [s of bag time] skips what lies before it, save that the newest message of every
     latched (transient_local) topic is due at once: a map that was published early still holds. A
-    ``loop`` starts over there at the end, for ever. LavaError where an argument is wrong, or the
-    bag is empty.
+    ``loop`` starts over there at the end, for ever.
+
+    Raises:
+        LavaError: An argument is out of range, or the bag is empty.
     """
     rate = validation.number('rate', rate, above=0.0)
     start_offset = validation.number('start_offset', start_offset, at_least=0.0, unit='s')

@@ -82,7 +82,7 @@ def accuracy(args: argparse.Namespace) -> int:
             longest=longest,
             on_progress=progress.show,
         ):
-            # what is interrupted keeps what it has
+            # an interrupted command leaves the rows so far
             measured += found
             rows = sorted([*kept, *measured], key=lambda row: order.index(row.case))
             write_csv(rows, folder / f'{stem}.csv')

@@ -72,7 +72,7 @@ def bench(args: argparse.Namespace) -> int:
     """Measure computing time and memory.
 
     effects: time of a step with each effect, and with all effects, relative to a step without.
-    steps: time of steps and snapshots, and memory, from few particles to many, beside a reference
+    steps: time of steps and snapshots, and memory, from few particles to many, next to a reference
     step. members: members of an ensemble, from one to many at once. choice: scenes with the
     effects that they call for, with each other effect forced on, and with all effects: the change
     of the footprint and the stated cost. convergence: footprints at the presets from coarse to
@@ -100,7 +100,7 @@ def bench(args: argparse.Namespace) -> int:
         for row in module.measure(device, on_progress=progress.show, **options):
             rows.append({**row, **origin})
             if args.output:
-                # what is interrupted leaves what it has
+                # an interrupted command leaves the rows so far
                 write_csv(rows, Path(args.output))
         progress.show('done', 1.0)
     heads, columns, forms = zip(*SHOWN[name], strict=True)
@@ -120,7 +120,7 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
     runs = {'choice': 24}.get(args.benchmark, 8) if args.runs is None else args.runs
     runs = validation.whole('--runs', runs, at_least=2, at_most=1000)
     if args.benchmark == 'convergence':
-        # not where it is not needed: what accuracy imports is little
+        # imported for this benchmark alone
         from lava_ros.hindcast.case import load_case
 
         return {'runs': runs, 'cases': [load_case(folder) for folder in args.case]}

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lava_ros.hindcast.calibration import Finding, LeftOut, Trial
     from lava_ros.hindcast.case import Case
 
-#: What a calibration leaves in its folder.
+#: Files of a calibration in its folder.
 TABLE, CALIBRATION = 'runs.csv', 'calibration.json'
 
 

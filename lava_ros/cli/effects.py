@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lava_ros.simulation.accuracy import Accuracy
     from lava_ros.simulation.selection import Decision
 
-#: What effects cost, measured by `lava bench effects`.
+#: Costs of effects, measured by `lava bench effects`.
 COSTS = 'docs/benchmarks/effects_h200.csv'
 
 
@@ -39,8 +39,8 @@ def effects(args: argparse.Namespace) -> int:
     """Print which physical effects a scene needs, and why.
 
     A dimensionless number decides about each effect. The command prints the number that is
-    expected of the flow, its threshold, what the effect costs in time, and what leaving it out
-    costs in accuracy. With --measure it also prints the largest number in a run.
+    expected of the flow, its threshold, the time that the effect takes, and the accuracy that
+    leaving it out costs. With --measure it also prints the largest number in a run.
     """
     from lava_ros.cli.scenes import scene_from_arguments
     from lava_ros.simulation.presets import preset_accuracy
@@ -94,7 +94,7 @@ def _measured(
 
 
 def _without(effect: Effect) -> str:
-    """Say what leaving an effect out costs where its number is at the threshold."""
+    """Describe the cost of leaving an effect out where its number is at the threshold."""
     if not effect.cost:
         return effect.admits
     return f'{effect.admits}; {percent(effect.cost)} of the footprint'

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lava_ros.scene import Terrain
     from lava_ros.scene.vent_files import VentRow
 
-#: What a hindcast leaves in its folder.
+#: Files and folders of a hindcast in its folder.
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
 
 
@@ -62,7 +62,7 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.score import judge
     from lava_ros.maps.plot import duration
 
-    # what the first run does not need had better be known before it
+    # an error should come before the first run, which does not need the number
     runs = validation.whole('--runs', args.runs, at_least=1, at_most=MOST)
     case = load_case(
         args.case,

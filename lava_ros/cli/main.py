@@ -89,7 +89,7 @@ def _complete() -> None:
 
 
 def _check_encoding(words: Sequence[str]) -> None:
-    """Exit with status 2 for bytes that are no text: no message, file or library takes them."""
+    """Exit with status 2 for bytes that are not text: no message, file or library takes them."""
     for word in words:
         try:
             word.encode()

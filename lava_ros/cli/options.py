@@ -147,7 +147,7 @@ def seconds_of(field: str, text: str, *, may_be_zero: bool = False) -> float:
 
 
 def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:
-    """The argument that says what maps, and shapes of them, are written as."""
+    """Return the argument for the file formats of maps, and of shapes of them."""
     usual = ' '.join(default) if default else 'tif, and geojson in a known coordinate system'
     return argument(
         '--formats', 'FORMAT',

@@ -12,7 +12,7 @@ from lava_ros.errors import LavaError
 
 RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble', nargs='+')
 
-#: Options of pages: what others know and is drawn too, what the maps show, and who publishes them.
+#: Options of pages: further things to draw, the extent of the maps, and their publisher.
 PAGE = (
     argument(
         '--overlay', 'FILE', 'points, lines and areas to show with their names, such as villages '

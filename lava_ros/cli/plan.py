@@ -34,7 +34,7 @@ def plan(args: argparse.Namespace) -> int:
 
     The command makes coarse pilot runs of a scene on this machine. It prints the preset and the
     spacing with which the run takes the given time, the number of members that an ensemble can
-    have, and the expected errors: the numerical error as a share of the covered area, and the
+    have, and the expected errors: the numerical error as a fraction of the covered area, and the
     sampling error of a probability.
     """
     from lava_ros.cli.scenes import scene_from_arguments
@@ -47,7 +47,7 @@ def plan(args: argparse.Namespace) -> int:
     members = None
     if args.members != 'auto':
         if not args.members.isdecimal():
-            raise LavaError('--members', args.members, 'a whole number from 1 on, or auto')
+            raise LavaError('--members', args.members, 'a whole number at or above 1, or auto')
         members = validation.whole('--members', args.members, at_least=1, at_most=MOST_MEMBERS)
     scene = scene_from_arguments(args)
 
@@ -66,7 +66,7 @@ def plan(args: argparse.Namespace) -> int:
     print(f'preset {found.preset}, spacing {found.spacing:.3g} m')
     for name, is_on in found.forced.items():
         state = 'on' if is_on else 'off'
-        print(f'effect {name} {state}: what the scene calls for takes too long at this spacing')
+        print(f'effect {name} {state}: the choice for the scene takes too long at this spacing')
     print(
         f'{found.members} run{"s" * (found.members > 1)} in about {found.wall_time:.2g} s of '
         f'{within:g} s' + ('; more time would not help' if found.is_finest else '')

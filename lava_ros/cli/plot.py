@@ -21,7 +21,7 @@ DRAWN = (
     argument(
         '--layers', 'MAP',
         f'maps to draw: {", ".join(DRAWN)}; of an ensemble, arrival is that of half its '
-        'members (default: all there are; of several runs the first)',
+        'members (default: all; of several runs the first)',
         (), nargs='+', choices=DRAWN,
     ),
     argument('--time', 'TIME', 'simulated time of the maps: 2h, 90min (default: the last)'),

@@ -21,8 +21,8 @@ def report(args: argparse.Namespace) -> int:
 
     The page is one file that needs no other. Of a single run it has the map with a time slider,
     curves of volume, area, front and temperature, the effects, the contents of the recording, and
-    what the accuracy cost. Of an ensemble, or of several runs, it has the maps of lava plot. With
-    --overlay, it has the table of lava places.
+    the cost of the accuracy. Of an ensemble, or of several runs, it has the maps of lava plot.
+    With --overlay, it has the table of lava places.
     """
     from lava_ros.pages.report.page import write_comparison, write_report
     from lava_ros.pages.runs import is_ensemble

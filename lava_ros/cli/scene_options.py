@@ -8,12 +8,12 @@ from lava_ros.cli.options import Argument, argument
 #: Lava of a scene that names none, as in ``lava_ros.scene.materials``, which takes long to import.
 DEFAULT_MATERIAL = 'etna_basalt'
 
-#: What fills the gaps of a table, as in ``lava_ros.scene.effusion_rates``.
+#: Values for the gaps of a table, as in ``lava_ros.scene.effusion_rates``.
 GAPS = ('zero', 'interpolate')
 
 
 def vent_arguments(of: str) -> tuple[Argument, ...]:
-    """The arguments that replace vents and lava of a scene, or of what else has some."""
+    """Return the arguments that replace vents and lava of a scene or of a case."""
     usual, lava = '', ''
     if of == 'scene':
         usual = ' (default without a scene: the summit)'
@@ -50,7 +50,7 @@ def _rate(text: str) -> float | str:
         return text
 
 
-#: Options that say how a table of effusion rates is read.
+#: Options for reading a table of effusion rates.
 RATE_OPTIONS = ('eruption_start', 'gaps', 'porosity')
 
 _TABLE = (

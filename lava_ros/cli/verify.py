@@ -79,7 +79,7 @@ def _line(name: str, result: Run, judged: Sequence[tuple[Measurement, float]]) -
 
 
 def _judged(result: Run, judged: Sequence[tuple[Measurement, float]]) -> dict[str, Any]:
-    """A run as plain data; an error that is no number is within no bound."""
+    """Return a run as plain data; an error that is NaN is outside every bound."""
     return asdict(result) | {'measurements': [
         {**asdict(item), 'error': item.error, 'bound': limit, 'within': item.error <= limit}
         for item, limit in judged

@@ -167,7 +167,7 @@ def write_still(
         picture: The PNG.
         template: A template of this folder: ``still.html``, or one that extends it.
         content: What the template names: ``title``, ``subtitle``, ``warnings`` and ``facts`` of
-            the page, ``shows``, which describes the picture, and what follows the picture.
+            the page, ``shows``, which describes the picture, and the sections after the picture.
 
     Returns:
         Size of the page [bytes].

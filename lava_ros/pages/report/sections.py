@@ -100,7 +100,7 @@ def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
 
 
 def effects_tables(told: Mapping[str, Any]) -> list[tuple[str, Table]]:
-    """Which effects were on, and why, and what changed later: tables with titles, if known."""
+    """Return tables with titles: effects at the start with reasons, and later changes."""
     if not told['effects']:
         return []
     start, *changes = (
@@ -194,7 +194,7 @@ def accuracy_table(recording: Recording, told: Mapping[str, Any]) -> Table:
 
 
 def recorded_tables(recording: Recording, survey: Survey) -> list[Table]:
-    """What the bag holds."""
+    """Return tables of the contents of the bag."""
     bag, frame = recording.bag, survey.frame
     rows, columns = frame.elevation.shape
     terrain = recording.scene.get('terrain')
@@ -219,7 +219,7 @@ def recorded_tables(recording: Recording, survey: Survey) -> list[Table]:
 
 
 def described_data(recording: Recording, told: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The scene and the parameters that the bag says it is of, as YAML with titles."""
+    """Return the recorded scene and parameters as YAML with titles."""
     return [
         (title, yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
         for title, data in (('Scene', recording.scene), ('Parameters', told['parameters']))
