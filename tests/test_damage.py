@@ -16,12 +16,12 @@ from mcap.opcode import Opcode
 import pytest
 import rasterio
 
-from command_line import lava
+from command_line import lava, parser_of
 from lava_ros.bag import BagReader, BagWriter
 from lava_ros.bag.checkpoints import attachments_in, checkpoints_of, NAME, newest_checkpoint
 from lava_ros.bag.records import FRAME, MAGIC
 from lava_ros.bag.replay import schedule
-from lava_ros.cli.manual import COMMANDS, parser_of
+from lava_ros.cli.parser import COMMANDS
 from lava_ros.errors import LavaError
 from lava_ros.simulation.checkpoint import MEDIA_TYPE
 from recording import record

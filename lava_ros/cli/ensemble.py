@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava ensemble` and `lava plan`: a scene many times, and what there is time for."""
+"""`lava ensemble`: the probability and the time of inundation from many runs of a scene."""
+
+from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
@@ -10,40 +12,21 @@ import json
 from pathlib import Path
 import sys
 import time
-from typing import Any
-
-import numpy as np
+from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.options import argument, command, device_named, seconds_of
-from lava_ros.cli.output import made_folder, Progress, write_json
+from lava_ros.cli.console import made_folder, Progress, write_json
+from lava_ros.cli.options import argument, command, device_named, formats, seconds_of
 from lava_ros.cli.ros import missing_package
-from lava_ros.cli.scenes import RATE_OPTIONS, SCENE, scene_as_given, scene_from_arguments
-from lava_ros.cli.show import formats
+from lava_ros.cli.scene_options import RATE_OPTIONS, SCENE
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
-from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.ensemble import (
-    default_workers,
-    Ensemble,
-    run_ensemble,
-    run_here,
-    run_in_processes,
-    run_on_cluster,
-    Store,
-)
-from lava_ros.forecast.members import check_members, make_plan, Plan
-from lava_ros.forecast.pilots import Pilot, spacing_at
-from lava_ros.forecast.planning import afford
-from lava_ros.forecast.rasters import raster_on, seen_in_file, write_atlas
-from lava_ros.forecast.sampling import draw_members, MOST_MEMBERS, Susceptibility
-from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
-from lava_ros.hindcast.run import Settings
-from lava_ros.maps.forecast import HazardMaps
-from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
-from lava_ros.scene.uncertainty import uncertainty_to_dict
-from lava_ros.simulation import presets
+
+if TYPE_CHECKING:
+    from lava_ros.forecast.ensemble import Ensemble
+    from lava_ros.forecast.members import Plan
+    from lava_ros.hindcast.case import Case
+    from lava_ros.maps.forecast import HazardMaps
 
 #: How far ahead members run by default.
 HORIZON = '6h'
@@ -98,6 +81,15 @@ def ensemble(args: argparse.Namespace) -> int:
     hindcast: the command then draws from the published ranges of the lava, unless case.yaml has a
     section `uncertainty`, and scores the probability against the mapped flow.
     """
+    from lava_ros.forecast.assimilation import Outline
+    from lava_ros.forecast.ensemble import run_ensemble, Store
+    from lava_ros.forecast.members import check_members
+    from lava_ros.forecast.rasters import raster_on, seen_in_file, write_atlas
+    from lava_ros.forecast.sampling import draw_members, Susceptibility
+    from lava_ros.hindcast.chances import chances_of, mapped_on
+    from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
+    from lava_ros.scene.uncertainty import uncertainty_to_dict
+
     if (args.observed is None) != (args.observed_at is None):
         right = 'a time together with --observed, and neither without the other'
         raise LavaError('--observed-at', args.observed_at, right)
@@ -175,6 +167,13 @@ def ensemble(args: argparse.Namespace) -> int:
 
 def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     """What the members have in common; of a folder the case that it holds."""
+    from lava_ros.cli.scenes import scene_as_given
+    from lava_ros.forecast.members import make_plan
+    from lava_ros.hindcast.case import load_case
+    from lava_ros.hindcast.chances import plan_of
+    from lava_ros.hindcast.run import Settings
+    from lava_ros.simulation import presets
+
     if args.scene is None or not Path(args.scene).is_dir():
         return make_plan(
             scene_as_given(args),
@@ -198,6 +197,13 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
 
 def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
     """What runs the members, and how to say so."""
+    from lava_ros.forecast.ensemble import (
+        default_workers,
+        run_here,
+        run_in_processes,
+        run_on_cluster,
+    )
+
     workers = args.workers
     if workers is not None:
         workers = validation.whole('--workers', workers, at_least=1, at_most=1024)
@@ -224,6 +230,8 @@ def _report(
     wall: float,
     where: dict[str, Any],
 ) -> dict[str, Any]:
+    import numpy as np
+
     ran = maps.members - done.resumed
     likely, cell = np.nan_to_num(maps.probability), plan.scene.terrain.resolution**2
     return {
@@ -313,60 +321,3 @@ def _print(report: dict[str, Any], plan: Plan) -> None:
             + ('' if gap is None else f'; largest error of reliability {100.0 * gap:.0f} points')
         )
     print('\n'.join(f'written to {path}' for path in report['files']))
-
-
-@command(
-    *SCENE,
-    argument('--within', 'TIME', 'wall time to use: 30s, 10min', required=True),
-    argument(
-        '--members', 'N', 'number of members of an ensemble, which run one after the other; auto '
-        'takes the number with the smallest error', '1',
-    ),
-    '--horizon', '--device', '--json',
-    horizon='6h',
-)
-def plan(args: argparse.Namespace) -> int:
-    """Find the accuracy that a run, or an ensemble, can have in a given time.
-
-    The command makes coarse pilot runs of a scene on this machine. It prints the preset and the
-    spacing with which the run takes the given time, the number of members that an ensemble can
-    have, and the expected errors: the numerical error as a share of the covered area, and the
-    sampling error of a probability.
-    """
-    within = seconds_of('--within', args.within)
-    horizon = seconds_of('--horizon', args.horizon)
-    members = None
-    if args.members != 'auto':
-        if not args.members.isdecimal():
-            raise LavaError('--members', args.members, 'a whole number from 1 on, or auto')
-        members = validation.whole('--members', args.members, at_least=1, at_most=MOST_MEMBERS)
-    scene = scene_from_arguments(args)
-
-    def tell(pilot: Pilot) -> None:
-        spacing = spacing_at(scene, pilot.refinement, horizon)
-        print(
-            f'pilot: spacing {spacing:.3g} m took {pilot.spent:.3g} s'
-            + ('' if pilot.is_done else f', stopped: it would take {pilot.wall_time:.3g} s'),
-            flush=True,
-        )
-
-    found = afford(
-        scene, within=within, horizon=horizon, members=members, device=args.device,
-        may_force=True, on_pilot=tell,
-    )
-    print(f'preset {found.preset}, spacing {found.spacing:.3g} m')
-    for name, is_on in found.forced.items():
-        state = 'on' if is_on else 'off'
-        print(f'effect {name} {state}: what the scene calls for takes too long at this spacing')
-    print(
-        f'{found.members} run{"s" * (found.members > 1)} in about {found.wall_time:.2g} s of '
-        f'{within:g} s' + ('; more time would not help' if found.is_finest else '')
-    )
-    print(
-        f'numerical error: about {100.0 * found.error:.2g} % of the covered area, and '
-        f'{100.0 * found.cell_error:.2g} % by the cells of {scene.terrain.resolution:g} m'
-    )
-    if found.members > 1:
-        print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
-    write_json(asdict(found), args.json)
-    return 0

@@ -16,14 +16,13 @@ import subprocess
 import sys
 import tempfile
 from types import FrameType
-from typing import Any
-
-import numpy as np
+from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.scene import Scene, scene_to_dict
-from lava_ros.scene.terrain_files import barrier_tags
+
+if TYPE_CHECKING:
+    from lava_ros.scene import Scene
 
 #: Number of last lines of the log shown when a process has failed.
 SHOWN_LINES = 40
@@ -138,7 +137,7 @@ def domain_of(chosen: int | None) -> int:
 
 
 @contextmanager
-def running_node(scene: Scene, settings: Mapping[str, Any], domain: int) -> Iterator[Child]:
+def running_node(scene: 'Scene', settings: Mapping[str, Any], domain: int) -> Iterator[Child]:
     """Start a node on a scene, in a domain that is printed, and end it afterwards."""
     print(f'ROS domain {domain}; to watch: ROS_DOMAIN_ID={domain} lava watch (or rviz2)')
     with tempfile.TemporaryDirectory(prefix='lava-node-') as folder:
@@ -150,7 +149,12 @@ def running_node(scene: Scene, settings: Mapping[str, Any], domain: int) -> Iter
             node.end()
 
 
-def _started(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
+def _started(scene: 'Scene', settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
+    import numpy as np
+
+    from lava_ros.scene import scene_to_dict
+    from lava_ros.scene.terrain_files import barrier_tags
+
     names = ('elevation', 'resolution', 'origin', 'offset', 'source', 'epsg', 'wkt')
     grid = {name: getattr(scene.terrain, name) for name in names} | barrier_tags(scene.terrain)
     np.savez(folder / 'terrain.npz', **{k: v for k, v in grid.items() if v is not None})

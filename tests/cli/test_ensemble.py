@@ -202,7 +202,7 @@ def test_an_interrupted_run_says_how_to_go_on(scene, tmp_path, monkeypatch):
     def interrupted(*args: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr('lava_ros.cli.ensemble.run_ensemble', interrupted)
+    monkeypatch.setattr('lava_ros.forecast.ensemble.run_ensemble', interrupted)
     words = ['--workers', '1', '--device', 'cpu']
     status, _, said = lava('ensemble', scene, '-o', tmp_path / 'out', *words)
     assert status == 130 and 'the same command' in said

@@ -8,7 +8,9 @@ from lava_ros.verification.cases.case import Case, Measurement, Run
 from lava_ros.verification.cases.spreading import CASES as SPREADING
 from lava_ros.verification.cases.spreading import spread_of_fixed_volume
 
-__all__ = ['CASES', 'EFFECT_CASES', 'Case', 'Measurement', 'Run', 'spread_of_fixed_volume']
+__all__ = [
+    'CASES', 'EFFECT_CASES', 'TITLES', 'Case', 'Measurement', 'Run', 'spread_of_fixed_volume',
+]
 
 #: Cases of what lava does beside flowing and spreading: they have a chart of their own.
 EFFECT_CASES = frozenset(
@@ -24,3 +26,6 @@ CASES: dict[str, Case] = {
     )
     for case in cases
 }
+
+#: The titles of the cases by name, as headings.
+TITLES = {name: f'{case.title[0].upper()}{case.title[1:]}' for name, case in CASES.items()}

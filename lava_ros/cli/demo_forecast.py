@@ -1,24 +1,23 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava forecast-demo`: a forecast before and after an outline is seen."""
+"""`lava demo --forecast`: a forecast before and after an outline is observed."""
 
 import argparse
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
-import os
 from pathlib import Path
+import sys
 import time
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.cli.options import argument, command
-from lava_ros.cli.output import write_json
-from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, running_node
+from lava_ros.cli.console import write_json
+from lava_ros.cli.ros import Child, ChildError, running_node
 from lava_ros.files import file_to_write, PICTURES
 from lava_ros.forecast.picture import draw_narrowing
 from lava_ros.forecast.scores import brier_score, entropy
@@ -33,6 +32,9 @@ if TYPE_CHECKING:
 
 #: How far forecasts look [s], and simulated seconds in a second.
 HORIZON, SPEED = 3600.0, 40.0
+
+#: Number of members of an ensemble, and the picture to write.
+MEMBERS, PICTURE = 16, 'forecast.png'
 
 #: Simulated time at which the outline of the lava is observed [s].
 SEEN_AT = 1200.0
@@ -61,39 +63,34 @@ PATIENCE = 300.0
 UNDECIDED = (5, 95)
 
 
-@command(
-    argument('--members', 'N', 'number of members of an ensemble', 16),
-    argument(
-        '--picture', 'FILE', 'picture to write of the probabilities before and after',
-        'forecast.png',
-    ),
-    argument('--speed', 'X', 'run X times as fast as real time', SPEED),
-    '--device', '--domain', '--json',
-)
-def forecast_demo(args: argparse.Namespace) -> int:
-    """Open a vent, live in ROS 2, and narrow the forecast with an observed outline.
+def narrow_forecast(args: argparse.Namespace, domain: int) -> int:
+    """Open a vent in a ROS domain and narrow the node's forecast with an observed outline.
 
-    The command starts a node that computes forecasts and ensembles, opens a vent over DDS, and
-    prints how long the first forecast takes. It then sends the node the outline of a flow whose
-    effusion rate and viscosity the node does not know, and draws the probabilities before and
-    after it.
+    Args:
+        args: Arguments of `lava demo`; those not given are None.
+        domain: ID of a ROS domain that nothing else uses.
+
+    Returns:
+        The exit status: 1 if the node failed or took too long.
+
+    Raises:
+        LavaError: An argument is out of range, or the picture cannot be written.
     """
-    require_ros()
-    members = validation.whole('--members', args.members, at_least=2, at_most=10_000)
-    speed = validation.number('--speed', args.speed, at_least=1.0, at_most=200.0)
-    domain = domain_of(args.domain)
-    # for this process and for the node
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    file_to_write('--picture', args.picture, PICTURES)
+    members = MEMBERS if args.members is None else args.members
+    members = validation.whole('--members', members, at_least=2, at_most=10_000)
+    speed = SPEED if args.max_speed is None else args.max_speed
+    speed = validation.number('--max-speed', speed, at_least=1.0, at_most=200.0)
+    picture = PICTURE if args.picture is None else args.picture
+    file_to_write('--picture', picture, PICTURES)
     scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
     truth = _Truth(scene, args.device)
     try:
         result, maps = _narrowed(scene, truth, members, speed, args.device, domain)
     except ChildError as error:
-        print(f'lava forecast-demo: {error}')
+        print(f'lava demo: {error}', file=sys.stderr)
         return 1
-    draw_narrowing(scene, maps, seen=truth.seen, came=truth.came, output=Path(args.picture))
-    result['picture'] = args.picture
+    draw_narrowing(scene, maps, seen=truth.seen, came=truth.came, output=Path(picture))
+    result['picture'] = picture
     write_json(result, args.json)
     _print(result)
     return 0

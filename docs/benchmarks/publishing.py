@@ -1,23 +1,26 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What grids cost that are taken while the lava is being stepped, and how much memory all takes.
+"""Measure the cost of grids that are taken while lava is simulated, and the memory.
 
-The node's own worker (``lava_ros.ros.worker``) runs a field of lava as fast as it can, in steps of
+It makes publishing_h200.csv:
+
+    python docs/benchmarks/publishing.py cuda:0 > docs/benchmarks/publishing_h200.csv
+
+The node's worker (``lava_ros.ros.worker``) runs a field of lava as fast as it can, in steps of
 fixed length, and is asked for a snapshot ten times a second or not at all. Each snapshot becomes
 the bytes of one occupancy grid in another thread of the process, as in the node; no message is
-sent. Lava covers nearly every cell. Spans of time with and without grids take turns; slower is
-against those before and after.
+sent. Lava covers nearly every cell. Spans of time with and without grids alternate; a span with
+grids is compared with those before and after it.
 
-Memory is measured in a process of its own: what Warp's memory pool has given out on the device at
-most, and what the driver says is in use there, with the context, the kernels, and whatever else
-uses the device.
+Memory is measured in a process of its own: the most that Warp's memory pool has given out on the
+device, and the memory that the driver reports as in use there, with the context, the kernels and
+all other programs.
 """
 
-from __future__ import annotations
-
+import argparse
 from array import array
-from collections.abc import Iterator
+import csv
 from itertools import pairwise
 import json
 from statistics import median
@@ -25,17 +28,15 @@ import subprocess
 import sys
 import threading
 import time as wall_clock
-from typing import Any
 
 import warp as wp
 
-from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros.worker import SimulationWorker
-from lava_ros.simulation import Simulation
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
-from lava_ros.verification.rows import OnProgress, row_of
+from lava_ros.verification.measure import machine_name
+from lava_ros.verification.rows import row_of
 
 #: Particles by default: on a GPU, and on a CPU.
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
@@ -50,31 +51,22 @@ PERIOD, SPAN = 0.1, 2.0
 EFFECTS, LAYER = 'green', 'height'
 
 #: Simulated time that the worker is asked for each second [s]: more than there can be.
-_ENDLESS = 1e6
+ENDLESS = 1e6
 
 #: Particles and cells along a side of what memory is measured of.
 LARGE = {'cuda': (10_000_000, 4000), 'cpu': (100_000, 400)}
 
-#: What a process of its own does, and how long it may take [s].
-_HOLD = f'from {__name__} import hold; hold({{device!r}}, {{particles}}, {{cells}})'
-_PATIENCE = 600.0
+#: Longest time of the process that measures memory [s].
+PATIENCE = 600.0
 
 
-def measure(
-    device: str, *, particles: int | None, repetitions: int, on_progress: OnProgress
-) -> Iterator[dict[str, Any]]:
-    """Time steps with and without publishing grids, and measure the memory of a large simulation.
-
-    ``particles`` are stepped, None for the usual number of the device; ``on_progress`` gets the
-    name of the next measurement and the share of the work done.
-    """
+def measure(device, particles, repetitions):
+    """Yield a row for each measurement of steps with and without grids, and of memory."""
     kind = 'cuda' if wp.get_device(device).is_cuda else 'cpu'
-    parts = len(GRIDS) + 1
-    for index, cells in enumerate(GRIDS):
+    for cells in GRIDS:
         grids = f'grids of {cells} x {cells}'
-        on_progress(grids, index / parts)
         stepping = Stepping(particles or PARTICLES[kind], cells, device)
-        # turn about: steps get slower as the lava flows on, and other work comes and goes
+        # they alternate: steps get slower as the lava flows, and other work comes and goes
         alone, beside = [stepping.run(with_grids=False)[0]], []
         for _ in range(repetitions):
             beside.append(stepping.run(with_grids=True))
@@ -88,7 +80,6 @@ def measure(
         yield row_of(f'{grids}: steps slow by', count, slower, '%')
         yield row_of(f'{grids}: made', count, [each[1] for each in beside], 'grids/s')
         yield row_of(f'{grids}: bytes of one', count, [each[2] for each in beside], 'ms')
-    on_progress('memory', (parts - 1) / parts)
     for benchmark, count, value, unit in held(device, *LARGE[kind]):
         yield row_of(benchmark, count, [value], unit)
 
@@ -96,27 +87,27 @@ def measure(
 class Stepping:
     """A worker that steps a field of lava, of so many particles, as fast as it can."""
 
-    def __init__(self, particles: int, cells: int, device: str) -> None:
+    def __init__(self, particles, cells, device):
         """Start it, and wait until all is compiled."""
         layers = load_layers(share_path('msg_configs/default.yaml'))
         (self._layer,) = (layer for layer in layers if layer.name == LAYER)
         self._shown = threading.Event()
         field = lava_field(particles, effect_sets()[EFFECTS], device, cells=cells)
         # it has all attributes of a Simulation
-        self._watched: Any = _Watched(field)
+        self._watched = Watched(field)
         self.particles = self._watched.particle_count
         self.worker = SimulationWorker(
             lambda scene: self._watched,
             clock=wall_clock.monotonic,
-            time_scale=_ENDLESS,
+            time_scale=ENDLESS,
             on_snapshot=self._shown.set,
         )
         self.worker.start()
         self.worker.set_scene(self._watched.scene).result()
         self.run(with_grids=True)
 
-    def run(self, *, with_grids: bool) -> tuple[float, float, float]:
-        """Let it step for a while; LavaError where the simulation fails.
+    def run(self, *, with_grids):
+        """Let it step for a while.
 
         Returns:
             Steps a second, grids a second, and the median time that the bytes of a grid take to
@@ -124,12 +115,11 @@ class Stepping:
         """
         times, is_over, self._watched.marks = [], threading.Event(), []
 
-        def make_grids() -> None:
+        def make_grids():
             while not is_over.is_set():
                 if self._shown.wait(PERIOD):
                     self._shown.clear()
                     start, snapshot = wall_clock.perf_counter(), self.worker.latest
-                    assert snapshot is not None
                     # as in the node, and without rclpy
                     array('b').frombytes(self._layer.grid_values(snapshot).data.cast('B'))
                     times.append(wall_clock.perf_counter() - start)
@@ -145,32 +135,35 @@ class Stepping:
         is_over.set()
         maker.join()
         if self.worker.status.error:
-            raise LavaError('worker', self.worker.status.error, 'no failure')
+            raise RuntimeError(self.worker.status.error)
         return rate, len(times) / elapsed, 1e3 * median(times or [0.0])
 
 
-class _Watched:
+class Watched:
     """A simulation, and when it has reached which time (``marks``)."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation):
+        """Watch a simulation."""
         self._simulation = simulation
-        self.marks: list[tuple[float, float]] = []
+        self.marks = []
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
+        """Everything else is the simulation's."""
         return getattr(self._simulation, name)
 
-    def advance(self, until: float, *, wall_limit: float | None = None) -> float:
+    def advance(self, until, *, wall_limit=None):
+        """Advance the simulation, and note the wall time."""
         reached = self._simulation.advance(until, wall_limit=wall_limit)
         self.marks.append((wall_clock.perf_counter(), reached))
         return reached
 
-    def rate(self) -> float:
+    def rate(self):
         """Steps a second."""
         (first, begin), (last, reached) = self.marks[0], self.marks[-1]
         return (reached - begin) / STEP / (last - first)
 
 
-def hold(device: str, particles: int, cells: int) -> None:
+def hold(device, particles, cells):
     """Step much lava on a large map, show it, and print what memory it takes [B]."""
     found = wp.get_device(device)
     simulation = lava_field(particles, effect_sets()[EFFECTS], device, cells=cells)
@@ -187,21 +180,39 @@ def hold(device: str, particles: int, cells: int) -> None:
     print(json.dumps(sizes))
 
 
-def held(device: str, particles: int, cells: int) -> Iterator[tuple[str, int, float, str]]:
+def held(device, particles, cells):
     """Name, particles, size and unit of what a process of its own holds, nothing on a CPU."""
-    call = _HOLD.format(device=device, particles=particles, cells=cells)
-    try:
-        done = subprocess.run(
-            [sys.executable, '-c', call],
-            check=True,
-            capture_output=True,
-            timeout=_PATIENCE,
-            text=True,
-        )
-    except subprocess.SubprocessError as error:
-        output = getattr(error, 'stderr', None) or str(error)
-        raise LavaError('memory', device, f'enough memory ({output[-500:]})') from error
+    words = [sys.executable, __file__, device, '--hold', str(particles), str(cells)]
+    done = subprocess.run(words, check=True, stdout=subprocess.PIPE, timeout=PATIENCE, text=True)
     sizes = json.loads(done.stdout.splitlines()[-1])
     count = sizes.pop('particles')
     for name, size in sizes.items():
         yield f'map of {cells} x {cells}: memory {name}', count, 1e-9 * size, 'GB'
+
+
+def main():
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('device')
+    parser.add_argument('--particles', type=int)
+    parser.add_argument('--repetitions', type=int, default=5)
+    parser.add_argument('--hold', type=int, nargs=2, metavar=('PARTICLES', 'CELLS'))
+    args = parser.parse_args()
+    if args.hold:
+        hold(args.device, *args.hold)
+        return
+    command = f'python docs/benchmarks/publishing.py {args.device}'
+    command += f' --repetitions {args.repetitions}'
+    origin = {'device': args.device, 'machine': machine_name(args.device), 'command': command}
+    table = None
+    for row in measure(args.device, args.particles, args.repetitions):
+        row |= origin
+        if table is None:
+            table = csv.DictWriter(sys.stdout, list(row), lineterminator='\n')
+            table.writeheader()
+        table.writerow(row)
+        sys.stdout.flush()
+
+
+if __name__ == '__main__':
+    main()

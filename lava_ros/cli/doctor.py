@@ -1,27 +1,21 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava doctor` and `lava completion`: the installation, and what the shell knows of it."""
+"""`lava doctor`: check the installation."""
+
+from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
-from lava_ros import doctor as checks
-from lava_ros.cli.manual import COMMANDS, parser_of, summary_of
+from lava_ros.cli.console import terminal, write_json
 from lava_ros.cli.options import argument, command
-from lava_ros.cli.output import terminal, write_json
-from lava_ros.doctor import FAIL, Finding, OK, WARN
 from lava_ros.errors import LavaError, printable
-from lava_ros.files.optional import require
-from lava_ros.maps.layer_files import find_config, load_layers
 
-_STYLES = {OK: 'green', WARN: 'yellow', FAIL: 'bold red'}
-
-#: Arguments that are files or folders.
-_PATHS = frozenset(
-    ('bag', 'bags', 'json', 'msg_config', 'output', 'scene', 'terrain', 'directory', 'csv')
-)
+if TYPE_CHECKING:
+    from lava_ros.doctor import Finding, Said
 
 
 @command(
@@ -39,6 +33,8 @@ def doctor(args: argparse.Namespace) -> int:
     goes out over the middleware and comes back, security, QoS of the layers, GPU, kernel cache,
     disk and clock. The exit status is 1 if something does not work.
     """
+    from lava_ros.doctor import FAIL
+
     findings = []
     show = _printer() if args.json is None else None
     for finding in _findings(args):
@@ -51,6 +47,8 @@ def doctor(args: argparse.Namespace) -> int:
 
 
 def _findings(args: argparse.Namespace) -> Iterator[Finding]:
+    from lava_ros import doctor as checks
+
     for name, check in {
         'python': checks.check_python,
         'packages': checks.check_packages,
@@ -64,19 +62,24 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
         'disk': lambda: checks.check_disk(args.bags),
         'clock': checks.check_clock,
     }.items():
-        yield from (Finding(name, *said) for said in check())
+        yield from (checks.Finding(name, *said) for said in check())
 
 
-def _check_layers(name: str) -> checks.Said:
+def _check_layers(name: str) -> Said:
+    from lava_ros import doctor as checks
+    from lava_ros.maps.layer_files import find_config, load_layers
+
     try:
         layers = load_layers(find_config(name, field='--msg-config'))
     except LavaError as error:
-        return [(FAIL, str(error), 'correct the file, or name another: --msg-config')]
+        return [(checks.FAIL, str(error), 'correct the file, or name another: --msg-config')]
     return checks.check_qos(layers)
 
 
 def _printer() -> Callable[[Finding], None]:
     """What prints a finding: in colours in a terminal, where rich is installed."""
+    from lava_ros.doctor import FAIL, OK, WARN
+
     try:
         from rich.text import Text
 
@@ -84,10 +87,12 @@ def _printer() -> Callable[[Finding], None]:
     except ImportError:
         return lambda finding: print('\n'.join(_lines(finding)), flush=True)
 
+    styles = {OK: 'green', WARN: 'yellow', FAIL: 'bold red'}
+
     def show(finding: Finding) -> None:
         first, *rest = _lines(finding)
         line = Text(first)
-        line.stylize(_STYLES[finding.level], 0, len(finding.level))
+        line.stylize(styles[finding.level], 0, len(finding.level))
         console.print(line, *(Text(words, style='dim') for words in rest), sep='\n')
 
     return show
@@ -96,28 +101,3 @@ def _printer() -> Callable[[Finding], None]:
 def _lines(finding: Finding) -> list[str]:
     lines = [f'{finding.level:6}{finding.check:13} {printable(finding.text)}']
     return [*lines, f'{"":20}-> {printable(finding.way_out)}'] if finding.way_out else lines
-
-
-@command(argument('shell', None, 'shell that reads the script', choices=('bash', 'zsh')))
-def completion(args: argparse.Namespace) -> int:
-    """Print a script with which the shell completes commands and options.
-
-    Write the script to a file that the shell reads when it needs it. bash: lava completion bash >
-    ~/.local/share/bash-completion/completions/lava. zsh: lava completion zsh > DIRECTORY/_lava,
-    where fpath contains DIRECTORY.
-    """
-    require('shtab', 'lava completion')
-    import shtab
-
-    parser = argparse.ArgumentParser('lava')
-    parser.add_argument('--version', action='store_true')
-    commands = parser.add_subparsers()
-    for name in COMMANDS:
-        known = commands.add_parser(
-            name, help=summary_of(name), parents=[parser_of(name)], add_help=False
-        )
-        for action in known._actions:
-            if action.dest in _PATHS or action.metavar in ('FILE', 'DIR', 'FOLDER'):
-                action.complete = shtab.FILE  # type: ignore[attr-defined]
-    print(shtab.complete(parser, shell=args.shell))
-    return 0
