@@ -35,13 +35,14 @@ from lava_ros.forecast.ensemble import (
 from lava_ros.forecast.members import check_members, make_plan, Plan
 from lava_ros.forecast.pilots import Pilot, spacing_at
 from lava_ros.forecast.planning import afford
-from lava_ros.forecast.rasters import raster_on, seen_in_file, write_atlas
+from lava_ros.forecast.rasters import seen_in_file, write_atlas
 from lava_ros.forecast.sampling import draw_members, MOST_MEMBERS, Susceptibility
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
+from lava_ros.scene.on_terrain import raster_on
 from lava_ros.scene.uncertainty import uncertainty_to_dict
 from lava_ros.simulation import presets
 

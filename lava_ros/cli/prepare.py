@@ -6,12 +6,10 @@
 import argparse
 from collections.abc import Mapping
 import csv
-from dataclasses import asdict, replace
+from dataclasses import asdict
 import json
 import math
 from pathlib import Path
-
-import numpy as np
 
 from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.output import Progress, write_json
@@ -28,7 +26,7 @@ from lava_ros.scene import Scene
 from lava_ros.scene.lava import constant_units
 from lava_ros.scene.materials import Constant, material_named
 from lava_ros.scene.materials import materials as known_materials
-from lava_ros.scene.reshaping import Barrier, low_pass, read_barriers, with_barrier
+from lava_ros.scene.reshaping import Barrier, low_pass, read_barriers, with_barriers
 from lava_ros.scene.terrain_files import barrier_tags, load_terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
@@ -189,17 +187,9 @@ def barrier(args: argparse.Namespace) -> int:
     if args.lines:
         usual = {'height': args.height, 'width': args.width, 'slope': args.slope}
         barriers += read_barriers('--lines', args.lines, before, usual)
+    terrain = with_barriers(before, barriers)
     for item in barriers:
-        raised = with_barrier(before, item)
-        terrain = replace(
-            terrain,
-            elevation=np.maximum(terrain.elevation, raised.elevation),
-            barriers=(*terrain.barriers, item.line),
-        )
-        print(
-            f'barrier {item.length:.0f} m long, {item.height:g} m high, crest {item.width:g} m '
-            f'wide: {item.volume:.0f} m3 of earth by its cross-section'
-        )
+        print(item.text())
     origin = Provenance(Path(args.terrain).name, effects=(), preset='none')
     write_grid(output, 'elevation', terrain.elevation, terrain, origin, barrier_tags(terrain))
     if barriers:

@@ -5,6 +5,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.util import find_spec
 import json
 import os
@@ -22,7 +23,8 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.scene import Scene, scene_to_dict
+from lava_ros.maps.gis import Provenance, write_grid
+from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.terrain_files import barrier_tags
 
 #: Number of last lines of the log shown when a process has failed.
@@ -150,11 +152,32 @@ def running_node(scene: Scene, settings: Mapping[str, Any], domain: int) -> Iter
             node.end()
 
 
-def _started(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
+def _save(path: Path, terrain: Terrain) -> None:
     names = ('elevation', 'resolution', 'origin', 'offset', 'source', 'epsg', 'wkt')
-    grid = {name: getattr(scene.terrain, name) for name in names} | barrier_tags(scene.terrain)
-    np.savez(folder / 'terrain.npz', **{k: v for k, v in grid.items() if v is not None})
+    grid = {name: getattr(terrain, name) for name in names} | barrier_tags(terrain)
+    np.savez(path, **{k: v for k, v in grid.items() if v is not None})
+
+
+def _started(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
+    _save(folder / 'terrain.npz', scene.terrain)
     plain = scene_to_dict(scene) | {'terrain': {'file': 'terrain.npz'}}
+    if scene.emplaced_flows:
+        plain['emplaced_flows'] = []
+    for number, flow in enumerate(scene.emplaced_flows):
+        path = folder / f'flow_{number}.tif'
+        cells = replace(
+            scene.terrain, elevation=flow.thickness, resolution=flow.resolution,
+            origin=flow.origin,
+        )
+        write_grid(path, 'thickness', cells.elevation, cells, Provenance('scene'))
+        plain['emplaced_flows'].append({'file': path.name, 'temperature': flow.temperature})
+    if scene.events:
+        plain['events'] = []
+    ground = scene.terrain
+    for number, event in enumerate(scene.events):
+        ground = event.ground(ground)
+        _save(folder / f'event_{number}.npz', ground)
+        plain['events'].append({'time': event.time, 'terrain': f'event_{number}.npz'})
     parameters = {**settings, 'scene': str(folder / 'scene.yaml')}
     # JSON is YAML
     (folder / 'scene.yaml').write_text(json.dumps(plain), encoding='utf-8')

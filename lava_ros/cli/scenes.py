@@ -9,15 +9,16 @@ from contextlib import suppress
 from dataclasses import replace
 import logging
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lava_ros.cli.options import Argument, argument
+from lava_ros.cli.options import Argument, argument, seconds_of
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import angle
 from lava_ros.hindcast.tables import series_of
-from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain
+from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain, with_changes
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
     GAPS,
@@ -26,6 +27,7 @@ from lava_ros.scene.effusion_rates import (
     read_effusion_rates,
     series_of_rates,
 )
+from lava_ros.scene.emplaced import KINDS
 from lava_ros.scene.materials import DEFAULT as DEFAULT_MATERIAL
 from lava_ros.scene.projection import is_degrees, projected
 from lava_ros.scene.reshaping import finer
@@ -122,6 +124,24 @@ _PARTS: tuple[str | Argument, ...] = (
     ),
     *vent_arguments('scene'),
     *_TABLE,
+    argument(
+        '--emplaced-flow', 'FILE', 'flow that is there before the start: a raster of its '
+        'thickness [m], such as thickness.tif of lava export, or a file of outlines with '
+        '--emplaced-thickness; may be repeated; adds to the flows of the scene',
+        action='append',
+    ),
+    argument(
+        '--emplaced-thickness', 'M', 'thickness [m] of the outlines of emplaced flows', float
+    ),
+    argument(
+        '--emplaced-as', None, 'what emplaced flows are: lava, which flows on from the eruption '
+        'temperature, or ground (default: lava)', choices=KINDS,
+    ),
+    argument(
+        '--terrain-at', ('TIME', 'FILE'), 'elevation from a simulated time on (2h, 90min), on the '
+        'grid of the terrain; may be repeated; adds to the events of the scene', nargs=2,
+        action='append',
+    ),
 )
 
 #: The arguments that choose a scene: its file without a flag, or with one.
@@ -190,7 +210,7 @@ def scene_from_arguments(args: argparse.Namespace) -> Scene:
     spacing = resolution_of(scene, preset_accuracy(DEFAULT)).spacing
     factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
     most = math.isqrt(MOST_CELLS // scene.terrain.elevation.size)
-    return replace(scene, terrain=finer(scene.terrain, max(min(factor, most), 1)))
+    return scene.on(lambda terrain: finer(terrain, max(min(factor, most), 1)))
 
 
 def scene_as_given(args: argparse.Namespace) -> Scene:
@@ -217,6 +237,10 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         ]
     else:
         data['vents'] = [_usual_vent(terrain, position=_summit(terrain), name='summit')]
+    changes, terrain = with_changes(_changes_of(args), Path(), terrain, given, label='command')
+    for name, items in changes.items():
+        data[name] = [*data.get(name, []), *items]
+    data['events'] = sorted(data.get('events', []), key=lambda event: event.time)
     vents = vents_as_given(args, terrain)
     rates = _rates_of(args)
     if vents and rates:
@@ -249,6 +273,25 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         scene = replace(scene, uncertainty=replace(scene.uncertainty, discharge=error))
     _tell(scene)
     return scene
+
+
+def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Emplaced flows and events that the arguments give, as a scene file has them."""
+    changes: dict[str, Any] = {}
+    shared = {'thickness': args.emplaced_thickness, 'as': args.emplaced_as}
+    shared = {name: value for name, value in shared.items() if value is not None}
+    if args.emplaced_flow:
+        changes['emplaced_flows'] = [{'file': file, **shared} for file in args.emplaced_flow]
+    for name, value in shared.items():
+        if not args.emplaced_flow:
+            right = f'no --emplaced-{name} without --emplaced-flow'
+            raise LavaError(f'--emplaced-{name}', value, right)
+    if args.terrain_at:
+        changes['events'] = [
+            {'time': seconds_of('--terrain-at', time, may_be_zero=True), 'terrain': file}
+            for time, file in args.terrain_at
+        ]
+    return changes
 
 
 def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:

@@ -3,7 +3,7 @@
 
 """Terrain -> terrain: barriers of earth along a line, no short waves, finer cells."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 import logging
@@ -79,6 +79,13 @@ class Barrier:
         ends = math.pi * self.height * (outer**2 + outer * inner + inner**2) / 3.0
         return self.length * self.height * (self.width + run) + ends
 
+    def text(self) -> str:
+        """Say what it is, and how much earth it takes."""
+        return (
+            f'barrier {self.length:.0f} m long, {self.height:g} m high, crest {self.width:g} m '
+            f'wide: {self.volume:.0f} m3 of earth by its cross-section'
+        )
+
     def crest_on(self, resolution: float) -> float:
         """Width of the crest [m] on cells of a size [m]: never so narrow that lava finds a gap."""
         # cells whose centre is nearer than half of it are crossed, and those leave no gap to
@@ -131,6 +138,19 @@ def read_barriers(
             f'(of a barrier: name, {", ".join(LIMITS)})'
         )
     return barriers
+
+
+def with_barriers(terrain: Terrain, barriers: Iterable[Barrier]) -> Terrain:
+    """Raise a terrain by barriers, as ``with_barrier``; where they overlap the highest counts."""
+    raised = terrain
+    for barrier in barriers:
+        alone = with_barrier(terrain, barrier)
+        raised = replace(
+            raised,
+            elevation=np.maximum(raised.elevation, alone.elevation),
+            barriers=(*raised.barriers, barrier.line),
+        )
+    return raised
 
 
 def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:

@@ -135,6 +135,7 @@ def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON)
     wanted = min(by_width, by_edges) / accuracy.refinement
     most = MOST_PARTICLES * accuracy.refinement**2
     emitted = sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
+    emitted += sum(flow.volume for flow in scene.emplaced_flows)
     least = math.sqrt(emitted / (thickness * most))
     limit = 'flow' if by_width <= by_edges else 'edges'
     limit = limit if wanted >= least else 'particles'

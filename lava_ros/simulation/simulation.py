@@ -52,6 +52,7 @@ from lava_ros.simulation.selection import (
 )
 from lava_ros.simulation.snapshot import (
     Particles,
+    particles_of,
     ParticleSample,
     PendingSnapshot,
     rows_of,
@@ -112,7 +113,8 @@ class Simulation:
             accuracy: The resolution; automatic when left out.
             device: ``cpu`` or ``cuda:0``; the first CUDA device when there is one, else the CPU.
             horizon: How far ahead the choice of effects and of the spacing looks [s].
-            particles: Lava that is on the terrain at the start.
+            particles: Lava that is on the terrain at the start; when left out, the emplaced flows
+                of the scene.
 
         Raises:
             LavaError: The device does not exist, a particle is not on the terrain, or an effect is
@@ -138,6 +140,8 @@ class Simulation:
         self._after_step: dict[str, Any] = {}
         self._arrived: tuple[Terrain, Any] | None = None
         self._place(scene.terrain)
+        if particles is None:
+            particles = particles_of(scene, spacing)
         self._start_with(particles)
         check_rates(scene.vents, self.particle_volume)
         new = Emission.of_new_vents(len(scene.vents))
@@ -202,6 +206,9 @@ class Simulation:
     ) -> Generator[None, None, float]:
         """Simulate up to a time, in parts, as ``advance`` does in one go.
 
+        The events of the scene change the ground at their times, which no step passes; that of
+        ``until`` itself comes with the next part.
+
         After each part there is time for something else: a GPU is at work on it
         (``batch.side_by_side``). Only when all parts are taken the simulation is at rest.
         """
@@ -212,12 +219,16 @@ class Simulation:
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         self._raise_top(until=end)
         while True:
+            change = self.scene.events[0].time if self.scene.events else math.inf
             # reviews are at ends of natural steps: they change no step
-            due = min(until, self._review_due)
-            reached = yield from self._advancing_to(due, end, deadline)
+            due = min(until, self._review_due, change)
+            reached = yield from self._advancing_to(due, min(end, change), deadline)
             if reached >= self._review_due:
                 self.review()
-            if reached >= until or reached < due:
+            if change <= reached and change < until:
+                self._change_ground()
+                self._raise_top(until=end)
+            elif reached >= until or reached < due:
                 return reached
 
     def _advancing_to(
@@ -434,6 +445,13 @@ class Simulation:
         self._sort()
         self._state.top.fill_(-at.FAR)
         self._raise_top(self._state.read_particles()[:, :2])
+
+    def _change_ground(self) -> None:
+        """Let the next event of the scene change the ground."""
+        event, *later = self.scene.events
+        ground = event.ground(self.scene.terrain)
+        self.scene = replace(self.scene, events=tuple(later))
+        self.set_terrain(ground)
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float = HORIZON) -> None:
         """Choose the effects anew from now on; what has frozen stays ground.
