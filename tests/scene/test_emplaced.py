@@ -126,7 +126,7 @@ def test_raster_in_another_system(tmp_path: Path) -> None:
     cell = 1.5e-4
     y, x = np.mgrid[0:40, 0:60]
     thickness = np.where(np.hypot(x - 15, y - 20) < 10, 4.0, 0.0).astype(np.float32)
-    west, south = 15.0 + 0.0006, 37.7655
+    west, south = 15.0006, 37.7662
     _write(tmp_path / 'a.tif', thickness, cell=cell, corner=(west, south), crs='EPSG:4326')
     _, (flow,) = _read(tmp_path, file='a.tif')
     cells = 111_195.0**2 * cell**2 * np.cos(np.radians(37.767))
