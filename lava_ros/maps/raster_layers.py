@@ -96,6 +96,11 @@ RASTER_LAYERS = {
         'probability that lava at or above the threshold thickness (threshold_m) reaches the cell '
         'within the horizon (horizon_s); no data: outside the terrain',
     ),
+    'probability_change': RasterLayer(
+        'change', '%',
+        'probability of inundation with the barriers minus that without them, in percentage '
+        'points; no data: outside the terrain',
+    ),
     'expected_peak_thickness': RasterLayer(
         'thickness', 'm', 'mean over the members of the largest lava thickness; no data: no lava'
     ),

@@ -98,9 +98,10 @@ class EmplacedFlow:
                 [np.bincount(owner, volume * axis) / total for axis in cells.T], axis=-1
             )
             # of a ring of lava the middle is dry
-            across, upward = np.floor(middle).astype(np.int64).T
-            is_dry = self.thickness[upward, across] <= 0.0
-            cells, volume = np.where(is_dry[:, None], cells[first], middle), total
+            at = np.floor(middle).astype(np.int64)
+            is_dry = self.thickness[at[:, 1], at[:, 0]] <= 0.0
+            middle[is_dry] = cells[first[is_dry]]
+            cells, volume = middle, total
         return np.asarray(self.origin) + cells * self.resolution, volume
 
 

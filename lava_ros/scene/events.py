@@ -35,9 +35,9 @@ class TerrainEvent:
     terrain: Terrain | None = None
     barriers: tuple[Barrier, ...] = ()
 
-    def ground(self, before: Terrain) -> Terrain:
-        """Return the ground after the event."""
-        return with_barriers(self.terrain or before, self.barriers)
+    def ground(self, before: Terrain, *, is_told: bool = False) -> Terrain:
+        """Return the ground after the event; with warnings of wide crests if it ``is_told``."""
+        return with_barriers(self.terrain or before, self.barriers, is_told=is_told)
 
     def reshaped(self, change: Callable[[Terrain], Terrain]) -> 'TerrainEvent':
         """Return the event with another form of its new ground, such as finer cells."""
@@ -107,7 +107,7 @@ def read_events(
                 check_same_grid(f'{where}.terrain', terrain, ground)
                 event = TerrainEvent(time, f'new ground from {name}', terrain)
         # a barrier that touches no cell is refused here
-        ground = event.ground(ground)
+        ground = event.ground(ground, is_told=True)
         events.append(event)
     return events
 
