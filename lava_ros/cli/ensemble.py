@@ -207,6 +207,7 @@ def ensemble(args: argparse.Namespace) -> int:
         files += _write_bag(folder / BAG, other.plan, again.maps, report)
         compared = compare_ensembles(
             output, folder, made_folder(output / COMPARISON), places=args.places or (),
+            lines=[args.barriers] if args.barriers_at is not None else (),
             origin=Provenance(name, tuple(other.plan.effects), args.preset),
         )
         files += compared.pop('files')

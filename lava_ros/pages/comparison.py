@@ -34,7 +34,7 @@ COLUMNS = ('name', 'kind', *(f'{value}_{case}' for value in _VALUES for case in 
 
 def compare_ensembles(
     without: Path, with_barriers: Path, output: Path, *, places: Sequence[str] = (),
-    origin: Provenance,
+    lines: Sequence[str] = (), origin: Provenance,
 ) -> dict[str, Any]:
     """Compare two ensembles, and write maps, a picture, and a table of places.
 
@@ -43,6 +43,7 @@ def compare_ensembles(
         with_barriers: Folder of the one with barriers, on the same terrain otherwise.
         output: Folder for the files.
         places: Files of points, lines and areas; empty: no table.
+        lines: Files of barriers that are built later, and that the terrain does not show.
         origin: Origin of the maps, for their tags.
 
     Returns:
@@ -78,7 +79,8 @@ def compare_ensembles(
             **told
         ),
         overlays={
-            Path(path).stem: read_features('--places', path, terrain) for path in places
+            Path(path).stem: read_features('--places', path, terrain)
+            for path in (*places, *lines)
         },
     )
     files.append(output / PICTURE)

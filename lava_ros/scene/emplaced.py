@@ -81,7 +81,7 @@ class EmplacedFlow:
             Map positions [m], float64, shape [count, 2], and volumes [m3], float64, shape [count].
         """
         row, column = np.nonzero(self.thickness > 0.0)
-        volume = self.thickness[row, column] * self.resolution**2
+        volume: np.ndarray = self.thickness[row, column] * self.resolution**2
         parts = math.ceil(self.resolution / spacing * (1.0 - 1e-9))
         # the middles of the parts of a cell, as fractions of its side
         steps = (np.arange(parts) + 0.5) / parts
