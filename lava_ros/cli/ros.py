@@ -164,13 +164,16 @@ def _started(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Pat
     if scene.emplaced_flows:
         plain['emplaced_flows'] = []
     for number, flow in enumerate(scene.emplaced_flows):
-        path = folder / f'flow_{number}.tif'
+        # the bag has the name of the file
+        path = folder / f'flow_{number}' / f'{Path(flow.source).stem}.tif'
+        path.parent.mkdir()
         cells = replace(
             scene.terrain, elevation=flow.thickness, resolution=flow.resolution,
             origin=flow.origin,
         )
         write_grid(path, 'thickness', cells.elevation, cells, Provenance('scene'))
-        plain['emplaced_flows'].append({'file': path.name, 'temperature': flow.temperature})
+        name = str(path.relative_to(folder))
+        plain['emplaced_flows'].append({'file': name, 'temperature': flow.temperature})
     if scene.events:
         plain['events'] = []
     ground = scene.terrain

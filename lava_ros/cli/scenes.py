@@ -237,7 +237,7 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         ]
     else:
         data['vents'] = [_usual_vent(terrain, position=_summit(terrain), name='summit')]
-    changes, terrain = with_changes(_changes_of(args), Path(), terrain, given, label='command')
+    changes, terrain = with_changes(_changes_of(args), Path(), terrain, given, prefix='')
     for name, items in changes.items():
         data[name] = [*data.get(name, []), *items]
     data['events'] = sorted(data.get('events', []), key=lambda event: event.time)

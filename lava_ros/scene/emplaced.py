@@ -19,8 +19,13 @@ from lava_ros.files import vectors
 from lava_ros.files.rasters import opened_raster
 from lava_ros.scene.features import read_features
 from lava_ros.scene.on_terrain import areas_on, resampled
-from lava_ros.scene.projection import coordinate_system, horizontal, transformed
-from lava_ros.scene.terrain import Terrain
+from lava_ros.scene.projection import (
+    coordinate_system,
+    horizontal,
+    METRES_PER_DEGREE,
+    transformed,
+)
+from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
 from lava_ros.scene.terrain_files import unit_of_band
 from lava_ros.scene.vents import VENT_TEMPERATURE_RANGE
 
@@ -28,6 +33,9 @@ _LOG = logging.getLogger(__name__)
 
 #: Largest thickness of an emplaced flow [m]: the thickest lava lakes and domes have 400 m.
 MAX_THICKNESS = 500.0
+
+#: Most cells of the thickness of a flow, unless the terrain has more.
+MAX_CELLS = 4_000_000
 
 #: What a flow can be: lava at the start, or a part of the ground.
 KINDS = ('lava', 'ground')
@@ -150,12 +158,11 @@ def read_flows(
                 raise LavaError(f'{name}.temperature', data['temperature'], 'absent for ground')
             temperature = TEMPERATURE_CHECK(f'{name}.temperature', data['temperature'])
         path = folder / data['file']
-        thickness = _thickness_on(name, path, terrain, given, may_exceed=kind == 'ground')
-        flow = EmplacedFlow(
-            thickness, terrain.resolution, terrain.origin, temperature, path.name
-        )
-        told = f'{flow.volume:,.0f} m3 over {(thickness > 0.0).sum() * terrain.resolution**2:,.0f}'
-        told += f' m2, up to {thickness.max():.3g} m thick'
+        thickness = _thickness_on(name, path, terrain, given, is_ground=kind == 'ground')
+        cell = terrain.resolution * terrain.shape[0] / len(thickness)
+        flow = EmplacedFlow(thickness, cell, terrain.origin, temperature, path.name)
+        told = f'{flow.volume:,.0f} m3 over {(thickness > 0.0).sum() * cell**2:,.0f} m2, '
+        told += f'up to {thickness.max():.3g} m thick'
         if kind == 'ground':
             _LOG.info(f'{path.name}: the ground is raised by an emplaced flow of {told}')
             terrain = replace(terrain, elevation=terrain.elevation + thickness)
@@ -166,39 +173,39 @@ def read_flows(
 
 
 def _thickness_on(
-    label: str, path: Path, terrain: Terrain, given: object, *, may_exceed: bool
+    label: str, path: Path, terrain: Terrain, given: object, *, is_ground: bool
 ) -> np.ndarray:
-    """Read a thickness on the cells of a terrain [m], 0 without lava.
+    """Read a thickness on the cells of a terrain, or on parts of them [m], 0 without lava.
 
     Args:
         label: What errors call the flow.
         path: A raster of thickness, or outlines where a thickness is given.
         terrain: The terrain.
         given: The thickness of outlines, None for a raster.
-        may_exceed: Whether some of it may lie off the terrain, which a warning then states.
+        is_ground: Whether it becomes ground. Cells of a raster are then those of the terrain, and
+            some of the flow may lie off the terrain, which a warning states.
     """
     name, suffix = f'{label}.file', path.suffix.lower()
     if given is not None:
         height = THICKNESS_CHECK(f'{label}.thickness', given)
         features = read_features(name, path, terrain)
         rings = [item.rings[0] for item in features if item.kind == 'Polygon']
-        result = np.where(areas_on(terrain, path, field=name), height, 0.0)
+        result = np.where(areas_on(terrain, path, field=name) & terrain.has_data, height, 0.0)
         places = np.concatenate(rings)
-        _check_on_terrain(name, path, terrain, places, np.ones(len(places)), may_exceed)
+        _check_on_terrain(name, path, terrain, places, np.ones(len(places)), is_ground)
     elif suffix in vectors.ENDINGS and suffix != '.gpkg':
         right = f'a thickness [m], which the outlines of {path.name} do not have'
         raise LavaError(f'{label}.thickness', None, right)
     else:
-        result = _raster_on(name, path, terrain, may_exceed)
-    result = np.where(terrain.has_data, result, 0.0)
+        result = _raster_on(name, path, terrain, is_ground)
     if not (result > 0.0).any():
         right = f'a flow with a cell {terrain.bounds(projected=True)}'
         raise LavaError(name, str(path), right)
     return result
 
 
-def _raster_on(field: str, path: Path, terrain: Terrain, may_exceed: bool) -> np.ndarray:
-    """Read a raster of thickness on the cells of a terrain [m], 0 without lava."""
+def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.ndarray:
+    """Read a raster of thickness on the cells of a terrain, or on parts of them [m]."""
     with opened_raster(field, path) as source:
         kind = np.dtype(source.dtypes[0])
         if source.count != 1 or kind.kind not in 'iuf' or kind.itemsize == 1:
@@ -232,9 +239,14 @@ def _raster_on(field: str, path: Path, terrain: Terrain, may_exceed: bool) -> np
         start + across * (column + 0.5) + down * (row + 0.5)
         for start, across, down in ((place.c, place.a, place.b), (place.f, place.d, place.e))
     )
+    area = abs(place.a * place.e - place.b * place.d)
+    degree = METRES_PER_DEGREE if crs is not None and crs.is_geographic else 1.0
+    if not is_ground:
+        terrain = _divided(terrain, math.sqrt(area) * degree)
     result = np.nan_to_num(
         resampled(terrain, lava, place, crs, path, field=field, method='average')
     )
+    result = np.where(terrain.has_data, result, 0.0)
     own = coordinate_system(terrain.epsg, terrain.wkt)
     is_same = crs is None or horizontal(crs) == own
     if not is_same:
@@ -244,13 +256,23 @@ def _raster_on(field: str, path: Path, terrain: Terrain, may_exceed: bool) -> np
             right = f'a place {terrain.bounds(projected=True)} ({error})'
             raise LavaError(field, str(path), right) from error
     places, volumes = np.stack([x, y], axis=-1), lava[row, column]
-    is_inside = _check_on_terrain(field, path, terrain, places, volumes, may_exceed)
+    is_inside = _check_on_terrain(field, path, terrain, places, volumes, is_ground)
     _check_not_elevation(where, result, terrain)
     if is_same and is_inside and row.size:
         # of another grid, averages over cells lose some of what their border cuts
-        area = abs(place.a * place.e - place.b * place.d)
         result *= volumes.sum() * area / (result.sum() * terrain.resolution**2)
     return result
+
+
+def _divided(terrain: Terrain, cell: float) -> Terrain:
+    """Divide the cells of a terrain into level ones, as fine as a cell [m] if possible."""
+    rows, columns = terrain.shape
+    most = min(math.isqrt(MAX_CELLS // (rows * columns)), MAX_SIDE_CELLS // max(rows, columns))
+    factor = max(min(math.ceil(terrain.resolution / cell * (1.0 - 1e-6)), most), 1)
+    if factor == 1:
+        return terrain
+    parts = np.kron(terrain.elevation, np.ones((factor, factor), dtype=np.float32))
+    return replace(terrain, elevation=parts, resolution=terrain.resolution / factor)
 
 
 def _check_on_terrain(

@@ -233,7 +233,7 @@ def read_scene(
 
 def with_changes(
     data: dict[str, Any], folder: Path, terrain: Terrain, options: Mapping[str, Any],
-    *, label: str = 'scene',
+    *, prefix: str = 'scene.',
 ) -> tuple[dict[str, Any], Terrain]:
     """Replace emplaced flows and events by what is in their files.
 
@@ -242,7 +242,7 @@ def with_changes(
         folder: What the names of files are relative to.
         terrain: The ground.
         options: Options of ``load_terrain`` for the files of events.
-        label: What errors call the scene.
+        prefix: What errors put before the names of the keys.
 
     Returns:
         The data for ``scene_from_dict``, and the ground with the flows that are a part of it.
@@ -253,12 +253,12 @@ def with_changes(
     data = dict(data)
     if 'emplaced_flows' in data:
         terrain, data['emplaced_flows'] = read_flows(
-            f'{label}.emplaced_flows', data['emplaced_flows'], folder, terrain
+            f'{prefix}emplaced_flows', data['emplaced_flows'], folder, terrain
         )
     if 'events' in data:
         # an offset of its own is that of the grid, which has to be the same
         read = partial(load_terrain, **{**options, 'offset': terrain.offset})
-        data['events'] = read_events(f'{label}.events', data['events'], folder, terrain, read)
+        data['events'] = read_events(f'{prefix}events', data['events'], folder, terrain, read)
     return data, terrain
 
 

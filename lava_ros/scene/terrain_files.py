@@ -315,7 +315,7 @@ def unit_of_band(source: Any, path: Path, *, of: str) -> tuple[str, float]:
     factors = list(marks.values()) or [1.0]
     # the foot and the US survey foot differ by 2 parts in a million
     if not all(math.isclose(item, factors[0], rel_tol=1e-5) for item in factors):
-        expected = f'one unit of {of.removesuffix("s")}, of {", ".join(filter(None, UNITS))}'
+        expected = f'one unit of length, of {", ".join(filter(None, UNITS))}'
         raise LavaError(f'unit of the {of} of {path.name}', ' and '.join(marks), expected)
     return ' and '.join(marks), factors[0]
 

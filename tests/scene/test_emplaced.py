@@ -100,7 +100,10 @@ def test_raster_of_any_cells_keeps_its_volume(
         assert (volumes[:, None] * places).sum(axis=0) / volume == pytest.approx(centre, abs=2.0)
         assert GROUND.covered(places).all()
         # no farther apart than the spacing: that many columns cover the flow
-        assert len(places) * spacing**2 >= (flow.thickness > 0.0).sum() * CELL**2
+        assert len(places) * spacing**2 >= (flow.thickness > 0.0).sum() * flow.resolution**2
+    # no coarser than the file, and no finer than needed
+    wanted = {20.0: 20.0, 10.0: 10.0, 30.0: 20.0, 7.5: 20.0 / 3.0}
+    assert flow.resolution == pytest.approx(wanted[cell])
 
 
 def test_columns_of_a_ring_stand_on_lava() -> None:
