@@ -79,6 +79,11 @@ class EmplacedFlow:
         """Volume [m3]."""
         return math.fsum(self.thickness[self.thickness > 0.0]) * self.resolution**2
 
+    @property
+    def area(self) -> float:
+        """Area [m2]."""
+        return float((self.thickness > 0.0).sum()) * self.resolution**2
+
     def columns(self, spacing: float) -> tuple[np.ndarray, np.ndarray]:
         """Divide the lava into columns that are no farther apart than a spacing [m].
 
@@ -161,7 +166,7 @@ def read_flows(
         thickness = _thickness_on(name, path, terrain, given, is_ground=kind == 'ground')
         cell = terrain.resolution * terrain.shape[0] / len(thickness)
         flow = EmplacedFlow(thickness, cell, terrain.origin, temperature, path.name)
-        told = f'{flow.volume:,.0f} m3 over {(thickness > 0.0).sum() * cell**2:,.0f} m2, '
+        told = f'{flow.volume:,.0f} m3 over {flow.area:,.0f} m2, '
         told += f'up to {thickness.max():.3g} m thick'
         if kind == 'ground':
             _LOG.info(f'{path.name}: the ground is raised by an emplaced flow of {told}')

@@ -486,9 +486,12 @@ class Simulation:
             LavaError: The checkpoint does not fit together, or the device does not exist.
         """
         scene, effects, accuracy = checkpoint.scene, checkpoint.effects, checkpoint.accuracy
+        # the lava of the flows is among the particles of the checkpoint, or has been
         simulation = cls(
-            scene, effects=effects, accuracy=accuracy, device=device, horizon=checkpoint.horizon
+            replace(scene, emplaced_flows=()), effects=effects, accuracy=accuracy, device=device,
+            horizon=checkpoint.horizon,
         )
+        simulation.scene = scene
         return restore(simulation, checkpoint)
 
     @property

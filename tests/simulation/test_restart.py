@@ -19,6 +19,7 @@ from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.resolution import resolution_of
 
 #: An incline that falls by 0.1 towards the south, 40 x 24 cells of 10 m.
 _Y, _X = np.mgrid[0:40, 0:24] * 10.0
@@ -59,6 +60,18 @@ def test_emplaced_flow_is_the_lava_at_the_start(cell: float, side: int) -> None:
     assert lowest[1] < lowest[0] - 2
     # where the lava was at the start, it has arrived
     assert (end.inundated >= (start.thickness > 1.0)).all()
+
+
+def test_spacing_without_a_vent_follows_the_flow() -> None:
+    """Lava without a vent is as finely resolved as its edges need, up to a number of particles."""
+    scene = replace(SCENE, vents=(), emplaced_flows=(_lobe(10.0, 8),))
+    found = resolution_of(scene, Accuracy())
+    assert (found.thickness, found.spacing, found.limit) == (4.0, 6.0, 'edges')
+    wide = replace(scene.emplaced_flows[0], thickness=np.full((300, 300), 0.1))
+    found = resolution_of(replace(scene, emplaced_flows=(wide,)), Accuracy())
+    # 9 km2, 200,000 particles
+    assert found.limit == 'particles'
+    assert found.spacing == pytest.approx(np.sqrt(9e6 / 200_000), rel=0.01)
 
 
 def test_second_run_begins_where_the_first_ended() -> None:
