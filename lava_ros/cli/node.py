@@ -9,7 +9,7 @@ import signal
 
 from lava_ros.cli.options import argument, command
 from lava_ros.cli.ros import require_ros
-from lava_ros.cli.scenes import scene_from_arguments, SCENE_OPTIONS
+from lava_ros.cli.scenes import scene_as_given, scene_from_arguments, SCENE_OPTIONS
 from lava_ros.errors import LavaError
 
 
@@ -51,7 +51,8 @@ def feed(args: argparse.Namespace) -> int:
     __ns:=/etna.
     """
     require_ros()
-    scene = scene_from_arguments(args)
+    # without vents no flow says how fine its cells have to be
+    scene = scene_as_given(args) if args.no_vents else scene_from_arguments(args)
     if scene.emplaced_flows:
         right = 'flows that are ground: lava at the start is a part of the scene of a node '
         right += '(-p scene:=FILE), and no topic has it'

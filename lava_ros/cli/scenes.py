@@ -235,7 +235,7 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
             {'position': (x, y), 'discharge': discharge, 'radius': 20.0, 'name': f'vent {index}'}
             for index, (x, y, discharge) in enumerate(DEMO_VENTS)
         ]
-    else:
+    elif not getattr(args, 'no_vents', False):
         data['vents'] = [_usual_vent(terrain, position=_summit(terrain), name='summit')]
     changes, terrain = with_changes(_changes_of(args), Path(), terrain, given, prefix='')
     for name, items in changes.items():

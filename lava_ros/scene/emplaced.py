@@ -18,7 +18,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import vectors
 from lava_ros.files.rasters import opened_raster
 from lava_ros.scene.features import read_features
-from lava_ros.scene.on_terrain import areas_on, resampled
+from lava_ros.scene.on_terrain import areas_on, check_placed, resampled
 from lava_ros.scene.projection import (
     coordinate_system,
     horizontal,
@@ -220,6 +220,7 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
         is_known = source.read_masks(1) != 0
         place, crs, described = source.transform, source.crs, source.descriptions[0] or ''
         unit, length = unit_of_band(source, path, of='thickness')
+    check_placed(place, path, field=field)
     where = f'thickness in {path.name}'
     if length != 1.0:
         raise LavaError(f'unit of the {where}', unit, 'm (gdal_calc.py can convert the values)')
@@ -263,7 +264,7 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
     places, volumes = np.stack([x, y], axis=-1), lava[row, column]
     is_inside = _check_on_terrain(field, path, terrain, places, volumes, is_ground)
     _check_not_elevation(where, result, terrain)
-    if is_same and is_inside and row.size:
+    if is_same and is_inside and result.any():
         # of another grid, averages over cells lose some of what their border cuts
         result *= volumes.sum() * area / (result.sum() * terrain.resolution**2)
     return result
@@ -273,8 +274,8 @@ def _divided(terrain: Terrain, cell: float) -> Terrain:
     """Divide the cells of a terrain into level ones, as fine as a cell [m] if possible."""
     rows, columns = terrain.shape
     most = min(math.isqrt(MAX_CELLS // (rows * columns)), MAX_SIDE_CELLS // max(rows, columns))
-    factor = max(min(math.ceil(terrain.resolution / cell * (1.0 - 1e-6)), most), 1)
-    if factor == 1:
+    factor = math.ceil(min(terrain.resolution / cell * (1.0 - 1e-6), most))
+    if factor <= 1:
         return terrain
     parts = np.kron(terrain.elevation, np.ones((factor, factor), dtype=np.float32))
     return replace(terrain, elevation=parts, resolution=terrain.resolution / factor)

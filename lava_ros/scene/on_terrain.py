@@ -54,27 +54,38 @@ def resampled(
         method: A method of ``rasterio.warp.Resampling``.
 
     Raises:
-        LavaError: The raster is not georeferenced, or only one of both has a coordinate system.
+        LavaError: The raster is not georeferenced, only one of both has a coordinate system, or
+            none leads to the other.
     """
     from rasterio.warp import reproject, Resampling
 
+    check_placed(place, path, field=field)
+    target_crs = _coordinates(terrain, crs, path, field)
+    result = np.full(terrain.shape, np.nan)
+    try:
+        reproject(
+            values,
+            result,
+            src_transform=place,
+            src_crs=horizontal(crs) if crs else target_crs,
+            src_nodata=np.nan,
+            dst_transform=_grid(terrain),
+            dst_crs=target_crs,
+            dst_nodata=np.nan,
+            resampling=Resampling[method],
+        )
+    # GDAL's errors have no class in common
+    except Exception as error:
+        right = f'a raster that GDAL can put on the terrain ({error})'
+        raise LavaError(field, str(path), right) from error
+    return np.flipud(result)
+
+
+def check_placed(place: Any, path: str | Path, *, field: str) -> None:
+    """Refuse the affine transformation of a raster that is not georeferenced."""
     is_placed = all(map(math.isfinite, place)) and not (place.is_identity or place.is_degenerate)
     if not is_placed:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')
-    target_crs = _coordinates(terrain, crs, path, field)
-    result = np.full(terrain.shape, np.nan)
-    reproject(
-        values,
-        result,
-        src_transform=place,
-        src_crs=horizontal(crs) if crs else target_crs,
-        src_nodata=np.nan,
-        dst_transform=_grid(terrain),
-        dst_crs=target_crs,
-        dst_nodata=np.nan,
-        resampling=Resampling[method],
-    )
-    return np.flipud(result)
 
 
 def areas_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:

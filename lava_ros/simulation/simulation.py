@@ -217,9 +217,9 @@ class Simulation:
             limit = validation.number('limit', limit, at_least=until, unit='s')
         end = until if limit is None else limit
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
-        self._raise_top(until=end)
         while True:
             change = self.scene.events[0].time if self.scene.events else math.inf
+            self._raise_top(until=min(end, change))
             # reviews are at ends of natural steps: they change no step
             due = min(until, self._review_due, change)
             reached = yield from self._advancing_to(due, min(end, change), deadline)
@@ -227,7 +227,6 @@ class Simulation:
                 self.review()
             if change <= reached and change < until:
                 self._change_ground()
-                self._raise_top(until=end)
             elif reached >= until or reached < due:
                 return reached
 
@@ -428,9 +427,12 @@ class Simulation:
         A terrain is the ground without lava: what has frozen stays on top of it.
 
         Raises:
-            LavaError: A vent does not lie on the new terrain; the old one stays.
+            LavaError: A vent or a barrier to come does not lie on the new terrain; the old one
+                stays.
         """
-        scene = replace(self.scene, terrain=terrain)
+        scene, later = replace(self.scene, terrain=terrain), terrain
+        for event in scene.events:
+            later = event.ground(later)
         self._settle()
         rows = self._state.read_particles()
         rows[:, :2] += centre_of(self.scene.terrain) - centre_of(terrain)
