@@ -74,6 +74,16 @@ class EmplacedFlow:
     temperature: float | None = None
     source: str = ''
 
+    def __post_init__(self) -> None:
+        """Refuse a thickness or a cell that cannot be; LavaError names the field."""
+        thickness = np.asarray(self.thickness, dtype=np.float64)
+        # NaN compares as False
+        if thickness.ndim != 2 or not ((thickness >= 0.0) & (thickness <= MAX_THICKNESS)).all():
+            right = f'a 2-D array of 0 to {MAX_THICKNESS:g} m'
+            raise LavaError('emplaced_flow.thickness', f'array of {thickness.shape}', right)
+        object.__setattr__(self, 'thickness', thickness)
+        validation.number('emplaced_flow.resolution', self.resolution, above=0.0, unit='m')
+
     @property
     def volume(self) -> float:
         """Volume [m3]."""

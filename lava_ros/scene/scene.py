@@ -81,6 +81,13 @@ class Scene:
         for name, kind in kinds:
             if not isinstance(getattr(self, name), kind):
                 raise LavaError(f'scene.{name}', getattr(self, name), f'a {kind.__name__}')
+        for name, part in (('emplaced_flows', EmplacedFlow), ('events', TerrainEvent)):
+            items = getattr(self, name)
+            if not isinstance(items, list | tuple) or not all(
+                isinstance(item, part) for item in items
+            ):
+                raise LavaError(f'scene.{name}', items, f'a list of {part.__name__}')
+            object.__setattr__(self, name, tuple(items))
         vents = check_vents(self.vents, self.terrain, self.lava)
         object.__setattr__(self, 'vents', vents)
         if self.uncertainty.yield_strength is not None and 'yielding' not in possible(self.lava):
@@ -92,7 +99,8 @@ class Scene:
             if flow.temperature is not None:
                 self._check_temperature(f'emplaced_flows[{index}]', flow.temperature)
         for index, event in enumerate(self.events):
-            validation.number(f'events[{index}].time', event.time, at_least=0.0, unit='s')
+            least = self.events[index - 1].time if index else 0.0
+            validation.number(f'events[{index}].time', event.time, at_least=least, unit='s')
             if event.terrain is not None:
                 check_same_grid(f'events[{index}].terrain', event.terrain, self.terrain)
                 check_vents(self.vents, event.terrain, self.lava)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cli.calls import refused
 from lava_ros.cli import ros
 from lava_ros.ros.session import Eruption
 from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
@@ -96,3 +97,22 @@ def test_child_gets_the_same_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         assert one.barriers == other.barriers
     assert [event.time for event in scene.events] == [4.0, 8.0]
     assert len(seen) == 1
+
+
+@pytest.mark.parametrize(
+    ('words', 'named'),
+    [
+        (['--emplaced-flow', 'flow.asc'], 'no topic has it'),
+        (['--terrain-at', '1h', 'none.npz'], 'none.npz'),
+    ],
+)
+def test_feed_refuses_what_topics_cannot_hold(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], named: str
+) -> None:
+    """Lava at the start is a part of a node's scene, and the error says so."""
+    monkeypatch.chdir(tmp_path)
+    np.savez('ground.npz', elevation=GROUND.elevation, resolution=5.0)
+    Path('flow.asc').write_text(
+        'ncols 2\nnrows 2\nxllcorner 10\nyllcorner 10\ncellsize 5\n1 2\n0 3\n'
+    )
+    assert named in refused('feed', '--terrain', 'ground.npz', '--no-vents', *words)
