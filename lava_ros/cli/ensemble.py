@@ -198,21 +198,21 @@ def ensemble(args: argparse.Namespace) -> int:
         files += write_maps(done.weighted, folder, observation)
         files += _write_bag(folder / BAG, plan, done.weighted, report)
     if barriers:
-        folder = output / WITH_BARRIERS
+        folder, built = output / WITH_BARRIERS, _barriers_at(args)
         # what sentinels have called for without them is on with them from the start
-        dammed = replace(plan, scene=_built(args, plan.scene, barriers), switched_on=())
+        dammed = replace(plan, scene=_dammed(plan.scene, barriers, built), switched_on=())
         other = Store(folder, dammed, **kept)
         again = run_all(other, folder)
         files += write_maps(again.maps, folder, store=other)
         files += _write_bag(folder / BAG, other.plan, again.maps, report)
         compared = compare_ensembles(
             output, folder, made_folder(output / COMPARISON), places=args.places or (),
-            lines=[args.barriers] if args.barriers_at is not None else (),
+            lines=[args.barriers] if built else (), built=built,
             origin=Provenance(name, tuple(other.plan.effects), args.preset),
         )
         files += compared.pop('files')
         report['barriers'] = {
-            'built_s': 0.0 if args.barriers_at is None else _barriers_at(args),
+            'built_s': built,
             'barriers': [
                 {
                     'name': item.name, 'length_m': item.length, 'height_m': item.height,
@@ -244,7 +244,8 @@ def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
     for file in args.places or ():
         # a file that cannot be read is refused before the runs
         places_on(read_features('--places', file, plan.scene.terrain), plan.scene.terrain)
-    # one off the terrain too, and what becomes wider is told once
+    # and so are a time, and one off the terrain; what becomes wider is told once
+    _barriers_at(args)
     with_barriers(plan.scene.terrain, barriers)
     for item in barriers:
         print(item.text())
@@ -252,17 +253,15 @@ def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
 
 
 def _barriers_at(args: argparse.Namespace) -> float:
-    return seconds_of('--barriers-at', args.barriers_at, may_be_zero=True)
+    return seconds_of('--barriers-at', args.barriers_at or '0', may_be_zero=True)
 
 
-def _built(args: argparse.Namespace, scene: Scene, barriers: Sequence[Barrier]) -> Scene:
-    """Return the scene with barriers from the start or, as an event, from a time on."""
-    if args.barriers_at is None:
+def _dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
+    """Return the scene with barriers from the start or, as an event, from a time [s] on."""
+    if not built:
         raised = with_barriers(scene.terrain, barriers, is_told=False)
         return replace(scene, terrain=raised)
-    event = TerrainEvent(
-        _barriers_at(args), f'barriers of {Path(args.barriers).name}', barriers=tuple(barriers)
-    )
+    event = TerrainEvent(built, f'{len(barriers)} barriers', barriers=tuple(barriers))
     events = sorted((*scene.events, event), key=lambda item: item.time)
     return replace(scene, events=tuple(events))
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from lava_ros.files import write_output
 from lava_ros.maps.gis import place_of, Provenance, write_map
-from lava_ros.maps.plot import duration
+from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.sheet import draw_sheet
 from lava_ros.pages.arrivals import table_of
 from lava_ros.pages.runs import read_run
@@ -34,7 +34,7 @@ COLUMNS = ('name', 'kind', *(f'{value}_{case}' for value in _VALUES for case in 
 
 def compare_ensembles(
     without: Path, with_barriers: Path, output: Path, *, places: Sequence[str] = (),
-    lines: Sequence[str] = (), origin: Provenance,
+    lines: Sequence[str] = (), built: float = 0.0, origin: Provenance,
 ) -> dict[str, Any]:
     """Compare two ensembles, and write maps, a picture, and a table of places.
 
@@ -44,6 +44,7 @@ def compare_ensembles(
         output: Folder for the files.
         places: Files of points, lines and areas; empty: no table.
         lines: Files of barriers that are built later, and that the terrain does not show.
+        built: Time at which the barriers are built [s].
         origin: Origin of the maps, for their tags.
 
     Returns:
@@ -72,12 +73,11 @@ def compare_ensembles(
     ]
     shown = np.where(change != 0.0, change, np.nan)
     panels.append(replace(panels[1], source='change', values=shown, title='Change'))
-    told = areas['at least 50 %']
+    told = [area_words(areas['at least 50 %'][case]) for case in _CASES]
+    subtitle = f'{told[0]} at 50 % or more without barriers, {told[1]} with barriers'
     draw_sheet(
         panels, output / PICTURE, title=f'What barriers change: {runs[0].title}',
-        subtitle='area at 50 % or more: {without:,.0f} m² without, {with:,.0f} m² with'.format(
-            **told
-        ),
+        subtitle=f'{subtitle} from {duration(built)} on' if built else subtitle,
         overlays={
             Path(path).stem: read_features('--places', path, terrain)
             for path in (*places, *lines)

@@ -13,6 +13,7 @@ import pytest
 
 from cli.calls import refused
 from lava_ros.cli import ros
+from lava_ros.errors import LavaError
 from lava_ros.ros.session import Eruption
 from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.scene.emplaced import EmplacedFlow
@@ -69,6 +70,10 @@ def test_events_are_followed_and_undone_by_a_reset() -> None:
     eruption.advance(6.0, wall_limit=60.0, max_particles=10_000)
     other = replace(GROUND, elevation=GROUND.elevation - 1.0)
     assert eruption.set_terrain(other)
+    # one on which a barrier to come cannot stand is refused, and the old one stays
+    with pytest.raises(LavaError, match='a line on the terrain'):
+        eruption.set_terrain(replace(GROUND, offset=(0.0, 0.0)))
+    assert eruption.scene.terrain is other
     eruption.reset()
     assert eruption.scene.terrain is other and eruption.scene.events == SCENE.events
 
