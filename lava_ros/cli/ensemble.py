@@ -155,17 +155,17 @@ def ensemble(args: argparse.Namespace) -> int:
         origin = Provenance(name, tuple(plan.effects), args.preset, observation=seen)
         return [str(path) for path in write_atlas(folder, maps, plan, origin, tags, args.formats)]
 
-    def run_all(store: Store, folder: Path) -> Ensemble:
+    def run_all(store: Store, folder: Path, which: str = 'members') -> Ensemble:
         try:
             with Progress() as progress:
-                progress.show('members begin', 0.0)
+                progress.show(f'{which} begin', 0.0)
                 return run_ensemble(
                     members,
                     store,
                     runner=runner,
                     outline=outline,
                     on_finished=lambda done, resumed: progress.show(
-                        f'{done} of {len(members)} members',
+                        f'{done} of {len(members)} {which}',
                         (done - resumed) / (len(members) - resumed),
                     ),
                     on_maps=lambda maps: write_maps(maps, folder, store=store),
@@ -202,9 +202,12 @@ def ensemble(args: argparse.Namespace) -> int:
         # what sentinels have called for without them is on with them from the start
         dammed = replace(plan, scene=_dammed(plan.scene, barriers, built), switched_on=())
         other = Store(folder, dammed, **kept)
-        again = run_all(other, folder)
+        started = time.monotonic()
+        again = run_all(other, folder, 'members with barriers')
+        wall = time.monotonic() - started
         files += write_maps(again.maps, folder, store=other)
-        files += _write_bag(folder / BAG, other.plan, again.maps, report)
+        told = _report(args, other.plan, again.maps, again, wall, where)
+        files += _write_bag(folder / BAG, other.plan, again.maps, told)
         compared = compare_ensembles(
             output, folder, made_folder(output / COMPARISON), places=args.places or (),
             lines=[args.barriers] if built else (), built=built,
