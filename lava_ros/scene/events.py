@@ -12,6 +12,7 @@ from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.scene.projection import system_name
 from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
 from lava_ros.scene.terrain import Terrain
 
@@ -104,6 +105,9 @@ def read_events(
                 event = TerrainEvent(time, text, barriers=tuple(built))
             else:
                 terrain = read(folder / name)
+                if not terrain.has_system:
+                    # as of other rasters without a system
+                    terrain = replace(terrain, epsg=ground.epsg, wkt=ground.wkt)
                 check_same_grid(f'{where}.terrain', terrain, ground)
                 event = TerrainEvent(time, f'new ground from {name}', terrain)
         # a barrier that touches no cell is refused here
@@ -134,5 +138,6 @@ def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
         command = f'gdalwarp -tr {cell:g} {cell:g} -te {west + x:.10g} {south + y:.10g} '
         command += f'{east + x:.10g} {north + y:.10g}'
         if terrain.epsg != ground.epsg:
-            shown, right = f'{shown}, EPSG:{terrain.epsg}', f'{right}, EPSG:{ground.epsg}'
+            shown += f', {system_name(terrain.epsg, terrain.wkt)}'
+            right += f', {system_name(ground.epsg, ground.wkt)}'
         raise LavaError(field, shown, f'the grid of the ground before: {right} ({command})')

@@ -255,6 +255,16 @@ def test_scene_file_with_flows_and_events(tmp_path: Path) -> None:
     yaml.safe_dump(told)
 
 
+def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path: Path) -> None:
+    """As other rasters without a coordinate system are; its place has to be the same."""
+    np.savez(
+        tmp_path / 'new.npz', elevation=GROUND.elevation + 1.0, resolution=CELL, offset=CORNER
+    )
+    events = [{'time': 9.0, 'terrain': 'new.npz'}]
+    (event,) = scene_from_yaml(_scene_file(tmp_path, events=events)).events
+    assert event.terrain is not None and event.terrain.epsg == 32633
+
+
 @pytest.mark.parametrize(
     ('events', 'message'),
     [
@@ -262,6 +272,7 @@ def test_scene_file_with_flows_and_events(tmp_path: Path) -> None:
         ([{'time': -1.0, 'terrain': 'ground.npz'}], r'events\[0\].time .*at least 0'),
         ([{'time': 9.0, 'terrain': 'ground.npz'}] * 2, 'a time after the event before'),
         ([{'time': 9.0, 'terrain': 'other.npz'}], r'the grid of the ground before: 30 x 24.*-tr'),
+        ([{'time': 9.0, 'terrain': 'north.npz'}], 'EPSG:32634.*EPSG:32633.*-tr 20 20 -te 500000'),
         ([{'time': 9.0, 'terrain': 'hole.npz'}], r'vents\[0\]'),
         ([{'time': 9.0, 'barriers': 4}], r'events\[0\].barriers'),
     ],
@@ -270,6 +281,7 @@ def test_wrong_events_are_refused(tmp_path: Path, events: list[Any], message: st
     """An event that cannot happen is refused before the run."""
     known = {'resolution': CELL, 'epsg': 32633, 'offset': CORNER}
     np.savez(tmp_path / 'other.npz', elevation=GROUND.elevation[1:], **known)
+    np.savez(tmp_path / 'north.npz', elevation=GROUND.elevation, **known | {'epsg': 32634})
     holed = GROUND.elevation.copy()
     holed[3:8, 10:14] = np.nan
     np.savez(tmp_path / 'hole.npz', elevation=holed, **known)
