@@ -4,7 +4,6 @@
 """`lava barrier`: a terrain with barriers."""
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 from lava_ros.cli.options import argument, command
@@ -36,18 +35,16 @@ def barrier(args: argparse.Namespace) -> int:
     GeoTIFF. Where barriers overlap, the highest counts. Maps of runs on this elevation show the
     barriers. --low-pass smooths the elevation before that.
     """
-    import numpy as np
-
     from lava_ros.cli.scenes import terrain_options
     from lava_ros.maps.gis import Provenance, write_grid
-    from lava_ros.scene.reshaping import Barrier, low_pass, read_barriers, with_barrier
+    from lava_ros.scene.reshaping import Barrier, low_pass, read_barriers, with_barriers
     from lava_ros.scene.terrain_files import barrier_tags, load_terrain
 
     if not args.line and not args.lines and not args.low_pass:
         raise LavaError('--line', None, 'the places of a barrier, --lines, or --low-pass')
     output = file_to_write('--output', args.output, ('.tif', '.tiff'))
     terrain = load_terrain(args.terrain, **terrain_options(args))
-    before = terrain = low_pass(terrain, args.low_pass)
+    before = low_pass(terrain, args.low_pass)
     barriers = []
     if args.line:
         if args.height is None:
@@ -57,17 +54,9 @@ def barrier(args: argparse.Namespace) -> int:
     if args.lines:
         usual = {'height': args.height, 'width': args.width, 'slope': args.slope}
         barriers += read_barriers('--lines', args.lines, before, usual)
+    terrain = with_barriers(before, barriers)
     for item in barriers:
-        raised = with_barrier(before, item)
-        terrain = replace(
-            terrain,
-            elevation=np.maximum(terrain.elevation, raised.elevation),
-            barriers=(*terrain.barriers, item.line),
-        )
-        print(
-            f'barrier {item.length:.0f} m long, {item.height:g} m high, crest {item.width:g} m '
-            f'wide: {item.volume:.0f} m3 of earth by its cross-section'
-        )
+        print(item.text())
     origin = Provenance(Path(args.terrain).name, effects=(), preset='none')
     write_grid(output, 'elevation', terrain.elevation, terrain, origin, barrier_tags(terrain))
     if barriers:

@@ -11,6 +11,9 @@ DEFAULT_MATERIAL = 'etna_basalt'
 #: Values for the gaps of a table, as in ``lava_ros.scene.effusion_rates``.
 GAPS = ('zero', 'interpolate')
 
+#: What an emplaced flow may be, as in ``lava_ros.scene.emplaced``.
+EMPLACED_KINDS = ('lava', 'ground')
+
 
 def vent_arguments(of: str) -> tuple[Argument, ...]:
     """Return the arguments that replace vents and lava of a scene or of a case."""
@@ -83,6 +86,24 @@ _PARTS: tuple[str | Argument, ...] = (
     ),
     *vent_arguments('scene'),
     *_TABLE,
+    argument(
+        '--emplaced-flow', 'FILE', 'flow that is there before the start: a raster of its '
+        'thickness [m], such as height.tif of lava export, or a file of outlines with '
+        '--emplaced-thickness; may be repeated; adds to the flows of the scene',
+        action='append',
+    ),
+    argument(
+        '--emplaced-thickness', 'M', 'thickness [m] of the outlines of emplaced flows', float
+    ),
+    argument(
+        '--emplaced-as', None, 'what emplaced flows are: lava, which flows on from the eruption '
+        'temperature, or ground (default: lava)', choices=EMPLACED_KINDS,
+    ),
+    argument(
+        '--terrain-at', ('TIME', 'FILE'), 'elevation from a simulated time on (2h, 90min), on the '
+        'grid of the terrain; may be repeated; adds to the events of the scene', nargs=2,
+        action='append',
+    ),
 )
 
 #: The arguments that choose a scene: its file without a flag, or with one.

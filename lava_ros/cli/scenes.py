@@ -9,15 +9,17 @@ from contextlib import suppress
 from dataclasses import replace
 import logging
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lava_ros.cli.options import seconds_of
 from lava_ros.cli.scene_options import RATE_OPTIONS
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import angle
 from lava_ros.hindcast.tables import series_of
-from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain
+from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain, with_changes
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
     Interval,
@@ -110,7 +112,7 @@ def scene_from_arguments(args: argparse.Namespace) -> Scene:
     spacing = resolution_of(scene, preset_accuracy(DEFAULT)).spacing
     factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
     most = math.isqrt(MOST_CELLS // scene.terrain.elevation.size)
-    return replace(scene, terrain=finer(scene.terrain, max(min(factor, most), 1)))
+    return scene.on(lambda terrain: finer(terrain, max(min(factor, most), 1)))
 
 
 def scene_as_given(args: argparse.Namespace) -> Scene:
@@ -135,8 +137,12 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
             {'position': (x, y), 'discharge': discharge, 'radius': 20.0, 'name': f'vent {index}'}
             for index, (x, y, discharge) in enumerate(DEMO_VENTS)
         ]
-    else:
+    elif not getattr(args, 'no_vents', False):
         data['vents'] = [_usual_vent(terrain, position=_summit(terrain), name='summit')]
+    changes, terrain = with_changes(_changes_of(args), Path(), terrain, given, prefix='')
+    for name, items in changes.items():
+        data[name] = [*data.get(name, []), *items]
+    data['events'] = sorted(data.get('events', []), key=lambda event: event.time)
     vents = vents_as_given(args, terrain)
     rates = _rates_of(args)
     if vents and rates:
@@ -169,6 +175,25 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         scene = replace(scene, uncertainty=replace(scene.uncertainty, discharge=error))
     _tell(scene)
     return scene
+
+
+def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Emplaced flows and events that the arguments give, as a scene file has them."""
+    changes: dict[str, Any] = {}
+    shared = {'thickness': args.emplaced_thickness, 'as': args.emplaced_as}
+    shared = {name: value for name, value in shared.items() if value is not None}
+    if args.emplaced_flow:
+        changes['emplaced_flows'] = [{'file': file, **shared} for file in args.emplaced_flow]
+    for name, value in shared.items():
+        if not args.emplaced_flow:
+            right = f'no --emplaced-{name} without --emplaced-flow'
+            raise LavaError(f'--emplaced-{name}', value, right)
+    if args.terrain_at:
+        changes['events'] = [
+            {'time': seconds_of('--terrain-at', time, may_be_zero=True), 'terrain': file}
+            for time, file in args.terrain_at
+        ]
+    return changes
 
 
 def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:

@@ -19,7 +19,6 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import read_yaml
-from lava_ros.forecast.rasters import areas_on, raster_on
 from lava_ros.hindcast.tables import (
     check_discharge,
     check_elevation,
@@ -33,9 +32,11 @@ from lava_ros.scene.effusion_rates import (
     options_from_dict,
     read_effusion_rates,
 )
+from lava_ros.scene.events import read_events
 from lava_ros.scene.features import ENDINGS, TABLES
 from lava_ros.scene.materials import lava_from_dict, Material, with_material_in_lava
-from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
+from lava_ros.scene.on_terrain import areas_on, raster_on
+from lava_ros.scene.reshaping import low_pass
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.scene.uncertainty import Distribution, Uncertainty, uncertainty_from_dict
 from lava_ros.scene.vent_files import read_vents, VentRow
@@ -266,30 +267,8 @@ def _events(
     folder: Path, items: Any, ground: Terrain, width: float, read: Callable[[Path], Terrain]
 ) -> tuple[Event, ...]:
     """Read the changes of the ground; each builds on the one before."""
-    if not isinstance(items, list):
-        raise LavaError('case.events', items, 'a list of changes of the ground')
-    events: list[Event] = []
-    for index, item in enumerate(items):
-        where = f'case.events[{index}]'
-        allowed = ['time', 'terrain', 'barrier']
-        data = validation.keys(where, item, allowed=allowed, required=['time'])
-        time = validation.number(f'{where}.time', data['time'], unit='s')
-        if events and time <= events[-1].time:
-            right = f'a time after the event before, {events[-1].time:g} s'
-            raise LavaError(f'{where}.time', time, right)
-        if ('terrain' in data) == ('barrier' in data):
-            raise LavaError(where, sorted(data), 'either terrain, a file, or barrier')
-        if 'terrain' in data:
-            changed = read(folder / str(data['terrain']))
-            if changed.shape != ground.shape or changed.offset != ground.offset:
-                here, there = ('{} x {} cells'.format(*one.shape) for one in (ground, changed))
-                right = f'the grid of the elevation, {here}'
-                raise LavaError(f'{where}.terrain', f'another grid of {there}', right)
-            text = f'new ground from {data["terrain"]}'
-        else:
-            barrier = Barrier.from_dict(f'{where}.barrier', data['barrier'])
-            changed = with_barrier(ground, barrier)
-            text = f'a barrier {barrier.height:g} m high'
-        ground = changed
-        events.append(Event(time, low_pass(ground, width), text))
+    events = []
+    for item in read_events('case.events', items, folder, ground, read):
+        ground = item.ground(ground)
+        events.append(Event(item.time, low_pass(ground, width), item.text))
     return tuple(events)

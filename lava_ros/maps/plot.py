@@ -84,6 +84,11 @@ STYLES = {
         'Probability that lava comes', '%',
         ('#fff3c4', '#fdd17a', '#f99a3b', '#e2571e', '#a81d1d', '#5a0a2a'),
     ),
+    'change': Style(
+        'Change of the probability', 'percentage points',
+        ('#08306b', '#2171b5', '#6baed6', '#c6dbef', '#f7f7f7', '#fdd0a2', '#fd8d3c', '#d94801',
+         '#7f2704'),
+    ),
     'elevation': Style('Elevation', 'm', GROUND),
     'comparison': Style(
         'Simulated and mapped', '',
@@ -271,6 +276,8 @@ def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
     most = float(known.max()) if known.size else 1.0
     if source in ('hazard', 'probability'):
         return 0.0, 100.0
+    if source == 'change':
+        return -100.0, 100.0
     if source == 'arrival':
         unit = _time_unit(most)[1]
         return 0.0, unit * _round_up(max(most / unit, 1e-6))

@@ -46,11 +46,10 @@ class RasterLayer:
     def cells(self, values: np.ndarray) -> np.ndarray:
         """Return the values as stored in a file, NaN without data.
 
-        A thickness of 0 is no lava, and therefore no data in every file.
+        A thickness of 0 is no lava, and a change of 0 none: no data in every file.
         """
-        if self.drawn == 'thickness':
-            return np.where(values > 0.0, values, np.float32(np.nan))
-        return values
+        is_known = {'thickness': values > 0.0, 'change': values != 0.0}.get(self.drawn)
+        return values if is_known is None else np.where(is_known, values, np.float32(np.nan))
 
     def stored(self, values: np.ndarray) -> np.ndarray:
         """Return ``cells`` as float32 or int16, with ``NODATA`` in place of NaN."""
@@ -95,6 +94,11 @@ RASTER_LAYERS = {
         'probability', '%',
         'probability that lava at or above the threshold thickness (threshold_m) reaches the cell '
         'within the horizon (horizon_s); no data: outside the terrain',
+    ),
+    'probability_change': RasterLayer(
+        'change', '%',
+        'probability of inundation with the barriers minus that without them, in percentage '
+        'points; no data: no change, or outside the terrain',
     ),
     'expected_peak_thickness': RasterLayer(
         'thickness', 'm', 'mean over the members of the largest lava thickness; no data: no lava'

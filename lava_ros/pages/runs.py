@@ -157,9 +157,26 @@ def _scene(frame: Frame) -> Scene | None:
     """The scene of a recording, None where its description is not one."""
     terrain = Terrain(frame.elevation, frame.resolution, frame.origin)
     try:
-        return scene_from_dict(frame.scene, terrain) if frame.scene else None
+        return _described(frame.scene, terrain) if frame.scene else None
     except LavaError:
         return None
+
+
+def _described(known: Mapping[str, Any], terrain: Terrain) -> Scene:
+    """Make the scene of a description, which lacks the grids of emplaced flows and of events."""
+    kept = {key: item for key, item in known.items() if key not in ('emplaced_flows', 'events')}
+    return scene_from_dict(kept, terrain)
+
+
+def _changes(known: Mapping[str, Any]) -> dict[str, str]:
+    """Say which flows were there at the start, and how the ground changes later."""
+    flows = [
+        f'{item["source"]}, {item["volume"]:,.0f} m³ of lava'
+        for item in known.get('emplaced_flows') or ()
+    ]
+    events = [f'{item["text"]} at {duration(item["time"])}' for item in known.get('events') or ()]
+    facts = {'emplaced at the start': '; '.join(flows), 'changes of the ground': '; '.join(events)}
+    return {term: text for term, text in facts.items() if text}
 
 
 def _fissures(scene: Scene | None) -> np.ndarray:
@@ -186,7 +203,10 @@ def _day(seconds: float) -> str:
 def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
     begun = (recording.bag.start_ns or 0) / 1e9
     # a simulation's clock gives no date
-    facts = ({'computed': _day(begun)} if begun > 1e9 else {}) | _vents(scene)
+    facts = {
+        **({'computed': _day(begun)} if begun > 1e9 else {}), **_vents(scene),
+        **_changes(frame.scene),
+    }
     at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]
     budget = VolumeBudget.from_texts(at[-1].values) if at else None
     if budget is not None:
@@ -267,7 +287,7 @@ def _ensemble(folder: Path) -> Run:
         place = dict(known['terrain'])
         shape = tuple(place.pop('shape'))
         terrain = Terrain(_raster(folder / 'elevation.tif', shape)[0], **place)
-        scene = scene_from_dict(known, terrain)
+        scene = _described(known, terrain)
         maps: dict[str, Panel] = {}
         tags: dict[str, str] = {}
         frame = frame_of(scene)
@@ -301,6 +321,7 @@ def _ensemble(folder: Path) -> Run:
     facts = {
         'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
         **_vents(scene),
+        **_changes(known),
         'runs': f'{members}'
         + (f', which count like {effective:.3g} of equal weight' if observation != 'none' else '')
         + f'; a probability of 50 % is known to {50.0 / effective**0.5:.2g} percentage points '

@@ -25,7 +25,7 @@ from lava_ros.cli.parser import COMMANDS, parse_command_line
 from lava_ros.cli.scenes import DEMO_VENTS, scene_from_arguments
 from lava_ros.errors import LavaError
 from lava_ros.maps import export
-from lava_ros.scene import effusion_rates, materials, Scene
+from lava_ros.scene import effusion_rates, emplaced, materials, Scene
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation import presets, resolution
 
@@ -363,6 +363,7 @@ def test_help_imports_nothing_heavy():
         (options.MAPS, export.MAPS),
         (options.FORMATS, export.FORMATS),
         (scene_options.GAPS, effusion_rates.GAPS),
+        (scene_options.EMPLACED_KINDS, emplaced.KINDS),
         (scene_options.DEFAULT_MATERIAL, materials.DEFAULT),
     ],
 )

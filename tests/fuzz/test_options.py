@@ -20,7 +20,7 @@ from command_line import lava, parser_of
 from eruption import write_case
 from fuzz.limits import bounded
 from lava_ros.cli import scenes
-from lava_ros.scene import reshaping, terrain_files
+from lava_ros.scene import emplaced, reshaping, terrain_files
 from lava_ros.scene import scene as scene_module
 
 #: What a command may take beside what this process has [bytes].
@@ -133,7 +133,7 @@ def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for name in WORK:
         monkeypatch.setattr(name, begin)
     # what has been read is told before what is wrong
-    for module in (terrain_files, scene_module, scenes, reshaping):
+    for module in (emplaced, terrain_files, scene_module, scenes, reshaping):
         monkeypatch.setattr(module._LOG, 'disabled', True)
     with tempfile.TemporaryDirectory() as folder:
         monkeypatch.chdir(folder)

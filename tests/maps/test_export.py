@@ -293,8 +293,8 @@ def test_style_leaves_cells_without_lava_transparent(name, tmp_path):
     style = write_style(tmp_path / 'map.tif', name, values)
     for value in values[0, 1:3]:
         assert painted(style, float(value))[0] == 1.0
-    if layer.drawn in ('arrival', 'temperature', 'elevation'):
-        # cells without lava, or without ground, are no data in the file
+    if layer.drawn in ('arrival', 'temperature', 'elevation', 'change'):
+        # cells without lava, without ground or without a change are no data in the file
         assert painted(style, 0.0)[0] == 1.0
     else:
         assert painted(style, 0.0)[0] == 0.0
@@ -319,7 +319,7 @@ def test_every_raster_states_what_it_is(name, tmp_path):
     told = {'scene': 'etna.yaml', 'effects': 'steep cooling', 'preset': 'draft',
             'lava_ros': '9.9', 'observation': 'seen.geojson', 'members': '4'}
     assert tags.items() >= told.items()
-    dry = RASTER_LAYERS[name].drawn == 'thickness'
+    dry = RASTER_LAYERS[name].drawn in ('thickness', 'change')
     np.testing.assert_array_equal(np.ma.getmaskarray(cells), [[dry, False], [True, False]])
     np.testing.assert_array_equal(cells[~cells.mask], values[~cells.mask])
 

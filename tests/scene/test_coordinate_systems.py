@@ -17,12 +17,12 @@ from rasterio.transform import from_origin
 from rasterio.warp import transform
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.rasters import raster_on
 from lava_ros.maps.export import export_bag
 from lava_ros.maps.gis import place_of
 from lava_ros.pages.runs import system_words
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.features import read_features
+from lava_ros.scene.on_terrain import raster_on
 from lava_ros.scene.projection import coordinate_system, projected, system_name
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation.checkpoint import from_bytes
