@@ -57,6 +57,7 @@ def test_a_domain_in_use_is_not_free(monkeypatch):
         ros.domain_of(None)
 
 
+@pytest.mark.nightly
 def test_the_demo_runs_again(tmp_path):
     """It leaves a bag others can read, a picture and a table, and replaces its own earlier bag."""
     output, result = run(tmp_path, '--duration', '900', '--max-speed', '300')

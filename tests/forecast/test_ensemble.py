@@ -286,6 +286,7 @@ def listening(pids: Iterable[int]) -> list[str]:
     ]
 
 
+@pytest.mark.nightly
 def test_processes_of_this_machine_are_open_to_nobody(small: Any, tmp_path: Path) -> None:
     """None of an ensemble's processes listens, not even as one is killed, which loses nothing."""
     runs, whole = small
@@ -305,6 +306,7 @@ def test_processes_of_this_machine_are_open_to_nobody(small: Any, tmp_path: Path
     assert len(seen[0]) == 2 and not seen[0] & seen[-1]
 
 
+@pytest.mark.nightly
 def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(small: Any, tmp_path: Path) -> None:
     """One of two processes dies in mid-run: every member is there, and the maps are the same."""
     runs, whole = small

@@ -93,7 +93,13 @@ WAYS: dict[str, tuple[Callable[[Path], object], Any]] = {
 }
 
 
-@pytest.mark.parametrize('way', WAYS)
+@pytest.mark.parametrize(
+    'way',
+    [
+        pytest.param(way, marks=pytest.mark.nightly if way == 'two workers' else ())
+        for way in WAYS
+    ],
+)
 def test_a_sentinel_switches_an_effect_on_for_all_members(
     way: str, whole: tuple[Ensemble, Plan], tmp_path: Path
 ) -> None:
@@ -109,6 +115,7 @@ def test_a_sentinel_switches_an_effect_on_for_all_members(
     assert ensemble.resumed == {'interrupted': 5, 'extended': 8, 'again': COUNT}.get(way, 0)
 
 
+@pytest.mark.nightly
 def test_a_cluster_runs_all_members_again(whole: tuple[Ensemble, Plan], tmp_path: Path) -> None:
     """What its workers still run of the first plan is dropped."""
     with LocalCluster(

@@ -152,6 +152,7 @@ def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path):
         assert [line for line in node.log.splitlines() if words in line], node.log
 
 
+@pytest.mark.nightly
 def test_a_node_that_is_killed_again_and_again_is_restarted(graph, tmp_path):
     """By the same command: it resumes what it has recorded, or starts where there is nothing.
 
