@@ -30,13 +30,13 @@ from lava_ros.forecast.ensemble import (
     run_here,
     run_in_processes,
     run_on_cluster,
-    Store,
 )
 from lava_ros.forecast.members import check_members, make_plan, Plan
 from lava_ros.forecast.pilots import Pilot, spacing_at
 from lava_ros.forecast.planning import afford
 from lava_ros.forecast.rasters import raster_on, seen_in_file, write_atlas
 from lava_ros.forecast.sampling import draw_members, MOST_MEMBERS, Susceptibility
+from lava_ros.forecast.store import Store
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
