@@ -127,7 +127,7 @@ def test_the_inundated_area_is_one(run):
     assert f'{area / 1e6:.3f} of ' in run.page and f'{area / 1e6:.3f} of ' in run.printed
     assert f'{area_words(area)} inundated' in run.plot['summary']
     assert f'<dt>inundated area, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
-    for path in (run.out / 'peak_thickness.tif', run.maps / 'peak_height.tif'):
+    for path in (run.out / 'peak_thickness.tif', run.maps / 'peak_thickness.tif'):
         assert (read_tif(path)[inundated] >= np.float32(0.1)).all()
     # ground that lava has reached is never safe again
     assert (run.bag.hazard[inundated] > 0).all()
@@ -139,7 +139,7 @@ def test_the_inundated_area_is_one(run):
 def test_the_standing_lava_is_one(run):
     """Its cells, its volume and its largest thickness."""
     standing, cell = run.thickness >= 0.1, CELL**2
-    shown = np.nan_to_num(read_tif(run.maps / 'height.tif'))
+    shown = np.nan_to_num(read_tif(run.maps / 'thickness.tif'))
     np.testing.assert_array_equal(shown, run.thickness)
     np.testing.assert_array_equal(run.bag.height_raw, run.thickness.astype(np.float32))
     np.testing.assert_array_equal(run.bag.height > 0, standing)

@@ -18,23 +18,19 @@ from lava_ros.files.optional import require
 from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps.animation import animate_bag
 from lava_ros.maps.export import export_bag, FORMATS, MAPS
+from lava_ros.maps.layers import SOURCES
+from lava_ros.maps.onset import Onset, time_zone
 from lava_ros.maps.page_layout import Imprint
 from lava_ros.maps.sheet import MAX_SCALE, MIN_SCALE
 from lava_ros.pages.arrivals import table_of
-from lava_ros.pages.onset import Onset
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report.page import write_comparison, write_report
 from lava_ros.pages.runs import is_ensemble
 from lava_ros.scene import MAX_COORDINATE
 from lava_ros.watch.frames import BagFrames, Frames
 
-#: Maps that are animated: as `lava_ros.maps.layers.SOURCES`, by the names of the topics.
-ANIMATED = {'height': 'thickness', 'temperature': 'temperature', 'hazard': 'hazard'}
-
 #: Maps that are drawn.
-DRAWN = (
-    'thickness', 'temperature', 'hazard', 'arrival', 'probability', 'arrival_p10', 'arrival_p90',
-)
+DRAWN = (*SOURCES, 'arrival', 'probability', 'arrival_p10', 'arrival_p90')
 
 _RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble', nargs='+')
 
@@ -59,11 +55,11 @@ _PAGE = (
     argument('--scale', '1:N', 'scale of the maps on A4 paper: 1:25000 (default: the largest)'),
     argument(
         '--onset', 'TIME', 'date and time of the start of the eruption, with its offset from UTC: '
-        '2006-07-14T22:00Z; the page then has dates and times',
+        '2006-07-14T22:00Z; the page then has dates and times (default: that of the bag, if its '
+        'recording states one)',
     ),
     argument(
-        '--timezone', 'ZONE', 'zone of local times with --onset: Europe/Rome (default: that of '
-        'this machine)',
+        '--timezone', 'ZONE', 'zone of local times: Europe/Rome (default: that of this machine)',
     ),
     argument('--author', 'TEXT', 'author of the page', ''),
     argument('--agency', 'TEXT', 'agency that publishes the page', ''),
@@ -73,17 +69,13 @@ _PAGE = (
 
 def _page_options(args: argparse.Namespace) -> dict[str, Any]:
     """The options of ``_PAGE`` as ``draw_runs`` takes them."""
-    onset = None
-    if args.onset is not None:
-        onset = Onset.from_texts(args.onset, args.timezone)
-    elif args.timezone is not None:
-        raise LavaError('--timezone', args.timezone, 'a zone together with --onset')
     return {
         'overlays': args.overlay,
         'observed': args.observed,
         'extent': args.extent and _extent(args.extent),
         'scale': None if args.scale is None else _scale(args.scale),
-        'onset': onset,
+        'onset': None if args.onset is None else Onset.from_text(args.onset),
+        'zone': None if args.timezone is None else time_zone(args.timezone),
         'imprint': Imprint(args.author, args.agency, args.logo),
     }
 
@@ -273,7 +265,7 @@ def places(args: argparse.Namespace) -> int:
 @command(
     'bag',
     argument('-o --output', 'FILE', 'animation to write: .gif, .mp4', required=True),
-    argument('--layer', None, 'layer to show', 'height', choices=tuple(ANIMATED)),
+    argument('--layer', None, 'layer to show', 'thickness', choices=SOURCES),
     argument('--seconds', 'TIME', 'duration of the animation', '10s'),
     argument('--fps', 'N', 'frames per second', 12.0),
     argument('--width', 'PIXELS', 'width of the animation', 800),
@@ -288,7 +280,7 @@ def animate(args: argparse.Namespace) -> int:
         frames = animate_bag(
             args.bag,
             args.output,
-            source=ANIMATED[args.layer],
+            source=args.layer,
             seconds=seconds_of('--seconds', args.seconds),
             fps=args.fps,
             width=args.width,
@@ -303,10 +295,11 @@ def animate(args: argparse.Namespace) -> int:
     argument('-o --output', 'DIR', 'folder to write to: new or empty', required=True),
     argument(
         '--at', 'TIME', 'write the newest maps up to this simulated time: 2h, 90min; arrival and '
-        'peak height cover the time up to it (default: the last)',
+        'peak thickness cover the time up to it (default: the last)',
     ),
     argument(
-        '--every', None, 'write height, temperature and hazard of every frame, in numbered files',
+        '--every', None,
+        'write thickness, temperature and hazard of every frame, in numbered files',
         action='store_true',
     ),
     argument(
@@ -323,9 +316,10 @@ def animate(args: argparse.Namespace) -> int:
 def export(args: argparse.Namespace) -> int:
     """Write the maps of a bag as GeoTIFF.
 
-    The maps are height [m], temperature [Celsius], hazard [0 to 100], time of arrival [s] and peak
-    height [m], north up, in the coordinate system of the terrain. If the terrain of the bag has
-    none, --epsg and --offset give it; without them the files are in the map frame.
+    The maps are lava thickness [m], temperature [Celsius], hazard index (0: no lava, 50: lava has
+    drained away, 100: lethal), time of arrival [s] and peak thickness [m], north up, in the
+    coordinate system of the terrain. If the terrain of the bag has none, --epsg and --offset give
+    it; without them the files are in the map frame.
     """
     at = None if args.at is None else seconds_of('--at', args.at, may_be_zero=True)
     with Progress(has_lines=False) as progress:

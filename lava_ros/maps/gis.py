@@ -18,6 +18,7 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors, write_output
 from lava_ros.files.optional import require
+from lava_ros.maps.onset import Onset
 from lava_ros.maps.plot import duration, isochrone_times
 from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.scene import Terrain, Vent
@@ -37,6 +38,7 @@ class Provenance:
         preset: Name of the accuracy preset.
         version: Version of lava_ros that computed the maps.
         observation: The observation that the maps were weighted by or compared with.
+        onset: Date and time of simulated time 0; None if it is unknown.
     """
 
     scene: str
@@ -44,6 +46,7 @@ class Provenance:
     preset: str = 'unknown'
     version: str = lava_ros.__version__
     observation: str = 'none'
+    onset: Onset | None = None
 
     @property
     def tags(self) -> dict[str, str]:
@@ -54,6 +57,7 @@ class Provenance:
             'preset': self.preset,
             'lava_ros': self.version,
             'observation': self.observation,
+            'onset': 'unknown' if self.onset is None else self.onset.text,
         }
 
 
@@ -176,11 +180,13 @@ def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, A
     return [{'type': 'Feature', 'properties': known, 'geometry': geometry}]
 
 
-def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
+def isochrones(
+    times: np.ndarray, place: Place, onset: Onset | None = None
+) -> list[dict[str, Any]]:
     """GeoJSON features of the area that lava had reached by each of several round times.
 
     ``times`` are arrival times [s], shape [rows, columns], NaN where no lava came. Each feature
-    includes the area of the earlier ones.
+    includes the area of the earlier ones, and with an ``onset`` has its date.
     """
     if not np.isfinite(times).any():
         return []
@@ -189,7 +195,10 @@ def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
     return [
         feature
         for end in map(float, ends)
-        for feature in area(known <= end, place, time_s=end, time=duration(end))
+        for feature in area(
+            known <= end, place, time_s=end, time=duration(end),
+            **({} if onset is None else {'date': onset.utc(end)}),
+        )
     ]
 
 
@@ -258,6 +267,7 @@ def write_formats(
     maps: Mapping[str, np.ndarray],
     place: Place,
     title: str,
+    onset: Onset | None = None,
 ) -> list[Path]:
     """Write the formats that hold several layers or maps, and return the paths of their files.
 
@@ -276,7 +286,7 @@ def write_formats(
         written += vectors.write_vectors(folder, name, features, crs, stem='lava')
     if 'nc' in formats:
         written.append(folder / 'maps.nc')
-        write_netcdf(written[-1], maps, place, title)
+        write_netcdf(written[-1], maps, place, title, onset)
     return written
 
 
@@ -298,11 +308,13 @@ def _geographic(features: Sequence[Mapping[str, Any]], place: Place) -> list[dic
 
 
 def write_netcdf(
-    path: Path, maps: Mapping[str, np.ndarray], place: Place, title: str
+    path: Path, maps: Mapping[str, np.ndarray], place: Place, title: str,
+    onset: Onset | None = None,
 ) -> None:
     """Write maps to a NetCDF file that follows the CF conventions.
 
-    ``maps`` has the values of each map, NaN without data, by its name in ``RASTER_LAYERS``.
+    ``maps`` has the values of each map, NaN without data, by its name in ``RASTER_LAYERS``. The
+    file states the ``onset`` if it is known.
     """
     import xarray
 
@@ -324,6 +336,8 @@ def write_netcdf(
         variables[name] = (('y', 'x'), layer.cells(values).astype(np.float32), known)
     source = f'lava_ros {lava_ros.__version__}'
     told = {'Conventions': 'CF-1.11', 'title': title, 'source': source}
+    if onset is not None:
+        told['onset'] = onset.text
     data = xarray.Dataset(variables, axes, told)
     encoding = {name: {'_FillValue': np.float32(np.nan)} for name in maps}
     made = data.to_netcdf(engine='scipy', format='NETCDF3_64BIT', encoding=encoding)

@@ -21,13 +21,15 @@ from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import opened_raster
 from lava_ros.files.yaml import parse_json
-from lava_ros.forecast.ensemble import MANIFEST
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.picture import frame_of
 from lava_ros.forecast.sentinels import CalledEffect
+from lava_ros.forecast.store import MANIFEST
 from lava_ros.maps.arrival import Arrival
+from lava_ros.maps.colours import STYLES
 from lava_ros.maps.frames import Frame, Recording
-from lava_ros.maps.plot import area_words, duration, STYLES, time_note, titles
+from lava_ros.maps.onset import Onset, recorded_onset
+from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.projection import coordinate_system, system_name
@@ -71,7 +73,8 @@ class Run:
     """A bag or an ensemble: its maps by name, its facts by term, and the ground.
 
     ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None where it
-    is unknown. ``ensemble`` is None for a bag.
+    is unknown. ``ensemble`` is None for a bag. ``onset`` is the date of simulated time 0, None if
+    the bag does not state it, and for an ensemble.
     """
 
     name: str
@@ -83,6 +86,7 @@ class Run:
     is_ensemble: bool
     end: float | None
     ensemble: Members | None = None
+    onset: Onset | None = None
 
     @property
     def usual(self) -> list[str]:
@@ -150,6 +154,7 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
         ),
         is_ensemble=False,
         end=frame.time,
+        onset=recorded_onset(recording.bag.custom_data),
     )
 
 
