@@ -40,8 +40,6 @@ EXTRAS = {
     ],
 }
 EXTRAS['all'] = sorted({requirement for extra in EXTRAS.values() for requirement in extra})
-# NetCDF, which few need: it brings pandas.
-EXTRAS['gis'] = ['scipy>=1.11,<2', 'xarray>=2024.1,<2027']
 # Chromium and ffmpeg as wheels, for the tests of pages and films on machines that have neither:
 # 900 MB, too much for everybody.
 EXTRAS['look'] = ['PySide6-WebEngine>=6.12,<6.13', 'imageio-ffmpeg>=0.6,<1']

@@ -125,7 +125,10 @@ def ensemble(args: argparse.Namespace) -> int:
 
     def write_maps(maps: HazardMaps, folder: Path = output, seen: str = 'none') -> list[str]:
         plan, tags = store.plan, {'seed': str(args.seed)}
-        origin = Provenance(name, tuple(plan.effects), args.preset, observation=seen)
+        origin = Provenance(
+            name, tuple(plan.effects), args.preset, observation=seen,
+            onset=None if case is None else case.onset,
+        )
         return [str(path) for path in write_atlas(folder, maps, plan, origin, tags, args.formats)]
 
     started = time.monotonic()

@@ -100,8 +100,7 @@ def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:
     return argument(
         '--formats', 'FORMAT',
         f'file formats: tif (with styles for QGIS), {", ".join(WRITTEN)} ({shapes}; zip holds a '
-        "Shapefile), nc (all maps, by the CF conventions; pip install 'lava_ros[gis]') "
-        f'(default: {usual})',
+        f'Shapefile), nc (all maps, by the CF conventions) (default: {usual})',
         default, nargs='+', choices=FORMATS,
     )
 

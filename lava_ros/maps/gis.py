@@ -8,6 +8,7 @@ What writes a file raises LavaError where it cannot be written.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -251,7 +252,6 @@ def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
         if name in vectors.WRITTEN:
             require('pyogrio', name, str(folder))
     if 'nc' in formats:
-        require('xarray', 'NetCDF', str(folder))
         require('scipy', 'NetCDF', str(folder))
 
 
@@ -316,29 +316,39 @@ def write_netcdf(
     ``maps`` has the values of each map, NaN without data, by its name in ``RASTER_LAYERS``. The
     file states the ``onset`` if it is known.
     """
-    import xarray
+    from scipy.io import netcdf_file
 
-    axes = {}
-    shape = next(iter(maps.values())).shape
-    for name, start, count in zip('xy', place.corner, shape[::-1], strict=True):
-        middles = start + (np.arange(count) + 0.5) * place.resolution
-        known = {'units': 'm', 'standard_name': f'projection_{name}_coordinate'}
-        axes[name] = ((name,), middles, {**known, 'axis': name.upper()})
-    variables: dict[str, Any] = {}
-    where = {}
-    if place.crs is not None:
-        wkt = place.crs.to_wkt()
-        variables['crs'] = ((), np.int32(0), {'crs_wkt': wkt, 'spatial_ref': wkt})
-        where = {'grid_mapping': 'crs'}
-    for name, values in maps.items():
-        layer = RASTER_LAYERS[name]
-        known = {'units': layer.unit, 'long_name': layer.meaning, **where}
-        variables[name] = (('y', 'x'), layer.cells(values).astype(np.float32), known)
-    source = f'lava_ros {lava_ros.__version__}'
-    told = {'Conventions': 'CF-1.11', 'title': title, 'source': source}
-    if onset is not None:
-        told['onset'] = onset.text
-    data = xarray.Dataset(variables, axes, told)
-    encoding = {name: {'_FillValue': np.float32(np.nan)} for name in maps}
-    made = data.to_netcdf(engine='scipy', format='NETCDF3_64BIT', encoding=encoding)
-    write_output('output', path, bytes(made))
+    content = BytesIO()
+    with netcdf_file(content, 'w', version=2) as file:
+        told = {
+            'Conventions': 'CF-1.11', 'title': title, 'source': f'lava_ros {lava_ros.__version__}',
+            **({} if onset is None else {'onset': onset.text}),
+        }
+        _describe(file, told)
+        shape = next(iter(maps.values())).shape
+        for name, start, count in zip('xy', place.corner, shape[::-1], strict=True):
+            file.createDimension(name, count)
+            axis = file.createVariable(name, 'd', (name,))
+            axis[:] = start + (np.arange(count) + 0.5) * place.resolution
+            known = {'units': 'm', 'standard_name': f'projection_{name}_coordinate'}
+            _describe(axis, {**known, 'axis': name.upper()})
+        where = {}
+        if place.crs is not None:
+            wkt = place.crs.to_wkt()
+            _describe(file.createVariable('crs', 'i', ()), {'crs_wkt': wkt, 'spatial_ref': wkt})
+            where = {'grid_mapping': 'crs'}
+        for name, values in maps.items():
+            layer = RASTER_LAYERS[name]
+            variable = file.createVariable(name, 'f', ('y', 'x'))
+            variable[:] = layer.cells(values)
+            variable._FillValue = np.float32(np.nan)
+            _describe(variable, {'units': layer.unit, 'long_name': layer.meaning, **where})
+        file.flush()
+        made = content.getvalue()
+    write_output('output', path, made)
+
+
+def _describe(item: Any, texts: Mapping[str, str]) -> None:
+    """Give a NetCDF file or variable attributes; scipy takes texts as ASCII, or as bytes."""
+    for name, text in texts.items():
+        setattr(item, name, text.encode())

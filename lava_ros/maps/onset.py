@@ -93,15 +93,19 @@ def time_zone(name: str) -> ZoneInfo:
 
 
 def recorded_onset(custom_data: Mapping[str, str]) -> Onset | None:
-    """Return the onset that the description of a bag states; None without one.
+    """Return the onset that the description of a bag states, as ``stated_onset`` reads it."""
+    return stated_onset(custom_data.get('onset', 'unknown'), 'the bag')
 
-    One that cannot be read is logged and ignored.
+
+def stated_onset(text: str, where: str) -> Onset | None:
+    """Return the onset of a text; None if it is ``unknown``.
+
+    A text that cannot be read is logged, with ``where`` it is from, and ignored.
     """
-    text = custom_data.get('onset')
-    if not text:
+    if text == 'unknown':
         return None
     try:
-        return Onset.from_text(text, field='onset of the bag')
+        return Onset.from_text(text, field=f'onset of {where}')
     except LavaError as error:
         _LOG.warning(f'{error}: dates are left out')
         return None

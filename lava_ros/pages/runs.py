@@ -28,7 +28,7 @@ from lava_ros.forecast.store import MANIFEST
 from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.colours import STYLES
 from lava_ros.maps.frames import Frame, Recording
-from lava_ros.maps.onset import Onset, recorded_onset
+from lava_ros.maps.onset import Onset, recorded_onset, stated_onset
 from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
@@ -74,7 +74,7 @@ class Run:
 
     ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None where it
     is unknown. ``ensemble`` is None for a bag. ``onset`` is the date of simulated time 0, None if
-    the bag does not state it, and for an ensemble.
+    the run does not state it.
     """
 
     name: str
@@ -284,6 +284,7 @@ def _ensemble(folder: Path) -> Run:
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
         observation = tags.get('observation', 'none')
+        onset = stated_onset(tags.get('onset', 'unknown'), str(folder))
         # an ensemble that runs again may still have the maps of before
         on = tags.get('effects', '').split()
         reasons = [
@@ -324,7 +325,7 @@ def _ensemble(folder: Path) -> Run:
         title += ' weighted by observed lava'
     return Run(
         folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True,
-        end=horizon, ensemble=Members(ran, int(members), effective),
+        end=horizon, ensemble=Members(ran, int(members), effective), onset=onset,
     )
 
 
