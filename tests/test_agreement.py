@@ -8,6 +8,7 @@ and a forecast of the eruption run as the hindcast does: all that is uncertain i
 by less than a float32 resolves.
 """
 
+from datetime import datetime
 from importlib.util import find_spec
 import json
 from pathlib import Path
@@ -41,6 +42,7 @@ from lava_ros.simulation import Simulation
 LAVA = (
     'epsg: 32633\nlava: {viscosity: 6.0e+2, yield_strength: 0, solidus: 1250.0, '
     'convection: 260.0, arrhenius: 0.01}\nvent_temperature: 1360.0\n'
+    'effusion_rate: {start: 2021-09-19T14:10:00Z}\n'
     'uncertainty: {temperature: {distribution: uniform, low: 0.0, high: 1.0e-9}}\n'
 )
 
@@ -214,6 +216,22 @@ def check_netcdf(folder: Path) -> None:
 def test_netcdf_has_the_maps_of_the_geotiffs(run):
     """Every map, to the digit."""
     check_netcdf(run.maps)
+
+
+def test_dates_are_those_of_the_case(run, ensemble):
+    """Maps, isochrones and pages have the date that the table of effusion rates begins with."""
+    assert run.plot['notes']['start of the eruption'].startswith('2021-09-19 14:10 UTC')
+    assert run.plot['notes']['maps show'].startswith('2021-09-19 15:10 UTC')
+    assert '2021-09-19 15:10 UTC' in run.report
+    for folder in (run.out, run.maps, ensemble.out):
+        for path in folder.glob('*.tif'):
+            with rasterio.open(path) as file:
+                assert file.tags()['onset'] == '2021-09-19T14:10:00Z'
+    for path in (run.maps / 'isochrones.geojson', ensemble.out / 'arrival_time_p50.geojson'):
+        for item in json.loads(path.read_text())['features']:
+            passed = datetime.fromisoformat(item['properties']['date_utc'].rstrip('Z'))
+            passed -= datetime(2021, 9, 19, 14, 10)
+            assert passed.total_seconds() == item['properties']['time_s']
 
 
 @pytest.fixture(scope='module')

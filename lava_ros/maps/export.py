@@ -246,7 +246,7 @@ class _Writer:
         if frame.time is not None:
             tags['simulated_time_s'] = repr(frame.time)
             if self.origin.onset is not None:
-                tags['date'] = self.origin.onset.utc(frame.time)
+                tags['date_utc'] = self.origin.onset.utc(frame.time)
         self._write(name, values, frame, file_name, tags)
 
     def write_history(self, name: str, frame: Frame, history: Arrival) -> None:

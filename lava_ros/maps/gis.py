@@ -198,7 +198,7 @@ def isochrones(
         for end in map(float, ends)
         for feature in area(
             known <= end, place, time_s=end, time=duration(end),
-            **({} if onset is None else {'date': onset.utc(end)}),
+            **({} if onset is None else {'date_utc': onset.utc(end)}),
         )
     ]
 

@@ -113,7 +113,7 @@ class SceneRecording:
             'effects': json.dumps(self._history),
             **resumed,
             **self.configs,
-            **({'onset': parameters['onset']} if parameters['onset'] else {}),
+            **({'onset': onset} if (onset := parameters.get('onset')) else {}),
             'namespace': self.node.get_namespace(),
             'version': lava_ros.__version__,
             'device': eruption.device,

@@ -92,7 +92,7 @@ def test_each_layer_has_its_own_picture_and_legend(browser):
         seen[name] = (checksum, legend, red)
     assert len({item[0] for item in seen.values()}) == 4
     assert seen['thickness'][1] == 'Lava thickness 0 m3.26 m'
-    assert seen['hazard'][1] == 'Hazard 0 100, lethal'
+    assert seen['hazard'][1] == 'Hazard index:harmful: lava has drained awaylethal lava'
     assert seen['arrival'][1] == 'Arrival 0 s27 min'
     assert seen['hazard'][2] > 0.05
     assert seen['temperature'][2] < 0.02
