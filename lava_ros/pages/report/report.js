@@ -77,7 +77,7 @@
       if (item.classes.length) {
         const colours = item.colours.map(rgb);
         // number of the class, from 0
-        const place = (code) => item.classes.findIndex(([end]) => value(code) <= end);
+        const place = (code) => item.classes.findIndex(([end]) => value(code) <= end + 0.5);
         views[item.name] = {
           title: item.title,
           classes: item.classes.map(([, name], number) => [name, colours[number]]),
