@@ -25,12 +25,12 @@ from lava_ros.maps.sheet import MAX_SCALE, MIN_SCALE
 from lava_ros.pages.arrivals import table_of
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report.page import write_comparison, write_report
-from lava_ros.pages.runs import is_ensemble
+from lava_ros.pages.runs import ENSEMBLE_MAPS, is_ensemble
 from lava_ros.scene import MAX_COORDINATE
 from lava_ros.watch.frames import BagFrames, Frames
 
 #: Maps that are drawn.
-DRAWN = (*SOURCES, 'arrival', 'probability', 'arrival_p10', 'arrival_p90')
+DRAWN = tuple(dict.fromkeys((*SOURCES, 'arrival', *ENSEMBLE_MAPS)))
 
 _RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble', nargs='+')
 
@@ -193,7 +193,8 @@ def report(args: argparse.Namespace) -> int:
     argument(
         '--layers', 'MAP',
         f'maps to draw: {", ".join(DRAWN)}; of an ensemble, arrival is that of half its '
-        'members (default: all there are; of several runs the first)',
+        'members, and thickness the expected peak thickness (default: all there are; of several '
+        'runs the first)',
         (), nargs='+', choices=DRAWN,
     ),
     argument('--time', 'TIME', 'simulated time of the maps: 2h, 90min (default: the last)'),

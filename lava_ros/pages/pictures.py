@@ -82,7 +82,8 @@ def draw_runs(
         ]
         for run in (run for run in runs if run.is_ensemble):
             came, known = seen[run.name]
-            likely = 0.01 * np.nan_to_num(run.panels['probability'].values[known])
+            percent = run.panels['inundation_probability'].values[known]
+            likely = 0.01 * np.nan_to_num(percent)
             shown_as = run.name if len(runs) > 1 else ''
             chart = partial(draw_reliability, probability=likely, came=came[known], name=shown_as)
             charts.append(chart)

@@ -38,15 +38,18 @@ from lava_ros.simulation.budget import VolumeBudget
 
 _LOG = logging.getLogger(__name__)
 
-#: Maps of an ensemble: file, what is drawn of it, title.
+#: Maps of an ensemble: file, what is drawn of it, title. They have the names of their files,
+#: except those that can be drawn beside the maps of a single run.
 ENSEMBLE_MAPS = {
-    'probability': ('inundation_probability', 'probability', STYLES['probability'].title),
+    'inundation_probability': (
+        'inundation_probability', 'probability', STYLES['probability'].title
+    ),
     **{
         name: (f'arrival_time_p{share}', 'arrival', words)
         for name, share, words in (
-            ('arrival_p10', 10, 'Early arrival (1 run in 10)'),
+            ('arrival_time_p10', 10, 'Early arrival (1 run in 10)'),
             ('arrival', 50, 'Median arrival (1 run in 2)'),
-            ('arrival_p90', 90, 'Late arrival (9 runs in 10)'),
+            ('arrival_time_p90', 90, 'Late arrival (9 runs in 10)'),
         )
     },
     'thickness': ('expected_peak_thickness', 'thickness', 'Expected peak thickness of the lava'),
@@ -55,7 +58,7 @@ ENSEMBLE_MAPS = {
 #: Maps that are drawn by default, of a bag and of an ensemble.
 _USUAL = (
     ('thickness', 'temperature', 'hazard'),
-    ('probability', 'arrival_p10', 'arrival', 'arrival_p90'),
+    ('inundation_probability', 'arrival_time_p10', 'arrival', 'arrival_time_p90'),
 )
 
 
@@ -297,7 +300,7 @@ def _ensemble(folder: Path) -> Run:
     except (OSError, KeyError, TypeError, ValueError) as error:
         right = f'an ensemble whose maps are finished and undamaged ({error})'
         raise LavaError('ensemble', str(folder), right) from error
-    likely = np.nan_to_num(maps['probability'].values)
+    likely = np.nan_to_num(maps['inundation_probability'].values)
     cell = terrain.resolution**2
     areas = [
         f'{area_words(float((likely >= least).sum()) * cell)} at {least} % or more'

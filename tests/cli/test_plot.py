@@ -102,7 +102,7 @@ def test_an_ensemble(ensemble, tmp_path, seen):
     assert len(said['maps']) == 4 and said['title'] == 'Lava within 3 min, 4 runs'
     assert said['notes']['elevation'] == 'a slope of tests, maps in cells of 5 m'
     assert said['notes']['uncertain'] == 'position' and said['scores'] == {}
-    said = plot(tmp_path, ensemble, '--layers', 'probability', '--observed', seen)
+    said = plot(tmp_path, ensemble, '--layers', 'inundation_probability', '--observed', seen)
     assert 0.0 < said['scores']['members']['brier_score'] < 1.0
 
 
@@ -165,7 +165,7 @@ def test_overlays(bag, tmp_path, caplog, seen):
 @pytest.mark.parametrize(
     ('words', 'named'),
     [
-        (('--layers', 'probability'), 'one of thickness, temperature, hazard'),
+        (('--layers', 'inundation_probability'), 'one of thickness, temperature, hazard'),
         (('--overlay', 'none.csv'), '--overlay is .none.csv., expected a file that exists'),
         (('--observed', 'none.geojson'), '--observed is'),
         (('--time', '9h'), 'time is'),
