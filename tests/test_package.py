@@ -188,7 +188,7 @@ def test_packages_that_are_imported_are_declared() -> None:
     of_ros = {name for name in _imports() if _is_ros(name)}
     declared = {item.text for item in MANIFEST.findall('exec_depend')}
     assert of_ros - {'grid_map_msgs'} <= declared
-    requirements = [*PROJECT['dependencies'], *EXTRAS['all'], *EXTRAS['gis']]
+    requirements = [*PROJECT['dependencies'], *EXTRAS['all']]
     needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in _imports() - of_ros}
     assert needed <= {_canonical(Requirement(item).name) for item in requirements}
 

@@ -6,16 +6,13 @@
 import argparse
 
 from lava_ros.cli.console import Progress
-from lava_ros.cli.options import argument, command, seconds_of
-
-#: Maps that are animated: as `lava_ros.maps.layers.SOURCES`, by the names of the topics.
-ANIMATED = {'height': 'thickness', 'temperature': 'temperature', 'hazard': 'hazard'}
+from lava_ros.cli.options import argument, command, seconds_of, SOURCES
 
 
 @command(
     'bag',
     argument('-o --output', 'FILE', 'animation to write: .gif, .mp4', required=True),
-    argument('--layer', None, 'layer to show', 'height', choices=tuple(ANIMATED)),
+    argument('--layer', None, 'layer to show', 'thickness', choices=SOURCES),
     argument('--seconds', 'TIME', 'duration of the animation', '10s'),
     argument('--fps', 'N', 'frames per second', 12.0),
     argument('--width', 'PIXELS', 'width of the animation', 800),
@@ -32,7 +29,7 @@ def animate(args: argparse.Namespace) -> int:
         frames = animate_bag(
             args.bag,
             args.output,
-            source=ANIMATED[args.layer],
+            source=args.layer,
             seconds=seconds_of('--seconds', args.seconds),
             fps=args.fps,
             width=args.width,

@@ -26,6 +26,7 @@ from lava_ros.files.optional import require
 if TYPE_CHECKING:
     from lava_ros.forecast.ensemble import Ensemble
     from lava_ros.forecast.members import Plan
+    from lava_ros.forecast.store import Store
     from lava_ros.hindcast.case import Case
     from lava_ros.maps.forecast import HazardMaps
     from lava_ros.scene import Scene
@@ -100,10 +101,11 @@ def ensemble(args: argparse.Namespace) -> int:
     and the folder comparison what the barriers change.
     """
     from lava_ros.forecast.assimilation import Outline
-    from lava_ros.forecast.ensemble import run_ensemble, Store
+    from lava_ros.forecast.ensemble import run_ensemble
     from lava_ros.forecast.members import check_members
     from lava_ros.forecast.rasters import seen_in_file, write_atlas
     from lava_ros.forecast.sampling import draw_members, Susceptibility
+    from lava_ros.forecast.store import Store
     from lava_ros.hindcast.chances import chances_of, mapped_on
     from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
     from lava_ros.pages.comparison import compare_ensembles
@@ -141,7 +143,10 @@ def ensemble(args: argparse.Namespace) -> int:
         maps: HazardMaps, folder: Path = output, seen: str = 'none', *, store: Store = store
     ) -> list[str]:
         plan, tags = store.plan, {'seed': str(args.seed)}
-        origin = Provenance(name, tuple(plan.effects), args.preset, observation=seen)
+        origin = Provenance(
+            name, tuple(plan.effects), args.preset, observation=seen,
+            onset=None if case is None else case.onset,
+        )
         return [str(path) for path in write_atlas(folder, maps, plan, origin, tags, args.formats)]
 
     def run_all(store: Store, folder: Path, which: str = 'members') -> Ensemble:

@@ -15,10 +15,11 @@ from lava_ros.cli.options import argument, command, formats, MAPS, seconds_of
     argument('-o --output', 'DIR', 'folder to write to: new or empty', required=True),
     argument(
         '--at', 'TIME', 'write the newest maps up to this simulated time: 2h, 90min; arrival and '
-        'peak height cover the time up to it (default: the last)',
+        'peak thickness cover the time up to it (default: the last)',
     ),
     argument(
-        '--every', None, 'write height, temperature and hazard of every frame, in numbered files',
+        '--every', None,
+        'write thickness, temperature and hazard of every frame, in numbered files',
         action='store_true',
     ),
     argument(
@@ -35,9 +36,10 @@ from lava_ros.cli.options import argument, command, formats, MAPS, seconds_of
 def export(args: argparse.Namespace) -> int:
     """Write the maps of a bag as GeoTIFF.
 
-    The maps are height [m], temperature [Celsius], hazard [0 to 100], time of arrival [s] and peak
-    height [m], north up, in the coordinate system of the terrain. If the terrain of the bag has
-    none, --epsg and --offset give it; without them the files are in the map frame.
+    The maps are lava thickness [m], temperature [Celsius], hazard index (0: no lava, 50: lava has
+    drained away, 100: lethal), time of arrival [s] and peak thickness [m], north up, in the
+    coordinate system of the terrain. If the terrain of the bag has none, --epsg and --offset give
+    it; without them the files are in the map frame.
     """
     from lava_ros.maps.export import export_bag
 

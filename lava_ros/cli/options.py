@@ -20,7 +20,8 @@ DEFAULT_PRESET = 'standard'
 HORIZON = '24h'
 
 #: Maps that `lava export` writes, and formats of maps and shapes, as in ``lava_ros.maps.export``.
-MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
+SOURCES = ('thickness', 'temperature', 'hazard')
+MAPS = (*SOURCES, 'arrival', 'peak_thickness')
 FORMATS = ('tif', 'geojson', 'gpkg', 'shp', 'kml', 'kmz', 'zip', 'csv', 'nc')
 
 #: Seconds of each unit.
@@ -152,7 +153,7 @@ def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:
     return argument(
         '--formats', 'FORMAT',
         f'file formats: tif (with styles for QGIS), {", ".join(FORMATS[1:-1])} ({shapes}; zip '
-        "holds a Shapefile), nc (all maps, by the CF conventions; pip install 'lava_ros[gis]') "
+        "holds a Shapefile), nc (all maps, by the CF conventions) "
         f'(default: {usual})',
         default, nargs='+', choices=FORMATS,
     )

@@ -8,7 +8,6 @@ from typing import Any
 
 from lava_ros import validation
 from lava_ros.cli.options import argument
-from lava_ros.errors import LavaError
 
 RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble', nargs='+')
 
@@ -33,11 +32,11 @@ PAGE = (
     argument('--scale', '1:N', 'scale of the maps on A4 paper: 1:25000 (default: the largest)'),
     argument(
         '--onset', 'TIME', 'date and time of the start of the eruption, with its offset from UTC: '
-        '2006-07-14T22:00Z; the page then has dates and times',
+        '2006-07-14T22:00Z; the page then has dates and times (default: that of the bag, if its '
+        'recording states one)',
     ),
     argument(
-        '--timezone', 'ZONE', 'zone of local times with --onset: Europe/Rome (default: that of '
-        'this machine)',
+        '--timezone', 'ZONE', 'zone of local times: Europe/Rome (default: that of this machine)',
     ),
     argument('--author', 'TEXT', 'author of the page', ''),
     argument('--agency', 'TEXT', 'agency that publishes the page', ''),
@@ -47,20 +46,16 @@ PAGE = (
 
 def page_options(args: argparse.Namespace) -> dict[str, Any]:
     """The options of ``PAGE`` as ``draw_runs`` takes them."""
+    from lava_ros.maps.onset import Onset, time_zone
     from lava_ros.maps.page_layout import Imprint
-    from lava_ros.pages.onset import Onset
 
-    onset = None
-    if args.onset is not None:
-        onset = Onset.from_texts(args.onset, args.timezone)
-    elif args.timezone is not None:
-        raise LavaError('--timezone', args.timezone, 'a zone together with --onset')
     return {
         'overlays': args.overlay,
         'observed': args.observed,
         'extent': args.extent and _extent(args.extent),
         'scale': None if args.scale is None else _scale(args.scale),
-        'onset': onset,
+        'onset': None if args.onset is None else Onset.from_text(args.onset),
+        'zone': None if args.timezone is None else time_zone(args.timezone),
         'imprint': Imprint(args.author, args.agency, args.logo),
     }
 

@@ -6,14 +6,12 @@
 import argparse
 
 from lava_ros.cli.console import write_json
-from lava_ros.cli.options import argument, command, seconds_of
+from lava_ros.cli.options import argument, command, seconds_of, SOURCES
 from lava_ros.cli.pages import PAGE, page_options, RUNS
 from lava_ros.files import file_to_write, PICTURES
 
 #: Maps that are drawn.
-DRAWN = (
-    'thickness', 'temperature', 'hazard', 'arrival', 'probability', 'arrival_p10', 'arrival_p90',
-)
+DRAWN = (*SOURCES, 'arrival', 'inundation_probability', 'arrival_time_p10', 'arrival_time_p90')
 
 
 @command(
@@ -21,7 +19,8 @@ DRAWN = (
     argument(
         '--layers', 'MAP',
         f'maps to draw: {", ".join(DRAWN)}; of an ensemble, arrival is that of half its '
-        'members (default: all; of several runs the first)',
+        'members, and thickness the expected peak thickness (default: all; of several runs the '
+        'first)',
         (), nargs='+', choices=DRAWN,
     ),
     argument('--time', 'TIME', 'simulated time of the maps: 2h, 90min (default: the last)'),

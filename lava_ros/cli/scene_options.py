@@ -88,7 +88,7 @@ _PARTS: tuple[str | Argument, ...] = (
     *_TABLE,
     argument(
         '--emplaced-flow', 'FILE', 'flow that is there before the start: a raster of its '
-        'thickness [m], such as height.tif of lava export, or a file of outlines with '
+        'thickness [m], such as thickness.tif of lava export, or a file of outlines with '
         '--emplaced-thickness; may be repeated; adds to the flows of the scene',
         action='append',
     ),

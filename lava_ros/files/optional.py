@@ -17,7 +17,6 @@ _EXTRAS = {
     'pyogrio': 'terrain',
     'rasterio': 'terrain',
     'scipy': 'hindcast',
-    'xarray': 'gis',
 }
 
 

@@ -76,7 +76,7 @@ def write_atlas(
     shapes = {'inundation_probability': gis.probabilities(maps.probability, place)}
     for share, values in maps.arrival.items():
         name = f'arrival_time_p{round(100 * share)}'
-        layers[name], shapes[name] = values, gis.isochrones(values, place)
+        layers[name], shapes[name] = values, gis.isochrones(values, place, origin.onset)
     written = []
     for name, values in layers.items():
         # the style belongs to its GeoTIFF
@@ -84,4 +84,5 @@ def write_atlas(
     if formats is None:
         formats = gis.usual_formats(place.crs)
     title = f'lava flow, {maps.members} members'
-    return [*written, *gis.write_formats(folder, formats, shapes, layers, place, title)]
+    shared = gis.write_formats(folder, formats, shapes, layers, place, title, origin.onset)
+    return [*written, *shared]

@@ -10,6 +10,7 @@ seconds, 0 is that of ``effusion_rate.csv``.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from datetime import datetime, timedelta, timezone
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from lava_ros.hindcast.tables import (
     Series,
     series_of,
 )
+from lava_ros.maps.onset import Onset
 from lava_ros.scene import ENVIRONMENT, Scene, Terrain, Vent, warn_of_celsius
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
@@ -88,6 +90,7 @@ class Case:
         volume: Volume that comes out between [m3].
         low_pass: Width of the filter that the ground went through [m]; 0: none.
         rate_error: Factor on all effusion rates that the errors of the table amount to, if any.
+        onset: Date of the beginning of the simulation, None if the case does not state it.
     """
 
     name: str
@@ -102,6 +105,7 @@ class Case:
     events: tuple[Event, ...] = ()
     low_pass: float = 0.0
     rate_error: Distribution | None = None
+    onset: Onset | None = None
 
     @property
     def duration(self) -> float:
@@ -218,7 +222,17 @@ def load_case(
         events=_events(folder, options.get('events', []), ground, width, read),
         low_pass=width,
         rate_error=error_of_rates(rates),
+        onset=_onset(choices.start, start),
     )
+
+
+def _onset(first: str | None, start: float) -> Onset | None:
+    """The date of the beginning of a simulation, from that of time 0, and its time [s]."""
+    if first is None:
+        return None
+    zero = datetime.fromisoformat(first.strip().upper().replace('Z', '+00:00'))
+    zero = zero if zero.tzinfo else zero.replace(tzinfo=timezone.utc)
+    return Onset(zero + timedelta(seconds=start))
 
 
 def _options(folder: Path) -> dict[str, Any]:

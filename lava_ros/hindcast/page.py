@@ -203,7 +203,7 @@ def write_maps(
     }
     if several is not None:
         maps['runs'] = 100.0 * several.share
-    origin = Provenance(case.name, result.effects, settings.preset)
+    origin = Provenance(case.name, result.effects, settings.preset, onset=case.onset)
     compared = replace(origin, observation=f'mapped flow field of {case.name}')
     tags = {'threshold_m': repr(COVERED), 'simulated_time_s': repr(snapshot.time)}
     return [

@@ -18,6 +18,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, writing
 from lava_ros.files.pictures import new_figure
 from lava_ros.maps import plot
+from lava_ros.maps.colours import picture_of, scale_of, STYLES
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
 
@@ -106,7 +107,7 @@ class _Canvas:
     def __init__(self, figure: Any, frame: Frame, source: str) -> None:
         self._source, self._canvas = source, figure.canvas
         item = frame.layers[source]
-        self._scale = plot.scale_of(source, item.values, is_saturated=item.is_saturated)
+        self._scale = scale_of(source, item.values, is_saturated=item.is_saturated)
         axes = figure.add_axes(_MAP)
         aspect = _MAP[2] * figure.get_figwidth() / (_MAP[3] * figure.get_figheight())
         bounds = plot.bounds_of(frame, np.isfinite(item.values))
@@ -132,10 +133,10 @@ class _Canvas:
     def draw(self, frame: Frame) -> np.ndarray:
         """Draw a frame with a time: RGB, uint8, shape [height, width, 3]."""
         values = frame.layers[self._source].values[self._part]
-        picture = plot.picture_of(values, self._ground, self._scale)
+        picture = picture_of(values, self._ground, self._scale)
         self._image.set_data((255.0 * picture).astype(np.uint8))
         self._vents.set_data(frame.vents[:, 0], frame.vents[:, 1])
-        title = plot.STYLES[self._source].title
+        title = STYLES[self._source].title
         self._title.set_text(f'{title} after {plot.duration(frame.time or 0.0)}')
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()

@@ -55,7 +55,7 @@ def compare_ensembles(
         LavaError: An ensemble or a file of places cannot be read, or a file cannot be written.
     """
     runs = [read_run(path) for path in (without, with_barriers)]
-    likely = [np.nan_to_num(run.panels['probability'].values) for run in runs]
+    likely = [np.nan_to_num(run.panels['inundation_probability'].values) for run in runs]
     terrain = runs[1].terrain
     change = np.where(terrain.has_data, likely[1] - likely[0], np.nan)
     files = write_map(output / f'{CHANGE}.tif', CHANGE, change, place_of(terrain), origin)[:1]
@@ -68,7 +68,7 @@ def compare_ensembles(
         for least in LEAST
     }
     panels = [
-        replace(run.panels['probability'], title=title)
+        replace(run.panels['inundation_probability'], title=title)
         for run, title in zip(runs, ('Without barriers', 'With barriers'), strict=True)
     ]
     shown = np.where(change != 0.0, change, np.nan)

@@ -21,13 +21,15 @@ from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import opened_raster
 from lava_ros.files.yaml import parse_json
-from lava_ros.forecast.ensemble import MANIFEST
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.picture import frame_of
 from lava_ros.forecast.sentinels import CalledEffect
+from lava_ros.forecast.store import MANIFEST
 from lava_ros.maps.arrival import Arrival
+from lava_ros.maps.colours import STYLES
 from lava_ros.maps.frames import Frame, Recording
-from lava_ros.maps.plot import area_words, duration, STYLES, time_note, titles
+from lava_ros.maps.onset import Onset, recorded_onset, stated_onset
+from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.projection import coordinate_system, system_name
@@ -36,15 +38,18 @@ from lava_ros.simulation.budget import VolumeBudget
 
 _LOG = logging.getLogger(__name__)
 
-#: Maps of an ensemble: file, what is drawn of it, title.
+#: Maps of an ensemble: file, what is drawn of it, title. They have the names of their files,
+#: except those that can be drawn beside the maps of a single run.
 ENSEMBLE_MAPS = {
-    'probability': ('inundation_probability', 'probability', STYLES['probability'].title),
+    'inundation_probability': (
+        'inundation_probability', 'probability', STYLES['probability'].title
+    ),
     **{
         name: (f'arrival_time_p{share}', 'arrival', words)
         for name, share, words in (
-            ('arrival_p10', 10, 'Early arrival (1 run in 10)'),
+            ('arrival_time_p10', 10, 'Early arrival (1 run in 10)'),
             ('arrival', 50, 'Median arrival (1 run in 2)'),
-            ('arrival_p90', 90, 'Late arrival (9 runs in 10)'),
+            ('arrival_time_p90', 90, 'Late arrival (9 runs in 10)'),
         )
     },
     'thickness': ('expected_peak_thickness', 'thickness', 'Expected peak thickness of the lava'),
@@ -53,7 +58,7 @@ ENSEMBLE_MAPS = {
 #: Maps that are drawn by default, of a bag and of an ensemble.
 _USUAL = (
     ('thickness', 'temperature', 'hazard'),
-    ('probability', 'arrival_p10', 'arrival', 'arrival_p90'),
+    ('inundation_probability', 'arrival_time_p10', 'arrival', 'arrival_time_p90'),
 )
 
 
@@ -71,7 +76,8 @@ class Run:
     """A bag or an ensemble: its maps by name, its facts by term, and the ground.
 
     ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None where it
-    is unknown. ``ensemble`` is None for a bag.
+    is unknown. ``ensemble`` is None for a bag. ``onset`` is the date of simulated time 0, None if
+    the run does not state it.
     """
 
     name: str
@@ -83,6 +89,7 @@ class Run:
     is_ensemble: bool
     end: float | None
     ensemble: Members | None = None
+    onset: Onset | None = None
 
     @property
     def usual(self) -> list[str]:
@@ -150,6 +157,7 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
         ),
         is_ensemble=False,
         end=frame.time,
+        onset=recorded_onset(recording.bag.custom_data),
     )
 
 
@@ -299,6 +307,7 @@ def _ensemble(folder: Path) -> Run:
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
         observation = tags.get('observation', 'none')
+        onset = stated_onset(tags.get('onset', 'unknown'), str(folder))
         # an ensemble that runs again may still have the maps of before
         on = tags.get('effects', '').split()
         reasons = [
@@ -311,7 +320,7 @@ def _ensemble(folder: Path) -> Run:
     except (OSError, KeyError, TypeError, ValueError) as error:
         right = f'an ensemble whose maps are finished and undamaged ({error})'
         raise LavaError('ensemble', str(folder), right) from error
-    likely = np.nan_to_num(maps['probability'].values)
+    likely = np.nan_to_num(maps['inundation_probability'].values)
     cell = terrain.resolution**2
     areas = [
         f'{area_words(float((likely >= least).sum()) * cell)} at {least} % or more'
@@ -340,7 +349,7 @@ def _ensemble(folder: Path) -> Run:
         title += ' weighted by observed lava'
     return Run(
         folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True,
-        end=horizon, ensemble=Members(ran, int(members), effective),
+        end=horizon, ensemble=Members(ran, int(members), effective), onset=onset,
     )
 
 

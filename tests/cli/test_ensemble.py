@@ -198,7 +198,7 @@ def test_maps_of_a_scene(scene, tmp_path):
     np.testing.assert_array_equal(grids[0], occupancy(probability))
     assert not np.array_equal(*grids)
     page = tmp_path / 'page.json'
-    words = ['plot', out, out / 'weighted', '--layers', 'probability', '--json', page]
+    words = ['plot', out, out / 'weighted', '--layers', 'inundation_probability', '--json', page]
     done(*words, '-o', tmp_path / 'page.png')
     assert 'seen.tif, 600 s' in json.loads(page.read_text())['notes']['weighted by']
 

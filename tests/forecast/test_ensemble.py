@@ -23,11 +23,12 @@ from disc_flow import disc_members, disc_plan, HORIZON, same
 from lava_ros.errors import LavaError
 from lava_ros.forecast import ensemble as ensembles
 from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.ensemble import Ensemble, run_here, run_in_processes, run_on_cluster, Store
+from lava_ros.forecast.ensemble import Ensemble, run_here, run_in_processes, run_on_cluster
 from lava_ros.forecast.members import make_plan, Plan
 from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.sentinels import is_sentinel
+from lava_ros.forecast.store import maps_at, Store
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -186,10 +187,10 @@ def test_wrong_arrays_are_named(
     none = np.zeros(0, int)
     places = Places((), (), none, none, (), none, none, none, none)
     with pytest.raises(LavaError, match=f'^{said}'):
-        ensembles.maps_at(tmp_path, PLAN, places, members=24)
+        maps_at(tmp_path, PLAN, places, members=24)
     run(tmp_path)
     assert re.search(f'a member is damaged and runs again: {said}', caplog.text)
-    assert ensembles.maps_at(tmp_path, PLAN, places, members=24).members == 24
+    assert maps_at(tmp_path, PLAN, places, members=24).members == 24
 
 
 def test_a_folder_has_one_ensemble(tmp_path: Path) -> None:

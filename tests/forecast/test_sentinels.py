@@ -22,12 +22,12 @@ from lava_ros.forecast.ensemble import (
     run_here,
     run_in_processes,
     run_on_cluster,
-    Store,
 )
 from lava_ros.forecast.members import make_plan, Plan, run_members
 from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.sentinels import CalledEffect, is_sentinel, MAX_SENTINELS, REVIEWS
+from lava_ros.forecast.store import Store
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation

@@ -60,6 +60,7 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
         checkpoint_period=1.0,
         preset='draft',
         effects_off=['cooling'],
+        onset='2006-07-14T22:00Z',
     )
     publisher, listener = graph.publisher(), graph.listener('height')
 
@@ -124,6 +125,7 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
     assert json.loads(described['resumed_from']) == {
         'bag': str(first_bag), 'time': checkpoint.time, 'stamp_ns': found.log_time_ns
     }
+    assert described['onset'] == '2006-07-14T22:00:00Z'
     parameters = yaml.safe_load(described['parameters'])
     assert (parameters['preset'], parameters['effects_off']) == ('draft', ['cooling'])
     again = Simulation.resume(newest_checkpoint(second_bag).checkpoint, device='cpu')

@@ -176,12 +176,12 @@ def test_maps_of_a_bag_have_its_system(
         tmp_path / 'bag', times=(200.0,),
         terrain=replace(TERRAIN, epsg=None, wkt=NATIONAL.to_wkt()),
     )
-    exported = export_bag(bag, tmp_path / 'own', maps=['height'])
+    exported = export_bag(bag, tmp_path / 'own', maps=['thickness'])
     with rasterio.open(exported.files[0]) as file:
         assert file.crs == NATIONAL
         assert file.bounds.left == 499_950.0
     assert not caplog.records
-    exported = export_bag(bag, tmp_path / 'other', maps=['height'], epsg=32633)
+    exported = export_bag(bag, tmp_path / 'other', maps=['thickness'], epsg=32633)
     assert 'EPSG:32633 as given, although the bag states unknown' in caplog.text
     with rasterio.open(exported.files[0]) as file:
         assert file.crs.to_epsg() == 32633

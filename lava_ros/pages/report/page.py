@@ -19,6 +19,7 @@ from lava_ros.files import file_to_write, write_output
 from lava_ros.files.optional import require
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Progress, Recording, silent
+from lava_ros.maps.onset import recorded_onset
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import barriers_of, duration
 from lava_ros.pages.arrivals import table_of
@@ -105,6 +106,7 @@ def _data(
 ) -> dict[str, Any]:
     frame, view = seen.frame, view_of(seen)
     place = placement_of(recording.scene)
+    onset = recorded_onset(recording.bag.custom_data)
     maps = pack_maps(recording, seen, view, progress)
     rows, columns = (
         -(-(last - first) // view.factor) for first, last in (view.rows, view.columns)
@@ -124,6 +126,7 @@ def _data(
         'areas': maps['areas'],
         'start': seen.times[0],
         'end': seen.times[-1],
+        'onset': None if onset is None else onset.start.timestamp(),
         'layers': maps['layers'],
         'arrival': maps['arrival'],
         'charts': [item.data() for item in charts],

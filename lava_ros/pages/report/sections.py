@@ -13,8 +13,16 @@ import yaml
 
 from lava_ros.maps.arrival import rounding
 from lava_ros.maps.frames import Recording
-from lava_ros.maps.layers import DEPTHS, DRAINED, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
+from lava_ros.maps.layers import (
+    DEPTHS,
+    DRAINED,
+    HAZARD_CLASSES,
+    HazardLimits,
+    OCCUPANCY_GRID,
+    ZERO_CELSIUS,
+)
 from lava_ros.maps.numbers import percent, seconds
+from lava_ros.maps.onset import recorded_onset
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.survey import Survey
@@ -71,8 +79,13 @@ def warnings(recording: Recording, survey: Survey) -> list[str]:
 def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
     """The run in a few numbers: names and values."""
     last = recording.timeline.last_run[-1]
+    onset = recorded_onset(recording.bag.custom_data)
+    dates = [] if onset is None else [
+        ('start of the eruption', onset.words()), ('maps show', onset.words(last.time)),
+    ]
     rows = [
         ('simulated', duration(last.time)),
+        *dates,
         *(
             (f'{name}, {COVERED:g} m or more', area_words(area))
             for name, area in (
@@ -130,19 +143,20 @@ def hazard_legend(recording: Recording) -> Table:
         f'{kelvin - ZERO_CELSIUS:g} °C'
         for kelvin in (limits.lethal_temperature, limits.safe_temperature)
     )
+    harmful, fatal = HAZARD_CLASSES.values()
     return Table(
         ('hazard index', 'meaning'),
         [
             ('-1', 'outside the terrain: unknown'),
             ('0', 'no lava so far'),
-            (str(DRAINED), 'lava has been here and drained away: hot ground or crust'),
+            (str(DRAINED), f'{harmful}: hot ground or crust'),
             (
-                '1 .. 99',
-                f'lava cooler than {lethal}, which freezes long before: burial, from 0 to '
-                f'{limits.lethal_thickness:g} m, and heat, from {safe} to {lethal}, as if they '
-                'struck independently',
+                '1 to 99',
+                f'the same class: lava cooler than {lethal}, which freezes long before: burial, '
+                f'from 0 to {limits.lethal_thickness:g} m, and heat, from {safe} to {lethal}, '
+                'as if they struck independently',
             ),
-            ('100', f'lethal: {limits.lethal_thickness:g} m of lava or more, or {lethal} or more'),
+            ('100', f'{fatal}: {limits.lethal_thickness:g} m or more, or {lethal} or more'),
         ],
     )
 
