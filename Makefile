@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo forecast-demo test coverage docs look hard hard-published safeguards nightly audit soak lint types clean
+.PHONY: help setup demo test coverage docs look hard hard-published safeguards nightly audit soak lint types clean
 
 help:  ## Say what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -13,19 +13,15 @@ help:  ## Say what can be made
 setup: $(STAMP)  ## Create .venv and install everything into it
 
 # Installs again when what is installed has changed; the stamp says that it went through.
-$(STAMP): setup.py setup.cfg pyproject.toml package.xml constraints.txt $(wildcard launch/* libexec/* params/* rviz/*)
+$(STAMP): setup.py pyproject.toml package.xml constraints.txt $(wildcard launch/* libexec/* params/* rviz/*)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 	  || { echo 'lava_ros needs Python 3.10 or newer; choose one: make PYTHON=python3.12 $(MAKECMDGOALS)' >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[all]'
 	@touch $@
 
-demo: $(STAMP)  ## Let lava flow down a mountain, live in ROS 2 (ARGS='--help' lists the options)
+demo: $(STAMP)  ## Simulate a flow on a mountain, live in ROS 2 (ARGS='--forecast' narrows a forecast; ARGS='--help' lists the options)
 	$(VENV)/bin/lava demo $(ARGS)
-
-forecast-demo: $(STAMP)  ## Open a vent, live in ROS 2, and see an outline narrow the forecast (ARGS='--members 32')
-	@mkdir -p build
-	$(VENV)/bin/lava forecast-demo --picture build/forecast.png $(ARGS)
 
 test: $(STAMP)  ## Run every test but those marked nightly, three at a time (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest --numprocesses 3 --dist loadfile $(ARGS)

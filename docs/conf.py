@@ -3,7 +3,12 @@
 
 """How the pages are built: `make docs` writes build/docs/index.html."""
 
+from pathlib import Path
+
 import lava_ros
+from lava_ros.verification.cases import TITLES
+from lava_ros.verification.report import markdown
+from lava_ros.verification.rows import read_csv
 
 project = 'lava_ros'
 author = 'lava_ros contributors'
@@ -16,7 +21,7 @@ extensions = [
     'sphinx.ext.napoleon',
     'sphinx.ext.viewcode',
 ]
-exclude_patterns = ['accuracy/*', 'benchmarks/*']
+exclude_patterns = ['benchmarks/*']
 source_suffix = {'.md': 'markdown', '.rst': 'restructuredtext'}
 
 html_theme = 'furo'
@@ -44,3 +49,8 @@ autodoc_mock_imports = [
 autodoc_member_order = 'bysource'
 autodoc_typehints = 'description'
 napoleon_use_ivar = True
+
+# The pages of the measurements are not kept in the repository: they follow from the tables.
+for table in Path(__file__).parent.glob('accuracy/[ch]*.csv'):
+    page = markdown(read_csv(table), TITLES, stem=table.stem)
+    table.with_suffix('.md').write_text(page, encoding='utf-8')

@@ -19,7 +19,17 @@ from lava_ros.hindcast import case
 from lava_ros.maps import layer_files
 from lava_ros.maps.layers import HazardLimits, Layer
 from lava_ros.ros import parameters
-from lava_ros.scene import constants_of, effusion_rates, Lava, reshaping, Scene, uncertainty, Vent
+from lava_ros.scene import (
+    constants_of,
+    effusion_rates,
+    emplaced,
+    events,
+    Lava,
+    reshaping,
+    Scene,
+    uncertainty,
+    Vent,
+)
 from lava_ros.scene.materials import materials
 from lava_ros.scene.scene import ENVIRONMENT, SCENE_KEYS
 from lava_ros.scene.terrain_files import MIN_EPSG, RESOLUTION_CHECK, TERRAIN_OPTIONS
@@ -58,6 +68,7 @@ MEANINGS = {
     'vent_temperature': 'Temperature of the erupting lava [K]',
     'vent_radius': 'Radius of vents without their own [m]',
     'low_pass': 'Standard deviation of a Gaussian filter of the ground [m]; 0: none',
+    'emplaced_flows': 'Flows that are there before the start',
     'events': 'Changes of the ground during the eruption',
 }
 
@@ -269,6 +280,47 @@ def uncertainties() -> Schema:
     return mapping(schemas, **either('discharge', 'effusion_rate', optional=True))
 
 
+def emplaced_flow() -> Schema:
+    """Return the schema of a flow that is there before the start."""
+    known = {
+        'file': TEXT | {
+            'description': 'Raster of thickness [m], or outlines; relative to this file'
+        },
+        'as': {
+            'description': 'Lava that flows on, or a part of the ground; lava if left out',
+            'enum': list(emplaced.KINDS),
+        },
+        'thickness': of_check(emplaced.THICKNESS_CHECK) | {
+            'description': 'Thickness of outlines [m]'
+        },
+        'temperature': of_check(emplaced.TEMPERATURE_CHECK) | {
+            'description': 'Temperature of the lava [K]; the eruption temperature if left out'
+        },
+    }
+    return mapping({name: known[name] for name in emplaced.FLOW_KEYS}, ['file'])
+
+
+def event(time: Schema) -> Schema:
+    """Return the schema of a change of the ground at a time."""
+    sides = {
+        name: number(at_least=least, at_most=most)
+        for name, (least, most, _) in reshaping.LIMITS.items()
+    }
+    place = of_check(partial(validation.pair, most=reshaping.MAX_COORDINATE))
+    barrier = mapping(
+        {'line': list_of(place, 2), **sides, 'name': TEXT}, ['line', 'height', 'width']
+    )
+    known = {
+        'terrain': TEXT | {'description': 'File of the new elevation; relative to this file'},
+        'barrier': barrier,
+        'barriers': TEXT | {'description': 'Vector file of lines with height and width [m]'},
+    }
+    return mapping(
+        {'time': time, **{name: known[name] for name in events.CHANGES}}, ['time'],
+        **either(*events.CHANGES),
+    )
+
+
 def scene() -> Schema:
     """Return the schema of a scene file."""
     known = {
@@ -276,6 +328,8 @@ def scene() -> Schema:
         'vents': list_of(vent()),
         'lava': lava(),
         'uncertainty': uncertainties(),
+        'emplaced_flows': list_of(emplaced_flow()),
+        'events': list_of(event(of_check(partial(validation.number, at_least=0.0)))),
         **surroundings(),
     }
     known = {name: known[name] for name in SCENE_KEYS}
@@ -286,17 +340,6 @@ def scene() -> Schema:
 
 def case_file() -> Schema:
     """Return the schema of the ``case.yaml`` of a case."""
-    sides = {
-        name: number(at_least=least, at_most=most)
-        for name, (least, most, _) in reshaping.LIMITS.items()
-    }
-    place = of_check(partial(validation.pair, most=reshaping.MAX_COORDINATE))
-    barrier = mapping({'line': list_of(place, 2), **sides}, ['line', 'height', 'width'])
-    event = mapping(
-        {'time': number(), 'terrain': {'description': MEANINGS['file']}, 'barrier': barrier},
-        ['time'],
-        **either('terrain', 'barrier'),
-    )
     options = terrain_options()
     known = {
         'title': {'description': 'Title, for people'},
@@ -309,7 +352,7 @@ def case_file() -> Schema:
         'end': number() | {'description': 'End of the simulation [s]'},
         **{name: options[name] for name in ('epsg', 'nodata', 'fill_holes')},
         'low_pass': number(at_least=0.0),
-        'events': list_of(event),
+        'events': list_of(event(number())),
         'uncertainty': uncertainties(),
         'effusion_rate': mapping(rate_options()) | {
             'description': 'Choices for reading effusion_rate.csv'

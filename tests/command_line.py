@@ -3,10 +3,12 @@
 
 """The command line, called by tests of several rooms."""
 
+import argparse
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 
 from lava_ros.cli.main import main
+from lava_ros.cli.parser import command_line_parser
 
 
 def lava(*words: object) -> tuple[int, str, str]:
@@ -17,3 +19,11 @@ def lava(*words: object) -> tuple[int, str, str]:
         except SystemExit as end:
             status = int(str(end.code))
     return status, out.getvalue(), err.getvalue()
+
+
+def parser_of(command: str) -> argparse.ArgumentParser:
+    """Return the parser of a command."""
+    for action in command_line_parser()._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return action.choices[command]
+    raise AssertionError(command)

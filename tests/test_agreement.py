@@ -3,9 +3,12 @@
 
 """One eruption in every output: the same cells, volumes, thicknesses and times in all of them.
 
-The files are read by libraries of others: rasterio, rosbags and json.
+The files are read by libraries of others: rasterio, rosbags and json. The members of an ensemble
+and a forecast of the eruption run as the hindcast does: all that is uncertain is the temperature,
+by less than a float32 resolves.
 """
 
+from datetime import datetime
 from importlib.util import find_spec
 import json
 from pathlib import Path
@@ -15,24 +18,42 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+from rasterio.errors import NotGeoreferencedWarning
 from rosbags.highlevel import AnyReader
+from rosbags.typesys import get_typestore, Stores
 
 from cli.calls import done
-from eruption import CELL, SHAPE, write_case
+from eruption import CELL, CORNER, SHAPE, write_case
+from lava_ros.files.resources import share_path
+from lava_ros.forecast.lookahead import LookAhead
+from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import FALSE_ALARM, HIT
+from lava_ros.hindcast.run import FORCED, Settings
+from lava_ros.maps.layer_files import load_layers
+from lava_ros.maps.place_arrivals import live_arrivals
+from lava_ros.maps.places import places_on
 from lava_ros.maps.plot import area_words
+from lava_ros.ros import codec, outputs
+from lava_ros.scene.features import read_features
+from lava_ros.simulation import Simulation
 
-#: Runny lava that drains, and cools so fast that a part of it freezes within the hour.
+#: Runny lava that drains, and cools so fast that a part of it freezes within the hour. No effect
+#: is switched on while it flows: members of an ensemble would have it from the start.
 LAVA = (
     'epsg: 32633\nlava: {viscosity: 6.0e+2, yield_strength: 0, solidus: 1250.0, '
-    'convection: 200.0}\nvent_temperature: 1360.0\n'
+    'convection: 260.0, arrhenius: 0.01}\nvent_temperature: 1360.0\n'
+    'effusion_rate: {start: 2021-09-19T14:10:00Z}\n'
+    'uncertainty: {temperature: {distribution: uniform, low: 0.0, high: 1.0e-9}}\n'
 )
 
+#: Options of every run of it.
+OPTIONS = ('--preset', 'draft', '--spacing', '10', '--device', 'cpu')
+
 #: Start, end and discharge of the eruption, which pauses [s, s, m3/s].
-DISCHARGE = ((0, 600, 25), (600, 1500, 0), (1500, 2100, 25), (2100, 3600, 0))
+DISCHARGE = ((0, 600, 15), (600, 1500, 0), (1500, 2100, 60), (2100, 3600, 0))
 
 #: Formats of an export, by the package that writes each.
-FORMATS = {'tif': 'rasterio', 'geojson': 'rasterio', 'gpkg': 'pyogrio', 'nc': 'xarray'}
+FORMATS = {'tif': 'rasterio', 'geojson': 'rasterio', 'gpkg': 'pyogrio', 'nc': 'scipy'}
 
 
 def write_eruption(folder: Path) -> Path:
@@ -45,30 +66,39 @@ def write_eruption(folder: Path) -> Path:
 
 def words(case: Path, out: Path) -> list[object]:
     """The command of its hindcast."""
-    options = ['--preset', 'draft', '--spacing', '10', '--device', 'cpu', '--maps', '4']
-    return ['hindcast', case, *options, '-o', out]
+    return ['hindcast', case, *OPTIONS, '-o', out]
 
 
-def read_tif(path: Path) -> np.ndarray:
-    """Values of a GeoTIFF, float64, NaN without data, row 0 in the south."""
+def read_tif(path: Path | str) -> np.ndarray:
+    """Values of a raster, float64, NaN without data, row 0 in the south."""
     with rasterio.open(path) as file:
         return file.read(1, masked=True).astype(np.float64).filled(np.nan)[::-1]
 
 
-def read_bag(path: Path) -> SimpleNamespace:
-    """The newest maps and diagnostics of a bag."""
+def newest_messages(path: Path) -> dict[str, Any]:
+    """The newest message of each topic of a bag."""
     last: dict[str, Any] = {}
     with AnyReader([path]) as reader:
         for connection, _, data in reader.messages():
             last[connection.topic] = reader.deserialize(data, connection.msgtype)
-    images = {
-        name: np.frombuffer(last[f'/{name}'].data.tobytes(), np.float32).reshape(SHAPE)
-        for name in ('arrived', 'height_raw')
-    }
-    grids = {
-        name: np.array(last[f'/{name}'].data, np.int8).reshape(SHAPE)
-        for name in ('height', 'hazard')
-    }
+    return last
+
+
+def image_of(message: Any) -> np.ndarray:
+    """Pixels of an image of float32, row 0 in the south."""
+    return np.frombuffer(message.data.tobytes(), np.float32).reshape(SHAPE)
+
+
+def grid_of(message: Any) -> np.ndarray:
+    """Cells of an occupancy grid."""
+    return np.array(message.data, np.int8).reshape(SHAPE)
+
+
+def read_bag(path: Path) -> SimpleNamespace:
+    """The newest maps and diagnostics of a bag."""
+    last = newest_messages(path)
+    images = {name: image_of(last[f'/{name}']) for name in ('arrived', 'height_raw')}
+    grids = {name: grid_of(last[f'/{name}']) for name in ('height', 'hazard')}
     status = next(item for item in last['/diagnostics'].status if item.name.endswith('simulation'))
     said = {item.key: item.value for item in status.values}
     return SimpleNamespace(**images, **grids, said=said)
@@ -88,6 +118,7 @@ def run(tmp_path_factory):
         folder=folder, case=case, out=out, printed=printed, maps=folder / 'maps',
         score=json.loads((out / 'hindcast.json').read_text())['score'],
         volume=json.loads((out / 'hindcast.json').read_text())['volume'],
+        decisions=json.loads((out / 'hindcast.json').read_text())['decisions'],
         plot=json.loads((folder / 'plot.json').read_text()),
         report=(folder / 'report.html').read_text(),
         page=(out / 'hindcast.html').read_text(),
@@ -99,6 +130,7 @@ def run(tmp_path_factory):
 
 def test_the_eruption_has_what_tells_outputs_apart(run):
     """Lava freezes, drains away between two pulses, and flows still at the end."""
+    assert not any(item['on_since_s'] for item in run.decisions)
     inundated, standing = np.isfinite(run.arrival), run.thickness >= 0.1
     assert run.volume['frozen'] > 0.05 * run.volume['emitted']
     assert (inundated & ~standing).sum() >= 5
@@ -127,8 +159,9 @@ def test_the_inundated_area_is_one(run):
     assert f'{area / 1e6:.3f} of ' in run.page and f'{area / 1e6:.3f} of ' in run.printed
     assert f'{area_words(area)} inundated' in run.plot['summary']
     assert f'<dt>inundated area, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
-    for path in (run.out / 'peak_thickness.tif', run.maps / 'peak_height.tif'):
-        assert (read_tif(path)[inundated] >= np.float32(0.1)).all()
+    peaks = [read_tif(folder / 'peak_thickness.tif') for folder in (run.out, run.maps)]
+    np.testing.assert_array_equal(*peaks)
+    np.testing.assert_array_equal(peaks[0] >= np.float32(0.1), inundated)
     # ground that lava has reached is never safe again
     assert (run.bag.hazard[inundated] > 0).all()
     others = (run.bag.hazard > 0) & ~inundated
@@ -139,7 +172,7 @@ def test_the_inundated_area_is_one(run):
 def test_the_standing_lava_is_one(run):
     """Its cells, its volume and its largest thickness."""
     standing, cell = run.thickness >= 0.1, CELL**2
-    shown = np.nan_to_num(read_tif(run.maps / 'height.tif'))
+    shown = np.nan_to_num(read_tif(run.maps / 'thickness.tif'))
     np.testing.assert_array_equal(shown, run.thickness)
     np.testing.assert_array_equal(run.bag.height_raw, run.thickness.astype(np.float32))
     np.testing.assert_array_equal(run.bag.height > 0, standing)
@@ -167,3 +200,171 @@ def test_the_outline_is_the_footprint_of_its_own_run(run):
     done(*words(case, run.folder / 'out2'))
     score = json.loads((run.folder / 'out2' / 'hindcast.json').read_text())['score']
     assert score['area'] == run.score['area'] and score['jaccard'] >= 0.98
+
+
+def check_netcdf(folder: Path) -> None:
+    """Hold each map of a NetCDF against the GeoTIFF of its name: values, places and system."""
+    path, tifs = f'netcdf:{folder / "maps.nc"}', {item.stem: item for item in folder.glob('*.tif')}
+    with pytest.warns(NotGeoreferencedWarning), rasterio.open(path) as file:
+        assert {name.rpartition(':')[2] for name in file.subdatasets} == set(tifs)
+    for name, tif in tifs.items():
+        with rasterio.open(f'{path}:{name}') as file, rasterio.open(tif) as other:
+            assert (file.transform, file.crs) == (other.transform, other.crs)
+        np.testing.assert_array_equal(read_tif(f'{path}:{name}'), read_tif(tif))
+
+
+def test_netcdf_has_the_maps_of_the_geotiffs(run):
+    """Every map, to the digit."""
+    check_netcdf(run.maps)
+
+
+def test_dates_are_those_of_the_case(run, ensemble):
+    """Maps, isochrones and pages have the date that the table of effusion rates begins with."""
+    assert run.plot['notes']['start of the eruption'].startswith('2021-09-19 14:10 UTC')
+    assert run.plot['notes']['maps show'].startswith('2021-09-19 15:10 UTC')
+    assert '2021-09-19 15:10 UTC' in run.report
+    for folder in (run.out, run.maps, ensemble.out):
+        for path in folder.glob('*.tif'):
+            with rasterio.open(path) as file:
+                assert file.tags()['onset'] == '2021-09-19T14:10:00Z'
+    for path in (run.maps / 'isochrones.geojson', ensemble.out / 'arrival_time_p50.geojson'):
+        for item in json.loads(path.read_text())['features']:
+            passed = datetime.fromisoformat(item['properties']['date_utc'].rstrip('Z'))
+            passed -= datetime(2021, 9, 19, 14, 10)
+            assert passed.total_seconds() == item['properties']['time_s']
+
+
+@pytest.fixture(scope='module')
+def points(run) -> tuple[Path, dict[str, tuple[int, int]]]:
+    """Named places in the first, a middle and the last cell that lava reached, and their cells."""
+    rows, columns = np.nonzero(np.isfinite(run.arrival))
+    order = np.argsort(run.arrival[rows, columns], kind='stable')
+    chosen = {'first': order[0], 'middle': order[len(order) // 2], 'last': order[-1]}
+    cells = {name: (int(rows[at]), int(columns[at])) for name, at in chosen.items()}
+    path = run.folder / 'places.csv'
+    lines = [
+        f'{CORNER[0] + (column + 0.5) * CELL},{CORNER[1] + (row + 0.5) * CELL},{name}'
+        for name, (row, column) in cells.items()
+    ]
+    path.write_text('x,y,name\n' + '\n'.join(lines) + '\n')
+    return path, cells
+
+
+def table_of(folder: Path, *words: object) -> dict[str, dict[str, Any]]:
+    """The rows of `lava places` by name."""
+    done('places', *words, '--json', folder / 'table.json')
+    rows = json.loads((folder / 'table.json').read_text())['places']
+    return {row['name']: row for row in rows}
+
+
+def test_arrival_at_places_is_that_of_the_maps(run, points):
+    """The table has the values of the GeoTIFF, to the digit."""
+    path, cells = points
+    rows = table_of(run.folder, run.out / 'bag', path)
+    for name, cell in cells.items():
+        assert rows[name]['arrival_p50_s'] == run.arrival[cell]
+
+
+@pytest.fixture(scope='module')
+def ensemble(run):
+    """An ensemble of the eruption whose members are all alike."""
+    out, report = run.folder / 'ensemble', run.folder / 'ensemble.json'
+    formats = [name for name, package in FORMATS.items() if find_spec(package)]
+    done(
+        'ensemble', run.case, *OPTIONS, '-o', out, '--members', '2', '--workers', '1',
+        '--json', report, '--formats', *formats,
+    )
+    return SimpleNamespace(out=out, report=json.loads(report.read_text()))
+
+
+def test_an_ensemble_of_one_run_is_the_run(run, ensemble):
+    """Its inundated cells have a probability of 100 %, and its times and peaks are those."""
+    inundated = np.isfinite(run.arrival)
+    probability = read_tif(ensemble.out / 'inundation_probability.tif')
+    np.testing.assert_array_equal(probability, np.where(inundated, 100.0, 0.0))
+    peak = read_tif(ensemble.out / 'expected_peak_thickness.tif')
+    np.testing.assert_array_equal(np.isfinite(peak), inundated)
+    # members are kept in whole millimetres
+    np.testing.assert_allclose(
+        np.nan_to_num(peak), np.nan_to_num(read_tif(run.out / 'peak_thickness.tif')), atol=5.1e-4
+    )
+    for percent in (10, 50, 90):
+        times = read_tif(ensemble.out / f'arrival_time_p{percent}.tif')
+        np.testing.assert_array_equal(np.isfinite(times), inundated)
+        late = np.abs(times - run.arrival)[inundated]
+        assert late.max() <= ensemble.report['arrival_error_s'] + 1e-3
+    area = float(inundated.sum() * CELL**2)
+    assert set(ensemble.report['area_m2'].values()) == {area} == {run.score['area']}
+
+
+def test_an_ensemble_is_the_same_in_all_its_outputs(run, ensemble, points):
+    """GeoTIFFs, NetCDF, bag, areas and the table of places agree to the cell and the digit."""
+    tifs = {path.stem: read_tif(path) for path in ensemble.out.glob('*.tif')}
+    messages = newest_messages(ensemble.out / 'atlas')
+    probability = tifs['inundation_probability']
+    np.testing.assert_array_equal(
+        grid_of(messages['/lava/inundation_probability']), probability.astype(np.int8)
+    )
+    for name in ('arrival_time_p10', 'arrival_time_p50', 'arrival_time_p90'):
+        np.testing.assert_array_equal(image_of(messages[f'/lava/{name}']), tifs[name])
+    np.testing.assert_array_equal(
+        image_of(messages['/lava/expected_peak_thickness']),
+        np.nan_to_num(tifs['expected_peak_thickness']),
+    )
+    features = json.loads((ensemble.out / 'inundation_probability.geojson').read_text())
+    for item in features['features']:
+        at_least = item['properties']['probability_percent']
+        assert item['properties']['area_m2'] == (probability >= at_least).sum() * CELL**2
+    features = json.loads((ensemble.out / 'arrival_time_p50.geojson').read_text())['features']
+    for item in features:
+        by_then = tifs['arrival_time_p50'] <= item['properties']['time_s']
+        assert item['properties']['area_m2'] == by_then.sum() * CELL**2
+    done('plot', ensemble.out, '-o', run.folder / 'e.png', '--json', run.folder / 'e.json')
+    shown = json.loads((run.folder / 'e.json').read_text())
+    assert f'{area_words(run.score["area"])} at 90 % or more' in shown['summary']
+    path, cells = points
+    rows = table_of(run.folder, ensemble.out, path)
+    for name, cell in cells.items():
+        assert rows[name]['probability_percent'] == 100.0
+        for share in ('p10', 'p50', 'p90'):
+            assert rows[name][f'arrival_{share}_s'] == tifs[f'arrival_time_{share}'][cell]
+    check_netcdf(ensemble.out)
+
+
+def test_a_forecast_is_what_comes(run, points):
+    """A look ahead from the first pulse to the end, as it is published: cells, times and peaks."""
+    case = load_case(run.case)
+    simulation = Simulation(
+        case.scene, effects=FORCED, accuracy=Settings('draft', 10.0, 'cpu').accuracy(case),
+        device='cpu', horizon=case.duration,
+    )
+    start = simulation.advance(900.0, limit=case.duration)
+    now = simulation.snapshot()
+    forecast = LookAhead(
+        simulation.checkpoint(), horizon=case.duration - start, threshold=0.1, device='cpu'
+    ).run()
+    types = get_typestore(Stores.ROS2_JAZZY)
+    read = {}
+    for layer in load_layers(share_path('msg_configs/forecast.yaml')):
+        if not layer.is_ensemble:
+            message = outputs.layer_message(layer, forecast, frame_id='map', stamp_ns=0)
+            name = codec.type_name(type(message))
+            read[layer.topic] = types.deserialize_cdr(codec.serialise(message), name)
+    inundated, before = np.isfinite(run.arrival), run.arrival <= start
+    assert 5 < before.sum() < inundated.sum() - 5
+    np.testing.assert_array_equal(now.inundated, before)
+    np.testing.assert_array_equal(now.arrived[before], run.arrival[before])
+    ahead = image_of(read['arrival_time']).astype(np.float64)
+    np.testing.assert_array_equal(np.isfinite(ahead), inundated)
+    assert (ahead[before] == 0.0).all()
+    later = inundated & ~before
+    # a float32 of the time after the start
+    np.testing.assert_allclose(start + ahead[later], run.arrival[later], rtol=0.0, atol=1e-3)
+    np.testing.assert_array_equal(grid_of(read['peak_height'])[later] > 0, True)
+    assert not grid_of(read['peak_height'])[~inundated].any()
+    path, cells = points
+    places = places_on(read_features('places', path, case.scene.terrain), case.scene.terrain)
+    live = live_arrivals(places, now, forecast)
+    for row, (name, cell) in zip(live.rows, cells.items(), strict=True):
+        assert row.name == name and row.probability == 100.0
+        assert row.arrival[0.5] == pytest.approx(run.arrival[cell], rel=0.0, abs=1e-3)

@@ -16,12 +16,12 @@ from mcap.opcode import Opcode
 import pytest
 import rasterio
 
-from command_line import lava
+from command_line import lava, parser_of
 from lava_ros.bag import BagReader, BagWriter
 from lava_ros.bag.checkpoints import attachments_in, checkpoints_of, NAME, newest_checkpoint
 from lava_ros.bag.records import FRAME, MAGIC
 from lava_ros.bag.replay import schedule
-from lava_ros.cli.manual import COMMANDS, parser_of
+from lava_ros.cli.parser import COMMANDS
 from lava_ros.errors import LavaError
 from lava_ros.simulation.checkpoint import MEDIA_TYPE
 from recording import record
@@ -93,7 +93,7 @@ def test_a_chunk_that_is_lost_is_said(bag: Path, tmp_path: Path) -> None:
     status, _, said = lava('export', bag, '-o', tmp_path / 'out')
     assert status == 1
     assert f'of {path} (after 4.500 s of its messages)' in said
-    with rasterio.open(tmp_path / 'out/height.tif') as file:
+    with rasterio.open(tmp_path / 'out/thickness.tif') as file:
         assert file.tags()['simulated_time_s'] == '600.0'
     status, out, said = lava('info', bag)
     assert (status, 'finished; damaged (warnings: 2)' in out) == (1, True)
@@ -212,7 +212,7 @@ def test_a_bag_of_an_earlier_version_is_checked_by_its_parts(bag: Path) -> None:
 BAG_COMMANDS = {
     'info': (), 'replay': (), 'recover': ('out',), 'report': ('-o', 'out.html'),
     'plot': ('-o', 'out.png'), 'places': ('huts.csv',), 'animate': ('-o', 'out.gif'),
-    'export': ('-o', 'out', '--maps', 'height'), 'watch': ('--port', '0'),
+    'export': ('-o', 'out', '--maps', 'thickness'), 'watch': ('--port', '0'),
 }
 
 
@@ -300,7 +300,7 @@ def test_a_flipped_bit_is_never_silent(
         'replay': ('replay', bag),
         'plot': ('plot', bag, '-o', tmp_path / 'out.png'),
         'report': ('report', bag, '-o', html),
-        'export': ('export', bag, '-o', out, '--every', '--maps', 'height', 'hazard'),
+        'export': ('export', bag, '-o', out, '--every', '--maps', 'thickness', 'hazard'),
         'recover': ('recover', bag, out),
     }
     show: dict[str, Callable[[], object]] = {

@@ -4,7 +4,6 @@
 """What describes the package agrees with the package."""
 
 import ast
-from configparser import ConfigParser
 from functools import cache
 import importlib
 import json
@@ -20,9 +19,12 @@ from xml.etree import ElementTree
 
 from packaging.requirements import Requirement
 import pytest
+import yaml
 
 from install import image
 import lava_ros
+from lava_ros.cli.effects import COSTS
+from project import EXTRAS, PROJECT, TOOLS
 
 ROOT = Path(__file__).parents[1]
 
@@ -52,28 +54,25 @@ for line in (ROOT / 'constraints.txt').read_text().splitlines():
 
 
 @pytest.fixture(scope='module')
-def metadata(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What setup.py passes to setuptools, which need not be installed."""
+def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """The data files that setup.py passes to setuptools, which need not be installed."""
     seen: dict[str, Any] = {}
-    stand_in = SimpleNamespace(
-        setup=seen.update, find_packages=lambda include: include, Distribution=object
-    )
+    stand_in = SimpleNamespace(setup=seen.update, Distribution=object, apply_configuration=None)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(sys.modules, 'setuptools', stand_in)  # type: ignore[arg-type]
+        for name in ('setuptools', 'setuptools.config', 'setuptools.config.pyprojecttoml'):
+            patch.setitem(sys.modules, name, stand_in)  # type: ignore[arg-type]
         # colcon runs a link to it, in a folder of its own
         place = tmp_path_factory.mktemp('build')
         (place / 'setup.py').symlink_to(ROOT / 'setup.py')
         patch.chdir(place)
         runpy.run_path('setup.py')
-    return seen
+    return dict(seen['data_files'])
 
 
 def test_settings_that_are_easily_lost() -> None:
     """An editable installation is a path; the license is whole; make draws where git is blind."""
-    settings = ConfigParser()
-    settings.read(ROOT / 'setup.cfg')
     # the finder that is usual would come after a folder `lava_ros`, such as a clone beside us
-    assert settings['editable_wheel']['mode'] == 'compat'
+    assert TOOLS['distutils']['editable_wheel']['mode'] == 'compat'
     text = (ROOT / 'LICENSE').read_text()
     assert text.lstrip().startswith('Apache License')
     assert 'END OF TERMS AND CONDITIONS' in text
@@ -97,24 +96,26 @@ def _is_ros(module: str) -> bool:
     return module in ROS_MODULES or module.endswith(('_msgs', '_srvs', '_interfaces'))
 
 
-def test_name_version_and_contact_agree(metadata: dict[str, Any]) -> None:
-    """package.xml, setup.py and the package itself say the same."""
+def test_name_version_and_contact_agree() -> None:
+    """package.xml, pyproject.toml, CITATION.cff and the package itself say the same."""
+    citation = yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))
     assert MANIFEST.get('format') == '3'
-    assert MANIFEST.findtext('name') == metadata['name'] == 'lava_ros'
-    assert MANIFEST.findtext('version') == metadata['version'] == lava_ros.__version__
-    assert MANIFEST.findtext('license') == metadata['license'] == 'Apache-2.0'
+    assert MANIFEST.findtext('name') == PROJECT['name'] == citation['title'] == 'lava_ros'
+    assert MANIFEST.findtext('version') == PROJECT['version'] == lava_ros.__version__
+    assert citation['version'] == lava_ros.__version__
+    assert MANIFEST.findtext('license') == PROJECT['license']['text'] == 'Apache-2.0'
+    assert citation['license'] == 'Apache-2.0'
     maintainer = MANIFEST.find('maintainer')
     assert maintainer is not None
-    assert maintainer.get('email') == metadata['maintainer_email']
+    assert maintainer.get('email') == PROJECT['maintainers'][0]['email']
     assert MANIFEST.findtext('export/build_type') == 'ament_python'
 
 
-def test_scripts_exist(metadata: dict[str, Any]) -> None:
+def test_scripts_exist() -> None:
     """Every console script names something that can be called."""
-    scripts = metadata['entry_points']['console_scripts']
-    assert {script.split(' = ')[0] for script in scripts} == {'lava', 'lava_node'}
-    for script in scripts:
-        module, function = script.split(' = ')[1].split(':')
+    assert set(PROJECT['scripts']) == {'lava', 'lava_node'}
+    for script in PROJECT['scripts'].values():
+        module, function = script.split(':')
         assert callable(getattr(importlib.import_module(module), function))
 
 
@@ -138,15 +139,13 @@ def test_ros2_run_finds_the_commands(tmp_path: Path) -> None:
         assert (int(process), words) == (child.pid, '--ros-args -p a:=two words')
 
 
-def test_data_files_are_there(metadata: dict[str, Any]) -> None:
+def test_data_files_are_there(installed: dict[str, list[str]]) -> None:
     """Marker, manifest, launch files and message configurations are installed."""
-    installed = dict(metadata['data_files'])
     assert installed['share/ament_index/resource_index/packages'] == ['resource/lava_ros']
     assert installed['share/lava_ros'] == ['package.xml']
     assert 'msg_configs/default.yaml' in installed['share/lava_ros/msg_configs']
     assert any(name.endswith('.launch.py') for name in installed['share/lava_ros/launch'])
-    assert installed['share/lava_ros/sros2'] == ['sros2/lava_ros.policy.xml']
-    assert 'docs/accuracy/cpu.csv' in installed['share/lava_ros/docs/accuracy']
+    assert installed['share/lava_ros/docs/benchmarks'] == [COSTS]
     assert set(installed['lib/lava_ros']) == {'libexec/lava', 'libexec/lava_node'}
     for folder in ('examples', 'foxglove', 'launch', 'msg_configs', 'params', 'rviz', 'schemas'):
         files = {f'{folder}/{path.name}' for path in (ROOT / folder).glob('*') if path.is_file()}
@@ -154,7 +153,7 @@ def test_data_files_are_there(metadata: dict[str, Any]) -> None:
     assert all((ROOT / name).is_file() for names in installed.values() for name in names)
     inside = {
         f'{package.replace(".", "/")}/{name}'
-        for package, names in metadata['package_data'].items()
+        for package, names in TOOLS['setuptools']['package-data'].items()
         for name in names
     }
     paths = [path for path in (ROOT / 'lava_ros').rglob('*') if path.is_file()]
@@ -162,8 +161,8 @@ def test_data_files_are_there(metadata: dict[str, Any]) -> None:
     assert inside == {path.relative_to(ROOT).as_posix() for path in others}
 
 
-def test_the_image_has_this_package(metadata: dict[str, Any], tmp_path: Path) -> None:
-    """The Dockerfile's steps are shell, its extras and its command are those of setup.py."""
+def test_the_image_has_this_package(installed: dict[str, list[str]], tmp_path: Path) -> None:
+    """The Dockerfile's steps are shell, its extras and its command are the package's."""
     found = image.instructions()
     texts: dict[str, list[str]] = {kind: [] for kind, _ in found}
     for kind, text in found:
@@ -173,35 +172,33 @@ def test_the_image_has_this_package(metadata: dict[str, Any], tmp_path: Path) ->
         subprocess.run(['bash', '-nc', step], check=True)
     assert texts['COPY'] == ['. /src']
     extras = re.search(r"'/src\[(.*)\]'", texts['RUN'][-1])
-    assert extras and set(extras[1].split(',')) <= set(metadata['extras_require'])
+    assert extras and set(extras[1].split(',')) <= set(EXTRAS)
     (entry,) = map(json.loads, texts['ENTRYPOINT'])
-    scripts = metadata['entry_points']['console_scripts']
-    assert entry[-1] in {script.split(' = ')[0] for script in scripts}
+    assert entry[-1] in PROJECT['scripts']
     image.copy_context(tmp_path / 'src')
-    data = [name for _, names in metadata['data_files'] for name in names]
+    data = [name for names in installed.values() for name in names]
     modules = [str(path.relative_to(ROOT)) for path in (ROOT / 'lava_ros').rglob('*.py')]
-    needed = {*data, *modules, 'setup.py', 'setup.cfg', 'pyproject.toml', 'README.md'}
+    needed = {*data, *modules, 'setup.py', 'pyproject.toml', 'README.md'}
     assert all((tmp_path / 'src' / name).is_file() for name in needed)
     assert not (tmp_path / 'src/tests').exists()
 
 
-def test_packages_that_are_imported_are_declared(metadata: dict[str, Any]) -> None:
-    """Those of ROS by package.xml, the others by setup.py."""
+def test_packages_that_are_imported_are_declared() -> None:
+    """Those of ROS by package.xml, the others by pyproject.toml."""
     of_ros = {name for name in _imports() if _is_ros(name)}
     declared = {item.text for item in MANIFEST.findall('exec_depend')}
     assert of_ros - {'grid_map_msgs'} <= declared
-    extras = metadata['extras_require']
-    requirements = [*metadata['install_requires'], *extras['all'], *extras['gis']]
+    requirements = [*PROJECT['dependencies'], *EXTRAS['all']]
     needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in _imports() - of_ros}
     assert needed <= {_canonical(Requirement(item).name) for item in requirements}
 
 
-def test_requirements_are_bounded_and_pinned(metadata: dict[str, Any]) -> None:
+def test_requirements_are_bounded_and_pinned() -> None:
     """Each requirement has a lower and an upper bound, and its pins lie between them.
 
     No ROS wheel is named but Jazzy's: the others are of some distribution or other.
     """
-    required = [*metadata['install_requires'], *metadata['extras_require']['all']]
+    required = [*PROJECT['dependencies'], *EXTRAS['all']]
     for item in required:
         requirement = Requirement(item)
         operators = {bound.operator for bound in requirement.specifier}

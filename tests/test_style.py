@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 
 #: Folders of code and configuration of this package.
 FOLDERS = ('docs', 'examples', 'foxglove', 'launch', 'lava_ros', 'msg_configs', 'params', 'rviz')
-FOLDERS += ('schemas', 'sros2', 'tests')
+FOLDERS += ('schemas', 'tests')
 
 #: Suffixes of text files; Python is ruff's.
 TEXTS = ('.csv', '.ini', '.json', '.md', '.rst', '.rviz', '.toml', '.txt', '.xml', '.yaml')

@@ -3,9 +3,8 @@
 
 """What forecasts cost the live simulation, and how soon they are there.
 
-It makes forecast_cpu.csv or, with another device, forecast_cuda.csv:
+It makes live_h200.csv; the number of members may be left out:
 
-    python docs/benchmarks/forecast.py cpu 'machine' > docs/benchmarks/forecast_cpu.csv
     python docs/benchmarks/forecast.py cuda:0 'machine' 256 > docs/benchmarks/live_h200.csv
 
 The worker of the node runs a scene, after a clock that it keeps up with and then as fast as it
@@ -13,7 +12,7 @@ can, where every forecast has to take from it. Forecasts are made for some secon
 as many, turn about. Slower is by velocity evaluations a second against the turns before and after,
 the median over the turns: other work on the machine comes and goes. Behind is the share of the
 clock's time that was lost in all turns together. With a number of members: how often ensembles of
-the scene of ``lava forecast-demo`` are renewed, half an hour ahead, while its simulation runs 40
+the scene of ``lava demo --forecast`` are renewed, half an hour ahead, while its simulation runs 40
 times as fast as real time.
 """
 
@@ -23,7 +22,7 @@ import time
 
 import numpy as np
 
-from lava_ros.cli.forecast_demo import LAVA, SPACING, SPEED, UNCERTAINTY, VENT
+from lava_ros.cli.demo_forecast import LAVA, SPACING, SPEED, UNCERTAINTY, VENT
 from lava_ros.ros.ensemble_forecasts import ForecastRules
 from lava_ros.ros.forecaster import Forecaster
 from lava_ros.ros.worker import SimulationWorker

@@ -35,7 +35,7 @@ import time
 import numpy as np
 from plan_scenes import held_out
 
-from lava_ros.cli.output import write_json
+from lava_ros.cli.console import write_json
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.forecast.members import make_plan, run_members

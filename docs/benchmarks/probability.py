@@ -25,11 +25,12 @@ import matplotlib
 import numpy as np
 
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh
-from lava_ros.forecast.ensemble import run_ensemble, run_here, Store
+from lava_ros.forecast.ensemble import run_ensemble, run_here
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.probability import Footprint, reached_by
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.forecast.scores import brier_parts
+from lava_ros.forecast.store import Store
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings

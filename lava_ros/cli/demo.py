@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava demo`: a flow on a mountain."""
+"""`lava demo`: a flow on a mountain, or a forecast of one."""
+
+from __future__ import annotations
 
 import argparse
 from contextlib import closing
@@ -12,19 +14,15 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
+from lava_ros.cli.console import Progress, terminal, write_json
 from lava_ros.cli.options import argument, command, seconds_of
-from lava_ros.cli.output import Progress, terminal, write_json
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
-from lava_ros.cli.scenes import scene_from_arguments, SCENE_OPTIONS
+from lava_ros.cli.scene_options import SCENE_OPTIONS
 from lava_ros.errors import LavaError, printable
-from lava_ros.maps.plot import area_words
-from lava_ros.maps.plot import duration as words
-from lava_ros.pages.pictures import draw_runs
-from lava_ros.scene import Scene
-from lava_ros.simulation.budget import VolumeBudget
 
 if TYPE_CHECKING:
     from lava_ros.ros.monitor import Observation
+    from lava_ros.scene import Scene
 
 #: Default wall time of the flow [s]: a GPU would be done before anybody saw it.
 LEAST_WALL_TIME = 25.0
@@ -38,6 +36,11 @@ LONGEST_SILENCE = 120.0
 #: Files beside the bag; the first marks the folder as that of a demo.
 RESULT, PICTURE = 'demo.json', 'demo.png'
 
+#: Options that apply to ``--forecast``.
+_FORECAST_OPTIONS = frozenset(
+    ('--forecast', '--members', '--picture', '--max-speed', '--device', '--domain', '--json')
+)
+
 
 @command(
     *SCENE_OPTIONS,
@@ -45,7 +48,16 @@ RESULT, PICTURE = 'demo.json', 'demo.png'
     argument('--output', 'DIR', 'bag to record; it replaces an earlier demo there', 'bags/demo'),
     argument(
         '--max-speed', 'X', 'run at most X times as fast as real time (default: the speed '
-        f'that takes {LEAST_WALL_TIME:g} s in all)', float,
+        f'that takes {LEAST_WALL_TIME:g} s in all; with --forecast 40)', float,
+    ),
+    argument(
+        '--forecast', None, 'forecast the flow from a vent in the crater of Mount St. Helens, and '
+        'narrow the forecast with an observed outline', action='store_true',
+    ),
+    argument('--members', 'N', 'with --forecast: members of an ensemble (default: 16)', int),
+    argument(
+        '--picture', 'FILE', 'with --forecast: picture of the probabilities before and after the '
+        'outline (default: forecast.png)',
     ),
     '--preset', '--spacing', '--device', '--domain', '--json',
 )
@@ -53,9 +65,20 @@ def demo(args: argparse.Namespace) -> int:
     """Simulate a lava flow on a mountain, live in ROS 2, and record it.
 
     The command starts the node on a scene, receives its maps over DDS, records them in a bag,
-    draws a picture of the last ones, and ends the node.
+    draws a picture of the last ones, and ends the node. With --forecast the node computes
+    forecasts and ensembles. The command opens a vent over DDS, prints how long the first forecast
+    takes, and sends the node the outline of a flow whose effusion rate and viscosity the node is
+    not given. It draws the probabilities before and after the outline.
     """
+    from lava_ros.cli.scenes import scene_from_arguments
+    from lava_ros.pages.pictures import draw_runs
+
     require_ros()
+    _check_forecast_options(args)
+    if args.forecast:
+        from lava_ros.cli.demo_forecast import narrow_forecast
+
+        return narrow_forecast(args, _own_domain(args.domain))
     duration = seconds_of('--duration', args.duration)
     if args.spacing is not None:
         validation.number('--spacing', args.spacing, above=0.0, unit='m')
@@ -65,9 +88,7 @@ def demo(args: argparse.Namespace) -> int:
         speed = validation.number(
             '--max-speed', args.max_speed, at_least=slowest, at_most=fastest
         )
-    domain = domain_of(args.domain)
-    # for this process and for the node
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    domain = _own_domain(args.domain)
     scene = scene_from_arguments(args)
     output = Path(args.output)
     _remove_earlier_demo(output)
@@ -103,6 +124,26 @@ def demo(args: argparse.Namespace) -> int:
     return 0
 
 
+def _check_forecast_options(args: argparse.Namespace) -> None:
+    """Raise LavaError for an option that has no effect with, or without, ``--forecast``."""
+    for names, options in demo.arguments:
+        name = names[-1]
+        value = getattr(args, name.lstrip('-').replace('-', '_'))
+        if value is None or value is False or value == options.get('default'):
+            continue
+        if args.forecast and name not in _FORECAST_OPTIONS:
+            raise LavaError(name, value, f'no {name} together with --forecast')
+        if not args.forecast and name in ('--members', '--picture'):
+            raise LavaError(name, value, f'no {name} without --forecast')
+
+
+def _own_domain(number: int | None) -> int:
+    """Return the ID of the demo's ROS domain, and keep this process and the node to themselves."""
+    domain = domain_of(number)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    return domain
+
+
 def _remove_earlier_demo(output: Path) -> None:
     """Remove the output of an earlier demo; LavaError where anything else is in its place."""
     try:
@@ -124,12 +165,14 @@ def _remove_earlier_demo(output: Path) -> None:
 
 def _flow(
     scene: Scene, parameters: dict[str, Any], domain: int, duration: float
-) -> 'Observation':
+) -> Observation:
     """Run the node until the flow has ended, and return the last observation.
 
     Raises:
         ChildError: The node failed.
     """
+    from lava_ros.maps.plot import area_words
+    from lava_ros.maps.plot import duration as words
     from lava_ros.ros.monitor import Monitor
 
     with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
@@ -157,7 +200,9 @@ def _flow(
         return seen
 
 
-def _result(seen: 'Observation', max_speed: float) -> dict[str, Any]:
+def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
+    from lava_ros.simulation.budget import VolumeBudget
+
     values = seen.values
     speed = float(values['mean_speed'])
     budget = VolumeBudget.from_texts(values)
@@ -183,6 +228,9 @@ def _result(seen: 'Observation', max_speed: float) -> dict[str, Any]:
 
 def _print_table(result: dict[str, Any]) -> None:
     from rich.table import Table
+
+    from lava_ros.maps.plot import area_words
+    from lava_ros.maps.plot import duration as words
 
     held = ' (held back to watch: --max-speed)' if result['speed_is_limited'] else ''
     table = Table(show_header=False, box=None, pad_edge=False)

@@ -1,55 +1,45 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava ensemble` and `lava plan`: a scene many times, and what there is time for."""
+"""`lava ensemble`: the probability and the time of inundation from many runs of a scene."""
+
+from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from functools import partial
 import json
 from pathlib import Path
 import sys
 import time
-from typing import Any
-
-import numpy as np
+from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.options import argument, command, device_named, seconds_of
-from lava_ros.cli.output import made_folder, Progress, write_json
+from lava_ros.cli.console import made_folder, Progress, table_lines, write_json
+from lava_ros.cli.options import argument, command, device_named, formats, seconds_of
 from lava_ros.cli.ros import missing_package
-from lava_ros.cli.scenes import RATE_OPTIONS, SCENE, scene_as_given, scene_from_arguments
-from lava_ros.cli.show import formats
+from lava_ros.cli.scene_options import RATE_OPTIONS, SCENE
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
-from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.ensemble import (
-    default_workers,
-    Ensemble,
-    run_ensemble,
-    run_here,
-    run_in_processes,
-    run_on_cluster,
-    Store,
-)
-from lava_ros.forecast.members import check_members, make_plan, Plan
-from lava_ros.forecast.pilots import Pilot, spacing_at
-from lava_ros.forecast.planning import afford
-from lava_ros.forecast.rasters import raster_on, seen_in_file, write_atlas
-from lava_ros.forecast.sampling import draw_members, MOST_MEMBERS, Susceptibility
-from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
-from lava_ros.hindcast.run import Settings
-from lava_ros.maps.forecast import HazardMaps
-from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
-from lava_ros.scene.uncertainty import uncertainty_to_dict
-from lava_ros.simulation import presets
+
+if TYPE_CHECKING:
+    from lava_ros.forecast.ensemble import Ensemble
+    from lava_ros.forecast.members import Plan
+    from lava_ros.forecast.store import Store
+    from lava_ros.hindcast.case import Case
+    from lava_ros.maps.forecast import HazardMaps
+    from lava_ros.scene import Scene
+    from lava_ros.scene.reshaping import Barrier
 
 #: How far ahead members run by default.
 HORIZON = '6h'
 
 #: Folder of the bag in the output, and folder of the maps that are weighted by an observation.
 BAG, WEIGHTED = 'atlas', 'weighted'
+
+#: Folders of the same members with barriers, and of what the barriers change.
+WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
 
 
 @command(
@@ -85,6 +75,16 @@ BAG, WEIGHTED = 'atlas', 'weighted'
         'tcp://host:8786',
     ),
     formats('areas of 10, 50 and 90 %% probability, isochrones', None),
+    argument(
+        '--barriers', 'FILE', 'vector file of lines along the crests of barriers with their '
+        'height [m], width [m] and slope (docs/FORMATS.md): run the members without them and with '
+        'them, and compare',
+    ),
+    argument('--barriers-at', 'TIME', 'time at which the barriers are built (default: the start)'),
+    argument(
+        '--places', 'FILE', 'places of which --barriers compares the arrival of lava; may be '
+        'repeated', action='append',
+    ),
     preset='draft',
 )
 def ensemble(args: argparse.Namespace) -> int:
@@ -96,13 +96,28 @@ def ensemble(args: argparse.Namespace) -> int:
     thickness, as GeoTIFF and as a bag. The same command continues an interrupted ensemble, and
     adds members to a finished one. SCENE may also be the folder of a mapped eruption, as for lava
     hindcast: the command then draws from the published ranges of the lava, unless case.yaml has a
-    section `uncertainty`, and scores the probability against the mapped flow.
+    section `uncertainty`, and scores the probability against the mapped flow. With --barriers the
+    members run a second time with barriers; the folder with_barriers has the maps of these runs,
+    and the folder comparison what the barriers change.
     """
+    from lava_ros.forecast.assimilation import Outline
+    from lava_ros.forecast.ensemble import run_ensemble
+    from lava_ros.forecast.members import check_members
+    from lava_ros.forecast.rasters import seen_in_file, write_atlas
+    from lava_ros.forecast.sampling import draw_members, Susceptibility
+    from lava_ros.forecast.store import Store
+    from lava_ros.hindcast.chances import chances_of, mapped_on
+    from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
+    from lava_ros.pages.comparison import compare_ensembles
+    from lava_ros.scene.on_terrain import raster_on
+    from lava_ros.scene.uncertainty import uncertainty_to_dict
+
     if (args.observed is None) != (args.observed_at is None):
         right = 'a time together with --observed, and neither without the other'
         raise LavaError('--observed-at', args.observed_at, right)
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
+    barriers = _barriers(args, plan)
     scene, output = plan.scene, Path(args.output)
     crs = place_of(scene.terrain).crs
     require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
@@ -120,32 +135,41 @@ def ensemble(args: argparse.Namespace) -> int:
     )
     check_members(scene, members)
     runner, where = _runner(args)
-    store = Store(output, plan, seed=args.seed, susceptibility=susceptibility)
     name = Path(args.scene or args.terrain or 'demo').name
+    kept = {'seed': args.seed, 'susceptibility': susceptibility}
+    store = Store(output, plan, **kept)
 
-    def write_maps(maps: HazardMaps, folder: Path = output, seen: str = 'none') -> list[str]:
+    def write_maps(
+        maps: HazardMaps, folder: Path = output, seen: str = 'none', *, store: Store = store
+    ) -> list[str]:
         plan, tags = store.plan, {'seed': str(args.seed)}
-        origin = Provenance(name, tuple(plan.effects), args.preset, observation=seen)
+        origin = Provenance(
+            name, tuple(plan.effects), args.preset, observation=seen,
+            onset=None if case is None else case.onset,
+        )
         return [str(path) for path in write_atlas(folder, maps, plan, origin, tags, args.formats)]
 
+    def run_all(store: Store, folder: Path, which: str = 'members') -> Ensemble:
+        try:
+            with Progress() as progress:
+                progress.show(f'{which} begin', 0.0)
+                return run_ensemble(
+                    members,
+                    store,
+                    runner=runner,
+                    outline=outline,
+                    on_finished=lambda done, resumed: progress.show(
+                        f'{done} of {len(members)} {which}',
+                        (done - resumed) / (len(members) - resumed),
+                    ),
+                    on_maps=lambda maps: write_maps(maps, folder, store=store),
+                )
+        except KeyboardInterrupt:
+            print('lava ensemble: interrupted; the same command continues', file=sys.stderr)
+            raise
+
     started = time.monotonic()
-    try:
-        with Progress() as progress:
-            progress.show('members begin', 0.0)
-            done = run_ensemble(
-                members,
-                store,
-                runner=runner,
-                outline=outline,
-                on_finished=lambda done, resumed: progress.show(
-                    f'{done} of {len(members)} members',
-                    (done - resumed) / (len(members) - resumed),
-                ),
-                on_maps=write_maps,
-            )
-    except KeyboardInterrupt:
-        print('lava ensemble: interrupted; the same command continues', file=sys.stderr)
-        raise
+    done = run_all(store, output)
     wall = time.monotonic() - started
     plan = store.plan
     report = _report(args, plan, done.maps, done, wall, where)
@@ -167,14 +191,94 @@ def ensemble(args: argparse.Namespace) -> int:
             report['score'] = chances_of(done.weighted.probability, mapped_on(case, plan))
         files += write_maps(done.weighted, folder, observation)
         files += _write_bag(folder / BAG, plan, done.weighted, report)
+    if barriers:
+        folder, built = output / WITH_BARRIERS, _barriers_at(args)
+        # what sentinels have called for without them is on with them from the start
+        dammed = replace(plan, scene=_dammed(plan.scene, barriers, built), switched_on=())
+        other = Store(folder, dammed, **kept)
+        started = time.monotonic()
+        again = run_all(other, folder, 'members with barriers')
+        wall = time.monotonic() - started
+        files += write_maps(again.maps, folder, store=other)
+        told = _report(args, other.plan, again.maps, again, wall, where)
+        files += _write_bag(folder / BAG, other.plan, again.maps, told)
+        compared = compare_ensembles(
+            output, folder, made_folder(output / COMPARISON), places=args.places or (),
+            lines=[args.barriers] if built else (), built=built,
+            origin=Provenance(name, tuple(other.plan.effects), args.preset),
+        )
+        files += compared.pop('files')
+        report['barriers'] = {
+            'built_s': built,
+            'barriers': [
+                {
+                    'name': item.name, 'length_m': item.length, 'height_m': item.height,
+                    'width_m': item.width, 'volume_m3': item.volume,
+                }
+                for item in barriers
+            ],
+            'effects': list(other.plan.effects),
+            **compared,
+        }
     report['files'] = files
     write_json(report, args.json)
     _print(report, plan)
     return 0
 
 
+def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
+    """Read the barriers that the arguments name, and print how much earth each takes."""
+    from lava_ros.maps.places import places_on
+    from lava_ros.scene.features import read_features
+    from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
+
+    for name in ('barriers_at', 'places'):
+        if getattr(args, name) and not args.barriers:
+            option = f'--{name.replace("_", "-")}'
+            raise LavaError(option, getattr(args, name), f'no {option} without --barriers FILE')
+    if not args.barriers:
+        return []
+    if args.observed:
+        raise LavaError('--barriers', args.barriers, 'no --observed together with --barriers')
+    usual = {'height': None, 'width': None, 'slope': Barrier.slope}
+    barriers = read_barriers('--barriers', args.barriers, plan.scene.terrain, usual)
+    for file in args.places or ():
+        # a file that cannot be read is refused before the runs
+        places_on(read_features('--places', file, plan.scene.terrain), plan.scene.terrain)
+    # and so are a time, and one off the terrain; what becomes wider is told once
+    _barriers_at(args)
+    with_barriers(plan.scene.terrain, barriers)
+    for item in barriers:
+        print(item.text())
+    return barriers
+
+
+def _barriers_at(args: argparse.Namespace) -> float:
+    return seconds_of('--barriers-at', args.barriers_at or '0', may_be_zero=True)
+
+
+def _dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
+    """Return the scene with barriers from the start or, as an event, from a time [s] on."""
+    from lava_ros.scene.events import TerrainEvent
+    from lava_ros.scene.reshaping import with_barriers
+
+    if not built:
+        raised = with_barriers(scene.terrain, barriers, is_told=False)
+        return replace(scene, terrain=raised)
+    event = TerrainEvent(built, f'{len(barriers)} barriers', barriers=tuple(barriers))
+    events = sorted((*scene.events, event), key=lambda item: item.time)
+    return replace(scene, events=tuple(events))
+
+
 def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     """What the members have in common; of a folder the case that it holds."""
+    from lava_ros.cli.scenes import scene_as_given
+    from lava_ros.forecast.members import make_plan
+    from lava_ros.hindcast.case import load_case
+    from lava_ros.hindcast.chances import plan_of
+    from lava_ros.hindcast.run import Settings
+    from lava_ros.simulation import presets
+
     if args.scene is None or not Path(args.scene).is_dir():
         return make_plan(
             scene_as_given(args),
@@ -184,7 +288,7 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
         ), None
     options = (
         'terrain', 'epsg', 'nodata', 'fill_holes', 'vent', 'vents', 'discharge', 'horizon',
-        *RATE_OPTIONS,
+        'emplaced_flow', 'emplaced_thickness', 'emplaced_as', 'terrain_at', *RATE_OPTIONS,
     )
     for name in options:
         if getattr(args, name) not in (None, False):
@@ -198,6 +302,13 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
 
 def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
     """What runs the members, and how to say so."""
+    from lava_ros.forecast.ensemble import (
+        default_workers,
+        run_here,
+        run_in_processes,
+        run_on_cluster,
+    )
+
     workers = args.workers
     if workers is not None:
         workers = validation.whole('--workers', workers, at_least=1, at_most=1024)
@@ -224,6 +335,8 @@ def _report(
     wall: float,
     where: dict[str, Any],
 ) -> dict[str, Any]:
+    import numpy as np
+
     ran = maps.members - done.resumed
     likely, cell = np.nan_to_num(maps.probability), plan.scene.terrain.resolution**2
     return {
@@ -312,61 +425,19 @@ def _print(report: dict[str, Any], plan: Plan) -> None:
             f'on the map ({score["brier_skill_of_terrain"]:.2f} over the terrain)'
             + ('' if gap is None else f'; largest error of reliability {100.0 * gap:.0f} points')
         )
+    if 'barriers' in report:
+        told = report['barriers']
+        for name, areas in told['area_m2'].items():
+            without, built = (1e-6 * areas[case] for case in ('without', 'with'))
+            print(f'{name:>13}: {without:8.3f} km2 without barriers, {built:8.3f} km2 with them')
+        if told['places']:
+            from lava_ros.pages.comparison import place_texts
+
+            print('\n'.join(table_lines(place_texts(told['places']), '<>>>>')))
+        if told['effects'] != report['effects']:
+            print(
+                'lava ensemble: the runs with barriers have other effects, '
+                f'{", ".join(told["effects"])}: delete both folders to run all with these',
+                file=sys.stderr,
+            )
     print('\n'.join(f'written to {path}' for path in report['files']))
-
-
-@command(
-    *SCENE,
-    argument('--within', 'TIME', 'wall time to use: 30s, 10min', required=True),
-    argument(
-        '--members', 'N', 'number of members of an ensemble, which run one after the other; auto '
-        'takes the number with the smallest error', '1',
-    ),
-    '--horizon', '--device', '--json',
-    horizon='6h',
-)
-def plan(args: argparse.Namespace) -> int:
-    """Find the accuracy that a run, or an ensemble, can have in a given time.
-
-    The command makes coarse pilot runs of a scene on this machine. It prints the preset and the
-    spacing with which the run takes the given time, the number of members that an ensemble can
-    have, and the expected errors: the numerical error as a share of the covered area, and the
-    sampling error of a probability.
-    """
-    within = seconds_of('--within', args.within)
-    horizon = seconds_of('--horizon', args.horizon)
-    members = None
-    if args.members != 'auto':
-        if not args.members.isdecimal():
-            raise LavaError('--members', args.members, 'a whole number from 1 on, or auto')
-        members = validation.whole('--members', args.members, at_least=1, at_most=MOST_MEMBERS)
-    scene = scene_from_arguments(args)
-
-    def tell(pilot: Pilot) -> None:
-        spacing = spacing_at(scene, pilot.refinement, horizon)
-        print(
-            f'pilot: spacing {spacing:.3g} m took {pilot.spent:.3g} s'
-            + ('' if pilot.is_done else f', stopped: it would take {pilot.wall_time:.3g} s'),
-            flush=True,
-        )
-
-    found = afford(
-        scene, within=within, horizon=horizon, members=members, device=args.device,
-        may_force=True, on_pilot=tell,
-    )
-    print(f'preset {found.preset}, spacing {found.spacing:.3g} m')
-    for name, is_on in found.forced.items():
-        state = 'on' if is_on else 'off'
-        print(f'effect {name} {state}: what the scene calls for takes too long at this spacing')
-    print(
-        f'{found.members} run{"s" * (found.members > 1)} in about {found.wall_time:.2g} s of '
-        f'{within:g} s' + ('; more time would not help' if found.is_finest else '')
-    )
-    print(
-        f'numerical error: about {100.0 * found.error:.2g} % of the covered area, and '
-        f'{100.0 * found.cell_error:.2g} % by the cells of {scene.terrain.resolution:g} m'
-    )
-    if found.members > 1:
-        print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
-    write_json(asdict(found), args.json)
-    return 0

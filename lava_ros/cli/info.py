@@ -1,23 +1,22 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava info` and `lava recover`: what a bag contains, and a whole bag of one that is not."""
+"""`lava info`: the contents of a bag."""
+
+from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
-from lava_ros.bag.checkpoints import checkpoints_of
-from lava_ros.bag.decoding import Decoder, last_moment
-from lava_ros.bag.description import described
-from lava_ros.bag.mcap_file import McapFile
-from lava_ros.bag.reader import BagReader
-from lava_ros.bag.recovery import recover as recover_bag
-from lava_ros.cli.options import argument, command
-from lava_ros.cli.output import Progress, table_lines, write_json
+from lava_ros.cli.console import table_lines, write_json
+from lava_ros.cli.options import command
 from lava_ros.errors import LavaError
-from lava_ros.simulation.budget import VolumeBudget
+
+if TYPE_CHECKING:
+    from lava_ros.bag.mcap_file import McapFile
+    from lava_ros.bag.reader import BagReader
 
 _SHOWN_CHECKPOINTS = 5
 
@@ -32,6 +31,8 @@ def info(args: argparse.Namespace) -> int:
     The command prints the scene, the topics and the state of a bag. It reads a bag whose recording
     was cut off up to the last complete message.
     """
+    from lava_ros.bag.reader import BagReader
+
     bag = BagReader(args.bag)
     refused: list[LavaError] = []
     told = _as_dict(bag, refused.append)
@@ -43,6 +44,9 @@ def info(args: argparse.Namespace) -> int:
 
 
 def _as_dict(bag: BagReader, on_refused: Callable[[LavaError], object]) -> dict[str, Any]:
+    from lava_ros.bag.checkpoints import checkpoints_of
+    from lava_ros.bag.description import described
+
     def parts(item: BagReader | McapFile, *names: str) -> dict[str, Any]:
         return {name: getattr(item, name) for name in names}
 
@@ -76,6 +80,9 @@ def _as_dict(bag: BagReader, on_refused: Callable[[LavaError], object]) -> dict[
 
 def _simulation(bag: BagReader) -> dict[str, Any] | None:
     """The last diagnostics: simulated time [s], volumes [m3], their error, and warnings."""
+    from lava_ros.bag.decoding import Decoder, last_moment
+    from lava_ros.simulation.budget import VolumeBudget
+
     try:
         moment = last_moment(bag, Decoder(bag))
     except LavaError:
@@ -93,6 +100,8 @@ def _simulation(bag: BagReader) -> dict[str, Any] | None:
 
 
 def _lines(bag: BagReader, told: dict[str, Any], refused: list[LavaError]) -> list[str]:
+    from lava_ros.simulation.budget import VolumeBudget
+
     lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {_size(bag.size)}']
     if len(bag.files) > 1:
         lines += [_file_line(item, bag.start_ns or 0) for item in bag.contents]
@@ -197,28 +206,3 @@ def _moment(time_ns: int) -> str:
     if seconds < 1e9:
         return f'{seconds:.3f} s'
     return datetime.fromtimestamp(seconds, timezone.utc).isoformat(timespec='milliseconds')
-
-
-@command('bag', argument('output', None, 'directory of the new bag, which must not exist'))
-def recover(args: argparse.Namespace) -> int:
-    """Copy the readable messages of a bag that was cut off or damaged into a new bag.
-
-    The command leaves out the damaged parts of the bag and prints where they are. The new bag is
-    complete.
-    """
-    source = BagReader(args.bag)
-    try:
-        with Progress(has_lines=False) as progress:
-            count = recover_bag(source, args.output, on_progress=progress.show)
-    except OSError as error:
-        raise LavaError('output', args.output, f'a place that can be written ({error})') from error
-    whole = BagReader(args.output)
-    print(f'{count} messages copied to {args.output}')
-    for topic in sorted(whole.topics.values(), key=lambda item: item.name):
-        print(f'{topic.count:8}  {topic.name}')
-    seconds = ((whole.end_ns or 0) - (whole.start_ns or 0)) / 1e9
-    state = 'had been cut off' if source.recovered else 'was whole'
-    if source.damage:
-        state = f'was damaged (warnings: {len(source.damage)})'
-    print(f'{seconds:.3f} s of recording; the bag {state}')
-    return 0

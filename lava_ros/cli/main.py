@@ -11,8 +11,8 @@ import os
 import re
 import sys
 
-from lava_ros.cli.manual import Manual, parsed, ROS_COMMANDS
-from lava_ros.cli.output import check_outputs, Printable
+from lava_ros.cli.console import check_outputs, Printable
+from lava_ros.cli.parser import command_line_parser, parse_command_line, ROS_COMMANDS
 from lava_ros.cli.start import end_start, INTERRUPTED
 from lava_ros.errors import LavaError, printable
 
@@ -35,20 +35,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status: 0 when it went well, 1 when part of a bag was damaged or missing and
         --incomplete does not accept that, 2 for input that cannot be used.
     """
+    if '_ARGCOMPLETE' in os.environ:
+        _complete()
     arguments = list(sys.argv[1:] if argv is None else argv)
-    for word in arguments:
-        try:
-            word.encode()
-        except UnicodeEncodeError:
-            # bytes of a terminal: neither messages, files nor libraries take them
-            Manual().error(str(LavaError('an argument', word, 'text in UTF-8')))
     # argparse takes a place that begins with a minus for an option, unless it has a space in it
     arguments = [f' {word}' if re.match(r'-[\d.]+,', word) else word for word in arguments]
     # What follows is ROS's to read, options that argparse would take for its own included.
     end = len(arguments)
     if arguments and arguments[0] in ROS_COMMANDS and _ROS_ARGS in arguments:
         end = arguments.index(_ROS_ARGS)
-    args = parsed(arguments[:end])
+    with redirect_stderr(Printable(sys.stderr)):
+        _check_encoding(arguments)
+        args = parse_command_line(arguments[:end])
     args.ros_args = arguments[end:]
     said = _Said(args.command)
     log = logging.getLogger('lava_ros')
@@ -57,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     log.setLevel(logging.INFO)
     try:
         with redirect_stdout(Printable(sys.stdout)), redirect_stderr(Printable(sys.stderr)):
-            end_start()
+            end_start(args.run)
             check_outputs(args)
             status = int(args.run(args))
             is_accepted = getattr(args, 'incomplete', False)
@@ -81,6 +79,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         log.setLevel(level)
     print(f'lava {args.command}: {problem}', file=sys.stderr)
     return USAGE_ERROR
+
+
+def _complete() -> None:
+    """Print what the words that a shell has so far may continue with, and exit."""
+    import argcomplete
+
+    argcomplete.autocomplete(command_line_parser())
+
+
+def _check_encoding(words: Sequence[str]) -> None:
+    """Exit with status 2 for bytes that are not text: no message, file or library takes them."""
+    for word in words:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            wrong = LavaError('an argument', word, 'text in UTF-8')
+            command_line_parser().error(str(wrong))
 
 
 class _Said(logging.Handler):

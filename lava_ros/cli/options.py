@@ -11,8 +11,18 @@ from typing import Any, NamedTuple
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.simulation.presets import DEFAULT, PRESETS
-from lava_ros.simulation.selection import HORIZON
+
+#: Presets and the default one, as in ``lava_ros.simulation.presets``, which takes long to import.
+PRESETS = ('draft', 'standard', 'fine', 'reference', 'as-published')
+DEFAULT_PRESET = 'standard'
+
+#: Simulated time of a run by default, as in ``lava_ros.simulation.resolution``.
+HORIZON = '24h'
+
+#: Maps that `lava export` writes, and formats of maps and shapes, as in ``lava_ros.maps.export``.
+SOURCES = ('thickness', 'temperature', 'hazard')
+MAPS = (*SOURCES, 'arrival', 'peak_thickness')
+FORMATS = ('tif', 'geojson', 'gpkg', 'shp', 'kml', 'kmz', 'zip', 'csv', 'nc')
 
 #: Seconds of each unit.
 UNITS = {'s': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86400.0}
@@ -75,7 +85,7 @@ _SHARED = {item[0][0]: item for item in (
         '--epsg', 'CODE', 'EPSG code of the coordinate system; replaces what the file states', int
     ),
     argument('--fresh', None, 'ignore the results of earlier runs', action='store_true'),
-    argument('--horizon', 'TIME', 'simulated time of a run: 6h, 90min', f'{HORIZON / 3600.0:g}h'),
+    argument('--horizon', 'TIME', 'simulated time of a run: 6h, 90min', HORIZON),
     argument(
         '--incomplete', None, 'accept a bag that is damaged or lacks messages: exit with status 0 '
         'instead of 1', action='store_true',
@@ -93,7 +103,7 @@ _SHARED = {item[0][0]: item for item in (
         '--off', 'EFFECT', 'switch this effect off; may be repeated', [], action='append'
     ),
     argument('--on', 'EFFECT', 'switch this effect on; may be repeated', [], action='append'),
-    argument('--preset', None, 'accuracy', DEFAULT, choices=tuple(PRESETS)),
+    argument('--preset', None, 'accuracy', DEFAULT_PRESET, choices=PRESETS),
     argument('--seed', 'N', 'seed of the random numbers', 0),
     argument('--spacing', 'M', "distance between particles [m]; replaces the preset's", float),
     argument('--threshold', 'M', 'thickness at which lava counts as arrived [m]', 0.1),
@@ -135,3 +145,26 @@ def seconds_of(field: str, text: str, *, may_be_zero: bool = False) -> float:
     if math.isinf(seconds):
         raise LavaError(field, text, 'a finite time')
     return seconds
+
+
+def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:
+    """Return the argument for the file formats of maps, and of shapes of them."""
+    usual = ' '.join(default) if default else 'tif, and geojson in a known coordinate system'
+    return argument(
+        '--formats', 'FORMAT',
+        f'file formats: tif (with styles for QGIS), {", ".join(FORMATS[1:-1])} ({shapes}; zip '
+        "holds a Shapefile), nc (all maps, by the CF conventions) "
+        f'(default: {usual})',
+        default, nargs='+', choices=FORMATS,
+    )
+
+
+def repeating_command(words: str, options: dict[str, Any]) -> str:
+    """The command that gives these numbers again, without where it puts them."""
+    for name, value in options.items():
+        if name == 'case':
+            words += ''.join(f' --case {case}' for case in value)
+        elif value is not None:
+            values = value if isinstance(value, list) else [value]
+            words += ' '.join([f' --{name}', *map(str, values)])
+    return f'lava {words}'

@@ -5,6 +5,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.util import find_spec
 import json
 import os
@@ -16,14 +17,13 @@ import subprocess
 import sys
 import tempfile
 from types import FrameType
-from typing import Any
-
-import numpy as np
+from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.scene import Scene, scene_to_dict
-from lava_ros.scene.terrain_files import barrier_tags
+
+if TYPE_CHECKING:
+    from lava_ros.scene import Scene, Terrain
 
 #: Number of last lines of the log shown when a process has failed.
 SHOWN_LINES = 40
@@ -138,7 +138,7 @@ def domain_of(chosen: int | None) -> int:
 
 
 @contextmanager
-def running_node(scene: Scene, settings: Mapping[str, Any], domain: int) -> Iterator[Child]:
+def running_node(scene: 'Scene', settings: Mapping[str, Any], domain: int) -> Iterator[Child]:
     """Start a node on a scene, in a domain that is printed, and end it afterwards."""
     print(f'ROS domain {domain}; to watch: ROS_DOMAIN_ID={domain} lava watch (or rviz2)')
     with tempfile.TemporaryDirectory(prefix='lava-node-') as folder:
@@ -150,11 +150,42 @@ def running_node(scene: Scene, settings: Mapping[str, Any], domain: int) -> Iter
             node.end()
 
 
-def _started(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
+def _save(path: Path, terrain: 'Terrain') -> None:
+    import numpy as np
+
+    from lava_ros.scene.terrain_files import barrier_tags
+
     names = ('elevation', 'resolution', 'origin', 'offset', 'source', 'epsg', 'wkt')
-    grid = {name: getattr(scene.terrain, name) for name in names} | barrier_tags(scene.terrain)
-    np.savez(folder / 'terrain.npz', **{k: v for k, v in grid.items() if v is not None})
+    grid = {name: getattr(terrain, name) for name in names} | barrier_tags(terrain)
+    np.savez(path, **{k: v for k, v in grid.items() if v is not None})
+
+
+def _started(scene: 'Scene', settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
+    from lava_ros.maps.gis import Provenance, write_grid
+    from lava_ros.scene import scene_to_dict
+
+    _save(folder / 'terrain.npz', scene.terrain)
     plain = scene_to_dict(scene) | {'terrain': {'file': 'terrain.npz'}}
+    if scene.emplaced_flows:
+        plain['emplaced_flows'] = []
+    for number, flow in enumerate(scene.emplaced_flows):
+        # the bag has the name of the file
+        path = folder / f'flow_{number}' / f'{Path(flow.source).stem}.tif'
+        path.parent.mkdir()
+        cells = replace(
+            scene.terrain, elevation=flow.thickness, resolution=flow.resolution,
+            origin=flow.origin,
+        )
+        write_grid(path, 'thickness', cells.elevation, cells, Provenance('scene'))
+        name = str(path.relative_to(folder))
+        plain['emplaced_flows'].append({'file': name, 'temperature': flow.temperature})
+    if scene.events:
+        plain['events'] = []
+    ground = scene.terrain
+    for number, event in enumerate(scene.events):
+        ground = event.ground(ground)
+        _save(folder / f'event_{number}.npz', ground)
+        plain['events'].append({'time': event.time, 'terrain': f'event_{number}.npz'})
     parameters = {**settings, 'scene': str(folder / 'scene.yaml')}
     # JSON is YAML
     (folder / 'scene.yaml').write_text(json.dumps(plain), encoding='utf-8')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scene that a command's arguments name, and the one there is without them."""
+"""The scene that a command's arguments describe, and the scene without arguments."""
 
 import argparse
 from collections.abc import Iterator
@@ -9,24 +9,24 @@ from contextlib import suppress
 from dataclasses import replace
 import logging
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lava_ros.cli.options import Argument, argument
+from lava_ros.cli.options import seconds_of
+from lava_ros.cli.scene_options import RATE_OPTIONS
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import angle
 from lava_ros.hindcast.tables import series_of
-from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain
+from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain, with_changes
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
-    GAPS,
     Interval,
     Options,
     read_effusion_rates,
     series_of_rates,
 )
-from lava_ros.scene.materials import DEFAULT as DEFAULT_MATERIAL
 from lava_ros.scene.projection import in_degrees, projected
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain
@@ -49,84 +49,6 @@ SUMMIT_DISCHARGE, SUMMIT_RADIUS = 50.0, 20.0
 
 #: Largest side of a map's cells over the spacing of particles, and most cells after a division.
 CELL, MOST_CELLS = 3.0, 1_000_000
-
-
-def vent_arguments(of: str) -> tuple[Argument, ...]:
-    """The arguments that replace vents and lava of a scene, or of what else has some."""
-    usual, lava = '', ''
-    if of == 'scene':
-        usual = ' (default without a scene: the summit)'
-        lava = f' (default where it names none: {DEFAULT_MATERIAL})'
-    return (
-        argument(
-            '--vent', 'LON,LAT', 'position of a vent: longitude,latitude or easting,northing; '
-            f'replaces the vents of the {of}; may be repeated{usual}', action='append',
-        ),
-        argument(
-            '--vents', 'FILE', 'file of points and lines (fissures), which replace the vents of '
-            f'the {of}: GeoJSON, GeoPackage, Shapefile, KML, or .csv with x,y or lon,lat (of a '
-            'fissure also x_end,y_end or lon_end,lat_end); it may give the name, effusion_rate '
-            '[m3/s], radius [m] and temperature [K] of each (docs/FORMATS.md)',
-        ),
-        argument(
-            '--effusion-rate --discharge', 'Q', 'effusion rate of each vent [m3/s]'
-            + (', or a table of the rates of all vents together (docs/FORMATS.md)'
-               if of == 'scene' else ''),
-            type=_rate, dest='discharge',
-        ),
-        argument(
-            '--material', 'NAME', "lava by name ('lava materials' lists them); replaces the lava "
-            f'of the {of}{lava}',
-        ),
-    )
-
-
-def _rate(text: str) -> float | str:
-    """A rate, or the name of a table."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-#: Options that say how a table of effusion rates is read.
-RATE_OPTIONS = ('eruption_start', 'gaps', 'porosity')
-
-_TABLE = (
-    argument(
-        '--eruption-start', 'DATE', 'start of the eruption, 2021-09-19T14:10:00Z, for a table of '
-        'effusion rates with dates (default: the first date)',
-    ),
-    argument(
-        '--gaps', None, 'effusion rate in the gaps of a table: zero, or interpolate between its '
-        'neighbours (default: zero, with a warning)', choices=GAPS,
-    ),
-    argument(
-        '--porosity', 'P', 'fraction of bubbles in the lava, for a table of dense-rock effusion '
-        'rates (default: the rates are bulk rates)', float,
-    ),
-)
-
-_FILE = 'scene file (YAML): terrain, vents and lava'
-
-_PARTS: tuple[str | Argument, ...] = (
-    argument(
-        '--terrain', 'FILE', 'elevation: GeoTIFF or another raster (docs/FORMATS.md), or npz; '
-        "replaces the scene's terrain (default without a scene: Mount St. Helens, 7.8 x 7.8 km)",
-    ),
-    '--epsg',
-    '--nodata',
-    argument(
-        '--fill-holes', None, 'fill pits and inner cells without data from the cells around them',
-        action='store_true',
-    ),
-    *vent_arguments('scene'),
-    *_TABLE,
-)
-
-#: The arguments that choose a scene: its file without a flag, or with one.
-SCENE = (argument('scene', 'SCENE', _FILE, nargs='?'), *_PARTS)
-SCENE_OPTIONS = (argument('--scene', 'FILE', _FILE), *_PARTS)
 
 
 def terrain_options(args: argparse.Namespace) -> dict[str, Any]:
@@ -193,7 +115,7 @@ def scene_from_arguments(args: argparse.Namespace) -> Scene:
     spacing = resolution_of(scene, preset_accuracy(DEFAULT)).spacing
     factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
     most = math.isqrt(MOST_CELLS // scene.terrain.elevation.size)
-    return replace(scene, terrain=finer(scene.terrain, max(min(factor, most), 1)))
+    return scene.on(lambda terrain: finer(terrain, max(min(factor, most), 1)))
 
 
 def scene_as_given(args: argparse.Namespace) -> Scene:
@@ -218,8 +140,12 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
             {'position': (x, y), 'discharge': discharge, 'radius': 20.0, 'name': f'vent {index}'}
             for index, (x, y, discharge) in enumerate(DEMO_VENTS)
         ]
-    else:
+    elif not getattr(args, 'no_vents', False):
         data['vents'] = [_usual_vent(terrain, position=_summit(terrain), name='summit')]
+    changes, terrain = with_changes(_changes_of(args), Path(), terrain, given, prefix='')
+    for name, items in changes.items():
+        data[name] = [*data.get(name, []), *items]
+    data['events'] = sorted(data.get('events', []), key=lambda event: event.time)
     vents = vents_as_given(args, terrain)
     rates = _rates_of(args)
     if vents and rates:
@@ -252,6 +178,25 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         scene = replace(scene, uncertainty=replace(scene.uncertainty, discharge=error))
     _tell(scene)
     return scene
+
+
+def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Emplaced flows and events that the arguments give, as a scene file has them."""
+    changes: dict[str, Any] = {}
+    shared = {'thickness': args.emplaced_thickness, 'as': args.emplaced_as}
+    shared = {name: value for name, value in shared.items() if value is not None}
+    if args.emplaced_flow:
+        changes['emplaced_flows'] = [{'file': file, **shared} for file in args.emplaced_flow]
+    for name, value in shared.items():
+        if not args.emplaced_flow:
+            right = f'no --emplaced-{name} without --emplaced-flow'
+            raise LavaError(f'--emplaced-{name}', value, right)
+    if args.terrain_at:
+        changes['events'] = [
+            {'time': seconds_of('--terrain-at', time, may_be_zero=True), 'terrain': file}
+            for time, file in args.terrain_at
+        ]
+    return changes
 
 
 def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:

@@ -1,8 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
+# PYTHON_ARGCOMPLETE_OK
 """What pip installs as `lava` and `lava_node`: Ctrl+C during start-up ends them quietly."""
 
+from collections.abc import Callable
 from importlib import import_module
 import os
 import signal
@@ -22,10 +24,23 @@ def lava_node() -> int:
     return _run('lava_ros.ros.node')
 
 
-def end_start() -> None:
-    """Let Ctrl+C raise KeyboardInterrupt from here on: the command begins."""
+def end_start(run: Callable[..., object]) -> None:
+    """Let Ctrl+C raise KeyboardInterrupt from here on: a command begins.
+
+    While ``run``, the function of the command, imports what it needs, Ctrl+C still ends the
+    process at once.
+    """
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        caller = frame and frame.f_back
+        while frame and caller and caller.f_code is not run.__code__:
+            frame, caller = caller, caller.f_back
+        if frame and caller and frame.f_code.co_filename.startswith('<frozen importlib'):
+            _leave(number, frame)
+        signal.default_int_handler(number, frame)
+
     if signal.getsignal(signal.SIGINT) is _leave:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, interrupt)
 
 
 def _run(module: str) -> int:

@@ -45,6 +45,7 @@ PACKAGES = (
     ('zstandard', '0.22', '1', ''),
     ('pyogrio', '0.12', '1', 'terrain'),
     ('rasterio', '1.3.10', '2', 'terrain'),
+    ('jinja2', '3.1', '4', 'plot'),
     ('matplotlib', '3.8', '4', 'plot'),
     ('mcap-ros2-support', '0.5.5', '1', 'plot'),
 )

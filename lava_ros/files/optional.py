@@ -11,13 +11,12 @@ from lava_ros.errors import LavaError
 _EXTRAS = {
     'bokeh': 'watch',
     'distributed': 'ensemble',
+    'jinja2': 'plot',
     'matplotlib': 'plot',
     'mcap_ros2': 'plot',
     'pyogrio': 'terrain',
     'rasterio': 'terrain',
     'scipy': 'hindcast',
-    'shtab': 'completion',
-    'xarray': 'gis',
 }
 
 

@@ -201,14 +201,14 @@ def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
         LavaError: The drawn values do not make a valid scene; the message names the member.
     """
     try:
-        terrain = scene.terrain
-        if rough and scene.uncertainty.terrain is not None:
-            terrain = rough_terrain(terrain, scene.uncertainty.terrain, member.seed)
+        roughness = scene.uncertainty.terrain
+        if rough and roughness is not None:
+            scene = scene.on(lambda terrain: rough_terrain(terrain, roughness, member.seed))
         vents = scene.vents
         if member.eruption is not None:
             vents = erupting(vents, duration=member.eruption[0], volume=member.eruption[1])
         vents = tuple(_member_vent(vent, member, scene.terrain) for vent in vents)
-        return replace(scene, terrain=terrain, vents=vents, lava=_member_lava(scene.lava, member))
+        return replace(scene, vents=vents, lava=_member_lava(scene.lava, member))
     except LavaError as error:
         right = f'{error.expected}; limits on its distribution keep it there'
         raise LavaError(f'{error.field} of member {member.index}', error.value, right) from error
@@ -232,7 +232,7 @@ def check_members(scene: Scene, members: Sequence[Member]) -> None:
     Raises:
         LavaError: One makes none, or members have places and the scene not one vent to put there.
     """
-    if not scene.vents:
+    if not scene.vents and not scene.emplaced_flows:
         raise LavaError('scene.vents', [], 'a vent: without lava there is nothing to forecast')
     if any(member.place is not None for member in members) and len(scene.vents) != 1:
         right = 'one vent beside a susceptibility map: it says '

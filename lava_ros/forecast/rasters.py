@@ -1,24 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rasters of others on the cells of a terrain, and the maps of an ensemble as rasters."""
+"""Where lava was observed, from files of others, and the maps of an ensemble as rasters."""
 
 from collections.abc import Collection, Mapping
-import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.files.optional import require
-from lava_ros.files.rasters import opened_raster
 from lava_ros.forecast.members import Plan
 from lava_ros.maps import gis
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Terrain
-from lava_ros.scene.features import ENDINGS, read_features
-from lava_ros.scene.projection import coordinate_system, horizontal
+from lava_ros.scene.features import ENDINGS
+from lava_ros.scene.on_terrain import areas_on, raster_on
 
 
 def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
@@ -40,86 +36,6 @@ def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.nda
     if not lava.any():
         raise LavaError(field, str(path), f'observed lava {terrain.bounds(projected=True)}')
     return lava, known
-
-
-def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
-    """Read a raster at the centres of a terrain's cells: float64, NaN where it has no data.
-
-    A raster without a coordinate system is taken to be in the terrain's. Errors name ``field``.
-
-    Raises:
-        LavaError: The file cannot be read, has more than one band, has no data on the terrain, or
-            has no known coordinate system.
-    """
-    with opened_raster(field, path) as source:
-        from rasterio.warp import reproject, Resampling
-
-        band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
-        place, crs, count = source.transform, source.crs, source.count
-    is_placed = all(map(math.isfinite, place)) and not (place.is_identity or place.is_degenerate)
-    if not is_placed or count != 1:
-        raise LavaError(field, str(path), 'a georeferenced raster with one band')
-    target_crs = _coordinates(terrain, crs, path, field)
-    result = np.full(terrain.shape, np.nan)
-    reproject(
-        band,
-        result,
-        src_transform=place,
-        src_crs=horizontal(crs) if crs else target_crs,
-        src_nodata=np.nan,
-        dst_transform=_grid(terrain),
-        dst_crs=target_crs,
-        dst_nodata=np.nan,
-        # likelihoods and masks are no heights: between two of them there is nothing
-        resampling=Resampling.nearest,
-    )
-    result = np.flipud(result)
-    if np.isnan(result[terrain.has_data]).all():
-        raise LavaError(field, str(path), 'a raster with data on the terrain')
-    return result
-
-
-def areas_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
-    """Mark the cells of a terrain whose centre is in one of the areas of a file: bool.
-
-    The file is one for ``features.read_features``; its points and lines are ignored. Errors name
-    ``field``.
-
-    Raises:
-        LavaError: The file cannot be read, has no area or no known coordinate system, or rasterio
-            is not installed.
-    """
-    require('rasterio', 'GeoTIFF', str(path))
-    from rasterio.features import rasterize
-
-    areas = [
-        {'type': 'Polygon', 'coordinates': [ring.tolist() for ring in feature.rings]}
-        for feature in read_features(field, path, terrain)
-        if feature.kind == 'Polygon'
-    ]
-    if not areas:
-        raise LavaError(field, str(path), 'a file with at least one area')
-    marked = rasterize(areas, terrain.shape, transform=_grid(terrain), dtype=np.uint8)
-    return np.flipud(marked) > 0
-
-
-def _grid(terrain: Terrain) -> Any:
-    """Where the cells of a terrain are, row 0 in the north."""
-    from rasterio.transform import from_origin
-
-    cell = terrain.resolution
-    west, south = np.add(terrain.origin, terrain.offset)
-    return from_origin(west, south + terrain.shape[0] * cell, cell, cell)
-
-
-def _coordinates(terrain: Terrain, crs: Any, path: str | Path, field: str) -> Any:
-    """The terrain's coordinate system; a terrain without one is where its numbers say."""
-    own = coordinate_system(terrain.epsg, terrain.wkt)
-    if own is None and crs:
-        right = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
-        raise LavaError(field, str(path), right)
-    # without systems both are in the same metres, whatever these are called
-    return own or coordinate_system(32631)
 
 
 def write_atlas(
@@ -160,7 +76,7 @@ def write_atlas(
     shapes = {'inundation_probability': gis.probabilities(maps.probability, place)}
     for share, values in maps.arrival.items():
         name = f'arrival_time_p{round(100 * share)}'
-        layers[name], shapes[name] = values, gis.isochrones(values, place)
+        layers[name], shapes[name] = values, gis.isochrones(values, place, origin.onset)
     written = []
     for name, values in layers.items():
         # the style belongs to its GeoTIFF
@@ -168,4 +84,5 @@ def write_atlas(
     if formats is None:
         formats = gis.usual_formats(place.crs)
     title = f'lava flow, {maps.members} members'
-    return [*written, *gis.write_formats(folder, formats, shapes, layers, place, title)]
+    shared = gis.write_formats(folder, formats, shapes, layers, place, title, origin.onset)
+    return [*written, *shared]

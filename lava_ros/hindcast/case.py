@@ -10,6 +10,7 @@ seconds, 0 is that of ``effusion_rate.csv``.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from datetime import datetime, timedelta, timezone
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,6 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import read_yaml
-from lava_ros.forecast.rasters import areas_on, raster_on
 from lava_ros.hindcast.tables import (
     check_discharge,
     check_elevation,
@@ -27,15 +27,18 @@ from lava_ros.hindcast.tables import (
     Series,
     series_of,
 )
+from lava_ros.maps.onset import Onset
 from lava_ros.scene import ENVIRONMENT, Scene, Terrain, Vent, warn_of_celsius
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
     options_from_dict,
     read_effusion_rates,
 )
+from lava_ros.scene.events import read_events
 from lava_ros.scene.features import ENDINGS, TABLES
 from lava_ros.scene.materials import lava_from_dict, Material, with_material_in_lava
-from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
+from lava_ros.scene.on_terrain import areas_on, raster_on
+from lava_ros.scene.reshaping import low_pass
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.scene.uncertainty import Distribution, Uncertainty, uncertainty_from_dict
 from lava_ros.scene.vent_files import read_vents, VentRow
@@ -87,6 +90,7 @@ class Case:
         volume: Volume that comes out between [m3].
         low_pass: Width of the filter that the ground went through [m]; 0: none.
         rate_error: Factor on all effusion rates that the errors of the table amount to, if any.
+        onset: Date of the beginning of the simulation, None if the case does not state it.
     """
 
     name: str
@@ -101,6 +105,7 @@ class Case:
     events: tuple[Event, ...] = ()
     low_pass: float = 0.0
     rate_error: Distribution | None = None
+    onset: Onset | None = None
 
     @property
     def duration(self) -> float:
@@ -217,7 +222,17 @@ def load_case(
         events=_events(folder, options.get('events', []), ground, width, read),
         low_pass=width,
         rate_error=error_of_rates(rates),
+        onset=_onset(choices.start, start),
     )
+
+
+def _onset(first: str | None, start: float) -> Onset | None:
+    """The date of the beginning of a simulation, from that of time 0, and its time [s]."""
+    if first is None:
+        return None
+    zero = datetime.fromisoformat(first.strip().upper().replace('Z', '+00:00'))
+    zero = zero if zero.tzinfo else zero.replace(tzinfo=timezone.utc)
+    return Onset(zero + timedelta(seconds=start))
 
 
 def _options(folder: Path) -> dict[str, Any]:
@@ -266,30 +281,8 @@ def _events(
     folder: Path, items: Any, ground: Terrain, width: float, read: Callable[[Path], Terrain]
 ) -> tuple[Event, ...]:
     """Read the changes of the ground; each builds on the one before."""
-    if not isinstance(items, list):
-        raise LavaError('case.events', items, 'a list of changes of the ground')
-    events: list[Event] = []
-    for index, item in enumerate(items):
-        where = f'case.events[{index}]'
-        allowed = ['time', 'terrain', 'barrier']
-        data = validation.keys(where, item, allowed=allowed, required=['time'])
-        time = validation.number(f'{where}.time', data['time'], unit='s')
-        if events and time <= events[-1].time:
-            right = f'a time after the event before, {events[-1].time:g} s'
-            raise LavaError(f'{where}.time', time, right)
-        if ('terrain' in data) == ('barrier' in data):
-            raise LavaError(where, sorted(data), 'either terrain, a file, or barrier')
-        if 'terrain' in data:
-            changed = read(folder / str(data['terrain']))
-            if changed.shape != ground.shape or changed.offset != ground.offset:
-                here, there = ('{} x {} cells'.format(*one.shape) for one in (ground, changed))
-                right = f'the grid of the elevation, {here}'
-                raise LavaError(f'{where}.terrain', f'another grid of {there}', right)
-            text = f'new ground from {data["terrain"]}'
-        else:
-            barrier = Barrier.from_dict(f'{where}.barrier', data['barrier'])
-            changed = with_barrier(ground, barrier)
-            text = f'a barrier {barrier.height:g} m high'
-        ground = changed
-        events.append(Event(time, low_pass(ground, width), text))
+    events = []
+    for item in read_events('case.events', items, folder, ground, read):
+        ground = item.ground(ground)
+        events.append(Event(item.time, low_pass(ground, width), item.text))
     return tuple(events)

@@ -5,7 +5,6 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from html import escape
 import math
 from pathlib import Path
 from typing import Any
@@ -52,20 +51,20 @@ def write_page(
     material = case.material
     assert material is not None
     note = f'{material.name}: {material.title}. Constants that are not listed are off.'
-    run = ''.join(_row(name, value) for name, value in _run(case, settings, result).items())
-    sections = (
-        f'<h2>Lava</h2>\n<p class="note">{escape(note)}</p>\n{_constants(case, material)}\n'
-        f'<h2>Run</h2>\n<table><tbody>{run}</tbody></table>'
-    )
+    constants, sources = _constants(case, material)
     write_still(
         output,
+        picture,
+        template='hindcast.html',
         title=f'Hindcast: {case.title}',
         subtitle=case.source or case.name,
         warnings=warnings(case, result),
         facts=facts(judged, expected, several),
-        picture=picture,
         shows='Map of hits, misses and false alarms',
-        sections=sections,
+        lava=note,
+        constants=constants,
+        sources=sources,
+        run=_run(case, settings, result),
     )
 
 
@@ -111,9 +110,10 @@ def warnings(case: Case, result: Result) -> list[str]:
     return said
 
 
-def _constants(case: Case, material: Material) -> str:
-    """Table of the constants that are in use, and the list of its sources."""
-    usual, rows, units = asdict(Lava()), [], constant_units()
+def _constants(case: Case, material: Material) -> tuple[list[tuple[str, ...]], list[str]]:
+    """Rows of the constants that are in use, and the list of their sources."""
+    usual, units = asdict(Lava()), constant_units()
+    rows: list[tuple[str, ...]] = []
     used: dict[str, list[Any]] = {
         'vent_temperature': sorted({vent.temperature for vent in case.scene.vents}),
         **{name: [value] for name, value in asdict(case.scene.lava).items()},
@@ -134,22 +134,8 @@ def _constants(case: Case, material: Material) -> str:
             if known.range:
                 span = f'{known.range[0]:g} to {known.range[1]:g} {cited(known.range_source)}'
         shown = [f'{item:g}' if isinstance(item, float) else str(item) for item in values]
-        rows.append(_row(name, ', '.join(shown), units[name], span, source, numbers=3))
-    items = ''.join(f'<li>{escape(source)}</li>' for source in sources)
-    return (
-        '<table>\n<thead><tr><th>constant</th><th>value</th><th>unit</th><th>published</th>'
-        f'<th>source</th></tr></thead>\n<tbody>{"".join(rows)}</tbody></table>\n'
-        f'<ol class="note">{items}</ol>'
-    )
-
-
-def _row(name: str, *texts: str, numbers: int = 0) -> str:
-    """A row of a table; the first ``numbers`` texts are not broken over lines."""
-    cells = ''.join(
-        f'<td class="{"number" if index < numbers else "text"}">{escape(text)}</td>'
-        for index, text in enumerate(texts)
-    )
-    return f'<tr><th scope="row">{escape(name)}</th>{cells}</tr>'
+        rows.append((name, ', '.join(shown), units[name], span, source))
+    return rows, list(sources)
 
 
 def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
@@ -217,7 +203,7 @@ def write_maps(
     }
     if several is not None:
         maps['runs'] = 100.0 * several.share
-    origin = Provenance(case.name, result.effects, settings.preset)
+    origin = Provenance(case.name, result.effects, settings.preset, onset=case.onset)
     compared = replace(origin, observation=f'mapped flow field of {case.name}')
     tags = {'threshold_m': repr(COVERED), 'simulated_time_s': repr(snapshot.time)}
     return [

@@ -23,6 +23,7 @@ from lava_ros.files.npz import read_arrays
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened, GRIDS, grids_of, refined
 from lava_ros.scene import scene_to_dict, Terrain
+from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.budget import VolumeBudget
@@ -125,7 +126,7 @@ class Run:
         self._coarseness = settings.coarseness(case)
         self._peak = np.zeros(case.scene.terrain.shape, np.float32)
         self._wall_time = 0.0
-        self._most_particles = self._maps = self._done_events = 0
+        self._most_particles = self._maps = 0
         self.is_resumed = folder is not None and (folder / 'run.json').is_file()
         if folder is not None and self.is_resumed:
             self._simulation = self._resumed(folder)
@@ -150,20 +151,12 @@ class Run:
             A snapshot at each map, None after the other parts.
         """
         case, maps = self.case, self.settings.maps
-        changes = [max(event.time - case.start, 0.0) for event in case.events]
         times = [*(case.duration * (index / maps) for index in range(1, maps)), case.duration]
         for time in times:
             if time <= self._simulation.time:
                 # a map that was kept, or that of the last step, is of this time as well
                 continue
-            for change in changes[self._done_events :]:
-                if change < time:
-                    yield from self._advancing(change, limit=change)
-                    terrain = case.events[self._done_events].terrain
-                    self._simulation.set_terrain(coarsened(terrain, self._coarseness))
-                    self._done_events += 1
-            limit = min([case.duration, *changes[self._done_events :]])
-            yield from self._advancing(time, limit=limit)
+            yield from self._advancing(time, limit=case.duration)
             with self._timed():
                 snapshot = self._snapshot()
                 flaw = snapshot.flaw()
@@ -212,10 +205,16 @@ class Run:
     @cached_property
     def _simulation(self) -> Simulation:
         # only when it is needed: it may have to be compiled first
-        scene = self.case.scene
+        case = self.case
+        # an event before the start has happened by then
+        events = tuple(
+            TerrainEvent(max(event.time - case.start, 0.0), event.text, event.terrain)
+            for event in case.events
+        )
+        scene = replace(case.scene, events=events)
         with self._timed():
             return Simulation(
-                replace(scene, terrain=coarsened(scene.terrain, self._coarseness)),
+                scene.on(lambda terrain: coarsened(terrain, self._coarseness)),
                 effects={**FORCED, **self.settings.forced},
                 accuracy=self.settings.accuracy(self.case),
                 device=self.settings.device,
@@ -240,7 +239,7 @@ class Run:
         plain = {
             'scene': scene_to_dict(case.scene),
             'span': [case.start, case.end],
-            'events': [event.time for event in case.events],
+            'events': [(event.time, event.text) for event in case.events],
             'accuracy': asdict(settings.accuracy(case)),
             'forced': dict(settings.forced),
             'maps': settings.maps,
@@ -253,7 +252,6 @@ class Run:
         plain = {
             'identity': self._identity(),
             'maps': self._maps,
-            'events': self._done_events,
             'wall_time': self._wall_time,
             'most_particles': self._most_particles,
         }
@@ -285,7 +283,6 @@ class Run:
             np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
         self._wall_time = float(plain['wall_time'])
         self._most_particles = int(plain['most_particles'])
-        self._done_events = int(plain['events'])
         return Simulation.resume(checkpoint, device=self.settings.device)
 
 

@@ -9,7 +9,6 @@ from itertools import chain
 from pathlib import Path
 import shutil
 import subprocess
-import tempfile
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, writing
 from lava_ros.files.pictures import new_figure
 from lava_ros.maps import plot
+from lava_ros.maps.colours import picture_of, scale_of, STYLES
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
 
@@ -29,6 +29,9 @@ MOST_FRAMES = 300
 STAY = 2.0
 
 FORMATS = ('.gif', '.mp4')
+
+#: Pixels per inch of an MP4, whose pictures are drawn before.
+_DPI = 100.0
 
 _MAP = (0.075, 0.07, 0.79, 0.835)
 _BAR = (0.875, 0.07, 0.02, 0.835)
@@ -57,7 +60,10 @@ def animate_bag(
     most = MOST_FRAMES / fps
     seconds = validation.number('seconds', seconds, at_least=0.5, at_most=most, unit='s')
     width = int(validation.number('width', width, at_least=200, at_most=3840, unit='pixels'))
-    encoder = None if output.suffix.lower() == '.gif' else ffmpeg()
+    is_gif = output.suffix.lower() == '.gif'
+    if not is_gif and shutil.which('ffmpeg') is None:
+        right = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
+        raise LavaError('format', '.mp4', right)
     recording = Recording(path)
     last, start = _survey(recording, source)
     moments = np.linspace(start, last.time or 0.0, max(2, round(seconds * fps)))
@@ -69,18 +75,9 @@ def animate_bag(
         pictures = _pictures(recording, canvas, moments, progress)
         peak = canvas.draw(last)
         with writing('output', output) as partial:
-            if encoder is None:
+            if is_gif:
                 return _write_gif(pictures, partial, fps, peak)
-            return _write_mp4(pictures, partial, fps, encoder, peak.shape)
-
-
-def ffmpeg() -> str:
-    """Path of the ffmpeg program, which writes MP4; LavaError where it is not installed."""
-    found = shutil.which('ffmpeg')
-    if found is None:
-        right = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
-        raise LavaError('format', '.mp4', right)
-    return found
+            return _write_mp4(pictures, partial, fps)
 
 
 def _survey(recording: Recording, source: str) -> tuple[Frame, float]:
@@ -110,7 +107,7 @@ class _Canvas:
     def __init__(self, figure: Any, frame: Frame, source: str) -> None:
         self._source, self._canvas = source, figure.canvas
         item = frame.layers[source]
-        self._scale = plot.scale_of(source, item.values, is_saturated=item.is_saturated)
+        self._scale = scale_of(source, item.values, is_saturated=item.is_saturated)
         axes = figure.add_axes(_MAP)
         aspect = _MAP[2] * figure.get_figwidth() / (_MAP[3] * figure.get_figheight())
         bounds = plot.bounds_of(frame, np.isfinite(item.values))
@@ -136,10 +133,10 @@ class _Canvas:
     def draw(self, frame: Frame) -> np.ndarray:
         """Draw a frame with a time: RGB, uint8, shape [height, width, 3]."""
         values = frame.layers[self._source].values[self._part]
-        picture = plot.picture_of(values, self._ground, self._scale)
+        picture = picture_of(values, self._ground, self._scale)
         self._image.set_data((255.0 * picture).astype(np.uint8))
         self._vents.set_data(frame.vents[:, 0], frame.vents[:, 1])
-        title = plot.STYLES[self._source].title
+        title = STYLES[self._source].title
         self._title.set_text(f'{title} after {plot.duration(frame.time or 0.0)}')
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
@@ -178,7 +175,8 @@ def _write_gif(
 ) -> int:
     from PIL import Image
 
-    # One palette for all: what does not change from picture to picture then takes no space.
+    # One palette for all: what does not change from picture to picture then takes no space. The
+    # writer of matplotlib has one a picture: its files are four times as large.
     # Few pixels have the colours of the lava: their count must not decide.
     palette = Image.fromarray(colours).quantize(256, Image.Quantize.MAXCOVERAGE)
     images: list[Any] = []
@@ -193,38 +191,29 @@ def _write_gif(
     return len(images)
 
 
-def _write_mp4(
-    pictures: Iterator[tuple[np.ndarray, int]],
-    path: Path,
-    fps: float,
-    encoder: str,
-    shape: tuple[int, ...],
-) -> int:
-    height, width = shape[:2]
-    command = [encoder, '-y', '-loglevel', 'error', '-f', 'rawvideo', '-pix_fmt', 'rgb24']
-    command += ['-s', f'{width}x{height}', '-r', f'{fps:g}', '-i', '-', '-an']
+def _write_mp4(pictures: Iterator[tuple[np.ndarray, int]], path: Path, fps: float) -> int:
+    from matplotlib.animation import FFMpegWriter
+
     # yuv420p plays everywhere; the index goes to the front, so that it plays while it loads.
-    command += ['-c:v', 'libx264', '-crf', '20', '-pix_fmt', 'yuv420p', '-movflags', '+faststart']
-    with tempfile.TemporaryFile() as errors:
-        process = subprocess.Popen(
-            [*command, str(path)], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors
-        )
-        assert process.stdin is not None
-        drawn = 0
+    options = ['-crf', '20', '-pix_fmt', 'yuv420p', '-movflags', '+faststart']
+    rate: Any = fps  # the writer is declared for whole numbers, and takes others
+    writer = FFMpegWriter(rate, codec='libx264', extra_args=options)
+    first, count = next(pictures)
+    drawn = 0
+    height, width = first.shape[:2]
+    # the pictures are drawn already: to draw one again for each repetition would take long
+    with new_figure('animate', path, (width / _DPI, height / _DPI), _DPI) as figure:
+        shown = figure.figimage(first)
         try:
-            for picture, count in pictures:
-                drawn += 1
-                for _ in range(count):
-                    process.stdin.write(picture.tobytes())
-            for _ in range(round(STAY * fps)):
-                process.stdin.write(picture.tobytes())
-        except BrokenPipeError:
-            # It has ended: its status says so, and its words why.
-            process.stdin = None
-        finally:
-            process.communicate()
-        errors.seek(0)
-        said = errors.read().decode(errors='replace').strip()
-    if process.returncode != 0:
-        raise LavaError('output', str(path), f'an MP4 that ffmpeg can write ({said[-300:]})')
+            with writer.saving(figure, str(path), _DPI):
+                for picture, repeats in chain([(first, count)], pictures):
+                    drawn += 1
+                    shown.set_data(picture)
+                    for _ in range(repeats):
+                        writer.grab_frame()
+                for _ in range(round(STAY * fps)):
+                    writer.grab_frame()
+        except subprocess.CalledProcessError as error:
+            right = f'an MP4 that ffmpeg can write ({error.stderr.strip()[-300:]})'
+            raise LavaError('output', str(path), right) from error
     return drawn

@@ -19,6 +19,8 @@ from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
+from lava_ros.maps.layers import SOURCES
+from lava_ros.maps.onset import recorded_onset
 from lava_ros.maps.plot import time_note
 from lava_ros.scene import Vent
 from lava_ros.scene.projection import coordinate_system, system_name
@@ -27,15 +29,13 @@ from lava_ros.simulation.inundation import inundated_cells, raise_peak
 
 _LOG = logging.getLogger(__name__)
 
-#: What can be exported.
-MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
+#: What can be exported: the maps of a frame, and those of all maps up to it.
+MAPS = (*SOURCES, 'arrival', 'peak_thickness')
 
 #: What maps are written as: GeoTIFF with styles of QGIS, outline and isochrones as vector files,
 #: all maps in a NetCDF.
 FORMATS = ('tif', *WRITTEN, 'nc')
 
-#: Maps of one frame: what they show.
-_SOURCES = {'height': THICKNESS, 'temperature': 'temperature', 'hazard': 'hazard'}
 
 class Placement(NamedTuple):
     """Where the map frame is: easting and northing [m] of its origin; its system if known."""
@@ -72,7 +72,7 @@ def export_bag(
 ) -> Exported:
     """Write maps of a bag as GeoTIFF files, north up, with coordinate system, units and nodata.
 
-    Arrival and peak height are those of all maps up to the time. Maps the bag has no layer for
+    Arrival and peak thickness are those of all maps up to the time. Maps the bag has no layer for
     are left out. The directory is made when it is not there, otherwise it has to be empty.
 
     Args:
@@ -81,7 +81,7 @@ def export_bag(
         maps: What to write, of ``MAPS``.
         formats: What to write it as, of ``FORMATS``; of several frames only GeoTIFF has all.
         time: Simulated time [s] to show the newest maps up to; None for the last ones.
-        every: Whether height, temperature and hazard are written for every frame up to the time.
+        every: Whether thickness, temperature and hazard are written for each frame up to the time.
         threshold: Thickness from which on lava has arrived [m].
         epsg: EPSG code, in place of the coordinate system of the bag.
         offset: Easting and northing [m] of the map frame's origin, for a bag without a system, or
@@ -104,7 +104,7 @@ def export_bag(
     run = recording.timeline.last_run
     if time is not None and not (run and run[0].time <= time <= run[-1].time):
         raise LavaError('time', time, recording.timeline.span)
-    wants_history = bool({'arrival', 'peak_height'} & set(maps))
+    wants_history = bool({'arrival', 'peak_thickness'} & set(maps))
     thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
     if wants_history and thickness:
         check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
@@ -116,7 +116,7 @@ def export_bag(
         target, crs, placement.offset, Path(path).name, origin, threshold, formats
     )
     writer.vents = _vents(recording.scene)
-    current = [name for name in MAPS if name in maps and name in _SOURCES]
+    current = [name for name in SOURCES if name in maps]
     history = Arrival(threshold)
     last: Frame | None = None
     for index, frame in enumerate(recording.frames()):
@@ -138,7 +138,7 @@ def export_bag(
         _LOG.warning(note)
     for name in () if every else current:
         writer.write_layer(name, last, f'{name}.tif')
-    for name in ('arrival', 'peak_height'):
+    for name in ('arrival', 'peak_thickness'):
         if name in maps and history.frame is not None:
             writer.write_history(name, history.frame, history)
     writer.finish(last, history)
@@ -202,6 +202,7 @@ def provenance_of(recording: Recording) -> gis.Provenance:
         effects=effects_on(told),
         preset=str(parameters.get('preset') or 'unknown'),
         version=data.get('version') or 'unknown',
+        onset=recorded_onset(data),
     )
 
 
@@ -233,7 +234,7 @@ class _Writer:
 
     def write_layer(self, name: str, frame: Frame, file_name: str) -> None:
         """Write a layer of a frame, when it has it."""
-        shown = frame.layers.get(_SOURCES[name])
+        shown = frame.layers.get(name)
         if shown is None:
             return
         values = shown.values
@@ -244,10 +245,12 @@ class _Writer:
         tags = _layer_tags(shown)
         if frame.time is not None:
             tags['simulated_time_s'] = repr(frame.time)
+            if self.origin.onset is not None:
+                tags['date_utc'] = self.origin.onset.utc(frame.time)
         self._write(name, values, frame, file_name, tags)
 
     def write_history(self, name: str, frame: Frame, history: Arrival) -> None:
-        """Write arrival or peak height."""
+        """Write arrival or peak thickness."""
         shown = frame.layers[THICKNESS]
         assert history.times is not None and history.peak is not None
         tags = _layer_tags(shown) | {'maps': str(history.frame_count)}
@@ -296,11 +299,13 @@ class _Writer:
             cells, name = frame.standing, 'standing lava'
         layers['outline'] = gis.area(cells, self.place, shows=name, from_m=COVERED)
         if 'arrival' in self.newest:
-            layers['isochrones'] = gis.isochrones(self.newest['arrival'], self.place)
+            layers['isochrones'] = gis.isochrones(
+                self.newest['arrival'], self.place, self.origin.onset
+            )
         layers |= gis.vents(self.vents, self.offset)
         self.written += gis.write_formats(
             self.directory, self.formats, layers, self.newest, self.place,
-            f'lava flow of {self.bag}',
+            f'lava flow of {self.bag}', self.origin.onset,
         )
 
 

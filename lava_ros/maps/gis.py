@@ -8,6 +8,7 @@ What writes a file raises LavaError where it cannot be written.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors, write_output
 from lava_ros.files.optional import require
+from lava_ros.maps.onset import Onset
 from lava_ros.maps.plot import duration, isochrone_times
 from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.scene import Terrain, Vent
@@ -37,6 +39,7 @@ class Provenance:
         preset: Name of the accuracy preset.
         version: Version of lava_ros that computed the maps.
         observation: The observation that the maps were weighted by or compared with.
+        onset: Date and time of simulated time 0; None if it is unknown.
     """
 
     scene: str
@@ -44,6 +47,7 @@ class Provenance:
     preset: str = 'unknown'
     version: str = lava_ros.__version__
     observation: str = 'none'
+    onset: Onset | None = None
 
     @property
     def tags(self) -> dict[str, str]:
@@ -54,6 +58,7 @@ class Provenance:
             'preset': self.preset,
             'lava_ros': self.version,
             'observation': self.observation,
+            'onset': 'unknown' if self.onset is None else self.onset.text,
         }
 
 
@@ -176,11 +181,13 @@ def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, A
     return [{'type': 'Feature', 'properties': known, 'geometry': geometry}]
 
 
-def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
+def isochrones(
+    times: np.ndarray, place: Place, onset: Onset | None = None
+) -> list[dict[str, Any]]:
     """GeoJSON features of the area that lava had reached by each of several round times.
 
     ``times`` are arrival times [s], shape [rows, columns], NaN where no lava came. Each feature
-    includes the area of the earlier ones.
+    includes the area of the earlier ones, and with an ``onset`` has its date.
     """
     if not np.isfinite(times).any():
         return []
@@ -189,7 +196,10 @@ def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
     return [
         feature
         for end in map(float, ends)
-        for feature in area(known <= end, place, time_s=end, time=duration(end))
+        for feature in area(
+            known <= end, place, time_s=end, time=duration(end),
+            **({} if onset is None else {'date_utc': onset.utc(end)}),
+        )
     ]
 
 
@@ -242,7 +252,6 @@ def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
         if name in vectors.WRITTEN:
             require('pyogrio', name, str(folder))
     if 'nc' in formats:
-        require('xarray', 'NetCDF', str(folder))
         require('scipy', 'NetCDF', str(folder))
 
 
@@ -258,6 +267,7 @@ def write_formats(
     maps: Mapping[str, np.ndarray],
     place: Place,
     title: str,
+    onset: Onset | None = None,
 ) -> list[Path]:
     """Write the formats that hold several layers or maps, and return the paths of their files.
 
@@ -276,7 +286,7 @@ def write_formats(
         written += vectors.write_vectors(folder, name, features, crs, stem='lava')
     if 'nc' in formats:
         written.append(folder / 'maps.nc')
-        write_netcdf(written[-1], maps, place, title)
+        write_netcdf(written[-1], maps, place, title, onset)
     return written
 
 
@@ -298,33 +308,47 @@ def _geographic(features: Sequence[Mapping[str, Any]], place: Place) -> list[dic
 
 
 def write_netcdf(
-    path: Path, maps: Mapping[str, np.ndarray], place: Place, title: str
+    path: Path, maps: Mapping[str, np.ndarray], place: Place, title: str,
+    onset: Onset | None = None,
 ) -> None:
     """Write maps to a NetCDF file that follows the CF conventions.
 
-    ``maps`` has the values of each map, NaN without data, by its name in ``RASTER_LAYERS``.
+    ``maps`` has the values of each map, NaN without data, by its name in ``RASTER_LAYERS``. The
+    file states the ``onset`` if it is known.
     """
-    import xarray
+    from scipy.io import netcdf_file
 
-    axes = {}
-    shape = next(iter(maps.values())).shape
-    for name, start, count in zip('xy', place.corner, shape[::-1], strict=True):
-        middles = start + (np.arange(count) + 0.5) * place.resolution
-        known = {'units': 'm', 'standard_name': f'projection_{name}_coordinate'}
-        axes[name] = ((name,), middles, {**known, 'axis': name.upper()})
-    variables: dict[str, Any] = {}
-    where = {}
-    if place.crs is not None:
-        wkt = place.crs.to_wkt()
-        variables['crs'] = ((), np.int32(0), {'crs_wkt': wkt, 'spatial_ref': wkt})
-        where = {'grid_mapping': 'crs'}
-    for name, values in maps.items():
-        layer = RASTER_LAYERS[name]
-        known = {'units': layer.unit, 'long_name': layer.meaning, **where}
-        variables[name] = (('y', 'x'), layer.cells(values).astype(np.float32), known)
-    source = f'lava_ros {lava_ros.__version__}'
-    told = {'Conventions': 'CF-1.11', 'title': title, 'source': source}
-    data = xarray.Dataset(variables, axes, told)
-    encoding = {name: {'_FillValue': np.float32(np.nan)} for name in maps}
-    made = data.to_netcdf(engine='scipy', format='NETCDF3_64BIT', encoding=encoding)
-    write_output('output', path, bytes(made))
+    content = BytesIO()
+    with netcdf_file(content, 'w', version=2) as file:
+        told = {
+            'Conventions': 'CF-1.11', 'title': title, 'source': f'lava_ros {lava_ros.__version__}',
+            **({} if onset is None else {'onset': onset.text}),
+        }
+        _describe(file, told)
+        shape = next(iter(maps.values())).shape
+        for name, start, count in zip('xy', place.corner, shape[::-1], strict=True):
+            file.createDimension(name, count)
+            axis = file.createVariable(name, 'd', (name,))
+            axis[:] = start + (np.arange(count) + 0.5) * place.resolution
+            known = {'units': 'm', 'standard_name': f'projection_{name}_coordinate'}
+            _describe(axis, {**known, 'axis': name.upper()})
+        where = {}
+        if place.crs is not None:
+            wkt = place.crs.to_wkt()
+            _describe(file.createVariable('crs', 'i', ()), {'crs_wkt': wkt, 'spatial_ref': wkt})
+            where = {'grid_mapping': 'crs'}
+        for name, values in maps.items():
+            layer = RASTER_LAYERS[name]
+            variable = file.createVariable(name, 'f', ('y', 'x'))
+            variable[:] = layer.cells(values)
+            variable._FillValue = np.float32(np.nan)
+            _describe(variable, {'units': layer.unit, 'long_name': layer.meaning, **where})
+        file.flush()
+        made = content.getvalue()
+    write_output('output', path, made)
+
+
+def _describe(item: Any, texts: Mapping[str, str]) -> None:
+    """Give a NetCDF file or variable attributes; scipy takes texts as ASCII, or as bytes."""
+    for name, text in texts.items():
+        setattr(item, name, text.encode())

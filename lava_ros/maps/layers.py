@@ -69,6 +69,10 @@ DEADLINE_HEARTBEATS = 2
 #: crust that the model does not have, so nobody may go there; no lava can bury anything in it now.
 DRAINED = 50
 
+#: Classes of the hazard index above 0: the largest value of each, and its name. Of the harmful
+#: values only ``DRAINED`` occurs, unless lava is below limits (``HazardLimits``) of a user's own.
+HAZARD_CLASSES = {99.0: 'harmful: lava has drained away', 100.0: 'lethal lava'}
+
 #: Where classes of depth end that people can picture: a knee, somebody's height, a roof [m].
 DEPTHS = (0.5, 2.0, 5.0)
 

@@ -19,7 +19,6 @@ import numpy as np
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, QUANTILES
 from lava_ros.maps.places import front_distances, Places
 from lava_ros.maps.plot import area_words, duration
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.inundation import inundated_cells
 
 if TYPE_CHECKING:
@@ -317,14 +316,12 @@ def live_arrivals(
 
     Args:
         places: Places on the terrain of the snapshot.
-        snapshot: The newest state of the simulation.
+        snapshot: The newest state of the simulation, which notes when lava arrives.
         forecast: A forecast of the same terrain that holds; None without any.
         ensemble: An ensemble of the same terrain that holds, which goes before a forecast.
     """
     arrived = snapshot.arrived
-    if arrived is None:
-        # a simulation that does not note when lava came still tells where it is
-        arrived = np.where(snapshot.thickness >= COVERED, snapshot.time, np.nan)
+    assert arrived is not None
     known = places.at(arrived).astype(np.float64)
     first = places.first(known)
     front = front_distances(places, inundated_cells(arrived), snapshot.terrain)

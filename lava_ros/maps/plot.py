@@ -3,20 +3,17 @@
 
 """What maps over shaded relief are drawn with; ``sheet.py`` makes a page of them."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 import math
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.maps.colours import GROUND, round_up, Scale, UNIT_WORDS
 from lava_ros.maps.frames import Frame
 from lava_ros.scene.terrain import crest_lines
-
-#: Colours of the ground from low to high: muted, so that the lava stands out.
-GROUND = ('#7f8f7a', '#a3a383', '#bfb293', '#cfc4ae', '#e4ded2')
 
 #: Share of the flow's size left free around it.
 MARGIN = 0.18
@@ -47,51 +44,6 @@ _GRID = (1.0, 2.0, 5.0, 10.0)
 
 Window = tuple[float, float, float, float]
 
-
-@dataclass(frozen=True)
-class Style:
-    """How a layer is drawn: its title, unit, and colours from the lowest value to the highest.
-
-    ``names`` say what the values 1, 2, ... mean, a colour each; none where values are numbers.
-    """
-
-    title: str
-    label: str
-    colours: Sequence[str]
-    names: Sequence[str] = ()
-
-
-#: How maps are drawn, by what they show. Those of a comparison differ to people who do not tell
-#: red from green too.
-STYLES = {
-    'thickness': Style(
-        'Lava thickness', 'm',
-        ('#2a0a3d', '#6a176e', '#a92e5e', '#e2583b', '#fb9a06', '#fbe66a'),
-    ),
-    'temperature': Style(
-        'Temperature', '°C',
-        ('#1c1014', '#5b0f14', '#a11d12', '#dc4a10', '#f79420', '#fee08a', '#fffbe6'),
-    ),
-    'hazard': Style(
-        'Hazard', '50 lava has drained away, 100 lethal',
-        ('#ffffb2', '#fed976', '#feb24c', '#fd8d3c', '#f03b20', '#a50026'),
-    ),
-    'arrival': Style(
-        'Arrival of the lava', 's',
-        ('#5c0018', '#b2182b', '#e8602c', '#f6b32e', '#7fc7b0', '#2f8fc4', '#20418f'),
-    ),
-    'probability': Style(
-        'Probability that lava comes', '%',
-        ('#fff3c4', '#fdd17a', '#f99a3b', '#e2571e', '#a81d1d', '#5a0a2a'),
-    ),
-    'elevation': Style('Elevation', 'm', GROUND),
-    'comparison': Style(
-        'Simulated and mapped', '',
-        ('#f2b134', '#2166ac', '#b2182b'),
-        ('hit', 'miss', 'false alarm'),
-    ),
-}
-
 #: Times between isochrones [s], and maximum number of isochrones.
 _STEPS = (
     *(60, 300, 600, 1800, 3600, 7200, 6 * 3600, 12 * 3600),
@@ -101,17 +53,6 @@ MAX_ISOCHRONES = 12
 
 #: Maximum number of isochrones on a printed map.
 MAX_DRAWN_ISOCHRONES = 6
-
-#: Words on a colour bar for units of times.
-_UNIT_WORDS = {
-    'd': 'days after the start',
-    'h': 'hours after the start',
-    'min': 'minutes after the start',
-    's': 'seconds after the start',
-}
-
-#: Units of times [s], the largest first.
-_TIMES = (('d', 86_400.0), ('h', 3600.0), ('min', 60.0), ('s', 1.0))
 
 
 def titles(frame: Frame) -> tuple[str, str]:
@@ -246,88 +187,6 @@ def shaded_ground(frame: Frame) -> np.ndarray:
     return np.clip(colours, 0.0, 1.0)
 
 
-@dataclass(frozen=True)
-class Scale:
-    """Which value has which colour: a colour map of matplotlib and its normalisation.
-
-    ``past`` is the side on which values go past it: ``neither`` or ``max``. ``label`` names the
-    unit of the values it takes, and ``unit`` is that unit in the unit of the style.
-    """
-
-    colours: Any
-    norm: Any
-    past: str
-    label: str
-    unit: float = 1.0
-    names: Sequence[str] = ()
-
-
-def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
-    """Return the values of the first and the last colour of a map, which are round numbers.
-
-    ``source`` is one of ``STYLES``; ``values`` are those of the map, NaN where nothing is shown.
-    """
-    known = values[np.isfinite(values)]
-    most = float(known.max()) if known.size else 1.0
-    if source in ('hazard', 'probability'):
-        return 0.0, 100.0
-    if source == 'arrival':
-        unit = _time_unit(most)[1]
-        return 0.0, unit * _round_up(max(most / unit, 1e-6))
-    if source == 'elevation':
-        low = float(known.min()) if known.size else 0.0
-        return low, most if most > low else low + 1.0
-    if source == 'temperature':
-        low = math.floor(float(known.min()) / 100.0) * 100.0 if known.size else 0.0
-        return low, max(math.ceil(most / 100.0) * 100.0, low + 100.0)
-    # A few deep cells must not make the rest all one colour.
-    return 0.0, _round_up(max(float(np.percentile(known, 99.5)), 1e-6)) if known.size else 1.0
-
-
-def _time_unit(longest: float) -> tuple[str, float]:
-    """Name and length [s] of the unit that suits times up to a longest one [s]."""
-    return next(item for item in _TIMES if longest >= 2.0 * item[1] or item[1] == 1.0)
-
-
-def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> Scale:
-    """Choose the colour scale of a map from its values, NaN where nothing is shown.
-
-    ``source`` is one of ``STYLES``. ``is_saturated`` says that values may be larger than given.
-    """
-    from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, Normalize
-
-    style = STYLES[source]
-    if style.names:
-        count = len(style.names)
-        norm = BoundaryNorm(np.arange(count + 1) + 0.5, count)
-        return Scale(ListedColormap(style.colours), norm, 'neither', '', names=style.names)
-    colours = LinearSegmentedColormap.from_list(source, style.colours)
-    low, high = limits_of(source, values)
-    most = float(np.max(values, where=np.isfinite(values), initial=-math.inf))
-    label, unit = _time_unit(most) if source == 'arrival' else (style.label, 1.0)
-    past = 'max' if is_saturated or most > high else 'neither'
-    return Scale(colours, Normalize(low / unit, high / unit), past, label, unit)
-
-
-def _round_up(
-    value: float, steps: Sequence[float] = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-) -> float:
-    """The next larger of some steps times a power of ten."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return power * next(step for step in steps if step * power >= value * (1.0 - 1e-9))
-
-
-def picture_of(values: np.ndarray, ground: np.ndarray, scale: Scale) -> np.ndarray:
-    """A map over the ground, RGBA 0..1, shape [rows, columns, 4]; NaN leaves the ground."""
-    picture = ground.copy()
-    here = np.isfinite(values)
-    # The relief shows through the lava by its brightness alone.
-    bright = ground[..., :3].mean(axis=-1)
-    shown = scale.colours(scale.norm(values[here] / scale.unit))[..., :3]
-    picture[here, :3] = shown * (0.72 + 0.4 * bright[here])[:, None]
-    return np.clip(picture, 0.0, 1.0)
-
-
 def draw_map(
     axes: Any,
     frame: Frame,
@@ -365,8 +224,11 @@ def draw_colour_bar(figure: Any, axes: Any, scale: Scale) -> None:
 
     bar = figure.colorbar(ScalarMappable(scale.norm, scale.colours), cax=axes, extend=scale.past)
     if scale.names:
-        bar.set_ticks(np.arange(len(scale.names)) + 1.0, labels=scale.names)
-    bar.set_label(_UNIT_WORDS.get(scale.label, scale.label), fontsize=9, color=INK)
+        ends = scale.norm.boundaries
+        names = [fill(name, 18) for name in scale.names]
+        bar.set_ticks(0.5 * (ends[1:] + ends[:-1]), labels=names, rotation=90, va='center')
+        bar.ax.minorticks_off()
+    bar.set_label(UNIT_WORDS.get(scale.label, scale.label), fontsize=9, color=INK)
     bar.ax.tick_params(labelsize=8, color='#666666', width=0.6, length=3)
     bar.outline.set_linewidth(0.6)
 
@@ -377,7 +239,7 @@ def contour_interval(frame: Frame, window: Window) -> float:
     if not np.isfinite(shown).any():
         return 0.0
     relief = float(np.nanmax(shown)) - float(np.nanmin(shown))
-    return _round_up(relief / 16.0, _GRID) if relief > 0.0 else 0.0
+    return round_up(relief / 16.0, _GRID) if relief > 0.0 else 0.0
 
 
 def _part(frame: Frame, window: Window) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -443,7 +305,7 @@ def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
     both = (axes.xaxis, axes.yaxis)
     # a grid of squares, at round numbers of what people read
     inches = axes.get_position().width * axes.figure.get_figwidth()
-    step = _round_up(float(np.ptp(axes.get_xlim())) / max(inches / 0.7, 2.0), _GRID)
+    step = round_up(float(np.ptp(axes.get_xlim())) / max(inches / 0.7, 2.0), _GRID)
     for axis, name, start in zip(both, names, offset or (0, 0), strict=True):
         low, high = axis.get_view_interval()
         first = math.ceil((low + start) / step) * step - start
@@ -468,7 +330,7 @@ def halo(width: float = 2.5) -> list[Any]:
 
 def scale_bar_length(width: float) -> float:
     """Return the length of the scale bar for a map of a width [m]: 1, 2 or 5 times 10^n m."""
-    return _round_up(0.11 * width, _GRID)
+    return round_up(0.11 * width, _GRID)
 
 
 def draw_scale_bar(axes: Any, window: Window) -> None:

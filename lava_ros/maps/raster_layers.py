@@ -14,14 +14,14 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lava_ros.files import write_output
-from lava_ros.maps.plot import limits_of, STYLES
+from lava_ros.maps.colours import limits_of, STYLES
 
 #: Value of cells without data, in every file.
 NODATA = -9999
 
-#: Kinds of maps (keys of ``plot.STYLES``) in which 0 means that there is no lava: QGIS draws such
-#: cells transparent.
-_TRANSPARENT_AT_ZERO = ('thickness', 'hazard', 'probability')
+#: Kinds of maps (keys of ``colours.STYLES``) in which 0 means that there is no lava: QGIS draws
+#: such cells transparent.
+_TRANSPARENT_AT_ZERO = ('thickness', 'hazard', 'probability', 'comparison')
 
 #: Smallest value that such a map draws, as a fraction of the largest one.
 _LEAST_DRAWN = 1e-3
@@ -32,7 +32,7 @@ class RasterLayer:
     """A map as a raster: one band of a GeoTIFF, or one variable of a NetCDF file.
 
     Attributes:
-        drawn: How it is drawn: a key of ``plot.STYLES``.
+        drawn: How it is drawn: a key of ``colours.STYLES``.
         unit: Unit of the values, as in the band of a GeoTIFF.
         meaning: Definition of the values, and of cells without data.
         is_whole: True if the values are whole numbers, which are stored as int16.
@@ -46,11 +46,10 @@ class RasterLayer:
     def cells(self, values: np.ndarray) -> np.ndarray:
         """Return the values as stored in a file, NaN without data.
 
-        A thickness of 0 is no lava, and therefore no data in every file.
+        A thickness of 0 is no lava, and a change of 0 none: no data in every file.
         """
-        if self.drawn == 'thickness':
-            return np.where(values > 0.0, values, np.float32(np.nan))
-        return values
+        is_known = {'thickness': values > 0.0, 'change': values != 0.0}.get(self.drawn)
+        return values if is_known is None else np.where(is_known, values, np.float32(np.nan))
 
     def stored(self, values: np.ndarray) -> np.ndarray:
         """Return ``cells`` as float32 or int16, with ``NODATA`` in place of NaN."""
@@ -68,22 +67,21 @@ def _arrival_quantile(percent: int) -> RasterLayer:
     )
 
 
-_THICKNESS = RasterLayer('thickness', 'm', 'thickness of the standing lava; no data: no lava')
-_PEAK = RasterLayer('thickness', 'm', 'largest lava thickness in any map; no data: no lava')
-
 #: All maps by name.
 RASTER_LAYERS = {
-    'height': _THICKNESS,
-    'thickness': _THICKNESS,
-    'peak_height': _PEAK,
-    'peak_thickness': _PEAK,
+    'thickness': RasterLayer(
+        'thickness', 'm', 'thickness of the standing lava; no data: no lava'
+    ),
+    'peak_thickness': RasterLayer(
+        'thickness', 'm', 'largest lava thickness in any map; no data: no lava'
+    ),
     'temperature': RasterLayer(
         'temperature', 'degC', 'depth-averaged temperature of the lava; no data: no lava'
     ),
     'hazard': RasterLayer(
         'hazard', '1',
-        'hazard index: 0: no lava so far, 50: lava has drained away, 100: lethal; no data: '
-        'outside the terrain',
+        'hazard index: 0: no lava so far, 1 to 99: harmful (50: lava has drained away), '
+        '100: lethal; no data: outside the terrain',
         is_whole=True,
     ),
     'arrival': RasterLayer(
@@ -95,6 +93,11 @@ RASTER_LAYERS = {
         'probability', '%',
         'probability that lava at or above the threshold thickness (threshold_m) reaches the cell '
         'within the horizon (horizon_s); no data: outside the terrain',
+    ),
+    'probability_change': RasterLayer(
+        'change', '%',
+        'probability of inundation with the barriers minus that without them, in percentage '
+        'points; no data: no change, or outside the terrain',
     ),
     'expected_peak_thickness': RasterLayer(
         'thickness', 'm', 'mean over the members of the largest lava thickness; no data: no lava'
@@ -133,34 +136,32 @@ def write_style(path: Path, name: str, values: np.ndarray) -> Path:
     root = ElementTree.Element('qgis', version='3.22', styleCategories='Symbology')
     look = {'band': '1', 'opacity': '0.85', 'alphaBand': '-1', 'nodataColor': ''}
     pipe = ElementTree.SubElement(root, 'pipe')
-    if style.names:
-        drawn = ElementTree.SubElement(pipe, 'rasterrenderer', look, type='paletted')
-        palette = ElementTree.SubElement(drawn, 'colorPalette')
-        for value, (name, colour) in enumerate(zip(style.names, style.colours, strict=True), 1):
-            entry = {'value': str(value), 'color': colour, 'alpha': '255', 'label': name}
-            ElementTree.SubElement(palette, 'paletteEntry', entry)
-    else:
-        low, high = limits_of(layer.drawn, layer.cells(values))
-        drawn = ElementTree.SubElement(pipe, 'rasterrenderer', look, type='singlebandpseudocolor')
-        drawn.set('classificationMin', repr(low))
-        drawn.set('classificationMax', repr(high))
-        shader = ElementTree.SubElement(drawn, 'rastershader')
-        shader = ElementTree.SubElement(
-            shader, 'colorrampshader', colorRampType='INTERPOLATED', classificationMode='1',
-            clip='0', minimumValue=repr(low), maximumValue=repr(high),
-        )
-        stops = [
-            (value, colour, '255', _label(layer, value))
-            for value, colour in zip(
-                np.linspace(low, high, len(style.colours)).tolist(), style.colours, strict=True
-            )
-        ]
-        if layer.drawn in _TRANSPARENT_AT_ZERO:
+    low, high = limits_of(layer.drawn, layer.cells(values))
+    drawn = ElementTree.SubElement(pipe, 'rasterrenderer', look, type='singlebandpseudocolor')
+    drawn.set('classificationMin', repr(low))
+    drawn.set('classificationMax', repr(high))
+    shader = ElementTree.SubElement(drawn, 'rastershader')
+    shader = ElementTree.SubElement(
+        shader, 'colorrampshader', classificationMode='1', clip='0',
+        # each colour of a discrete ramp is that of the values up to its own
+        colorRampType='DISCRETE' if style.classes else 'INTERPOLATED',
+        minimumValue=repr(low), maximumValue=repr(high),
+    )
+    ends = style.classes or {
+        value: _label(layer, value)
+        for value in np.linspace(low, high, len(style.colours)).tolist()
+    }
+    stops = [
+        (value, colour, '255', label)
+        for (value, label), colour in zip(ends.items(), style.colours, strict=True)
+    ]
+    if layer.drawn in _TRANSPARENT_AT_ZERO:
+        if not style.classes:
             stops[0] = (_LEAST_DRAWN * high, *stops[0][1:3], f'above 0{_unit(layer)}')
-            stops.insert(0, (0.0, style.colours[0], '0', 'no lava'))
-        for value, colour, alpha, label in stops:
-            item = {'value': repr(value), 'color': colour, 'alpha': alpha, 'label': label}
-            ElementTree.SubElement(shader, 'item', item)
+        stops.insert(0, (0.0, style.colours[0], '0', 'no lava'))
+    for value, colour, alpha, label in stops:
+        item = {'value': repr(value), 'color': colour, 'alpha': alpha, 'label': label}
+        ElementTree.SubElement(shader, 'item', item)
     ElementTree.SubElement(root, 'blendMode').text = '0'
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding='unicode')

@@ -17,11 +17,12 @@ from lava_ros.errors import LavaError
 from lava_ros.files.pictures import new_figure, read_logo, save_picture
 from lava_ros.maps import overlays as overlay_files
 from lava_ros.maps import plot
+from lava_ros.maps.colours import picture_of, Scale, scale_of, STYLES
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.overlays import COLOURS, OverlayStyle
 from lava_ros.maps.page_layout import choose_page, DPI, Imprint, shrink_title
-from lava_ros.maps.plot import halo, INK, Scale, Window
+from lava_ros.maps.plot import halo, INK, Window
 from lava_ros.scene.features import Feature
 from lava_ros.scene.projection import transformed
 
@@ -43,7 +44,7 @@ class Panel:
 
     Attributes:
         frame: Ground and vents.
-        source: What it shows: a key of ``plot.STYLES``.
+        source: What it shows: a key of ``colours.STYLES``.
         values: float, shape [rows, columns]; NaN leaves the ground.
         title: What is above it; empty: that of the style.
         is_saturated: Whether there may be larger values than these.
@@ -169,7 +170,7 @@ def _draw_panel(
 ) -> None:
     """Draw all that is on a map that shows a window in projected coordinates."""
     frame, window = panel.frame, _moved(seen, panel, -1.0)
-    picture = plot.picture_of(panel.values, plot.shaded_ground(frame), scale)
+    picture = picture_of(panel.values, plot.shaded_ground(frame), scale)
     plot.draw_map(axes, frame, picture, window, panel.fissures)
     plot.draw_contours(axes, frame, window, interval)
     system = placement_of(frame.scene).system
@@ -192,7 +193,7 @@ def _draw_panel(
     ]
     overlay_files.draw_overlays(axes, styled, window, panel.offset)
     plot.draw_scale_bar(axes, window)
-    heading = panel.title or plot.STYLES[panel.source].title
+    heading = panel.title or STYLES[panel.source].title
     text = axes.set_title(heading, loc='left', fontsize=10, color=INK, pad=5)
     shrink_title(text, axes)
 
@@ -261,7 +262,7 @@ def _scales(panels: Sequence[Panel]) -> dict[str, Scale]:
         same = [panel for panel in panels if panel.source == source]
         values = np.concatenate([panel.values[np.isfinite(panel.values)] for panel in same])
         is_saturated = any(panel.is_saturated for panel in same)
-        result[source] = plot.scale_of(source, values, is_saturated=is_saturated)
+        result[source] = scale_of(source, values, is_saturated=is_saturated)
     return result
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.forecast.ensemble import maps_at
+from lava_ros.forecast.store import maps_at
 from lava_ros.maps.forecast import QUANTILES
 from lava_ros.maps.place_arrivals import arrivals, ArrivalTable
 from lava_ros.maps.places import front_distances, Places, places_on

@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from datetime import tzinfo
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,11 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.picture import draw_reliability
 from lava_ros.forecast.rasters import seen_in_file
 from lava_ros.forecast.scores import brier_parts
+from lava_ros.maps.colours import STYLES
+from lava_ros.maps.onset import Onset
 from lava_ros.maps.page_layout import BANNER, Imprint
-from lava_ros.maps.plot import duration, isochrone_times, MAX_DRAWN_ISOCHRONES, STYLES, Window
+from lava_ros.maps.plot import duration, isochrone_times, MAX_DRAWN_ISOCHRONES, Window
 from lava_ros.maps.sheet import draw_sheet, Panel
-from lava_ros.pages.onset import Onset
 from lava_ros.pages.runs import read_run, Run
 from lava_ros.scene.features import read_features
 from lava_ros.scene.projection import in_degrees, projected, system_name
@@ -39,13 +41,16 @@ def draw_runs(
     extent: Sequence[float] | None = None,
     scale: float | None = None,
     onset: Onset | None = None,
+    zone: tzinfo | None = None,
     imprint: Imprint | None = None,
 ) -> dict[str, Any]:
     """Draw bags and ensembles on one page.
 
     Texts and files are the options of `lava plot`. ``time`` is a simulated time [s], None for the
     last one; no ``layers`` are all there are. ``extent`` is west, south, east and north in the
-    coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N.
+    coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N. Without ``onset`` it
+    is the one that all runs state, if they do; ``zone`` is that of local times, None for that of
+    this machine.
 
     Returns:
         The text, titles and scores of the page as plain data.
@@ -77,7 +82,8 @@ def draw_runs(
         ]
         for run in (run for run in runs if run.is_ensemble):
             came, known = seen[run.name]
-            likely = 0.01 * np.nan_to_num(run.panels['probability'].values[known])
+            percent = run.panels['inundation_probability'].values[known]
+            likely = 0.01 * np.nan_to_num(percent)
             shown_as = run.name if len(runs) > 1 else ''
             chart = partial(draw_reliability, probability=likely, came=came[known], name=shown_as)
             charts.append(chart)
@@ -88,6 +94,7 @@ def draw_runs(
         title = f'{volcano}: {title}'
     subtitle = runs[0].summary if len(runs) == 1 else ''
     notes = {'date': date} if date else {}
+    onset = _onset(onset, zone, runs)
     if onset is not None:
         notes |= _moments(onset, runs, [panel for _, panel in shown])
     notes |= _facts(runs)
@@ -136,6 +143,15 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
             expected = f'an extent with some of {run.name} {run.terrain.bounds(projected=True)}'
             raise LavaError('--extent', shown, expected)
     return window
+
+
+def _onset(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Onset | None:
+    """The onset that is given, or that the runs have in common, with a zone of local times."""
+    known = {run.onset for run in runs}
+    onset = given or (known.pop() if len(known) == 1 else None)
+    if onset is None and zone is not None:
+        raise LavaError('--timezone', str(zone), 'a zone together with --onset')
+    return None if onset is None else replace(onset, zone=zone)
 
 
 def _moments(onset: Onset, runs: Sequence[Run], panels: Sequence[Panel]) -> dict[str, str]:

@@ -21,13 +21,15 @@ from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import opened_raster
 from lava_ros.files.yaml import parse_json
-from lava_ros.forecast.ensemble import MANIFEST
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.picture import frame_of
 from lava_ros.forecast.sentinels import CalledEffect
+from lava_ros.forecast.store import MANIFEST
 from lava_ros.maps.arrival import Arrival
+from lava_ros.maps.colours import STYLES
 from lava_ros.maps.frames import Frame, Recording
-from lava_ros.maps.plot import area_words, duration, STYLES, time_note, titles
+from lava_ros.maps.onset import Onset, recorded_onset, stated_onset
+from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.projection import coordinate_system, system_name
@@ -36,15 +38,18 @@ from lava_ros.simulation.budget import VolumeBudget
 
 _LOG = logging.getLogger(__name__)
 
-#: Maps of an ensemble: file, what is drawn of it, title.
+#: Maps of an ensemble: file, what is drawn of it, title. They have the names of their files,
+#: except those that can be drawn beside the maps of a single run.
 ENSEMBLE_MAPS = {
-    'probability': ('inundation_probability', 'probability', STYLES['probability'].title),
+    'inundation_probability': (
+        'inundation_probability', 'probability', STYLES['probability'].title
+    ),
     **{
         name: (f'arrival_time_p{share}', 'arrival', words)
         for name, share, words in (
-            ('arrival_p10', 10, 'Early arrival (1 run in 10)'),
+            ('arrival_time_p10', 10, 'Early arrival (1 run in 10)'),
             ('arrival', 50, 'Median arrival (1 run in 2)'),
-            ('arrival_p90', 90, 'Late arrival (9 runs in 10)'),
+            ('arrival_time_p90', 90, 'Late arrival (9 runs in 10)'),
         )
     },
     'thickness': ('expected_peak_thickness', 'thickness', 'Expected peak thickness of the lava'),
@@ -53,7 +58,7 @@ ENSEMBLE_MAPS = {
 #: Maps that are drawn by default, of a bag and of an ensemble.
 _USUAL = (
     ('thickness', 'temperature', 'hazard'),
-    ('probability', 'arrival_p10', 'arrival', 'arrival_p90'),
+    ('inundation_probability', 'arrival_time_p10', 'arrival', 'arrival_time_p90'),
 )
 
 
@@ -71,7 +76,8 @@ class Run:
     """A bag or an ensemble: its maps by name, its facts by term, and the ground.
 
     ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None where it
-    is unknown. ``ensemble`` is None for a bag.
+    is unknown. ``ensemble`` is None for a bag. ``onset`` is the date of simulated time 0, None if
+    the run does not state it.
     """
 
     name: str
@@ -83,6 +89,7 @@ class Run:
     is_ensemble: bool
     end: float | None
     ensemble: Members | None = None
+    onset: Onset | None = None
 
     @property
     def usual(self) -> list[str]:
@@ -150,6 +157,7 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
         ),
         is_ensemble=False,
         end=frame.time,
+        onset=recorded_onset(recording.bag.custom_data),
     )
 
 
@@ -157,9 +165,26 @@ def _scene(frame: Frame) -> Scene | None:
     """The scene of a recording, None where its description is not one."""
     terrain = Terrain(frame.elevation, frame.resolution, frame.origin)
     try:
-        return scene_from_dict(frame.scene, terrain) if frame.scene else None
+        return _described(frame.scene, terrain) if frame.scene else None
     except LavaError:
         return None
+
+
+def _described(known: Mapping[str, Any], terrain: Terrain) -> Scene:
+    """Make the scene of a description, which lacks the grids of emplaced flows and of events."""
+    kept = {key: item for key, item in known.items() if key not in ('emplaced_flows', 'events')}
+    return scene_from_dict(kept, terrain)
+
+
+def _changes(known: Mapping[str, Any]) -> dict[str, str]:
+    """Say which flows were there at the start, and how the ground changes later."""
+    flows = [
+        f'{item["source"]}, {item["volume"]:,.0f} m³ of lava'
+        for item in known.get('emplaced_flows') or ()
+    ]
+    events = [f'{item["text"]} at {duration(item["time"])}' for item in known.get('events') or ()]
+    facts = {'emplaced at the start': '; '.join(flows), 'changes of the ground': '; '.join(events)}
+    return {term: text for term, text in facts.items() if text}
 
 
 def _fissures(scene: Scene | None) -> np.ndarray:
@@ -186,7 +211,10 @@ def _day(seconds: float) -> str:
 def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
     begun = (recording.bag.start_ns or 0) / 1e9
     # a simulation's clock gives no date
-    facts = ({'computed': _day(begun)} if begun > 1e9 else {}) | _vents(scene)
+    facts = {
+        **({'computed': _day(begun)} if begun > 1e9 else {}), **_vents(scene),
+        **_changes(frame.scene),
+    }
     at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]
     budget = VolumeBudget.from_texts(at[-1].values) if at else None
     if budget is not None:
@@ -267,7 +295,7 @@ def _ensemble(folder: Path) -> Run:
         place = dict(known['terrain'])
         shape = tuple(place.pop('shape'))
         terrain = Terrain(_raster(folder / 'elevation.tif', shape)[0], **place)
-        scene = scene_from_dict(known, terrain)
+        scene = _described(known, terrain)
         maps: dict[str, Panel] = {}
         tags: dict[str, str] = {}
         frame = frame_of(scene)
@@ -279,6 +307,7 @@ def _ensemble(folder: Path) -> Run:
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
         observation = tags.get('observation', 'none')
+        onset = stated_onset(tags.get('onset', 'unknown'), str(folder))
         # an ensemble that runs again may still have the maps of before
         on = tags.get('effects', '').split()
         reasons = [
@@ -291,7 +320,7 @@ def _ensemble(folder: Path) -> Run:
     except (OSError, KeyError, TypeError, ValueError) as error:
         right = f'an ensemble whose maps are finished and undamaged ({error})'
         raise LavaError('ensemble', str(folder), right) from error
-    likely = np.nan_to_num(maps['probability'].values)
+    likely = np.nan_to_num(maps['inundation_probability'].values)
     cell = terrain.resolution**2
     areas = [
         f'{area_words(float((likely >= least).sum()) * cell)} at {least} % or more'
@@ -301,6 +330,7 @@ def _ensemble(folder: Path) -> Run:
     facts = {
         'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
         **_vents(scene),
+        **_changes(known),
         'runs': f'{members}'
         + (f', which count like {effective:.3g} of equal weight' if observation != 'none' else '')
         + f'; a probability of 50 % is known to {50.0 / effective**0.5:.2g} percentage points '
@@ -319,7 +349,7 @@ def _ensemble(folder: Path) -> Run:
         title += ' weighted by observed lava'
     return Run(
         folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True,
-        end=horizon, ensemble=Members(ran, int(members), effective),
+        end=horizon, ensemble=Members(ran, int(members), effective), onset=onset,
     )
 
 

@@ -23,7 +23,7 @@ from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame
 from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
-from lava_ros.ros.outputs import PLACES
+from lava_ros.ros.outputs import BARRIERS, PLACES
 from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Level, Status, watched_layers
 
@@ -80,6 +80,7 @@ class LiveFrames(Watcher):
         self._info: MapMetaData | None = None
         self._elevation: np.ndarray | None = None
         self._vents = np.empty((0, 2))
+        self._barriers: list[list[tuple[float, float]]] = []
         self._moment: Moment | None = None
         self._heard, self._heard_at = 0, time.monotonic()
         self._said = Status(Level.WAITING, '')
@@ -150,7 +151,7 @@ class LiveFrames(Watcher):
             layers=layers,
             vents=self._vents,
             time=self.times[index],
-            scene={},
+            scene={'terrain': {'barriers': self._barriers}},
             arrived=None if arrived is None else arrived.values,
         )
 
@@ -187,6 +188,11 @@ class LiveFrames(Watcher):
 
     def _on_vents(self, message: MarkerArray) -> None:
         points: list[Any] = []
+        self._barriers = [
+            [(point.x, point.y) for point in item.points]
+            for item in message.markers
+            if item.ns == BARRIERS
+        ]
         for item in message.markers:
             if item.ns == PLACES:
                 is_line = item.type == Marker.LINE_STRIP

@@ -4,7 +4,7 @@
 """Nodes around a lava node: what watches it from outside, and what stands for the sensors."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 import time
 
@@ -175,15 +175,18 @@ class ForecastWatch(DiagnosticsWatch):
 
 
 class SceneFeed(Node):
-    """Publishes terrain once, latched, and the vents whenever they change or somebody joins.
+    """Publishes terrain, latched, and the vents whenever they change or somebody joins.
 
     A discharge that changes with time follows the simulated time on ``/diagnostics``, which also
-    say what the node has refused: whoever runs the feed does not see the node's log. The lava's
-    constants are not sent; these are parameters of the simulation.
+    say what the node has refused: whoever runs the feed does not see the node's log. So does the
+    ground: the events of the scene are published at their times. The lava's constants are not
+    sent; these are parameters of the simulation.
     """
 
-    def __init__(self, scene: Scene, *, frame_id: str = _FRAME) -> None:
-        """Create the publishers, and publish the terrain."""
+    def __init__(
+        self, scene: Scene, *, frame_id: str = _FRAME, has_vents: bool = True
+    ) -> None:
+        """Create the publishers, and publish the terrain; without vents that alone."""
         super().__init__('lava_feed')
         self._scene = scene
         self._frame_id = frame_id
@@ -202,12 +205,10 @@ class SceneFeed(Node):
         self.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )
-        messages = outputs.terrain_messages(
-            scene.terrain, frame_id=frame_id, stamp_ns=now_ns(self)
-        )
-        for topic, message in messages.items():
-            self._terrain[topic].publish(message)
-        self.create_timer(0.2, self._publish_vents)
+        self._publish_terrain()
+        self.create_timer(0.2, self._follow_events)
+        if has_vents:
+            self.create_timer(0.2, self._publish_vents)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -223,6 +224,21 @@ class SceneFeed(Node):
             for item in status.values:
                 if item.key == 'simulated_time_s':
                     self._time = float(item.value)
+
+    def _publish_terrain(self) -> None:
+        messages = outputs.terrain_messages(
+            self._scene.terrain, frame_id=self._frame_id, stamp_ns=now_ns(self)
+        )
+        for topic, message in messages.items():
+            self._terrain[topic].publish(message)
+
+    def _follow_events(self) -> None:
+        while self._scene.events and self._scene.events[0].time <= self._time:
+            event, *later = self._scene.events
+            ground = event.ground(self._scene.terrain)
+            self._scene = replace(self._scene, terrain=ground, events=tuple(later))
+            self.get_logger().info(f'at {self._time:.0f} s: {event.text}')
+            self._publish_terrain()
 
     def _publish_vents(self) -> None:
         terrain, rows = self._scene.terrain, outputs.vent_rows(self._scene.vents, self._time)

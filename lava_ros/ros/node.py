@@ -219,6 +219,8 @@ class LavaNode(LifecycleNode):
                     sources.checkpoint, self._values, defaults, is_restart=sources.is_restart
                 )
             )
+            if sources.onset and not self._values['onset']:
+                self._change({'onset': sources.onset})
         elif former is not None:
             # from a scene file that has changed, but for those set by hand
             old = parameters.constant_values(former)

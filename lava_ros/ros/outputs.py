@@ -123,13 +123,14 @@ def vents_message(
     return codec.point_cloud(columns, codec.header(frame_id, stamp_ns))
 
 
-#: Namespaces of the markers: vents, their labels, and lines from the plane of the maps to the
-#: ground.
-PLACES, LABELS, ELEVATIONS = 'vents', 'vent labels', 'vent elevations'
+#: Namespaces of the markers: vents, their labels, lines from the plane of the maps to the ground,
+#: and the crests of barriers.
+PLACES, LABELS, ELEVATIONS, BARRIERS = 'vents', 'vent labels', 'vent elevations', 'barriers'
 
-#: Colours of a vent that emits lava, of one that does not, and of labels [RGBA]. They are opaque
-#: because RViz draws a translucent map over a translucent marker.
+#: Colours of a vent that emits lava, of one that does not, of labels and of crests [RGBA]. They
+#: are opaque because RViz draws a translucent map over a translucent marker.
 OPEN, CLOSED, WORDS = (1.0, 0.35, 0.0, 1.0), (0.4, 0.65, 1.0, 1.0), (1.0, 1.0, 1.0, 1.0)
+CREST = (0.24, 0.17, 0.12, 1.0)
 
 #: Height of the letters as a fraction of the terrain's shorter side; thickness of a vent's disc as
 #: a fraction of its width, and its maximum [m].
@@ -139,7 +140,7 @@ LETTERS, THICKNESS, MAX_THICKNESS = 0.028, 0.1, 1.0
 def vent_markers(
     vents: Sequence[Vent], time: float, terrain: Terrain, *, frame_id: str, stamp_ns: int
 ) -> MarkerArray:
-    """Make markers of the vents, as they are at ``time``, simulated [s].
+    """Make markers of the vents, as they are at ``time``, simulated [s], and of barriers.
 
     Viewers draw grids at z = 0, and RViz looks down from z = 500 m: a vent at the elevation of a
     mountain would be drawn away from its lava, or not at all. The markers are therefore at z = 0,
@@ -149,7 +150,7 @@ def vent_markers(
     Returns:
         A marker that deletes the earlier ones, then for each vent its disc, or the line of a
         fissure, a label with its name, discharge [m3/s] and temperature [Celsius], and a line to
-        the ground.
+        the ground; and the crest of each barrier of the terrain.
     """
     header = codec.header(frame_id, stamp_ns)
     letters = LETTERS * min(terrain.shape) * terrain.resolution
@@ -185,6 +186,12 @@ def vent_markers(
         elevation.scale.x = THICKNESS * width
         elevation.points = [on_map[0], *on_ground, *on_map[1:]]
         markers += [place, label, elevation]
+    for index, crest in enumerate(terrain.barriers):
+        line = Marker(header=header, ns=BARRIERS, id=index, action=Marker.ADD)
+        line.type = Marker.LINE_STRIP
+        line.points = [Point(x=x, y=y) for x, y in np.subtract(crest, terrain.offset).tolist()]
+        line.scale.x, line.color = THICKNESS * letters, _color(*CREST)
+        markers.append(line)
     return MarkerArray(markers=markers)
 
 

@@ -21,6 +21,7 @@ from lava_ros.effects import EFFECTS, Effects, possible, without_replaced
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import MAX_MARGIN
 from lava_ros.maps.layers import ZERO_CELSIUS
+from lava_ros.maps.onset import Onset
 from lava_ros.ros.worker import MAX_PARTICLES
 from lava_ros.scene import constants_of, ENVIRONMENT, Lava, Scene, Vent, VENT_TEMPERATURE_RANGE
 from lava_ros.simulation.presets import DEFAULT as DEFAULT_PRESET
@@ -297,6 +298,12 @@ class Settings:
     offset_northing: float = _parameter(
         0.0, 'Northing of the map origin [m], with epsg', (-1e9, 1e9)
     )
+    onset: str = _fixed(
+        '',
+        'Date and time of the start of the simulation (simulated time 0), with its offset from '
+        'UTC: 2006-07-14T22:00Z; recorded in the bag, so that pages and files made of it have '
+        'dates; empty: unknown',
+    )
     record: bool = _fixed(False, 'Record, starting with the first terrain')
     bag_directory: str = _parameter(
         '',
@@ -492,6 +499,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     """Make settings of parameter values by name; LavaError where one is not usable."""
     if not values['frame_id']:
         raise LavaError('frame_id', '', 'the name of a frame, such as map')
+    if values['onset']:
+        Onset.from_text(values['onset'], field='onset')
     lava = Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
     for name in ('ensemble_members', 'deadline'):
         if values[name] and not values['forecast_horizon']:

@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 import signal
 import time
 
@@ -18,7 +17,7 @@ from rosgraph_msgs.msg import Clock
 from lava_ros import validation
 from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
-from lava_ros.bag.replay import StopRequest, Transport
+from lava_ros.bag.replay import StopRequest
 from lava_ros.errors import LavaError
 from lava_ros.ros.arguments import start_ros
 from lava_ros.ros.codec import message_class, time_message
@@ -47,7 +46,6 @@ def play(
     loop: bool = False,
     start_offset: float = 0.0,
     on_step: Callable[[replay.Step], None] = lambda step: None,
-    transport: Transport | None = None,
     ros_arguments: Sequence[str] = (),
 ) -> int:
     """Replay a bag in this process until it ends or SIGINT or SIGTERM arrives.
@@ -63,7 +61,6 @@ def play(
         loop: Whether to start over at the end, for ever.
         start_offset: Where to start, from the bag's first message [s of bag time].
         on_step: Called after every message and clock tick.
-        transport: Holds, quickens and moves the replay; None lets it run.
         ros_arguments: ROS arguments, beginning with ``--ros-args``: a namespace, remapped topics.
 
     Returns:
@@ -78,30 +75,16 @@ def play(
     )
     stop = StopRequest()
     tick = replay.TICK if clock else QUIET_TICK
-    now, wait = time.monotonic, stop.wait
-    if transport is not None:
-        now, wait = transport.now, partial(transport.wait, stop=stop)
-    first_ns: int | None = None
     with _set_on_signals(stop), _started(ros_arguments) as context:
         node = Node('lava_player', context=context, start_parameter_services=False)
         try:
             player = _Player(node, bag, clock=clock)
             player.wait_for_subscribers(patience, stop)
-            while True:
-                dues = replay.schedule(
-                    bag, rate=rate, loop=loop, start_offset=start_offset, first_ns=first_ns
-                )
-                for step in replay.pace(dues, rate=rate, now=now, wait=wait, tick=tick):
-                    player.publish(step)
-                    first_ns = step.clock_ns
-                    on_step(step)
-                jump = 0.0 if transport is None else transport.take_jump()
-                if jump == 0.0:
-                    break
-                # from there on, inside the bag
-                start_ns, end_ns = bag.start_ns or 0, bag.end_ns or 0
-                here_ns = start_ns if first_ns is None else first_ns
-                first_ns = min(max(here_ns + round(jump * rate * 1e9), start_ns), end_ns)
+            dues = replay.schedule(bag, rate=rate, loop=loop, start_offset=start_offset)
+            steps = replay.pace(dues, rate=rate, now=time.monotonic, wait=stop.wait, tick=tick)
+            for step in steps:
+                player.publish(step)
+                on_step(step)
             if not stop.is_set():
                 player.wait_until_acknowledged()
         finally:

@@ -106,12 +106,14 @@ class SceneRecording:
     def _description(self, scene: Scene, eruption: Eruption) -> dict[str, str]:
         resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
         whole = scene_to_dict(replace(scene, vents=eruption.schedule))
+        parameters = dict(self.parameters())
         return {
             'scene': yaml.safe_dump(whole, sort_keys=False),
-            'parameters': yaml.safe_dump(dict(self.parameters()), sort_keys=False),
+            'parameters': yaml.safe_dump(parameters, sort_keys=False),
             'effects': json.dumps(self._history),
             **resumed,
             **self.configs,
+            **({'onset': onset} if (onset := parameters.get('onset')) else {}),
             'namespace': self.node.get_namespace(),
             'version': lava_ros.__version__,
             'device': eruption.device,

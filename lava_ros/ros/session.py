@@ -15,6 +15,7 @@ import numpy as np
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
+from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.measurement import measure_resolution
@@ -98,6 +99,8 @@ class Eruption:
         self._counted: tuple[Scene | None, Effects | None] = None, None
         self.resolution: Resolution | None = None
         self._measured: tuple[Snapshot | None, Resolution | None] = None, None
+        # the ground and the events before the first event, for a reset
+        self._before_events: tuple[Terrain, tuple[TerrainEvent, ...]] | None = None
         self.changes = self.starts = 0
 
     @property
@@ -141,6 +144,7 @@ class Eruption:
         self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
         self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
         self.origin = origin
+        self._before_events = None
         self.starts += 1
         self._note_change()
 
@@ -164,6 +168,7 @@ class Eruption:
         reviews = self.simulation.review_count
         reached = self.simulation.advance(until, wall_limit=wall_limit)
         self._is_changed |= reached > before
+        self._follow_events()
         if self.simulation.review_count != reviews:
             # an effect may have been switched on
             self._note_change(is_noise=True)
@@ -176,6 +181,15 @@ class Eruption:
             )
         return reached
 
+    def _follow_events(self) -> None:
+        """Take over the ground from the simulation, where an event has changed it."""
+        assert self.simulation is not None and self.scene is not None
+        now = self.simulation.scene
+        if len(now.events) < len(self.scene.events):
+            self._before_events = self._before_events or (self.scene.terrain, self.scene.events)
+            self.scene = replace(self.scene, terrain=now.terrain, events=now.events)
+            self._note_change()
+
     def set_terrain(self, terrain: Terrain) -> bool:
         """Replace the ground under the flow and say whether it is another."""
         assert self.scene is not None
@@ -186,6 +200,8 @@ class Eruption:
         if self.simulation is not None:
             self.simulation.set_terrain(terrain)
         self.scene = scene
+        if self._before_events is not None:
+            self._before_events = terrain, self._before_events[1]
         if self.simulation is not None:
             self._note_change(is_noise=self._is_like_counted(scene))
         return True
@@ -226,7 +242,11 @@ class Eruption:
         """Start the scene again at time 0, also after a failure."""
         if self.scene is None:
             raise LavaError('reset', 'no terrain yet', 'a simulation that has started')
-        self.start(self.scene)
+        scene = self.scene
+        if self._before_events is not None:
+            terrain, events = self._before_events
+            scene = replace(scene, terrain=terrain, events=events)
+        self.start(scene)
 
     def fail(self) -> None:
         """Give the simulation up; scene and last snapshot stay."""

@@ -22,6 +22,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_yaml
+from lava_ros.maps.onset import recorded_onset
 from lava_ros.ros import codec, parameters
 from lava_ros.ros.parameters import constant_values, Settings
 from lava_ros.ros.recorder import BagFolder
@@ -47,6 +48,7 @@ class Sources:
         checkpoint: What to go on from.
         origin: Where that has been found.
         before: The vents up to then, with all they have emitted, as far as its bag says.
+        onset: Date of simulated time 0 that its bag states, empty without one.
         is_restart: Whether a killed node is restarted. Its checkpoint takes precedence over
             parameters.
         reached: Newest simulated time that the killed node has published [s], 0 if unknown.
@@ -58,6 +60,7 @@ class Sources:
     checkpoint: Checkpoint | None = None
     origin: Origin | None = None
     before: tuple[Vent, ...] = ()
+    onset: str = ''
     is_restart: bool = False
     reached: float = 0.0
     was_recording: bool = False
@@ -135,14 +138,18 @@ def _resumed(node: Node, bag: str) -> Sources:
         f'particles, from a checkpoint of lava_ros {checkpoint.written_by} in {bag}'
     )
     origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)
-    before = _vents_of(bag, checkpoint.scene.terrain)
-    return Sources(scene=checkpoint.scene, checkpoint=checkpoint, origin=origin, before=before)
+    told = BagReader(bag).custom_data
+    onset = recorded_onset(told)
+    return Sources(
+        scene=checkpoint.scene, checkpoint=checkpoint, origin=origin,
+        before=_vents_of(told, checkpoint.scene.terrain), onset=onset.text if onset else '',
+    )
 
 
-def _vents_of(bag: str, terrain: Terrain) -> tuple[Vent, ...]:
+def _vents_of(told: Mapping[str, str], terrain: Terrain) -> tuple[Vent, ...]:
     """What a bag says of its vents, nothing where that cannot be used."""
     try:
-        scene = parse_yaml('scene', BagReader(bag).custom_data.get('scene', ''))
+        scene = parse_yaml('scene', told.get('scene', ''))
         listed = scene['vents'] if isinstance(scene, Mapping) else []
         return vents_from_list(listed, terrain)
     except (LavaError, KeyError):

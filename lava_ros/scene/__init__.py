@@ -16,6 +16,7 @@ from lava_ros.scene.scene import (
     scene_to_dict,
     temperature_doubts,
     warn_of_celsius,
+    with_changes,
 )
 from lava_ros.scene.terrain import (
     MAX_COORDINATE,
@@ -55,4 +56,5 @@ __all__ = [
     'temperature_doubts',
     'vents_from_list',
     'warn_of_celsius',
+    'with_changes',
 ]

@@ -3,7 +3,7 @@
 
 """Terrain -> terrain: barriers of earth along a line, no short waves, finer cells."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 import logging
@@ -35,13 +35,14 @@ class Barrier:
     """A dam of earth: its height above the ground and the width of its crest [m].
 
     The line of the crest is two or more places (x, y) [m] in projected coordinates; ``slope`` is
-    the fall of its sides, rise over run.
+    the fall of its sides, rise over run, and ``name`` is for people.
     """
 
     line: tuple[tuple[float, float], ...]
     height: float
     width: float
     slope: float = 1.0
+    name: str = ''
 
     def __post_init__(self) -> None:
         """Validate and normalise every field; LavaError names one that is not usable."""
@@ -59,6 +60,8 @@ class Barrier:
                 f'barrier.{name}', getattr(self, name), at_least=least, at_most=most, unit=unit
             )
             object.__setattr__(self, name, value)
+        if not isinstance(self.name, str):
+            raise LavaError('barrier.name', self.name, 'text')
 
     @property
     def length(self) -> float:
@@ -78,6 +81,14 @@ class Barrier:
         ends = math.pi * self.height * (outer**2 + outer * inner + inner**2) / 3.0
         return self.length * self.height * (self.width + run) + ends
 
+    def text(self) -> str:
+        """Say what it is, and how much earth it takes."""
+        return (
+            f'barrier{self.name and f" {self.name}"} {self.length:.0f} m long, '
+            f'{self.height:g} m high, crest {self.width:g} m wide: '
+            f'{self.volume:.0f} m3 of earth by its cross-section'
+        )
+
     def crest_on(self, resolution: float) -> float:
         """Width of the crest [m] on cells of a size [m]: never so narrow that lava finds a gap."""
         # cells whose centre is nearer than half of it are crossed, and those leave no gap to
@@ -88,7 +99,8 @@ class Barrier:
     def from_dict(cls, label: str, data: object) -> 'Barrier':
         """Build a barrier from the plain data of a YAML file; LavaError names what is wrong."""
         required = ['line', 'height', 'width']
-        values = validation.keys(label, data, allowed=[*required, 'slope'], required=required)
+        allowed = [*required, 'slope', 'name']
+        values = validation.keys(label, data, allowed=allowed, required=required)
         return cls(**values)  # type: ignore[arg-type]
 
 
@@ -120,7 +132,7 @@ def read_barriers(
         }
         line = tuple((float(x), float(y)) for x, y in feature.rings[0])
         try:
-            barriers.append(Barrier(line, **numbers))  # type: ignore[arg-type]
+            barriers.append(Barrier(line, name=feature.name, **numbers))  # type: ignore[arg-type]
         except LavaError as error:
             name = error.field.removeprefix('barrier.')
             raise LavaError(f'{feature.where}, {name}', error.value, error.expected) from None
@@ -128,13 +140,28 @@ def read_barriers(
     return barriers
 
 
-def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
+def with_barriers(
+    terrain: Terrain, barriers: Iterable[Barrier], *, is_told: bool = True
+) -> Terrain:
+    """Raise a terrain by barriers, as ``with_barrier``; where they overlap the highest counts."""
+    raised = terrain
+    for barrier in barriers:
+        alone = with_barrier(terrain, barrier, is_told=is_told)
+        raised = replace(
+            raised,
+            elevation=np.maximum(raised.elevation, alone.elevation),
+            barriers=(*raised.barriers, barrier.line),
+        )
+    return raised
+
+
+def with_barrier(terrain: Terrain, barrier: Barrier, *, is_told: bool = True) -> Terrain:
     """Raise a terrain by a barrier; LavaError where its line touches no cell with data.
 
     The ground is raised by the full height within half the width of the line. Beyond that it is
     raised less and less, to nothing where the barrier's sides reach the ground. If the crest is
     narrower than ``crest_on``, it is widened to that, so that lava finds no gap, and a warning
-    says so.
+    says so if it ``is_told``.
     """
     rows, columns = terrain.shape
     cell = terrain.resolution
@@ -154,7 +181,7 @@ def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
     if not (terrain.has_data & (added > 0.0)).any():
         right = f'a line {terrain.bounds(projected=True)}'
         raise LavaError('barrier.line', barrier.line, right)
-    if crest > barrier.width:
+    if is_told and crest > barrier.width:
         _LOG.warning(
             f'the crest of the barrier, {barrier.width:g} m wide, becomes {crest:.3g} m wide on '
             f'cells of {cell:g} m, so that lava finds no gap'

@@ -3,8 +3,8 @@
 
 """Scenes, and their files: terrain, vents, lava, surroundings, and what is uncertain."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 import logging
 from pathlib import Path
@@ -23,6 +23,8 @@ from lava_ros.scene.effusion_rates import (
     read_effusion_rates,
     series_of_rates,
 )
+from lava_ros.scene.emplaced import EmplacedFlow, flow_to_dict, read_flows
+from lava_ros.scene.events import check_same_grid, event_to_dict, read_events, TerrainEvent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import default_lava, lava_from_dict, with_material_in_lava
 from lava_ros.scene.terrain import Terrain
@@ -54,6 +56,8 @@ class Scene:
         ambient_temperature: Temperature of the air [K].
         gravity: Acceleration of gravity [m/s2].
         uncertainty: What differs from member to member of an ensemble.
+        emplaced_flows: Lava that lies on the terrain at the start.
+        events: Changes of the ground in the order of their times, which are from 0 on.
 
     Numbers of the surroundings that only one effect takes are declared in its file.
     """
@@ -64,6 +68,8 @@ class Scene:
     ambient_temperature: float = number(300.0, 'Temperature of the air', 100.0, 600.0, 'K')
     gravity: float = number(9.81, 'Acceleration of gravity', *GRAVITY_RANGE, 'm/s2')
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    emplaced_flows: tuple[EmplacedFlow, ...] = ()
+    events: tuple[TerrainEvent, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate the parts together.
@@ -75,29 +81,59 @@ class Scene:
         for name, kind in kinds:
             if not isinstance(getattr(self, name), kind):
                 raise LavaError(f'scene.{name}', getattr(self, name), f'a {kind.__name__}')
+        for name, part in (('emplaced_flows', EmplacedFlow), ('events', TerrainEvent)):
+            items = getattr(self, name)
+            if not isinstance(items, list | tuple) or not all(
+                isinstance(item, part) for item in items
+            ):
+                raise LavaError(f'scene.{name}', items, f'a list of {part.__name__}')
+            object.__setattr__(self, name, tuple(items))
         vents = check_vents(self.vents, self.terrain, self.lava)
         object.__setattr__(self, 'vents', vents)
         if self.uncertainty.yield_strength is not None and 'yielding' not in possible(self.lava):
             right = 'absent: lava.yield_strength is 0'
             raise LavaError('uncertainty.yield_strength', self.uncertainty.yield_strength, right)
         for index, vent in enumerate(self.vents):
-            if vent.temperature <= self.lava.solidus:
-                right = f'above lava.solidus, {self.lava.solidus:g} K: colder lava is solid'
-                right += f' ({vent.temperature:g} Celsius are {vent.temperature + KELVIN:g} K)'
-                raise LavaError(f'vents[{index}].temperature', vent.temperature, right)
-            viscosity = self.lava.viscosity_at(vent.temperature)
-            if viscosity > MAX_VENT_VISCOSITY:
-                right = f'hotter lava: at this temperature its viscosity is {viscosity:.3g} Pa s, '
-                right += f'above {MAX_VENT_VISCOSITY:g} Pa s nothing comes out'
-                raise LavaError(f'vents[{index}].temperature', vent.temperature, right)
+            self._check_temperature(f'vents[{index}]', vent.temperature)
+        for index, flow in enumerate(self.emplaced_flows):
+            if flow.temperature is not None:
+                self._check_temperature(f'emplaced_flows[{index}]', flow.temperature)
+        for index, event in enumerate(self.events):
+            least = self.events[index - 1].time if index else 0.0
+            validation.number(f'events[{index}].time', event.time, at_least=least, unit='s')
+            if event.terrain is not None:
+                check_same_grid(f'events[{index}].terrain', event.terrain, self.terrain)
+                check_vents(self.vents, event.terrain, self.lava)
         check_fields('scene', self)
+
+    def _check_temperature(self, name: str, temperature: float) -> None:
+        """Refuse lava that is solid, or too viscous to come out of a vent."""
+        if temperature <= self.lava.solidus:
+            right = f'above lava.solidus, {self.lava.solidus:g} K: colder lava is solid'
+            right += f' ({temperature:g} Celsius are {temperature + KELVIN:g} K)'
+            raise LavaError(f'{name}.temperature', temperature, right)
+        viscosity = self.lava.viscosity_at(temperature)
+        if viscosity > MAX_VENT_VISCOSITY:
+            right = f'hotter lava: at this temperature its viscosity is {viscosity:.3g} Pa s, '
+            right += f'above {MAX_VENT_VISCOSITY:g} Pa s nothing comes out'
+            raise LavaError(f'{name}.temperature', temperature, right)
+
+    def on(self, change: Callable[[Terrain], Terrain]) -> 'Scene':
+        """Return the scene with another form of all its ground, such as finer cells."""
+        return replace(
+            self,
+            terrain=change(self.terrain),
+            events=tuple(event.reshaped(change) for event in self.events),
+        )
 
 
 #: Fields of ``Scene`` that are numbers of the surroundings.
 ENVIRONMENT = tuple(item.name for item in fields(Scene) if 'limits' in item.metadata)
 
 #: Keys of a scene in a file.
-SCENE_KEYS = ('terrain', 'vents', 'lava', 'uncertainty', *ENVIRONMENT)
+SCENE_KEYS = (
+    'terrain', 'vents', 'lava', 'uncertainty', 'emplaced_flows', 'events', *ENVIRONMENT,
+)
 
 
 def temperature_doubts(scene: Scene, *, is_celsius: bool = False) -> list[str]:
@@ -153,6 +189,9 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         'lava': asdict(scene.lava),
         **{name: getattr(scene, name) for name in ENVIRONMENT},
         'uncertainty': uncertainty_to_dict(scene.uncertainty),
+        **({'emplaced_flows': [flow_to_dict(item) for item in scene.emplaced_flows]}
+           if scene.emplaced_flows else {}),
+        **({'events': [event_to_dict(item) for item in scene.events]} if scene.events else {}),
     }
 
 
@@ -175,8 +214,9 @@ def read_scene(
     The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
     the scene file or ``st_helens.npz`` of the package, and the options of
     ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``options`` of
-    ``load_terrain`` replace those of the file. LavaError where the file cannot be read, or has
-    other keys, or its ground is not usable.
+    ``load_terrain`` replace those of the file. ``emplaced_flows`` (``emplaced.read_flows``) and
+    ``events`` (``events.read_events``) are read, and flows that are ground raise the terrain.
+    LavaError where the file cannot be read, or has other keys, or its ground is not usable.
     """
     path = find_file(path, 'examples', field='scene', expected='a readable YAML file')
     known_keys = [*SCENE_KEYS, 'material']
@@ -193,8 +233,41 @@ def read_scene(
         name = known.pop('file')
         if not isinstance(name, str):
             raise LavaError('scene.terrain.file', name, 'the name of a file, text')
-        terrain = load_terrain(terrain_path(name, path.parent), **known | dict(options or {}))
+        options = known | dict(options or {})
+        terrain = load_terrain(terrain_path(name, path.parent), **options)
+    data, terrain = with_changes(data, path.parent, terrain, options or {})
     return _with_rates(data, path.parent), terrain
+
+
+def with_changes(
+    data: dict[str, Any], folder: Path, terrain: Terrain, options: Mapping[str, Any],
+    *, prefix: str = 'scene.',
+) -> tuple[dict[str, Any], Terrain]:
+    """Replace emplaced flows and events by what is in their files.
+
+    Args:
+        data: Plain data of a scene.
+        folder: What the names of files are relative to.
+        terrain: The ground.
+        options: Options of ``load_terrain`` for the files of events.
+        prefix: What errors put before the names of the keys.
+
+    Returns:
+        The data for ``scene_from_dict``, and the ground with the flows that are a part of it.
+
+    Raises:
+        LavaError: A file or a value cannot be used.
+    """
+    data = dict(data)
+    if 'emplaced_flows' in data:
+        terrain, data['emplaced_flows'] = read_flows(
+            f'{prefix}emplaced_flows', data['emplaced_flows'], folder, terrain
+        )
+    if 'events' in data:
+        # an offset of its own is that of the grid, which has to be the same
+        read = partial(load_terrain, **{**options, 'offset': terrain.offset})
+        data['events'] = read_events(f'{prefix}events', data['events'], folder, terrain, read)
+    return data, terrain
 
 
 def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -231,16 +304,21 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
 
     They are ``vents``, ``lava`` (fields of ``Lava``, and maybe ``material``, a name of ``lava
     materials`` whose constants they replace; ``materials.DEFAULT`` where it is absent),
-    ``ambient_temperature``, ``gravity`` and ``uncertainty``; all may be left out.
+    ``ambient_temperature``, ``gravity`` and ``uncertainty``; all may be left out. Also
+    ``emplaced_flows`` and ``events``, as ``with_changes`` reads them.
     """
     lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
+    hot = float(material.vent_temperature.value)
     scene = Scene(
         terrain=terrain,
-        vents=vents_from_list(
-            data.get('vents', []), terrain, temperature=material.vent_temperature.value
-        ),
+        vents=vents_from_list(data.get('vents', []), terrain, temperature=hot),
         lava=lava,
         uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
+        emplaced_flows=tuple(
+            replace(flow, temperature=flow.temperature or hot)
+            for flow in data.get('emplaced_flows', ())
+        ),
+        events=tuple(data.get('events', ())),
         **{name: data[name] for name in ENVIRONMENT if name in data},
     )
     warn_of_celsius(scene)

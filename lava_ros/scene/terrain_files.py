@@ -229,7 +229,9 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
         elevation[source.read_masks(1) == 0] = np.nan
         transform, crs, tags = source.transform, source.crs, source.tags()
         scale, shift = source.scales[0], source.offsets[0]
-        unit = _unit_of_heights(source, path)
+        named, unit = unit_of_band(source, path, of='elevations')
+    if unit != 1.0:
+        _LOG.info(f'{path.name}: elevations in {named} become metres')
     code = horizontal(crs).to_epsg() if crs else None
     given = crs if epsg is None else coordinate_system(epsg)
     cell = abs(transform.e) * (METRES_PER_DEGREE if given and given.is_geographic else 1.0)
@@ -298,8 +300,10 @@ def _with_missing(
     return elevation
 
 
-def _unit_of_heights(source: Any, path: Path) -> float:
-    """Return the unit of the elevations of a raster [m], by any of its marks.
+def unit_of_band(source: Any, path: Path, *, of: str) -> tuple[str, float]:
+    """Return the name of the unit of a raster's heights and its length [m], by any of its marks.
+
+    ``of`` is what the heights are, such as elevations, for errors.
 
     Raises:
         LavaError: If a mark is not understood, or two marks contradict each other.
@@ -318,11 +322,9 @@ def _unit_of_heights(source: Any, path: Path) -> float:
     factors = list(marks.values()) or [1.0]
     # the foot and the US survey foot differ by 2 parts in a million
     if not all(math.isclose(item, factors[0], rel_tol=1e-5) for item in factors):
-        expected = f'one unit of elevation, of {", ".join(filter(None, UNITS))}'
-        raise LavaError(f'unit of the elevations of {path.name}', ' and '.join(marks), expected)
-    if factors[0] != 1.0:
-        _LOG.info(f'{path.name}: elevations in {" and ".join(marks)} become metres')
-    return factors[0]
+        expected = f'one unit of length, of {", ".join(filter(None, UNITS))}'
+        raise LavaError(f'unit of the {of} of {path.name}', ' and '.join(marks), expected)
+    return ' and '.join(marks), factors[0]
 
 
 def _check_band(source: Any, path: Path) -> None:

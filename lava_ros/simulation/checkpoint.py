@@ -13,7 +13,7 @@ executed when it is read, and no path is in it.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 import hashlib
 import json
 import math
@@ -28,6 +28,9 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_json
 from lava_ros.scene import ENVIRONMENT, Lava, Scene, scene_to_dict, Terrain, Vent
+from lava_ros.scene.emplaced import EmplacedFlow
+from lava_ros.scene.events import TerrainEvent
+from lava_ros.scene.reshaping import Barrier
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
 from lava_ros.simulation.inundation import standing_cells
@@ -61,7 +64,8 @@ _LEVEL = 1
 
 _DTYPES = ('float32', 'float64', 'int32', 'int64')
 
-_ELEVATION = 'terrain.elevation'
+#: Names of the arrays of a scene: of the ground, an emplaced flow, and the ground of an event.
+_ELEVATION, _FLOW, _EVENT = 'terrain.elevation', 'emplaced_flows.{}', 'events.{}'
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +129,15 @@ class Checkpoint:
 
     def to_bytes(self) -> bytes:
         """Serialise; ``from_bytes`` gives the same back to the last bit."""
-        arrays = {_ELEVATION: self.scene.terrain.elevation, **self.arrays}
+        arrays = {
+            _ELEVATION: self.scene.terrain.elevation,
+            **{_FLOW.format(n): one.thickness for n, one in enumerate(self.scene.emplaced_flows)},
+            **{
+                _EVENT.format(n): one.terrain.elevation
+                for n, one in enumerate(self.scene.events) if one.terrain is not None
+            },
+            **self.arrays,
+        }
         header = json.dumps(
             {
                 'written_by': self.written_by,
@@ -220,12 +232,25 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
     elevation = arrays.pop(_ELEVATION)
     if elevation.shape != shape:
         raise LavaError('checkpoint.terrain', elevation.shape, f'elevations of shape {shape}')
+    ground = Terrain(elevation, **terrain)
+    flows = [
+        EmplacedFlow(
+            arrays.pop(_FLOW.format(number)), item['resolution'], tuple(item['origin']),
+            item['temperature'], item['source'],
+        )
+        for number, item in enumerate(data.get('emplaced_flows', []))
+    ]
     scene = Scene(
-        Terrain(elevation, **terrain),
+        ground,
         vents=tuple(Vent(**vent) for vent in data['vents']),
         lava=Lava(**data['lava']),
         **{name: data[name] for name in ENVIRONMENT if name in data},
         uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
+        emplaced_flows=tuple(flows),
+        events=tuple(
+            _event(item, ground, arrays.pop(_EVENT.format(number), None))
+            for number, item in enumerate(data.get('events', []))
+        ),
     )
     forced = header['forced']
     return Checkpoint(
@@ -243,6 +268,18 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
         switched_on=_by_effect('switched_on', header.get('switched_on', {})),
         measured=_by_effect('measured', header.get('measured', {})),
     )
+
+
+def _event(
+    data: dict[str, Any], ground: Terrain, elevation: np.ndarray | None
+) -> TerrainEvent:
+    terrain = None
+    if elevation is not None:
+        terrain = replace(ground, elevation=elevation, source=data['source'], barriers=())
+    barriers = tuple(
+        Barrier.from_dict('checkpoint.events', item) for item in data.get('barriers', [])
+    )
+    return TerrainEvent(data['time'], data['text'], terrain, barriers)
 
 
 def _by_effect(label: str, values: dict[str, Any]) -> dict[str, float]:

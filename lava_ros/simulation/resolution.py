@@ -121,20 +121,24 @@ def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON)
     """
     course = course_of(scene, horizon=horizon)
     width = math.nan if course is None else course.width
-    thickness = accuracy.thickness
+    thickness, flows = accuracy.thickness, scene.emplaced_flows
+    emplaced = sum(flow.volume for flow in flows)
+    if thickness is None and course is None and flows:
+        thickness = emplaced / sum(flow.area for flow in flows)
     if thickness is None:
         thickness = expected_thickness(scene) if course is None else course.thickness
     cell = scene.terrain.resolution
     if accuracy.spacing is not None:
         spacing = accuracy.spacing
         return Resolution(spacing, thickness, width, width / spacing, cell, 'given')
-    if math.isnan(width):
+    if math.isnan(width) and not flows:
         spacing = scene.terrain.resolution / accuracy.refinement
         return Resolution(spacing, thickness, width, width, cell, 'cells')
-    by_width, by_edges = width / ACROSS, EDGES * thickness
+    # of lava that is there already the width is not known, but how thick it is
+    by_width, by_edges = width / ACROSS if course else math.inf, EDGES * thickness
     wanted = min(by_width, by_edges) / accuracy.refinement
     most = MOST_PARTICLES * accuracy.refinement**2
-    emitted = sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
+    emitted = emplaced + sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
     least = math.sqrt(emitted / (thickness * most))
     limit = 'flow' if by_width <= by_edges else 'edges'
     limit = limit if wanted >= least else 'particles'

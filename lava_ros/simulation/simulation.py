@@ -52,6 +52,7 @@ from lava_ros.simulation.selection import (
 )
 from lava_ros.simulation.snapshot import (
     Particles,
+    particles_of,
     ParticleSample,
     PendingSnapshot,
     rows_of,
@@ -112,7 +113,8 @@ class Simulation:
             accuracy: The resolution; automatic when left out.
             device: ``cpu`` or ``cuda:0``; the first CUDA device when there is one, else the CPU.
             horizon: How far ahead the choice of effects and of the spacing looks [s].
-            particles: Lava that is on the terrain at the start.
+            particles: Lava that is on the terrain at the start; when left out, the emplaced flows
+                of the scene.
 
         Raises:
             LavaError: The device does not exist, a particle is not on the terrain, or an effect is
@@ -138,6 +140,8 @@ class Simulation:
         self._after_step: dict[str, Any] = {}
         self._arrived: tuple[Terrain, Any] | None = None
         self._place(scene.terrain)
+        if particles is None:
+            particles = particles_of(scene, spacing)
         self._start_with(particles)
         check_rates(scene.vents, self.particle_volume)
         new = Emission.of_new_vents(len(scene.vents))
@@ -202,6 +206,9 @@ class Simulation:
     ) -> Generator[None, None, float]:
         """Simulate up to a time, in parts, as ``advance`` does in one go.
 
+        The events of the scene change the ground at their times, which no step passes; that of
+        ``until`` itself comes with the next part.
+
         After each part there is time for something else: a GPU is at work on it
         (``batch.side_by_side``). Only when all parts are taken the simulation is at rest.
         """
@@ -210,14 +217,17 @@ class Simulation:
             limit = validation.number('limit', limit, at_least=until, unit='s')
         end = until if limit is None else limit
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
-        self._raise_top(until=end)
         while True:
+            change = self.scene.events[0].time if self.scene.events else math.inf
+            self._raise_top(until=min(end, change))
             # reviews are at ends of natural steps: they change no step
-            due = min(until, self._review_due)
-            reached = yield from self._advancing_to(due, end, deadline)
+            due = min(until, self._review_due, change)
+            reached = yield from self._advancing_to(due, min(end, change), deadline)
             if reached >= self._review_due:
                 self.review()
-            if reached >= until or reached < due:
+            if change <= reached and change < until:
+                self._change_ground()
+            elif reached >= until or reached < due:
                 return reached
 
     def _advancing_to(
@@ -417,9 +427,12 @@ class Simulation:
         A terrain is the ground without lava: what has frozen stays on top of it.
 
         Raises:
-            LavaError: A vent does not lie on the new terrain; the old one stays.
+            LavaError: A vent or a barrier to come does not lie on the new terrain; the old one
+                stays.
         """
-        scene = replace(self.scene, terrain=terrain)
+        scene, later = replace(self.scene, terrain=terrain), terrain
+        for event in scene.events:
+            later = event.ground(later)
         self._settle()
         rows = self._state.read_particles()
         rows[:, :2] += centre_of(self.scene.terrain) - centre_of(terrain)
@@ -434,6 +447,13 @@ class Simulation:
         self._sort()
         self._state.top.fill_(-at.FAR)
         self._raise_top(self._state.read_particles()[:, :2])
+
+    def _change_ground(self) -> None:
+        """Let the next event of the scene change the ground."""
+        event, *later = self.scene.events
+        ground = event.ground(self.scene.terrain)
+        self.scene = replace(self.scene, events=tuple(later))
+        self.set_terrain(ground)
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float = HORIZON) -> None:
         """Choose the effects anew from now on; what has frozen stays ground.
@@ -468,9 +488,12 @@ class Simulation:
             LavaError: The checkpoint does not fit together, or the device does not exist.
         """
         scene, effects, accuracy = checkpoint.scene, checkpoint.effects, checkpoint.accuracy
+        # the lava of the flows is among the particles of the checkpoint, or has been
         simulation = cls(
-            scene, effects=effects, accuracy=accuracy, device=device, horizon=checkpoint.horizon
+            replace(scene, emplaced_flows=()), effects=effects, accuracy=accuracy, device=device,
+            horizon=checkpoint.horizon,
         )
+        simulation.scene = scene
         return restore(simulation, checkpoint)
 
     @property

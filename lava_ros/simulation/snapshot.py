@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.scene import Terrain
+from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.inundation import inundated_cells, standing_cells
 
@@ -153,6 +153,19 @@ class Particles:
         if not (is_right and np.isfinite(values).all()):
             raise LavaError(f'particles.{name}', f'array of shape {values.shape}', right)
         object.__setattr__(self, name, values)
+
+
+def particles_of(scene: Scene, spacing: float) -> Particles | None:
+    """Make particles, no farther apart than a spacing [m], of the emplaced flows of a scene."""
+    if not scene.emplaced_flows:
+        return None
+    columns = [flow.columns(spacing) for flow in scene.emplaced_flows]
+    temperatures = [
+        np.full(len(volume), flow.temperature)
+        for flow, (_, volume) in zip(scene.emplaced_flows, columns, strict=True)
+    ]
+    places, volumes = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+    return Particles(places, volumes, np.concatenate(temperatures))
 
 
 #: Distance between particles that are given in one place, over the usual one.

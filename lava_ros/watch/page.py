@@ -8,6 +8,7 @@ from dataclasses import replace
 import errno
 import html
 import math
+from textwrap import fill
 from typing import Any
 
 from bokeh.application import Application
@@ -18,6 +19,7 @@ from bokeh.models import (
     ColorBar,
     DataRange1d,
     Div,
+    FixedTicker,
     GlobalInlineStyleSheet,
     HoverTool,
     InlineStyleSheet,
@@ -37,6 +39,7 @@ from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop, PeriodicCallback
 
 from lava_ros.errors import LavaError
+from lava_ros.maps.colours import scale_of, STYLES
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, PROBABILITY
 from lava_ros.maps.plot import (
@@ -46,9 +49,7 @@ from lava_ros.maps.plot import (
     duration,
     extent_of,
     LEAST_CELLS,
-    scale_of,
     shaded_ground,
-    STYLES,
     titles,
     window_of,
 )
@@ -65,7 +66,7 @@ POLL, SHOW = 100, 500
 #: How maps are drawn, in the order in which they are offered.
 SHOWN = {
     'thickness': ('Lava thickness', 'thickness'),
-    'hazard': ('Hazard', 'hazard'),
+    'hazard': ('Hazard index', 'hazard'),
     'temperature': ('Temperature', 'temperature'),
     ARRIVED: ('Arrival', 'arrival'),
     ARRIVAL: ('Arrival forecast', 'arrival'),
@@ -202,16 +203,23 @@ class Page:
 
     def _draw_map(self, frame: Frame, source: str, values: np.ndarray) -> None:
         title, style = SHOWN[source]
-        scale = scale_of(style, values)
-        unit = '' if style == 'hazard' else scale.label
-        self._mapper.update(
-            palette=interp_palette(STYLES[style].colours, 256),
-            low=scale.norm.vmin,
-            high=scale.norm.vmax,
-        )
-        self._bar.formatter.format = f'%g {unit}'.replace(' %', ' %%')
-        self._hover.tooltips = [(title, f'@image{{0.[0]}} {unit}'), ('x, y', '$x{0} m, $y{0} m')]
-        self.map.data = _placed(frame, _coarse(frame, values / scale.unit))
+        scale, colours = scale_of(style, values), STYLES[style].colours
+        shown = _coarse(frame, values / scale.unit)
+        data, palette = _placed(frame, shown), interp_palette(colours, 256)
+        low, high, ticker, names = scale.norm.vmin, scale.norm.vmax, 'auto', {}
+        if scale.names:
+            # an image of the numbers of the classes, each of which has one colour
+            data |= {'value': [shown], 'image': [STYLES[style].class_numbers(shown)]}
+            palette, low, high = list(colours), 0.5, len(scale.names) + 0.5
+            names = {number: fill(name, 18) for number, name in enumerate(scale.names, 1)}
+            ticker = FixedTicker(ticks=[*names])
+        self._mapper.update(palette=palette, low=low, high=high)
+        self._bar.update(ticker=ticker, major_label_overrides=names)
+        self._bar.formatter.format = f'%g {scale.label}'.replace(' %', ' %%')
+        column = '@value' if names else '@image'
+        value = f'{column}{{0.[0]}} {scale.label}'.rstrip()
+        self._hover.tooltips = [(title, value), ('x, y', '$x{0} m, $y{0} m')]
+        self.map.data = data
 
     def _draw_figure(self) -> Any:
         box = {'range_padding': 0.0, 'renderers': []}

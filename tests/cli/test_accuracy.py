@@ -15,7 +15,7 @@ import pytest
 
 from cli.calls import done, refused
 from command_line import lava
-from lava_ros.cli.prepare import step_costs
+from lava_ros.cli.effects import step_costs
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import bounds, cases, measure
@@ -81,7 +81,7 @@ def test_report_is_written(tmp_path):
 
 def test_a_case_is_measured_again_and_the_others_stay(tmp_path, one_setting, monkeypatch):
     """The rows of a case that is named are replaced in an earlier report."""
-    monkeypatch.setattr('lava_ros.cli.measure.draw', lambda *_: None)
+    monkeypatch.setattr('lava_ros.verification.chart.draw', lambda *_: None)
     words = ['accuracy', '--device', 'cpu', '--repetitions', '1', '--output', tmp_path]
     for names in (('fixed_volume', 'dam_break'), ('slope_fixed_area',), ('fixed_volume',)):
         done(*words, *(word for name in names for word in ('--case', name)))

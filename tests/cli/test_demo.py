@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava demo` and `lava forecast-demo`, and the processes that commands start."""
+"""`lava demo`, and the processes that commands start."""
 
 import json
 import os
@@ -32,10 +32,10 @@ from ros_domain import own_domain
 ROOT = Path(__file__).parents[2]
 
 
-def start(directory: Path, *words: str, command: str = 'demo') -> subprocess.Popen[str]:
-    """Start a command on the CPU, as in a shell without a terminal."""
+def start(directory: Path, *words: str) -> subprocess.Popen[str]:
+    """Start the demo on the CPU, as in a shell without a terminal."""
     return subprocess.Popen(
-        [sys.executable, '-m', 'lava_ros.cli.main', command, '--device', 'cpu', *words],
+        [sys.executable, '-m', 'lava_ros.cli.main', 'demo', '--device', 'cpu', *words],
         cwd=directory,
         env=os.environ | {'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1'},
         stdout=subprocess.PIPE,
@@ -44,9 +44,9 @@ def start(directory: Path, *words: str, command: str = 'demo') -> subprocess.Pop
     )
 
 
-def run(directory: Path, *words: str, command: str = 'demo') -> tuple[str, dict[str, Any]]:
-    """Run a command to its end: what it printed, and its result."""
-    demo = start(directory, *words, '--json', 'out.json', command=command)
+def run(directory: Path, *words: str) -> tuple[str, dict[str, Any]]:
+    """Run the demo to its end: what it printed, and its result."""
+    demo = start(directory, *words, '--json', 'out.json')
     output, errors = demo.communicate(timeout=400)
     assert demo.returncode == 0, output + errors
     return output, json.loads((directory / 'out.json').read_text())
@@ -61,6 +61,7 @@ def test_a_domain_in_use_is_not_free(monkeypatch):
         ros.domain_of(None)
 
 
+@pytest.mark.nightly
 def test_the_demo_runs_again(tmp_path):
     """It leaves a bag others can read, a picture and a table, and replaces its own earlier bag."""
     output, result = run(tmp_path, '--duration', '900', '--max-speed', '300')
@@ -168,8 +169,8 @@ def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
 
 def test_what_is_seen_narrows_the_forecast(tmp_path):
     """Forecasts come over DDS; after the outline less is undecided, and what is said is truer."""
-    words = ('--members', '6', '--speed', '200', '--picture', 'out.png')
-    output, result = run(tmp_path, *words, command='forecast-demo')
+    words = ('--forecast', '--members', '6', '--max-speed', '200', '--picture', 'out.png')
+    output, result = run(tmp_path, *words)
     assert 'a forecast of when lava comes' in output
     # how soon it is depends on the machine; the order does not
     assert 0.0 < result['forecast_after_s'] < result['all_members_after_s']

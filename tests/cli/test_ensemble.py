@@ -51,6 +51,20 @@ def scene(tmp_path):
     return tmp_path / 'scene.yaml'
 
 
+@pytest.fixture
+def lines(tmp_path):
+    """Barriers with names and columns of others, and a hut, as tables of well-known text."""
+    x, y = CORNER
+    dams = [('upper', 12, 180, 300, 170), ('lower', 9, 150, 330, 200)]
+    rows = [
+        f'"LINESTRING ({x + west} {y + north}, {x + east} {y + north})",{name},{height},30'
+        for name, height, west, east, north in dams
+    ]
+    (tmp_path / 'dams.csv').write_text('\n'.join(['wkt,name,barrier_height,width', *rows]) + '\n')
+    (tmp_path / 'hut.csv').write_text(f'x,y,name\n{x + 240},{y + 190},hut\n')
+    return tmp_path / 'dams.csv'
+
+
 def raster(path: Path, values: np.ndarray) -> str:
     """A raster on the terrain's cells, row 0 in the south."""
     with rasterio.open(
@@ -65,6 +79,65 @@ def read(path: Path) -> np.ndarray:
     """A map, row 0 in the south."""
     with rasterio.open(path) as file:
         return file.read(1)[::-1]
+
+
+@pytest.mark.parametrize('built', [None, '2min'])
+def test_barriers_are_compared(scene, lines, tmp_path, built):
+    """The same members without and with them: maps, a picture, a table, and the earth."""
+    out, report = tmp_path / 'out', tmp_path / 'report.json'
+    words = ['ensemble', scene, '-o', out, '--horizon', '12min', '--members', '2']
+    words += ['--workers', '1', '--device', 'cpu', '--json', report, '--barriers', lines]
+    words += ['--places', tmp_path / 'hut.csv', *(['--barriers-at', built] if built else [])]
+    said = done(*words)
+    earth = [line for line in said.splitlines() if line.startswith('barrier ')]
+    assert [line.split()[1] for line in earth] == ['upper', 'lower']
+    assert '120 m long, 12 m high, crest 30 m wide' in earth[0]
+    told = json.loads(report.read_text())['barriers']
+    assert told['built_s'] == (120.0 if built else 0.0)
+    assert [round(item['volume_m3']) for item in told['barriers']] == [
+        int(line.split(': ')[1].split()[0]) for line in earth
+    ]
+    without, dammed = (
+        read(folder / 'inundation_probability.tif') for folder in (out, out / 'with_barriers')
+    )
+    change = read(out / 'comparison/probability_change.tif')
+    changed = dammed - without
+    np.testing.assert_array_equal(change, np.where(changed != 0.0, changed, -9999.0))
+    assert changed.min() < 0.0
+    for percent, areas in told['area_m2'].items():
+        least = float(percent.split()[2])
+        assert areas['without'] == (without >= least).sum() * 400.0
+        assert areas['with'] == (dammed >= least).sum() * 400.0
+    (hut,) = told['places']
+    assert hut['name'] == 'hut'
+    assert hut['probability_percent_with'] <= hut['probability_percent_without']
+    table = (out / 'comparison/places.csv').read_text().splitlines()
+    assert table[0].startswith('name,kind,probability_percent_without,probability_percent_with')
+    assert table[1].startswith('hut,point,')
+    assert (out / 'comparison/barriers.png').stat().st_size > 10_000
+    # the same command finds all members, and the plain one its own
+    done(*words)
+    assert json.loads(report.read_text())['resumed'] == 2
+
+
+@pytest.mark.parametrize(
+    ('words', 'named'),
+    [
+        (['--barriers-at', '1h'], '--barriers-at'),
+        (['--places', 'hut.csv'], '--places'),
+        (['--barriers', 'none.geojson'], '--barriers'),
+        (['--barriers', 'hut.csv'], 'a line'),
+        (['--emplaced-as', 'ground'], '--emplaced-as'),
+        (['--emplaced-flow', 'hut.csv', '--emplaced-thickness', '3'], 'at least one area'),
+        (['--terrain-at', '1h', 'none.tif'], 'none.tif'),
+        (['--terrain-at', '-1h', 'ground.npz'], '--terrain-at'),
+    ],
+)
+def test_wrong_changes_are_named(scene, lines, tmp_path, monkeypatch, words, named):
+    """Before any member runs."""
+    monkeypatch.chdir(tmp_path)
+    assert named in refused('ensemble', scene, '-o', tmp_path / 'out', '--members', '2', *words)
+    assert not (tmp_path / 'out').exists()
 
 
 def test_maps_of_a_scene(scene, tmp_path):
@@ -125,7 +198,7 @@ def test_maps_of_a_scene(scene, tmp_path):
     np.testing.assert_array_equal(grids[0], occupancy(probability))
     assert not np.array_equal(*grids)
     page = tmp_path / 'page.json'
-    words = ['plot', out, out / 'weighted', '--layers', 'probability', '--json', page]
+    words = ['plot', out, out / 'weighted', '--layers', 'inundation_probability', '--json', page]
     done(*words, '-o', tmp_path / 'page.png')
     assert 'seen.tif, 600 s' in json.loads(page.read_text())['notes']['weighted by']
 
@@ -202,7 +275,7 @@ def test_an_interrupted_run_says_how_to_go_on(scene, tmp_path, monkeypatch):
     def interrupted(*args: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr('lava_ros.cli.ensemble.run_ensemble', interrupted)
+    monkeypatch.setattr('lava_ros.forecast.ensemble.run_ensemble', interrupted)
     words = ['--workers', '1', '--device', 'cpu']
     status, _, said = lava('ensemble', scene, '-o', tmp_path / 'out', *words)
     assert status == 130 and 'the same command' in said

@@ -96,10 +96,10 @@ def test_maps_and_bag_of_a_hindcast_agree(valley, tmp_path):
     """Exported, the bag has the same thickness and arrival, no data and origin, to the cell."""
     done(*valley)
     done('export', tmp_path / 'out/bag', '-o', tmp_path / 'maps')
-    for name, other in (('thickness', 'height'), ('arrival', 'arrival')):
+    for name in ('thickness', 'arrival'):
         with (
             rasterio.open(tmp_path / f'out/{name}.tif') as file,
-            rasterio.open(tmp_path / f'maps/{other}.tif') as exported,
+            rasterio.open(tmp_path / f'maps/{name}.tif') as exported,
         ):
             assert file.nodata == exported.nodata and file.units == exported.units
             tags = ('scene', 'effects', 'preset', 'lava_ros', 'observation')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava`: its parser and manual page, what it prints, and its status."""
+"""`lava`: its parser, what it prints, and its status."""
 
 import json
 import math
@@ -19,12 +19,16 @@ from cli.calls import done, refused
 from command_line import lava
 import lava_ros
 from lava_ros.cli import main as cli
-from lava_ros.cli.manual import COMMANDS, GROUPS, parsed
-from lava_ros.cli.output import Progress
+from lava_ros.cli import options, plot, scene_options
+from lava_ros.cli.console import Progress
+from lava_ros.cli.parser import COMMANDS, parse_command_line
 from lava_ros.cli.scenes import DEMO_VENTS, scene_from_arguments
 from lava_ros.errors import LavaError
-from lava_ros.scene import Scene
+from lava_ros.maps import export, layers
+from lava_ros.pages import runs
+from lava_ros.scene import effusion_rates, emplaced, materials, Scene
 from lava_ros.scene.materials import material_named
+from lava_ros.simulation import presets, resolution
 
 ROOT = Path(__file__).parents[2]
 
@@ -47,10 +51,12 @@ TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
         ('demo --duration -1', '--duration is'),
         ('demo --max-speed 0', '--max-speed is'),
         ('demo --domain 500', '--domain is'),
-        ('forecast-demo --members 1', '--members is 1'),
-        ('forecast-demo --speed 0', '--speed is 0'),
-        ('forecast-demo --domain 500', '--domain is 500'),
-        ('forecast-demo --json missing/out.json', '--json is'),
+        ('demo --forecast --members 1', '--members is 1'),
+        ('demo --forecast --max-speed 0', '--max-speed is 0'),
+        ('demo --forecast --domain 500', '--domain is 500'),
+        ('demo --forecast --json missing/out.json', '--json is'),
+        ('demo --forecast --scene file', 'no --scene together with --forecast'),
+        ('demo --members 8', 'no --members without --forecast'),
         ('accuracy --case none', '--case is'),
         ('accuracy --device cuda:77', '--device is'),
         ('accuracy --repetitions 0', '--repetitions is'),
@@ -135,7 +141,7 @@ def test_without_ros(command, monkeypatch):
 
 def test_the_default_scene():
     """Without arguments the demo's vents lie high on the demo's terrain."""
-    scene = scene_from_arguments(parsed(['feed']))
+    scene = scene_from_arguments(parse_command_line(['feed']))
     assert len(scene.vents) == len(DEMO_VENTS)
     for vent in scene.vents:
         cell = scene.terrain.cell_at(*vent.position)
@@ -157,7 +163,7 @@ def test_a_terrain_alone_gets_a_vent_on_its_summit(tmp_path):
 
 def scene_of(*words: str) -> Scene:
     """The scene that `lava plan` makes of its arguments."""
-    return scene_from_arguments(parsed(['plan', '--within', '9s', *words]))
+    return scene_from_arguments(parse_command_line(['plan', '--within', '9s', *words]))
 
 
 @pytest.fixture
@@ -234,7 +240,7 @@ def test_a_table_of_effusion_rates_of_the_command(island, tmp_path):
     assert summit.discharge == ((0.0, 30.0), (86400.0, 0.0))
     for more, sentence in (
         (('--effusion-rate', '7', '--gaps', 'zero'), '--gaps is .zero., expected no --gaps with'),
-        (('--gaps', 'none'), 'there are zero, interpolate'),
+        (('--gaps', 'none'), "argument --gaps: invalid choice: 'none'"),
         (('--porosity', '2'), 'porosity is 2.0, expected at least 0 and below 1'),
         (('--eruption-start', 'now'), "start is 'now', expected a date such as 2021-09-19"),
         (('--effusion-rate', 'nowhere.csv'), '--effusion-rate is .nowhere.csv., expected a file'),
@@ -281,7 +287,7 @@ def test_a_broken_pipe_is_no_error(monkeypatch):
     def run(path: str) -> None:
         raise BrokenPipeError
 
-    monkeypatch.setattr('lava_ros.cli.info.BagReader', run)
+    monkeypatch.setattr('lava_ros.bag.reader.BagReader', run)
     replaced: list[tuple[int, int]] = []
     monkeypatch.setattr(cli.os, 'dup2', lambda a, b: replaced.append((a, b)))
     monkeypatch.setattr(sys.stdout, 'fileno', lambda: 1, raising=False)
@@ -289,101 +295,113 @@ def test_a_broken_pipe_is_no_error(monkeypatch):
     assert replaced
 
 
-def test_the_page_has_its_parts():
-    """Name, synopsis, commands, examples, environment and exit status, within 88 columns.
-
-    Commands are in the order of the groups, each once, with what it does; each example is a
-    command with arguments that it takes.
-    """
+def test_help_lists_every_command():
+    """Each is a line with what the command does."""
     assert done('--version') == f'lava_ros {lava_ros.__version__}\n'
     page = done('--help')
-    for part in ('NAME', 'SYNOPSIS', 'COMMANDS', 'EXAMPLES', 'ENVIRONMENT', 'EXIT STATUS'):
-        assert f'{part}\n' in page
-    assert max(len(line) for line in page.splitlines()) <= 88
-    listed = page[page.index('COMMANDS\n') : page.index('EXAMPLES')].splitlines()[1:]
-    lines = [line for line in listed if line.strip() and line[4:5] != ' ']
-    expected = []
-    for heading, names in GROUPS.items():
-        expected += [f'  {heading}', *(f'    {name}' for name in names)]
-    assert [re.match(r' +[a-z-]+( up)?', line)[0] for line in lines] == expected
-    assert all(line[19:].strip() for line in lines if line.startswith('    '))
-    examples = page[page.index('EXAMPLES') : page.index('ENVIRONMENT')].splitlines()[1:]
-    commands = [line.strip().split('  ')[0] for line in examples if line.strip()]
-    assert len(commands) >= 5
-    for command in commands:
-        words = command.split()[1:]
-        if '--ros-args' in words:
-            words = words[: words.index('--ros-args')]
-        assert parsed(words).command == words[0]
+    for name in COMMANDS:
+        assert re.search(rf'^    {name}\s+[a-z]\w+ ', page, re.MULTILINE), name
+        assert done(name, '--help').startswith(f'usage: lava {name} ')
 
 
 @pytest.mark.parametrize(
     ('words', 'sentence'),
     [
-        ((), "lava: COMMAND is missing; 'lava --help'"),
-        (('replays',), "lava: 'replays' is not a command, 'replay' is the closest; 'lava --help'"),
-        (('dance',), "lava: 'dance' is not a command; there are demo, node,"),
-        (('--verson',), "lava: '--verson' is not known here, '--version' is the closest"),
-        (('replay',), "lava replay: bag is missing; 'lava replay --help'"),
-        (('replay', 'bag', '--rate', 'x'), "lava replay: --rate: 'x' is not a number"),
-        (('replay', 'bag', '--rate'), 'lava replay: --rate: expected one argument'),
-        (('replay', 'bag', '--rte', '2'), "lava replay: '--rte' is not known here, '--rate' is"),
-        (('info', 'a', 'b'), "lava info: 'b' is not known here"),
-        (('plot', 'bag'), 'lava plot: -o/--output is missing'),
-        (('bench', 'speed'), "'speed' is not known; there are effects, steps, publishing"),
-        (('bench', 'effects', '--runs', '1.5'), "--runs: '1.5' is not a whole number"),
-        (('demo', '--preset', 'none'), "--preset: 'none' is not known; there are draft, standard"),
-        (('completion', 'fish'), "'fish' is not known; there are bash, zsh"),
-        (('node', 'scene.yaml'), "lava node: 'scene.yaml' is not known here"),
+        ((), 'lava: the following arguments are required: COMMAND; '),
+        (('dance',), "lava: argument COMMAND: invalid choice: 'dance' (choose from "),
+        (('replay',), 'lava replay: the following arguments are required: bag; '),
+        (('replay', 'b', '--rate', 'x'), "lava replay: argument --rate: invalid float value: 'x'"),
+        (('replay', 'bag', '--rte', '2'), 'lava: unrecognized arguments: --rte 2'),
+        (('info', 'a', 'b'), 'lava: unrecognized arguments: b; '),
+        (('info', 'a', '\x1b[31m'), 'lava: unrecognized arguments: \\x1b[31m; '),
+        (('info', '\udcff'), "lava: an argument is '\\udcff', expected text in UTF-8; "),
+        (('demo', '--preset', 'none'), "lava demo: argument --preset: invalid choice: 'none'"),
     ],
 )
-def test_wrong_usage_is_one_sentence(words, sentence):
-    """What is wrong, what is close, and where to read on; status 2, nothing on stdout."""
+def test_wrong_usage_is_one_line(words, sentence):
+    """It says what is wrong and where to read more; status 2, nothing on stdout."""
     said = refused(*words)
     assert said.count('\n') == 1
-    assert sentence in said
-    assert said.endswith("--help' lists what it takes\n")
+    assert said.startswith(sentence)
+    assert said.endswith("--help' lists the arguments\n")
 
 
-def _completions(script, words):
-    """What bash completes the last word to."""
-    quoted = ' '.join(f"'{word}'" for word in words)
-    code = (
-        f'{script}\nCOMP_WORDS=({quoted}); COMP_CWORD={len(words) - 1}; COMP_LINE="{words}"\n'
-        'completer=$(complete -p lava | sed -E "s/.*-F ([^ ]+).*/\\1/"); $completer\n'
-        'printf "%s\\n" "${COMPREPLY[@]}"\n'
-    )
-    ended = subprocess.run(
-        ['bash', '--norc', '-c', code], capture_output=True, text=True, timeout=120, check=True
-    )
-    return set(ended.stdout.split())
+#: What `lava COMMAND --help` must not import, because each takes long.
+HEAVY = {
+    'bokeh', 'dask', 'distributed', 'matplotlib', 'mcap', 'numpy', 'pyogrio', 'rasterio', 'rclpy',
+    'rich', 'scipy', 'tornado', 'warp', 'yaml',
+}
+
+#: Prints, for each command, what its help has imported so far.
+HELPS = """
+from contextlib import redirect_stdout, suppress
+from io import StringIO
+import sys
+from lava_ros.cli.main import main
+from lava_ros.cli.parser import COMMANDS
+for words in ([], *([name] for name in COMMANDS)):
+    with suppress(SystemExit), redirect_stdout(StringIO()):
+        main([*words, '--help'])
+    print('lava', *words, *(name for name in sys.modules if '.' not in name))
+"""
 
 
-def test_bash_completes(tmp_path, monkeypatch):
+def test_help_imports_nothing_heavy():
+    """What commands compute with is imported when they begin."""
+    run = [sys.executable, '-c', HELPS]
+    lines = subprocess.run(run, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert len(lines) == 1 + len(COMMANDS)
+    for line in lines:
+        assert not HEAVY & set(line.split()), line
+
+
+@pytest.mark.parametrize(
+    ('declared', 'known'),
+    [
+        (options.PRESETS, tuple(presets.PRESETS)),
+        (options.DEFAULT_PRESET, presets.DEFAULT),
+        (options.seconds_of('', options.HORIZON), resolution.HORIZON),
+        (options.MAPS, export.MAPS),
+        (options.SOURCES, layers.SOURCES),
+        (options.FORMATS, export.FORMATS),
+        (plot.DRAWN, tuple(dict.fromkeys((*layers.SOURCES, 'arrival', *runs.ENSEMBLE_MAPS)))),
+        (scene_options.GAPS, effusion_rates.GAPS),
+        (scene_options.EMPLACED_KINDS, emplaced.KINDS),
+        (scene_options.DEFAULT_MATERIAL, materials.DEFAULT),
+    ],
+)
+def test_what_the_parser_declares_is_what_the_package_has(declared, known):
+    """The parser repeats some values, because importing them takes long."""
+    assert declared == known
+
+
+@pytest.mark.parametrize(
+    ('line', 'words'),
+    [
+        ('lava do', {'doctor'}),
+        ('lava replay --ra', {'--rate'}),
+        ('lava demo --preset dr', {'draft'}),
+        ('lava effects et', {'etna.yaml'}),
+    ],
+)
+def test_a_shell_completes(line, words, tmp_path):
     """Commands, options, choices and files."""
-    monkeypatch.chdir(tmp_path)
     (tmp_path / 'etna.yaml').write_text('')
-    script = done('completion', 'bash')
-    assert _completions(script, ['lava', 'do']) == {'doctor'}
-    assert {'--rate', '--loop', '--clock'} <= _completions(script, ['lava', 'replay', '--'])
-    assert _completions(script, ['lava', 'completion', '']) >= {'bash', 'zsh'}
-    assert 'etna.yaml' in _completions(script, ['lava', 'effects', 'et'])
-
-
-def test_zsh_gets_a_script(monkeypatch):
-    """It has every command; without the library that makes it the error says how to get it."""
-    script = done('completion', 'zsh')
-    assert script.startswith('#compdef lava')
-    assert all(name in script for name in COMMANDS)
-    monkeypatch.setitem(sys.modules, 'shtab', None)
-    assert "pip install 'lava_ros[completion]'" in refused('completion', 'bash')
+    run = [sys.executable, '-m', 'lava_ros.cli.main']
+    env = {
+        '_ARGCOMPLETE': '1', '_ARGCOMPLETE_SHELL': 'bash', '_ARGCOMPLETE_IFS': ' ',
+        '_ARGCOMPLETE_STDOUT_FILENAME': str(tmp_path / 'words'),
+        'COMP_LINE': line, 'COMP_POINT': str(len(line)), 'PYTHONPATH': str(ROOT),
+    }
+    subprocess.run(run, env=os.environ | env, cwd=tmp_path, timeout=120, check=True)
+    assert set((tmp_path / 'words').read_text().split()) == words
 
 
 PROGRAM = """
 import sys
 if '--bare' in sys.argv:
     sys.modules['rich.progress'] = None
-from lava_ros.cli.output import Progress
+from lava_ros.cli.console import Progress
 with Progress(has_lines=False) as progress:
     for part in range(11):
         progress.show('counting', part / 10)

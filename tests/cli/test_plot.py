@@ -3,6 +3,7 @@
 
 """What shows bags and ensembles to people: `lava plot`, `report`, `export`, `animate`, `info`."""
 
+from datetime import datetime, timezone
 import json
 from pathlib import Path
 import re
@@ -15,6 +16,7 @@ import numpy as np
 import pyogrio
 import pytest
 import rasterio
+from rasterio.errors import NotGeoreferencedWarning
 from rasterio.warp import transform
 import yaml
 
@@ -76,7 +78,7 @@ def test_a_bag(bag, tmp_path):
     """The page says what the bag knows, and what it is told."""
     said = plot(tmp_path, bag)
     assert said['title'] == 'Lava flow after 13 min'
-    assert said['maps'] == ['Lava thickness', 'Temperature', 'Hazard']
+    assert said['maps'] == ['Lava thickness', 'Temperature', 'Hazard index']
     notes = said['notes']
     assert 'expected error of the footprint 15 %' in notes.pop('model')
     assert notes.items() >= {
@@ -100,7 +102,7 @@ def test_an_ensemble(ensemble, tmp_path, seen):
     assert len(said['maps']) == 4 and said['title'] == 'Lava within 3 min, 4 runs'
     assert said['notes']['elevation'] == 'a slope of tests, maps in cells of 5 m'
     assert said['notes']['uncertain'] == 'position' and said['scores'] == {}
-    said = plot(tmp_path, ensemble, '--layers', 'probability', '--observed', seen)
+    said = plot(tmp_path, ensemble, '--layers', 'inundation_probability', '--observed', seen)
     assert 0.0 < said['scores']['members']['brier_score'] < 1.0
 
 
@@ -163,7 +165,7 @@ def test_overlays(bag, tmp_path, caplog, seen):
 @pytest.mark.parametrize(
     ('words', 'named'),
     [
-        (('--layers', 'probability'), 'one of thickness, temperature, hazard'),
+        (('--layers', 'inundation_probability'), 'one of thickness, temperature, hazard'),
         (('--overlay', 'none.csv'), '--overlay is .none.csv., expected a file that exists'),
         (('--observed', 'none.geojson'), '--observed is'),
         (('--time', '9h'), 'time is'),
@@ -209,6 +211,34 @@ def test_dates_and_times(ensemble, tmp_path):
     assert notes['isochrones'].startswith('5 min: 2006-07-14 22:05 UTC (2006-07-15 00:05 CEST)')
     notes = plot(tmp_path, ensemble, '--onset', '2026-01-01T13:00+01:00', *onset[2:])['notes']
     assert notes['forecast until'] == '2026-01-01 12:03 UTC (13:03 CET)'
+
+
+def test_a_bag_that_states_its_onset_has_dates(tmp_path, caplog):
+    """Pages and files need no --onset, which comes first if given; a bad one is logged."""
+    told = {'onset': '2006-07-14T22:00:00Z'}
+    bag = record(tmp_path / 'flow', config=GRIDS, custom_data=told)
+    zone = ('--timezone', 'Europe/Rome')
+    notes = plot(tmp_path, bag, '--time', '600', *zone)['notes']
+    assert notes['start of the eruption'] == '2006-07-14 22:00 UTC (2006-07-15 00:00 CEST)'
+    assert notes['maps show'] == '2006-07-14 22:10 UTC (2006-07-15 00:10 CEST)'
+    notes = plot(tmp_path, bag, '--onset', '2026-01-01T12:00Z', *zone)['notes']
+    assert notes['maps show'].startswith('2026-01-01 12:13 UTC')
+    done('report', bag, '-o', tmp_path / 'a.html')
+    page = (tmp_path / 'a.html').read_text()
+    assert '<dt>maps show</dt><dd>2006-07-14 22:13 UTC' in page
+    assert f'"onset":{datetime(2006, 7, 14, 22, tzinfo=timezone.utc).timestamp()}' in page
+    done('export', bag, '-o', tmp_path / 'maps', '--formats', 'tif', 'geojson', 'nc')
+    with rasterio.open(tmp_path / 'maps/thickness.tif') as file:
+        tags = file.tags()
+    assert (tags['onset'], tags['date_utc']) == ('2006-07-14T22:00:00Z', '2006-07-14T22:13:20Z')
+    areas = json.loads((tmp_path / 'maps/isochrones.geojson').read_text())['features']
+    assert areas[0]['properties']['date_utc'].rstrip('Z') == '2006-07-14T22:05:00'
+    netcdf = f'netcdf:{tmp_path / "maps/maps.nc"}'
+    with pytest.warns(NotGeoreferencedWarning), rasterio.open(netcdf) as file:
+        assert file.tags()['NC_GLOBAL#onset'] == '2006-07-14T22:00:00Z'
+    bag = record(tmp_path / 'odd', config=GRIDS, custom_data={'onset': 'in summer'})
+    assert 'maps show' not in plot(tmp_path, bag)['notes']
+    assert "onset of the bag is 'in summer', expected a date" in caplog.text
 
 
 @pytest.mark.parametrize('command', ['plot', 'report'])

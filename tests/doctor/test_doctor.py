@@ -7,7 +7,6 @@ from collections import namedtuple
 import importlib.metadata
 import json
 from pathlib import Path
-import re
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -22,6 +21,7 @@ from lava_ros import doctor
 from lava_ros.doctor import FAIL, Finding, OK, Said, WARN
 from lava_ros.files.resources import share_path
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
+from project import EXTRAS, PROJECT
 
 ROOT = Path(__file__).parents[2]
 
@@ -49,13 +49,11 @@ def test_python(version, level, monkeypatch):
 
 
 def test_packages_are_those_of_the_setup():
-    """Names, bounds and extras are the requirements of setup.py and of its ROS-free extras."""
-    text = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    """Names, bounds and extras are those of pyproject.toml and of its ROS-free extras."""
     for name, lowest, untried, extra in doctor.PACKAGES:
-        assert f"'{name}>={lowest},<{untried}'" in text, name
-        assert not extra or f"    '{extra}': [" in text
-    block = text[text.index('install_requires=[') : text.index('extras_require')]
-    required = {Requirement(item).name for item in re.findall(r"'(.+)',", block)}
+        requirements = EXTRAS[extra] if extra else PROJECT['dependencies']
+        assert f'{name}>={lowest},<{untried}' in requirements, name
+    required = {Requirement(item).name for item in PROJECT['dependencies']}
     assert required == {name for name, _, _, extra in doctor.PACKAGES if not extra}
 
 
@@ -316,7 +314,7 @@ def test_a_middleware_that_hangs_or_crashes(code, words, monkeypatch):
 def findings(monkeypatch):
     """What the doctor finds, to be filled."""
     found: list[Finding] = []
-    monkeypatch.setattr('lava_ros.cli.set_up._findings', lambda args: iter(found))
+    monkeypatch.setattr('lava_ros.cli.doctor._findings', lambda args: iter(found))
     return found
 
 

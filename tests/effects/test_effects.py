@@ -158,6 +158,7 @@ def test_deleted_effects_are_not_missed(tmp_path, names):
     assert found[-2:] == [str(tmp_path / 'lava_ros'), expected[-1]]
 
 
+@pytest.mark.nightly
 def test_any_effect_can_be_deleted():
     """Without its file there are scenes, materials and choices as before."""
     said_by(WITHOUT, EFFECTS)

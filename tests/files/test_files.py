@@ -229,7 +229,7 @@ def test_a_disk_that_fills_up_ends_any_command_with_a_sentence(monkeypatch, tmp_
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, 'No space left on device')
 
-    monkeypatch.setattr('lava_ros.cli.ros.np.savez', full)
+    monkeypatch.setattr('numpy.savez', full)
     status, _, said = lava('demo', '--output', tmp_path / 'demo', '--device', 'cpu')
     assert status == 2
     assert 'lava demo: no room is left: [Errno 28] No space left on device' in said

@@ -23,11 +23,12 @@ from disc_flow import disc_members, disc_plan, HORIZON, same
 from lava_ros.errors import LavaError
 from lava_ros.forecast import ensemble as ensembles
 from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.ensemble import Ensemble, run_here, run_in_processes, run_on_cluster, Store
+from lava_ros.forecast.ensemble import Ensemble, run_here, run_in_processes, run_on_cluster
 from lava_ros.forecast.members import make_plan, Plan
 from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.sentinels import is_sentinel
+from lava_ros.forecast.store import maps_at, Store
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -186,10 +187,10 @@ def test_wrong_arrays_are_named(
     none = np.zeros(0, int)
     places = Places((), (), none, none, (), none, none, none, none)
     with pytest.raises(LavaError, match=f'^{said}'):
-        ensembles.maps_at(tmp_path, PLAN, places, members=24)
+        maps_at(tmp_path, PLAN, places, members=24)
     run(tmp_path)
     assert re.search(f'a member is damaged and runs again: {said}', caplog.text)
-    assert ensembles.maps_at(tmp_path, PLAN, places, members=24).members == 24
+    assert maps_at(tmp_path, PLAN, places, members=24).members == 24
 
 
 def test_a_folder_has_one_ensemble(tmp_path: Path) -> None:
@@ -286,6 +287,7 @@ def listening(pids: Iterable[int]) -> list[str]:
     ]
 
 
+@pytest.mark.nightly
 def test_processes_of_this_machine_are_open_to_nobody(small: Any, tmp_path: Path) -> None:
     """None of an ensemble's processes listens, not even as one is killed, which loses nothing."""
     runs, whole = small
@@ -305,6 +307,7 @@ def test_processes_of_this_machine_are_open_to_nobody(small: Any, tmp_path: Path
     assert len(seen[0]) == 2 and not seen[0] & seen[-1]
 
 
+@pytest.mark.nightly
 def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(small: Any, tmp_path: Path) -> None:
     """One of two processes dies in mid-run: every member is there, and the maps are the same."""
     runs, whole = small

@@ -257,7 +257,7 @@ def test_the_command_says_what_is_left_out(monkeypatch, tmp_path, capsys):
     words = ['plan', str(scene), '--within', '1s', '--device', 'cpu', '--json', str(path)]
     assert cli.main(words) == 0
     told = capsys.readouterr().out
-    assert 'effect green off: what the scene calls for takes too long' in told
+    assert 'effect green off: the choice for the scene takes too long' in told
     assert json.loads(path.read_text())['forced'] == {'green': False}
     assert cli.main([*words[:-1], str(tmp_path / 'none/plan.json')]) == 2
     told = capsys.readouterr()

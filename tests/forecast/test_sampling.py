@@ -15,7 +15,7 @@ from rasterio.transform import Affine, from_origin
 
 from disc_flow import disc_plan, TERRAIN, VENT
 from lava_ros.errors import LavaError
-from lava_ros.forecast.rasters import raster_on, seen_in_file
+from lava_ros.forecast.rasters import seen_in_file
 from lava_ros.forecast.sampling import (
     draw_members,
     Member,
@@ -24,6 +24,7 @@ from lava_ros.forecast.sampling import (
     Susceptibility,
 )
 from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.scene.on_terrain import raster_on
 from lava_ros.scene.uncertainty import Roughness
 
 UNCERTAIN = {

@@ -22,12 +22,12 @@ from lava_ros.forecast.ensemble import (
     run_here,
     run_in_processes,
     run_on_cluster,
-    Store,
 )
 from lava_ros.forecast.members import make_plan, Plan, run_members
 from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.sentinels import CalledEffect, is_sentinel, MAX_SENTINELS, REVIEWS
+from lava_ros.forecast.store import Store
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
@@ -93,7 +93,13 @@ WAYS: dict[str, tuple[Callable[[Path], object], Any]] = {
 }
 
 
-@pytest.mark.parametrize('way', WAYS)
+@pytest.mark.parametrize(
+    'way',
+    [
+        pytest.param(way, marks=pytest.mark.nightly if way == 'two workers' else ())
+        for way in WAYS
+    ],
+)
 def test_a_sentinel_switches_an_effect_on_for_all_members(
     way: str, whole: tuple[Ensemble, Plan], tmp_path: Path
 ) -> None:
@@ -109,6 +115,7 @@ def test_a_sentinel_switches_an_effect_on_for_all_members(
     assert ensemble.resumed == {'interrupted': 5, 'extended': 8, 'again': COUNT}.get(way, 0)
 
 
+@pytest.mark.nightly
 def test_a_cluster_runs_all_members_again(whole: tuple[Ensemble, Plan], tmp_path: Path) -> None:
     """What its workers still run of the first plan is dropped."""
     with LocalCluster(

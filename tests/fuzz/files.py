@@ -509,12 +509,21 @@ SCENE = {
     'lava': {'density': 2600.0},
     'gravity': 9.81,
     'uncertainty': {},
+    'emplaced_flows': [{'file': 'flow.asc', 'as': 'lava', 'temperature': 1360.0}],
+    'events': [
+        {'time': 30.0, 'terrain': 'ground.npz'},
+        {
+            'time': 60.0,
+            'barrier': {'line': [[5.0, 5.0], [60.0, 5.0]], 'height': 5.0, 'width': 10.0},
+        },
+    ],
 }
 
 
 def hostile_scene(chance: random.Random, folder: Path) -> Path:
     """Write a scene of which a value at any depth is another one."""
     np.savez(folder / 'ground.npz', elevation=np.zeros((6, 7)), resolution=10.0)
+    (folder / 'flow.asc').write_text(grid(0.0, 0.0, np.eye(5)), encoding='utf-8')
     data = json.loads(json.dumps(SCENE))
     part, key = data, chance.choice([*data, 'material', 'ambient_temperature'])
     while isinstance(part.get(key) if isinstance(part, dict) else part[key], dict | list):

@@ -30,6 +30,7 @@ from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
 from lava_ros.scene import Terrain
 from lava_ros.scene.effusion_rates import Options, read_effusion_rates
+from lava_ros.scene.emplaced import KINDS, read_flows
 from lava_ros.scene.vent_files import read_vents
 from recording import record
 
@@ -138,6 +139,27 @@ def test_rasters(seed: int, folder: Callable[[], Path], trial: Any) -> None:
     path = hostile_raster(random.Random(seed), folder())
     with trial('files') as row:
         row['refused'] += bool(call('effects', '--terrain', path)[0])
+
+
+@files
+@given(seed=SEEDS)
+def test_thicknesses(seed: int, folder: Callable[[], Path], trial: Any) -> None:
+    """A raster as an emplaced flow: lava on the ground, or one error with a name."""
+    chance = random.Random(seed)
+    path = hostile_raster(chance, folder())
+    ground = Terrain(np.full((20, 20), 99.0), 10.0, epsg=32633, offset=(500_000.0, 4_179_800.0))
+    item = {'file': path.name, 'as': chance.choice(KINDS)}
+    with trial('files') as row, bounded(MEMORY):
+        try:
+            raised, flows = read_flows('flows', [item], path.parent, ground)
+        except LavaError as error:
+            row['refused'] += 1
+            assert error.field
+        else:
+            assert np.isfinite(raised.elevation).all() and raised.elevation.min() >= 99.0
+            for flow in flows:
+                places, volumes = flow.columns(chance.choice((3.0, 10.0, 25.0)))
+                assert np.isfinite(volumes).all() and ground.covered(places).all()
 
 
 GROUND = Terrain(np.zeros((6, 7)), 10.0)

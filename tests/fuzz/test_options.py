@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 import yaml
 
-from command_line import lava
+from command_line import lava, parser_of
 from eruption import write_case
 from fuzz.limits import bounded
-from lava_ros.cli import manual, scenes
-from lava_ros.scene import reshaping, terrain_files
+from lava_ros.cli import scenes
+from lava_ros.scene import emplaced, reshaping, terrain_files
 from lava_ros.scene import scene as scene_module
 
 #: What a command may take beside what this process has [bytes].
@@ -39,7 +39,6 @@ COMMANDS = {
     'effects': ['scene.yaml'],
     'ensemble': ['scene.yaml', '-o', 'out'],
     'export': [str(SAMPLE), '-o', 'maps'],
-    'forecast-demo': [],
     'hindcast': ['valley'],
     'materials': [],
     'places': [str(SAMPLE), 'places.csv'],
@@ -53,7 +52,7 @@ WORK = (
     'lava_ros.maps.animation._Canvas.draw',
     'lava_ros.verification.benchmarks.convergence.compare',
     'lava_ros.cli.demo._flow',
-    'lava_ros.cli.forecast_demo._Truth.__init__',
+    'lava_ros.cli.demo_forecast._Truth.__init__',
     'lava_ros.forecast.pool.Pool.__init__',
     'lava_ros.simulation.simulation.Simulation.__init__',
 )
@@ -91,7 +90,7 @@ class BegunError(BaseException):
 @cache
 def options(command: str) -> list[argparse.Action]:
     """The options of a command, as its parser has them."""
-    actions = manual.parser_of(command)._actions
+    actions = parser_of(command)._actions
     return [item for item in actions if item.option_strings and item.dest != 'help']
 
 
@@ -133,10 +132,8 @@ def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
     for name in WORK:
         monkeypatch.setattr(name, begin)
-    # a process of its own makes it once too; of a line in this one it is a third of the time
-    monkeypatch.setattr(manual, 'parser_of', cache(manual.parser_of))
     # what has been read is told before what is wrong
-    for module in (terrain_files, scene_module, scenes, reshaping):
+    for module in (emplaced, terrain_files, scene_module, scenes, reshaping):
         monkeypatch.setattr(module._LOG, 'disabled', True)
     with tempfile.TemporaryDirectory() as folder:
         monkeypatch.chdir(folder)

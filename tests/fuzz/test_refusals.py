@@ -152,6 +152,8 @@ WRONG: dict[type, dict[str, st.SearchStrategy[Any]]] = {
         'vents': st.sampled_from((None, 1.0, 'vents', [None], ['vent'], [{}], [[]], {1: 2}, b'v')),
         'lava': st.sampled_from((None, 1.0, 'lava', {}, Lava)),
         'uncertainty': st.sampled_from((None, 1.0, 'uncertainty', {}, [])),
+        'emplaced_flows': st.sampled_from((None, 1.0, 'flow', [None], [{}], [GROUND], {1: 2})),
+        'events': st.sampled_from((None, 1.0, 'event', [None], [{}], [GROUND], {1: 2})),
         **described_fields(Scene),
     },
     Accuracy: described_fields(Accuracy),

@@ -25,7 +25,7 @@ import warp as wp
 from hard.invariants import Violation
 from hard.play import KEPT, Outcome, play
 from hard.scenes import FAMILIES, SCENES
-from lava_ros.cli.output import Progress, table_lines
+from lava_ros.cli.console import Progress, table_lines
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.simulation.backend.threads import use_threads

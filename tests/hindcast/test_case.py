@@ -77,6 +77,24 @@ def test_case_file_replaces_what_is_usual(tmp_path: Path) -> None:
     assert kilauea.scene.lava.vft_c == 622.0
 
 
+@pytest.mark.parametrize(
+    ('given', 'onset'),
+    [
+        ('', None),
+        ('effusion_rate: {start: 2021-09-19T14:10:00Z}', '2021-09-19T14:10:00Z'),
+        ('effusion_rate: {start: 2021-09-19T14:10:00}', '2021-09-19T14:10:00Z'),
+        ('effusion_rate: {start: "2021-09-19T16:10:00+02:00"}', '2021-09-19T16:10:00+02:00'),
+        ('effusion_rate: {start: 2021-09-19T14:10:00Z}\nstart: 1800', '2021-09-19T14:40:00Z'),
+    ],
+)
+def test_the_onset_is_the_date_of_simulated_time_0(
+    given: str, onset: str | None, tmp_path: Path
+) -> None:
+    """That of the effusion rates, or later by the time at which the simulation begins."""
+    case = load_case(write_case(tmp_path / 'valley', yaml=given))
+    assert (case.onset and case.onset.text) == onset
+
+
 @pytest.mark.parametrize('kind', ['case', 'scene'])
 def test_a_material_beside_lava_is_read_with_a_warning(
     kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture

@@ -242,7 +242,14 @@ def test_each_run_is_what_it_would_be_alone(valley: Case) -> None:
         assert result.accuracy == alone.accuracy
 
 
-@pytest.mark.parametrize(('quarters', 'mirror'), [(1, False), (2, False), (3, True)])
+@pytest.mark.parametrize(
+    ('quarters', 'mirror'),
+    [
+        (1, False),
+        pytest.param(2, False, marks=pytest.mark.nightly),
+        pytest.param(3, True, marks=pytest.mark.nightly),
+    ],
+)
 def test_a_turned_case_has_the_same_runs(
     valley: Case, device: str, quarters: int, mirror: bool
 ) -> None:

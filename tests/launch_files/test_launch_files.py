@@ -213,10 +213,10 @@ def test_masks_are_named_where_they_are(monkeypatch, pushed, namespace, space):
 
 def test_the_replay_command_takes_its_arguments(monkeypatch):
     """The words after the executable parse as `lava` parses them."""
-    from lava_ros.cli.manual import parsed
+    from lava_ros.cli.parser import parse_command_line
 
     (replay,), _ = start(monkeypatch, LAVA, replay='bags/demo')
-    args = parsed(replay.command[1:])
+    args = parse_command_line(replay.command[1:])
     assert (args.command, args.bag, args.rate) == ('replay', 'bags/demo', 1.0)
 
 

@@ -78,7 +78,7 @@ def test_mp4_goes_to_ffmpeg(bag, tmp_path, monkeypatch):
     assert '"300x240"' in text
     assert '"yuv420p"' in text
     # Four pictures, and the last for two seconds more.
-    assert text.endswith(f', {12 * 300 * 240 * 3}]')
+    assert text.endswith(f', {12 * 300 * 240 * 4}]')
 
 
 def test_without_a_good_ffmpeg(bag, tmp_path, monkeypatch):

@@ -11,16 +11,19 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import rasterio
+from rasterio.errors import NotGeoreferencedWarning
 from rasterio.warp import transform
 
 from lava_ros.cli.main import main
 from lava_ros.errors import LavaError
 from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps import gis
+from lava_ros.maps.colours import STYLES
 from lava_ros.maps.export import export_bag, MAPS
 from lava_ros.maps.frames import Recording
 from lava_ros.maps.gis import coordinate_system
-from lava_ros.maps.plot import MAX_ISOCHRONES, STYLES
+from lava_ros.maps.layers import HAZARD_CLASSES
+from lava_ros.maps.plot import MAX_ISOCHRONES
 from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import load_features
@@ -54,11 +57,11 @@ def band(path):
 
 
 def test_values_come_back_as_the_frame_has_them(bag, out):
-    """Every cell of height, temperature and hazard, north up; nodata outside the terrain."""
+    """Every cell of thickness, temperature and hazard, north up; nodata outside the terrain."""
     frame = Recording(bag).frame_at()
     outside = ~TERRAIN.has_data
     for name, source, dry in (
-        ('height', 'thickness', NODATA),
+        ('thickness', 'thickness', NODATA),
         ('temperature', 'temperature', NODATA),
         ('hazard', 'hazard', 0.0),
     ):
@@ -73,7 +76,7 @@ def test_values_come_back_as_the_frame_has_them(bag, out):
 
 def test_a_cell_is_where_it_was(out):
     """GDAL finds the tip of the flow at its easting and northing, in UTM zone 33."""
-    with rasterio.open(out / 'height.tif') as file:
+    with rasterio.open(out / 'thickness.tif') as file:
         assert file.crs.to_epsg() == 32633
         assert file.bounds == (499_950.0, 4_180_020.0, 500_150.0, 4_180_170.0)
         # Row 10, column 7 of the terrain: the south-eastern corner of the flow.
@@ -100,16 +103,16 @@ def test_arrival_and_peak(out):
     np.testing.assert_array_equal(times[12, :10], expected)
     assert (times[:10] == NODATA).all()
     assert (tags['threshold_m'], tags['longest_time_between_maps_s']) == ('0.5', '200.0')
-    peak = band(out / 'peak_height.tif')
+    peak = band(out / 'peak_thickness.tif')
     np.testing.assert_allclose(peak[12, [0, 7, 8]], [3.3, 2.9, NODATA], atol=1e-5)
     assert peak[0, 0] == NODATA
 
 
 def test_tags_tell_unit_time_and_rounding(out):
     """A file by itself says what it holds."""
-    with rasterio.open(out / 'height.tif') as file:
+    with rasterio.open(out / 'thickness.tif') as file:
         tags = file.tags()
-        assert (file.units, file.descriptions) == (('m',), ('height',))
+        assert (file.units, file.descriptions) == (('m',), ('thickness',))
     assert tags['simulated_time_s'] == '800.0'
     assert tags['quantisation'].startswith('recorded in steps of 0.1 from 0 to 10, true to 0.05')
     assert tags['thinnest_lava_shown_m'] == '0.1'
@@ -125,8 +128,8 @@ def test_lava_is_as_thick_as_it_is(tmp_path):
     flow = np.zeros(TERRAIN.shape, dtype=np.float32)
     flow[12, 5:8] = 41.37, 0.004, 12.5
     bag = record(tmp_path / 'bag', flow=lambda _: flow)
-    export_bag(bag, tmp_path / 'out', maps=['height', 'peak_height'])
-    for name in ('height', 'peak_height'):
+    export_bag(bag, tmp_path / 'out', maps=['thickness', 'peak_thickness'])
+    for name in ('thickness', 'peak_thickness'):
         cells = band(tmp_path / f'out/{name}.tif')
         np.testing.assert_array_equal(cells, np.where(flow > 0.0, flow, np.float32(NODATA)))
 
@@ -134,16 +137,16 @@ def test_lava_is_as_thick_as_it_is(tmp_path):
 def test_at_a_time_or_every_one(bag, tmp_path):
     """What was known at that time; a numbered file for each, with its time in the name."""
     export_bag(bag, tmp_path / 'out', time=450.0)
-    assert (band(tmp_path / 'out/height.tif')[12] > 0.0).sum() == 4
-    with rasterio.open(tmp_path / 'out/height.tif') as file:
+    assert (band(tmp_path / 'out/thickness.tif')[12] > 0.0).sum() == 4
+    with rasterio.open(tmp_path / 'out/thickness.tif') as file:
         assert file.tags()['simulated_time_s'] == '400.0'
     assert band(tmp_path / 'out/arrival.tif').max() == 400.0
-    exported = export_bag(bag, tmp_path / 'every', every=True, maps=['height', 'arrival'])
-    *heights, arrival = exported.files
-    names = [f'height_000{number}_{200 * (number + 1)}s.tif' for number in range(4)]
-    assert [item.name for item in heights] == names
+    exported = export_bag(bag, tmp_path / 'every', every=True, maps=['thickness', 'arrival'])
+    *maps, arrival = exported.files
+    names = [f'thickness_000{number}_{200 * (number + 1)}s.tif' for number in range(4)]
+    assert [item.name for item in maps] == names
     assert arrival.name == 'arrival.tif'
-    for number, path in enumerate(heights, 1):
+    for number, path in enumerate(maps, 1):
         assert (band(path)[12] > 0.0).sum() == 2 * number
 
 
@@ -190,7 +193,7 @@ def test_folders_are_neither_mixed_nor_left_empty(bag, tmp_path):
 
     After a terrain that comes last is no map: the error is about the bag, not about a time.
     """
-    (tmp_path / 'height.tif').touch()
+    (tmp_path / 'thickness.tif').touch()
     with pytest.raises(LavaError, match='a folder that is new or empty'):
         export_bag(bag, tmp_path)
     heard = silenced(bag, tmp_path / 'heard.mcap', '/terrain')
@@ -264,12 +267,13 @@ def painted(style: Path, value: float) -> tuple[float, str]:
     """Opacity (0 to 1) and colour with which QGIS draws a value by a style."""
     drawn = ElementTree.parse(style).find('pipe/rasterrenderer')
     assert drawn is not None
-    if drawn.get('type') == 'paletted':
-        found = [item for item in drawn.iter('paletteEntry') if float(item.get('value')) == value]
-        return (1.0, str(found[0].get('color'))) if found else (0.0, '')
     items = list(drawn.iter('item'))
     stops = [float(item.get('value', 'nan')) for item in items]
     assert stops == sorted(stops) and len(set(stops)) == len(stops)
+    if drawn.find('.//colorrampshader').get('colorRampType') == 'DISCRETE':
+        # a colour is that of the values up to its own; QGIS paints none beyond the last
+        found = [item for item, stop in zip(items, stops, strict=True) if value <= stop]
+        return float(found[0].get('alpha')) / 255.0, str(found[0].get('color'))
     alpha = np.interp(value, stops, [float(item.get('alpha', 'nan')) for item in items])
     nearest = min(items, key=lambda item: abs(float(item.get('value', 'nan')) - value))
     return float(alpha) / 255.0, str(nearest.get('color'))
@@ -280,7 +284,7 @@ def test_every_file_of_a_bag_has_a_style(floats, tmp_path):
     export_bag(floats, tmp_path / 'out')
     names = {path.stem for path in (tmp_path / 'out').glob('*.qml')}
     assert names == {path.stem for path in (tmp_path / 'out').glob('*.tif')}
-    style = tmp_path / 'out/height.qml'
+    style = tmp_path / 'out/thickness.qml'
     assert painted(style, 0.0)[0] == 0.0
     assert painted(style, 4.0) == (1.0, STYLES['thickness'].colours[-1])
 
@@ -293,14 +297,24 @@ def test_style_leaves_cells_without_lava_transparent(name, tmp_path):
     style = write_style(tmp_path / 'map.tif', name, values)
     for value in values[0, 1:3]:
         assert painted(style, float(value))[0] == 1.0
-    if layer.drawn in ('arrival', 'temperature', 'elevation'):
-        # cells without lava, or without ground, are no data in the file
+    if layer.drawn in ('arrival', 'temperature', 'elevation', 'change'):
+        # cells without lava, without ground or without a change are no data in the file
         assert painted(style, 0.0)[0] == 1.0
     else:
         assert painted(style, 0.0)[0] == 0.0
     labels = [item.get('label') for item in ElementTree.parse(style).iter('item')]
     if layer.unit == 's':
         assert (labels[0], labels[-1]) == ('0 h', '20 h')
+
+
+def test_style_of_the_hazard_has_its_classes(tmp_path):
+    """One colour for drained ground and all else that is harmful, one for lethal lava."""
+    style = write_style(tmp_path / 'hazard.tif', 'hazard', np.array([[0.0, 50.0, 100.0]]))
+    harmful, lethal = STYLES['hazard'].colours
+    assert [painted(style, value) for value in (1.0, 50.0, 99.0)] == [(1.0, harmful)] * 3
+    assert painted(style, 100.0) == (1.0, lethal)
+    labels = [item.get('label') for item in ElementTree.parse(style).iter('item')]
+    assert labels == ['no lava', *HAZARD_CLASSES.values()]
 
 
 @pytest.mark.parametrize('name', RASTER_LAYERS)
@@ -319,7 +333,7 @@ def test_every_raster_states_what_it_is(name, tmp_path):
     told = {'scene': 'etna.yaml', 'effects': 'steep cooling', 'preset': 'draft',
             'lava_ros': '9.9', 'observation': 'seen.geojson', 'members': '4'}
     assert tags.items() >= told.items()
-    dry = RASTER_LAYERS[name].drawn == 'thickness'
+    dry = RASTER_LAYERS[name].drawn in ('thickness', 'change')
     np.testing.assert_array_equal(np.ma.getmaskarray(cells), [[dry, False], [True, False]])
     np.testing.assert_array_equal(cells[~cells.mask], values[~cells.mask])
 
@@ -336,7 +350,7 @@ def test_a_raster_without_a_row_in_the_table_is_refused(tmp_path):
     [
         ('tif', 'rasterio', r"pip install 'lava_ros\[terrain\]'"),
         ('gpkg', 'pyogrio', r"gpkg is .*pyogrio.*'lava_ros\[terrain\]'"),
-        ('nc', 'xarray', r"NetCDF is .*xarray.*'lava_ros\[gis\]'"),
+        ('nc', 'scipy', r"NetCDF is .*scipy.*'lava_ros\[hindcast\]'"),
     ],
 )
 def test_without_the_library(format_name, module, words, floats, tmp_path, monkeypatch):
@@ -372,13 +386,13 @@ def test_vector_formats(ending, floats, tmp_path):
 
 def test_a_netcdf(floats, tmp_path):
     """All maps in one file, each with unit, coordinates and coordinate system."""
-    xarray = pytest.importorskip('xarray')
     export_bag(floats, tmp_path / 'out', formats=['nc'])
-    with xarray.open_dataset(tmp_path / 'out/maps.nc', engine='scipy') as data:
-        assert data.attrs['Conventions'].startswith('CF-')
-        assert set(data.data_vars) >= {'height', 'temperature', 'hazard', 'arrival', 'crs'}
-        assert data.height.attrs['units'] == 'm' and data.height.attrs['grid_mapping'] == 'crs'
-        assert data.height.sel(x=499_952.5, y=4_180_072.5).item() == pytest.approx(3.26)
-        assert np.isnan(data.height.sel(x=500_100.0, y=4_180_072.5, method='nearest'))
-    crs = coordinate_system(32633)
-    assert data.crs.attrs['crs_wkt'] == crs.to_wkt()
+    path = f'netcdf:{tmp_path / "out/maps.nc"}'
+    with pytest.warns(NotGeoreferencedWarning), rasterio.open(path) as file:
+        assert file.tags()['NC_GLOBAL#Conventions'].startswith('CF-')
+        names = {name.rpartition(':')[2] for name in file.subdatasets}
+    assert names == set(MAPS)
+    with rasterio.open(f'{path}:thickness') as file:
+        assert file.crs == coordinate_system(32633) and file.units == ('m',)
+        (inside,), (outside,) = file.sample([(499_952.5, 4_180_072.5), (500_100.0, 4_180_072.5)])
+    assert inside == np.float32(3.26) and np.isnan(outside)

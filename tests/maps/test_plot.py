@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
+from lava_ros.maps.colours import scale_of
 from lava_ros.maps.frames import Frame, LayerFrame
 from lava_ros.maps.layers import IMAGE, Layer
 from lava_ros.maps.numbers import percent, seconds
-from lava_ros.maps.plot import barriers_of, duration, scale_of
+from lava_ros.maps.plot import barriers_of, duration
 from lava_ros.maps.sheet import draw_sheet, Panel
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a running node shows of itself is what docs/ROS.md, the policy and the views say of it.
+"""What a running node shows of itself is what docs/ROS.md and the views say of it.
 
 A publisher's depth is not told over the wire: that of layers is compared with their file.
 """
@@ -11,7 +11,6 @@ import json
 from pathlib import Path
 import re
 from typing import Any
-from xml.etree import ElementTree
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import GetAvailableTransitions
@@ -31,7 +30,6 @@ from scripts import load_script
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'ROS.md'
 FILE = ROOT / 'params' / 'lava.yaml'
-POLICY = ROOT / 'sros2' / 'lava_ros.policy.xml'
 
 #: What is there only with grid_map_msgs.
 GRID_MAP_TOPICS = {'terrain_grid', 'lava_grid_map'}
@@ -245,58 +243,6 @@ def test_transitions(shown):
             ('transition_error', between, error),
         }
     assert found == expected
-
-
-@pytest.fixture(scope='module')
-def profile():
-    """The profile of the node."""
-    policy = ElementTree.parse(POLICY).getroot()
-    (found,) = policy.findall('enclaves/enclave/profiles/profile')
-    return found
-
-
-def allowed(profile, group, verb):
-    """Full names of what a profile allows to do."""
-    return sorted(
-        full_name(item.text)
-        for part in profile.findall(group)
-        if part.get(verb) == 'ALLOW'
-        for item in part
-    )
-
-
-def test_the_policy_has_the_form_of_sros2():
-    """Version, elements and attributes are those of the policy format 0.2.0."""
-    policy = ElementTree.parse(POLICY).getroot()
-    assert (policy.tag, policy.attrib) == ('policy', {'version': '0.2.0'})
-    (enclaves,) = policy
-    (enclave,) = enclaves
-    assert (enclaves.tag, enclave.tag) == ('enclaves', 'enclave')
-    assert enclave.attrib == {'path': '/lava'}
-    (profiles,) = enclave
-    (profile,) = profiles
-    assert (profiles.tag, profile.tag) == ('profiles', 'profile')
-    assert profile.attrib == {'ns': '/', 'node': 'lava'}
-    for group in profile:
-        verbs = {'topics': ('publish', 'subscribe'), 'services': ('reply', 'request')}[group.tag]
-        ((verb, qualifier),) = group.attrib.items()
-        assert verb in verbs
-        assert qualifier == 'ALLOW'
-        assert {item.tag for item in group} == {group.tag.removesuffix('s')}
-        names = [item.text for item in group]
-        assert len(names) == len(set(names))
-
-
-def test_the_policy_allows_what_the_node_does(shown, profile):
-    """With every layer published and time from /clock, the node's names are the policy's."""
-    absent = set() if HAS_GRID_MAPS else {f'/{name}' for name in GRID_MAP_TOPICS}
-    for kind, group, verb in (
-        ('publishers', 'topics', 'publish'),
-        ('subscriptions', 'topics', 'subscribe'),
-        ('services', 'services', 'reply'),
-        ('clients', 'services', 'request'),
-    ):
-        assert sorted(shown[kind]) == sorted({*allowed(profile, group, verb)} - absent)
 
 
 #: Types of message that the displays of RViz show.

@@ -303,6 +303,7 @@ def test_a_step_that_outlasts_the_cleanup_holds_up_the_next_configuration(start,
     node.wait_until(lambda: node.change('configure'))
 
 
+@pytest.mark.nightly
 def test_many_cycles_leave_nothing_behind(start):
     """Threads and memory are given back, and bags named by the time do not meet."""
 

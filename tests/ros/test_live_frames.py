@@ -4,6 +4,7 @@
 """The maps of a node become frames as they are heard, in a real graph."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lava_ros.errors import LavaError
 from lava_ros.maps.layers import IMAGE, PROBABILITY
+from lava_ros.maps.plot import barriers_of
 from lava_ros.ros import codec, live_frames, outputs, qos
 from lava_ros.ros.live_frames import LiveFrames
 from lava_ros.ros.outputs import vent_markers
@@ -22,6 +24,9 @@ from lava_ros.watch.frames import Level, watched_layers
 from recording import diagnostics_of, growing, SECOND, snapshot_at, START, TERRAIN, VENT
 from ros.graph_publisher import wait_until
 from ros_domain import own_domain
+
+#: Crest of a barrier on the terrain, easting and northing [m].
+BARRIER = [(500_020.0, 4_180_050.0), (500_060.0, 4_180_070.0)]
 
 LAYERS = {item.source: item for item in watched_layers()}
 
@@ -48,7 +53,8 @@ class Speaker(Watcher):
         image, info = outputs.terrain_messages(TERRAIN, frame_id='map', stamp_ns=START).values()
         self.say('terrain', image)
         self.say('terrain_info', info)
-        markers = vent_markers((VENT,), 0.0, TERRAIN, frame_id='map', stamp_ns=START)
+        ground = replace(TERRAIN, barriers=[BARRIER])
+        markers = vent_markers((VENT,), 0.0, ground, frame_id='map', stamp_ns=START)
         self.say('vents_markers', markers)
 
     def frame(self, second: int, *sources: str) -> None:
@@ -114,6 +120,8 @@ def test_maps_become_frames_of_their_time(live: LiveFrames, speaker: Speaker) ->
         assert np.isfinite(frame.layers['hazard'].values).sum() == 20
     assert (frame.time, frame.resolution, frame.origin) == (400.0, 5.0, (-50.0, 20.0))
     np.testing.assert_allclose(frame.vents, [VENT.position])
+    (crest,) = barriers_of(frame)
+    np.testing.assert_allclose(crest, np.subtract(BARRIER, TERRAIN.offset))
     np.testing.assert_array_equal(frame.elevation, TERRAIN.elevation.astype(np.float32))
     # a reset: the run before is not of this one
     speaker.status(5, 0.0)

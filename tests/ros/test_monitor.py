@@ -4,6 +4,7 @@
 """Nodes around a node: one that feeds it, and callbacks that fail or are interrupted."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 import signal
 from typing import Any
 from unittest.mock import Mock
@@ -23,6 +24,7 @@ from lava_ros.ros.monitor import SceneFeed
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.spinning import Watcher
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.events import TerrainEvent
 from ros.graph_publisher import wait_until
 from ros_domain import own_domain
 
@@ -106,9 +108,10 @@ class Graph:
         self._executor = SingleThreadedExecutor()
         self.heard: dict[str, list[Any]] = {'terrain': [], 'terrain_info': [], 'vents': []}
 
-    def add_feed(self) -> None:
+    def add_feed(self, *events: TerrainEvent, has_vents: bool = True) -> None:
         """Start the feed."""
-        self._executor.add_node(SceneFeed(Scene(TERRAIN, VENTS, lava=Lava())))
+        scene = Scene(TERRAIN, VENTS, lava=Lava(), events=events)
+        self._executor.add_node(SceneFeed(scene, has_vents=has_vents))
 
     def add_listener(self) -> Any:
         """Start a node that listens with the QoS the lava node has, and may tell diagnostics."""
@@ -184,6 +187,27 @@ def test_discharge_follows_simulated_time(graph: Graph) -> None:
     publisher.publish(DiagnosticArray(status=[LATE]))
     graph.spin_until(lambda: graph.discharge() == 4.0)
     assert len(graph.heard['vents']) == 2
+
+
+def test_ground_follows_simulated_time(graph: Graph) -> None:
+    """An event is published when the simulation has passed its time, here without vents."""
+    new = replace(TERRAIN, elevation=TERRAIN.elevation + 3.0)
+    publisher = graph.add_listener()
+    graph.add_feed(
+        TerrainEvent(3600.0, 'new ground', new), TerrainEvent(9000.0, 'old ground', TERRAIN),
+        has_vents=False,
+    )
+    graph.spin_until(lambda: len(graph.heard['terrain']) == 1)
+    graph.spin_until(lambda: publisher.get_subscription_count() > 0)
+    publisher.publish(DiagnosticArray(status=[LATE]))
+    graph.spin_until(
+        lambda: len(graph.heard['terrain']) == 2 and len(graph.heard['terrain_info']) == 2
+    )
+    terrain = inputs.terrain_from_image(
+        graph.heard['terrain'][1], graph.heard['terrain_info'][1], Settings()
+    )
+    np.testing.assert_array_equal(terrain.elevation, new.elevation)
+    assert not graph.heard['vents']
 
 
 def test_what_the_node_refuses_is_told(

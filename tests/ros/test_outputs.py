@@ -22,6 +22,7 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.outputs import (
+    BARRIERS,
     CLOSED,
     ELEVATIONS,
     LABELS,
@@ -286,6 +287,16 @@ def test_markers_of_vents():
     ]
     (only,) = vent_markers((), 0.0, HILL, frame_id='map', stamp_ns=0).markers
     assert only.action == Marker.DELETEALL
+
+
+def test_markers_of_barriers():
+    """Their crests are opaque lines on the maps, in map coordinates."""
+    crest = ((500_110.0, 4_180_210.0), (500_120.0, 4_180_215.0), (500_130.0, 4_180_215.0))
+    ground = replace(HILL, offset=(500_000.0, 4_180_000.0), barriers=(crest,))
+    _, line = vent_markers((), 0.0, ground, frame_id='map', stamp_ns=0).markers
+    assert (line.ns, line.type, line.action) == (BARRIERS, Marker.LINE_STRIP, Marker.ADD)
+    assert points(line) == [(110.0, 210.0, 0.0), (120.0, 215.0, 0.0), (130.0, 215.0, 0.0)]
+    assert line.scale.x > 0.0 and line.color.a == line.pose.orientation.w == 1.0
 
 
 @pytest.mark.parametrize(

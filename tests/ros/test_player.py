@@ -72,6 +72,10 @@ class Listener:
     def _on_clock(self, message: Clock) -> None:
         self.clock.append(message.clock.sec * SECOND + message.clock.nanosec)
 
+    def counts(self) -> dict[str, int]:
+        """Number of messages received on each topic."""
+        return {name: len(each) for name, each in self.raw.items()}
+
     def back(self) -> list[int]:
         """Times of the clock that are earlier than the one before."""
         return [b for a, b in pairwise(self.clock) if b < a]
@@ -113,6 +117,8 @@ def test_subscribers_get_the_recorded_bytes(
     took = time.monotonic() - begin
     assert took > 1.0
     wait_until(lambda: listener.clock and listener.clock[-1] == 52 * SECOND)
+    # topics are delivered independently of one another
+    wait_until(lambda: listener.counts() == {name: len(each) for name, each in written.items()})
     assert same_bytes(listener.raw['/map'], written['/map'])
     assert same_bytes(listener.raw['/text'], written['/text'])
     assert deserialize_message(listener.raw['/text'][3], String).data.startswith('3 lava')
@@ -130,7 +136,7 @@ def test_an_offset_delivers_the_latched_map_first(
     """The map from before the start arrives, the volatile text from before does not."""
     reader, written = bag
     play(reader, start_offset=1.55, wait_for_subscribers=PATIENCE, clock=False)
-    wait_until(lambda: len(listener.raw['/text']) == 5)
+    wait_until(lambda: listener.counts() == {'/map': 1, '/text': 5})
     assert same_bytes(listener.raw['/map'], written['/map'][-1:])
     assert same_bytes(listener.raw['/text'], written['/text'][16:])
     assert listener.clock == []

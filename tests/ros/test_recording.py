@@ -36,13 +36,14 @@ class Taped:
         self.scene = Scene(terrain, (Vent((25.0, 15.0), 2.0),), lava=Lava())
         self.schedule = self.scene.vents
         self.origin = None
+        self.parameters = {}
         self.recorder = Recorder()
         self.recording = SceneRecording(
             SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/'),
             self.recorder,
             frame_id='map',
             configs={},
-            parameters=dict,
+            parameters=lambda: self.parameters,
         )
 
     def write(self, time, effects):
@@ -110,6 +111,17 @@ def test_a_bag_names_the_checkpoint_it_begins_after(taped):
     assert json.loads(data[1]['resumed_from']) == {
         'bag': 'bags/first', 'time': 120.0, 'stamp_ns': 7
     }
+
+
+def test_a_bag_states_the_onset(taped):
+    """As the parameter does; without one it states none."""
+    taped.recorder.stop()
+    taped.parameters = {'onset': '2006-07-14T22:00Z'}
+    taped.recorder.arm(taped.directory / 'two')
+    taped.write(2.0, STEEP)
+    taped.recorder.stop()
+    data = [BagReader(taped.directory / name).custom_data for name in ('one', 'two')]
+    assert 'onset' not in data[0] and data[1]['onset'] == '2006-07-14T22:00Z'
 
 
 def test_a_bag_has_the_whole_schedule(taped):

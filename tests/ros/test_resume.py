@@ -60,6 +60,7 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
         checkpoint_period=1.0,
         preset='draft',
         effects_off=['cooling'],
+        onset='2006-07-14T22:00Z',
     )
     publisher, listener = graph.publisher(), graph.listener('height')
 
@@ -124,6 +125,7 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
     assert json.loads(described['resumed_from']) == {
         'bag': str(first_bag), 'time': checkpoint.time, 'stamp_ns': found.log_time_ns
     }
+    assert described['onset'] == '2006-07-14T22:00:00Z'
     parameters = yaml.safe_load(described['parameters'])
     assert (parameters['preset'], parameters['effects_off']) == ('draft', ['cooling'])
     again = Simulation.resume(newest_checkpoint(second_bag).checkpoint, device='cpu')
@@ -152,6 +154,7 @@ def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path):
         assert [line for line in node.log.splitlines() if words in line], node.log
 
 
+@pytest.mark.nightly
 def test_a_node_that_is_killed_again_and_again_is_restarted(graph, tmp_path):
     """By the same command: it resumes what it has recorded, or starts where there is nothing.
 

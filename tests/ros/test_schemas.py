@@ -87,6 +87,24 @@ VALID = {
         },
         {'terrain': {'file': 'ground.npz'}, 'uncertainty': {'discharge': UNIFORM}},
         {'terrain': {'file': 'ground.npz'}, 'material': 'etna_basalt'},
+        {
+            'terrain': {'file': 'ground.npz'},
+            'emplaced_flows': [
+                {'file': 'outline.csv', 'as': 'lava', 'thickness': 3.0, 'temperature': 1360.0},
+                {'file': 'flow.asc', 'as': 'ground'},
+            ],
+            'events': [
+                {'time': 600.0, 'terrain': 'ground.npz'},
+                {
+                    'time': 900.0,
+                    'barrier': {
+                        'line': [[50.0, 50.0], [250.0, 50.0]], 'height': 12.0, 'width': 20.0,
+                        'slope': 1.0, 'name': 'dam',
+                    },
+                },
+                {'time': 950.0, 'barriers': 'dams.csv'},
+            ],
+        },
     ],
     'case': [
         {
@@ -101,9 +119,10 @@ VALID = {
                     'time': 900.0,
                     'barrier': {
                         'line': [[VENT[0] + 50.0, VENT[1]], [VENT[0] + 50.0, VENT[1] + 90.0]],
-                        'height': 12.0, 'width': 20.0, 'slope': 1.0,
+                        'height': 12.0, 'width': 20.0, 'slope': 1.0, 'name': 'dam',
                     },
                 },
+                {'time': 950.0, 'barriers': 'dams_of_case.csv'},
             ],
             'effusion_rate': {'start': '2021-09-19T14:10:00Z', 'gaps': 'zero', 'porosity': 0.2},
         },
@@ -148,7 +167,8 @@ DEPENDENT = re.compile(
     r'|scene\.uncertainty\.(viscosity\.median|\w+\.limits\[.\])'
     r'|\w+\.uncertainty\..*\.(low|mode|high)'
     # the widest filter depends on the size of the grid
-    r'|case\.(start|end|epsg|low_pass|events\[.\]\.(time|terrain))'
+    r'|case\.(start|end|epsg|low_pass)|\w+\.events\[.\]\.(time|terrain|barriers)'
+    r'|scene\.emplaced_flows\[.\]\.(file|temperature)'
     r'|case\.(vent_temperature|effusion_rate\.porosity)'
     r'|layers\.layers\.(height\.(range|scale)\[.\]|depth\.classes\[.\])'
     r'|layers\.layers\.mask\.hazard\.(safe|lethal)_temperature'
@@ -182,6 +202,14 @@ def folder(tmp_path_factory):
     np.savez(folder / 'ground.npz', elevation=rows, resolution=10.0)
     rates = 'start,end,effusion_rate\n2021-09-19T14:10:00Z,2021-09-20T14:10:00Z,5\n'
     (folder / 'rates.csv').write_text(rates)
+    (folder / 'outline.csv').write_text('wkt\n"POLYGON ((50 50, 90 50, 90 90, 50 50))"\n')
+    x, y = VENT
+    lines = {'dams': '20 150, 250 150', 'dams_of_case': f'{x + 60} {y}, {x + 60} {y + 90}'}
+    for name, line in lines.items():
+        table = f'wkt,height,width\n"LINESTRING ({line})",5,20\n'
+        (folder / f'{name}.csv').write_text(table)
+    header = 'ncols 3\nnrows 2\nxllcorner 100\nyllcorner 100\ncellsize 10\n'
+    (folder / 'flow.asc').write_text(f'{header}2 0 3\n1 4 0\n')
     return folder
 
 

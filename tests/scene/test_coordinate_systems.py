@@ -17,12 +17,12 @@ from rasterio.transform import from_origin
 from rasterio.warp import transform
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.rasters import raster_on
 from lava_ros.maps.export import export_bag
 from lava_ros.maps.gis import place_of
 from lava_ros.pages.runs import system_words
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.features import read_features
+from lava_ros.scene.on_terrain import raster_on
 from lava_ros.scene.projection import coordinate_system, projected, system_name
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation.checkpoint import from_bytes
@@ -176,12 +176,12 @@ def test_maps_of_a_bag_have_its_system(
         tmp_path / 'bag', times=(200.0,),
         terrain=replace(TERRAIN, epsg=None, wkt=NATIONAL.to_wkt()),
     )
-    exported = export_bag(bag, tmp_path / 'own', maps=['height'])
+    exported = export_bag(bag, tmp_path / 'own', maps=['thickness'])
     with rasterio.open(exported.files[0]) as file:
         assert file.crs == NATIONAL
         assert file.bounds.left == 499_950.0
     assert not caplog.records
-    exported = export_bag(bag, tmp_path / 'other', maps=['height'], epsg=32633)
+    exported = export_bag(bag, tmp_path / 'other', maps=['thickness'], epsg=32633)
     assert 'EPSG:32633 as given, although the bag states unknown' in caplog.text
     with rasterio.open(exported.files[0]) as file:
         assert file.crs.to_epsg() == 32633

@@ -11,7 +11,7 @@ import pytest
 import rasterio
 from rasterio.transform import from_origin
 
-from lava_ros.cli.manual import parsed
+from lava_ros.cli.parser import parse_command_line
 from lava_ros.cli.scenes import scene_from_arguments
 from lava_ros.errors import LavaError
 from lava_ros.scene import scene_from_yaml
@@ -137,9 +137,10 @@ def test_the_user_decides(tmp_path: Path) -> None:
     """On the command line and in a scene file, also that the value is ground."""
     path = write(tmp_path / 'a.tif', holed(-99.0))
     words = ['plan', '--within', '9s', '--terrain', str(path)]
-    scene = scene_from_arguments(parsed([*words, '--nodata', '-99']))
+    scene = scene_from_arguments(parse_command_line([*words, '--nodata', '-99']))
     assert np.isnan(scene.terrain.elevation[:, -1]).all()
-    kept = scene_from_arguments(parsed([*words, '--nodata', 'none', '--epsg', '32634']))
+    words += ['--epsg', '32634']
+    kept = scene_from_arguments(parse_command_line([*words, '--nodata', 'none']))
     assert kept.terrain.elevation.min() == -99.0 and kept.terrain.epsg == 32634
     text = 'terrain: {file: a.tif, nodata: VALUE}\nvents: [{position: [200, 300], discharge: 5}]\n'
     for value, expected in (('-99', np.nan), ('none', -99.0)):
@@ -148,9 +149,9 @@ def test_the_user_decides(tmp_path: Path) -> None:
         np.testing.assert_array_equal(scene.terrain.elevation[0, -1], np.float32(expected))
     for name, value in (('--nodata', '-99'), ('--epsg', '32633')):
         with pytest.raises(LavaError, match=f'{name} is .*left out without --terrain'):
-            scene_from_arguments(parsed(['plan', '--within', '9s', name, value]))
+            scene_from_arguments(parse_command_line(['plan', '--within', '9s', name, value]))
     with pytest.raises(LavaError, match="--nodata is 'sea', expected a number, or none"):
-        scene_from_arguments(parsed([*words, '--nodata', 'sea']))
+        scene_from_arguments(parse_command_line([*words, '--nodata', 'sea']))
     with pytest.raises(LavaError, match=r'terrain\.nodata'):
         load_terrain(path, nodata='sea')
 

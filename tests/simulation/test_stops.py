@@ -145,8 +145,20 @@ def assert_same(found, expected):
     assert [name for name in expected if found[name].tobytes() != expected[name].tobytes()] == []
 
 
-@pytest.mark.parametrize('kind', ['looks', 'looks in a batch', *READINGS])
-@pytest.mark.parametrize('name', SCENES)
+def kinds_of_stops():
+    """Return every kind of stop in every scene.
+
+    Every run tests all kinds in the scene with most effects, and two kinds in every scene.
+    """
+    for name in SCENES:
+        for kind in ('looks', 'looks in a batch', *READINGS):
+            is_for_every_run = name == 'merging' or kind in ('looks', 'resumed checkpoints')
+            yield pytest.param(
+                name, kind, marks=() if is_for_every_run else pytest.mark.nightly
+            )
+
+
+@pytest.mark.parametrize(('name', 'kind'), list(kinds_of_stops()))
 def test_stops_do_not_change_the_flow(name, kind, device):
     """Particles, what has frozen and when lava came are those of a run without a stop."""
     ways = {'looks': looked_at, 'looks in a batch': looked_at_in_a_batch}

@@ -5,7 +5,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -109,14 +109,21 @@ def undisturbed(source: str, device: str) -> Flow:
     return run(source, 'none', 0.0, device, Effects(steep=True))
 
 
-def streams() -> Iterator[tuple[str, str, float]]:
-    """Every source with every kind of update, and with each rate of the commonest one."""
+def streams() -> Iterator[Any]:
+    """Return every source with every kind of update, and each rate of the commonest kind.
+
+    Every run tests all kinds on a disc, and the highest rate on every source.
+    """
     kinds = [
         'place', 'temperature', 'radius', 'name', 'distant vent', 'order', 'terrain', 'resumed',
     ]
     for source in SOURCES:
-        yield from ((source, 'discharge', rate) for rate in (0.1, 1.0, 10.0))
-        yield from ((source, kind, 1.0) for kind in kinds)
+        rates = [('discharge', rate) for rate in (0.1, 1.0, 10.0)]
+        for kind, rate in [*rates, *((kind, 1.0) for kind in kinds)]:
+            is_for_every_run = source == 'disc' or rate == 10.0
+            yield pytest.param(
+                source, kind, rate, marks=() if is_for_every_run else pytest.mark.nightly
+            )
 
 
 @pytest.mark.parametrize(('source', 'kind', 'rate'), list(streams()))

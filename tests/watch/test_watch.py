@@ -23,7 +23,7 @@ from bokeh.util.token import generate_session_id
 from cli.calls import refused
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Recording
-from lava_ros.maps.layers import ARRIVED, PROBABILITY
+from lava_ros.maps.layers import ARRIVED, HAZARD_CLASSES, PROBABILITY
 from lava_ros.watch import page
 from lava_ros.watch.frames import BagFrames, Level, watched_layers
 from lava_ros.watch.hosts import own_hosts
@@ -183,7 +183,7 @@ def test_the_slider_follows_only_at_its_end(shown, frames):
 
 def test_probabilities_are_offered_while_there_are_some(shown, frames):
     """Another button comes with them; the map that was chosen stays."""
-    names = ['Lava thickness', 'Hazard', 'Temperature', 'Arrival']
+    names = ['Lava thickness', 'Hazard index', 'Temperature', 'Arrival']
     assert shown.choice.labels == names
     shown.choice.active = 1
     frames.grow(6)
@@ -198,6 +198,25 @@ def test_probabilities_are_offered_while_there_are_some(shown, frames):
     assert 'nothing on this map now' in shown.title.text
     shown.slider.value = 0
     assert (shown.choice.labels, shown.choice.active) == (names, 0)
+
+
+def test_the_hazard_is_shown_as_its_classes(shown, frames):
+    """The image has the number of each class, a colour and a name; the index is in the tooltip."""
+    values = frames.frame(3).layers['hazard'].values
+    values[15, 0], frames.version = 50.0, frames.version + 1
+    shown.choice.active = 1
+    shown.update()
+    (image,), (index,) = shown.map.data['image'], shown.map.data['value']
+    assert (image[15, 0], index[15, 0], image[15, 1], index[15, 1]) == (1.0, 50.0, 2.0, 100.0)
+    assert np.isnan(image[0, 0])
+    mapper = shown._mapper
+    assert (mapper.low, mapper.high, len(mapper.palette)) == (0.5, 2.5, 2)
+    names = [text.replace('\n', ' ') for text in shown._bar.major_label_overrides.values()]
+    assert names == [*HAZARD_CLASSES.values()]
+    assert shown._hover.tooltips[0][1] == '@value{0.[0]}'
+    shown.choice.active = 0
+    assert shown._bar.major_label_overrides == {} and shown._bar.ticker == 'auto'
+    assert '@image' in shown._hover.tooltips[0][1]
 
 
 def test_large_maps_are_sent_coarse(frames, monkeypatch):

@@ -79,7 +79,7 @@ def test_the_page_grows_with_the_run(browser, frames, tmp_path):
 def test_maps_have_their_own_scales(browser):
     """Each button shows another map, with its unit beside the colours."""
     formats = []
-    for name in ('Lava thickness', 'Hazard', 'Temperature', 'Arrival'):
+    for name in ('Lava thickness', 'Hazard index', 'Temperature', 'Arrival'):
         browser.evaluate(f'seen(".bk-btn").find(item => item.textContent === "{name}").click()')
         browser.wait_for(f'{MODEL.format("HoverTool")}.tooltips[0][0] === "{name}"')
         formats.append(browser.evaluate(f'{MODEL.format("ColorBar")}.formatter.format'))

@@ -74,18 +74,6 @@ class Chart(NamedTuple):
             ],
         }
 
-    def figure(self, start: float, end: float) -> str:
-        """The chart from a time to another [s], with a legend that has room for values."""
-        legend = ''.join(
-            f'<li class="c{index}"><span>{escape(item.label)}</span> '
-            f'<output data-curve="{escape(self.key)}" data-index="{index}"></output></li>'
-            for index, item in enumerate(self.curves)
-        )
-        return (
-            f'<figure class="chart"><figcaption>{escape(self.title)} [{escape(self.unit)}]'
-            f'</figcaption>{svg(self, start, end)}<ul class="key">{legend}</ul></figure>'
-        )
-
 
 def charts_of(recording: Recording, seen: Survey) -> list[Chart]:
     """Volume, area, front and temperature of a run."""

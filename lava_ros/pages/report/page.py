@@ -4,55 +4,29 @@
 """HTML pages: of a run, with a map that moves; and with one picture and without a script."""
 
 import base64
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 import hashlib
-from html import escape
-from importlib import resources
 import json
 from pathlib import Path
-from string import Template
 import tempfile
+from types import MappingProxyType
 from typing import Any
 
 import lava_ros
 from lava_ros.bag.description import described
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, write_output
+from lava_ros.files.optional import require
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Progress, Recording, silent
+from lava_ros.maps.onset import recorded_onset
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import barriers_of, duration
 from lava_ros.pages.arrivals import table_of
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report import sections
-from lava_ros.pages.report.charts import Chart, charts_of
-from lava_ros.pages.report.sections import facts_html, warnings_html
+from lava_ros.pages.report.charts import Chart, charts_of, svg
 from lava_ros.pages.report.survey import pack_maps, relief, Survey, survey, view_of
-
-_STILL = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy"
- content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
-<link rel="icon" href="data:,">
-<title>{title}</title>
-<style>{style}
-img {{ display: block; max-width: 100%; max-height: 90vh; margin: 1rem auto; }}</style>
-</head>
-<body>
-<header><h1>{title}</h1><p class="subtitle">{subtitle}</p></header>
-<main>
-{warnings}
-<dl class="facts">{facts}</dl>
-<img src="data:image/png;base64,{picture}" alt="{shows}">
-{sections}
-</main>
-<footer><p>lava_ros {version}</p></footer>
-</body>
-</html>
-"""
 
 
 def write_report(
@@ -68,7 +42,7 @@ def write_report(
         LavaError: The bag or a file of ``overlays`` cannot be read, or the page cannot be written.
     """
     output = file_to_write('output', output, ('.html', '.htm'))
-    places = sections.places_section(_tables([path], overlays))
+    places = _tables([path], overlays)
     data = page(Recording(path), progress, places=places).encode()
     write_output('output', output, data)
     return len(data)
@@ -81,8 +55,13 @@ def _tables(paths: Sequence[str | Path], overlays: Sequence[str]) -> dict[str, A
     return {str(path): table_of(path, overlays, field='--overlay') for path in paths}
 
 
-def page(recording: Recording, progress: Progress = silent, *, places: str = '') -> str:
-    """The HTML page about a recording; ``places`` is a section of it that is made elsewhere.
+def page(
+    recording: Recording,
+    progress: Progress = silent,
+    *,
+    places: Mapping[str, ArrivalTable] = MappingProxyType({}),
+) -> str:
+    """Return the HTML page about a recording; ``places`` has the arrival at places by run.
 
     Raises:
         LavaError: The bag is damaged, or does not have its simulated times.
@@ -91,30 +70,33 @@ def page(recording: Recording, progress: Progress = silent, *, places: str = '')
     charts = charts_of(recording, seen)
     data = _data(recording, seen, charts, progress)
     style, script = _file('report.css'), _file('report.js')
-    name = recording.bag.path.resolve().name
     start, end = seen.times[0], seen.times[-1]
     told = described(recording.bag.custom_data)
-    return Template(_file('report.html')).substitute(
+    layers = [item['name'] for item in data['layers']]
+    return _rendered(
+        'report.html',
         style=style,
         script=script,
         style_hash=_hash(style),
         script_hash=_hash(script),
-        title=escape(f'Lava flow after {duration(end)} · {name}'),
-        name=escape(name),
-        heading=escape(f'Lava flow after {duration(end)}'),
-        warnings=warnings_html(sections.warnings(recording, seen)),
-        facts=facts_html(sections.facts(recording, seen)),
-        switch=_switch(data),
+        name=recording.bag.path.resolve().name,
+        heading=f'Lava flow after {duration(end)}',
+        warnings=sections.warnings(recording, seen),
+        facts=sections.facts(recording, seen),
+        layers=layers if data['arrival'] is None else [*layers, 'arrival'],
         last=len(data['times']) - 1,
-        charts=''.join(item.figure(start, end) for item in charts),
+        charts=charts,
+        svg=svg,
+        start=start,
+        end=end,
         hazard=sections.hazard_legend(recording),
         depth=sections.depth_table(seen),
-        places=places,
-        rounding=sections.rounding_note(seen),
-        effects=sections.effects_table(told),
-        accuracy=sections.accuracy_section(recording, told),
-        recorded=sections.recorded_section(recording, seen, told),
-        version=escape(lava_ros.__version__),
+        places=sections.place_tables(places),
+        rounding=sections.rounding_notes(seen),
+        effects=sections.effects_tables(told),
+        accuracy=sections.accuracy_table(recording, told),
+        recorded=sections.recorded_tables(recording, seen),
+        described=sections.described_data(recording, told),
         data=_json(data),
     )
 
@@ -124,6 +106,7 @@ def _data(
 ) -> dict[str, Any]:
     frame, view = seen.frame, view_of(seen)
     place = placement_of(recording.scene)
+    onset = recorded_onset(recording.bag.custom_data)
     maps = pack_maps(recording, seen, view, progress)
     rows, columns = (
         -(-(last - first) // view.factor) for first, last in (view.rows, view.columns)
@@ -143,24 +126,27 @@ def _data(
         'areas': maps['areas'],
         'start': seen.times[0],
         'end': seen.times[-1],
+        'onset': None if onset is None else onset.start.timestamp(),
         'layers': maps['layers'],
         'arrival': maps['arrival'],
         'charts': [item.data() for item in charts],
     }
 
 
-def _switch(data: dict[str, Any]) -> str:
-    names = [item['name'] for item in data['layers']]
-    names += ['arrival'] if data['arrival'] is not None else []
-    return ''.join(
-        f'<label><input type="radio" name="layer" value="{name}"'
-        f'{" checked" if index == 0 else ""}><span>{name}</span></label>'
-        for index, name in enumerate(names)
+def _rendered(template: str, **content: Any) -> str:
+    """Fill in a template of this folder; texts are escaped."""
+    require('jinja2', 'HTML pages')
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    pages = Environment(
+        loader=FileSystemLoader(Path(__file__).parent), autoescape=True,
+        undefined=StrictUndefined, keep_trailing_newline=True,
     )
+    return pages.get_template(template).render(version=lava_ros.__version__, **content)
 
 
 def _file(name: str) -> str:
-    return resources.files('lava_ros.pages.report').joinpath(name).read_text(encoding='utf-8')
+    return Path(__file__).with_name(name).read_text(encoding='utf-8')
 
 
 def _hash(text: str) -> str:
@@ -175,19 +161,16 @@ def _json(data: Any) -> str:
 
 
 def write_still(
-    output: Path,
-    *,
-    title: str,
-    subtitle: str,
-    warnings: Iterable[str],
-    facts: Mapping[str, str],
-    picture: Path,
-    shows: str,
-    sections: str = '',
+    output: Path, picture: Path, *, template: str = 'still.html', **content: Any
 ) -> int:
     """Write a self-contained HTML page about a PNG.
 
-    ``shows`` describes the picture; ``sections`` is HTML that follows it.
+    Args:
+        output: The page.
+        picture: The PNG.
+        template: A template of this folder: ``still.html``, or one that extends it.
+        content: What the template names: ``title``, ``subtitle``, ``warnings`` and ``facts`` of
+            the page, ``shows``, which describes the picture, and the sections after the picture.
 
     Returns:
         Size of the page [bytes].
@@ -199,17 +182,7 @@ def write_still(
         image = base64.b64encode(picture.read_bytes()).decode()
     except OSError as error:
         raise LavaError('output', str(picture), f'a readable picture ({error})') from error
-    text = _STILL.format(
-        title=escape(title),
-        subtitle=escape(subtitle),
-        style=_file('report.css'),
-        warnings=warnings_html(warnings),
-        facts=facts_html(facts.items()),
-        picture=image,
-        shows=escape(shows),
-        sections=sections,
-        version=escape(lava_ros.__version__),
-    )
+    text = _rendered(template, style=_file('report.css'), picture=image, **content)
     write_output('output', output, text)
     return len(text.encode())
 
@@ -233,11 +206,11 @@ def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -
         }
         return write_still(
             output,
+            picture,
             title=drawn['title'],
             subtitle=drawn['summary'],
             warnings=[f'{drawn["banner"].capitalize()}.'],
             facts=facts,
-            picture=picture,
             shows=', '.join(drawn['maps']),
-            sections=sections.places_section(_tables(paths, options.get('overlays', ()))),
+            places=sections.place_tables(_tables(paths, options.get('overlays', ()))),
         )

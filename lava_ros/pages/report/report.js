@@ -53,8 +53,16 @@
     return `${Math.floor(hours / 24)} d ${hours % 24} h`;
   };
 
+  // The date of a simulated time, UTC.
+  const date = (seconds) => {
+    const text = new Date(1000 * (data.onset + seconds)).toISOString();
+    return `${text.slice(0, 10)} ${text.slice(11, 16)} UTC`;
+  };
+
+  const rgb = (text) => [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16));
+
   const ramp = (stops) => {
-    const colours = stops.map((text) => [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16)));
+    const colours = stops.map(rgb);
     return (share) => {
       const at = Math.min(Math.max(share, 0), 1) * (colours.length - 1);
       const low = Math.min(Math.floor(at), colours.length - 2);
@@ -65,15 +73,26 @@
   const views = {};      // name -> how a layer is shown
   const makeViews = () => {
     for (const item of data.layers) {
-      const isHazard = item.name === 'hazard';
-      const low = isHazard ? 0 : item.name === 'temperature' ? item.low : 0;
-      const high = isHazard ? 100 : Math.max(item.most, item.step);
       const value = (code) => item.low + code * item.step;
+      if (item.classes.length) {
+        const colours = item.colours.map(rgb);
+        // number of the class, from 0
+        const place = (code) => item.classes.findIndex(([end]) => value(code) <= end + 0.5);
+        views[item.name] = {
+          title: item.title,
+          classes: item.classes.map(([, name], number) => [name, colours[number]]),
+          colour: (number) => colours[number],
+          share: place,
+          say: (code) => (code ? `${item.name} ${Math.round(value(code))}, ${item.classes[place(code)][1]}` : ''),
+        };
+        continue;
+      }
+      const low = item.name === 'temperature' ? item.low : 0;
+      const high = Math.max(item.most, item.step);
       views[item.name] = {
         title: item.title,
         low: `${Math.round(low)} ${item.unit}`,
-        high: isHazard ? '100, lethal'
-          : `${Number(high.toPrecision(3))} ${item.unit}${item.saturated ? ' or more' : ''}`,
+        high: `${Number(high.toPrecision(3))} ${item.unit}${item.saturated ? ' or more' : ''}`,
         colour: ramp(item.colours),
         share: (code) => (value(code) - low) / (high - low),
         say: (code) => (code ? `${item.name} ${Number(value(code).toPrecision(3))} ${item.unit}`.trim() : ''),
@@ -209,23 +228,42 @@
     );
   };
 
-  const drawLegend = () => {
-    const view = views[layer];
+  const textOf = (words) => {
+    const span = document.createElement('span');
+    span.textContent = words;
+    return span;
+  };
+
+  const barOf = (colours, label) => {
     const bar = document.createElement('canvas');
-    bar.width = 256;
+    bar.width = colours.length;
     bar.height = 1;
     bar.setAttribute('role', 'img');
-    bar.setAttribute('aria-label', `colours of ${view.title}, from ${view.low} to ${view.high}`);
+    bar.setAttribute('aria-label', label);
     const context = bar.getContext('2d');
-    for (let i = 0; i < 256; i += 1) {
-      context.fillStyle = `rgb(${view.colour(i / 255).map(Math.round).join(',')})`;
+    colours.forEach((colour, i) => {
+      context.fillStyle = `rgb(${colour.map(Math.round).join(',')})`;
       context.fillRect(i, 0, 1, 1);
+    });
+    return bar;
+  };
+
+  const drawLegend = () => {
+    const view = views[layer];
+    byId('legend').classList.toggle('classes', Boolean(view.classes));
+    if (view.classes) {
+      const items = view.classes.flatMap(([name, colour]) => [
+        barOf([colour], `colour of ${name}`), textOf(name),
+      ]);
+      byId('legend').replaceChildren(textOf(`${view.title}:`), ...items);
+      return;
     }
-    const low = document.createElement('span');
-    const high = document.createElement('span');
-    low.textContent = `${view.title} ${view.low}`;
-    high.textContent = view.high;
-    byId('legend').replaceChildren(low, bar, high);
+    const colours = Array.from({ length: 256 }, (_, i) => view.colour(i / 255));
+    byId('legend').replaceChildren(
+      textOf(`${view.title} ${view.low}`),
+      barOf(colours, `colours of ${view.title}, from ${view.low} to ${view.high}`),
+      textOf(view.high),
+    );
   };
 
   const valueAt = (curve, time) => {
@@ -269,7 +307,8 @@
   };
 
   const show = () => {
-    const text = duration(data.times[frame()]);
+    const time = data.times[frame()];
+    const text = duration(time) + (data.onset === null ? '' : `, ${date(time)}`);
     byId('clock').textContent = text;
     slider.setAttribute('aria-valuetext', text);
     draw();

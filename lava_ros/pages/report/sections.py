@@ -1,21 +1,28 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parts of the page that are text and tables. Every text from a bag is escaped."""
+"""The texts and tables of the page; the templates lay them out, and escape every text."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from html import escape
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
 
 from lava_ros.maps.arrival import rounding
 from lava_ros.maps.frames import Recording
-from lava_ros.maps.layers import DEPTHS, DRAINED, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
+from lava_ros.maps.layers import (
+    DEPTHS,
+    DRAINED,
+    HAZARD_CLASSES,
+    HazardLimits,
+    OCCUPANCY_GRID,
+    ZERO_CELSIUS,
+)
 from lava_ros.maps.numbers import percent, seconds
+from lava_ros.maps.onset import recorded_onset
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.survey import Survey
@@ -24,6 +31,14 @@ from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import LEAST_ACROSS
+
+
+class Table(NamedTuple):
+    """Titles of columns, and rows of texts; the column ``states`` has ``on`` or ``off``."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    states: int | None = None
 
 
 def warnings(recording: Recording, survey: Survey) -> list[str]:
@@ -64,8 +79,13 @@ def warnings(recording: Recording, survey: Survey) -> list[str]:
 def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
     """The run in a few numbers: names and values."""
     last = recording.timeline.last_run[-1]
+    onset = recorded_onset(recording.bag.custom_data)
+    dates = [] if onset is None else [
+        ('start of the eruption', onset.words()), ('maps show', onset.words(last.time)),
+    ]
     rows = [
         ('simulated', duration(last.time)),
+        *dates,
         *(
             (f'{name}, {COVERED:g} m or more', area_words(area))
             for name, area in (
@@ -92,34 +112,21 @@ def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
     return rows
 
 
-def warnings_html(texts: Iterable[str]) -> str:
-    """Sentences that a reader has to see first."""
-    return ''.join(f'<p class="warning" role="alert">{escape(item)}</p>' for item in texts)
-
-
-def facts_html(rows: Iterable[tuple[str, str]]) -> str:
-    """Terms and values, as the content of a list of definitions."""
-    return ''.join(
-        f'<div><dt>{escape(term)}</dt><dd>{escape(value)}</dd></div>' for term, value in rows
-    )
-
-
-def effects_table(told: Mapping[str, Any]) -> str:
-    """Which effects were on, and why; what changed later."""
+def effects_tables(told: Mapping[str, Any]) -> list[tuple[str, Table]]:
+    """Return tables with titles: effects at the start with reasons, and later changes."""
     if not told['effects']:
-        return '<p>The bag does not say.</p>'
+        return []
     start, *changes = (
         [(duration(float(change['time'])), *_effect(*item)) for item in change['effects'].items()]
         for change in told['effects']
     )
     order = sorted((row[1:] for row in start), key=lambda row: not row[1].startswith('on'))
-    html = _table(('effect', 'at the start', 'because'), order, states=1)
+    tables = [('', Table(('effect', 'at the start', 'because'), order, states=1))]
     if changes:
-        html += '<h3>Changed while it ran</h3>' + _table(
-            ('when', 'effect', 'now', 'because'), [row for rows in changes for row in rows],
-            states=2,
-        )
-    return html
+        rows = [row for rows in changes for row in rows]
+        head = ('when', 'effect', 'now', 'because')
+        tables.append(('Changed while it ran', Table(head, rows, states=2)))
+    return tables
 
 
 def _effect(name: object, text: object) -> tuple[str, str, str]:
@@ -128,7 +135,7 @@ def _effect(name: object, text: object) -> tuple[str, str, str]:
     return str(name).replace('_', ' '), state, reason
 
 
-def hazard_legend(recording: Recording) -> str:
+def hazard_legend(recording: Recording) -> Table:
     """What the values of the hazard mean, with the limits it was made with."""
     known = [item.hazard for item in recording.layers.values() if item.source == 'hazard']
     limits = [HazardLimits(), *known][-1]
@@ -136,28 +143,29 @@ def hazard_legend(recording: Recording) -> str:
         f'{kelvin - ZERO_CELSIUS:g} °C'
         for kelvin in (limits.lethal_temperature, limits.safe_temperature)
     )
-    return _table(
+    harmful, fatal = HAZARD_CLASSES.values()
+    return Table(
         ('hazard index', 'meaning'),
         [
             ('-1', 'outside the terrain: unknown'),
             ('0', 'no lava so far'),
-            (str(DRAINED), 'lava has been here and drained away: hot ground or crust'),
+            (str(DRAINED), f'{harmful}: hot ground or crust'),
             (
-                '1 .. 99',
-                f'lava cooler than {lethal}, which freezes long before: burial, from 0 to '
-                f'{limits.lethal_thickness:g} m, and heat, from {safe} to {lethal}, as if they '
-                'struck independently',
+                '1 to 99',
+                f'the same class: lava cooler than {lethal}, which freezes long before: burial, '
+                f'from 0 to {limits.lethal_thickness:g} m, and heat, from {safe} to {lethal}, '
+                'as if they struck independently',
             ),
-            ('100', f'lethal: {limits.lethal_thickness:g} m of lava or more, or {lethal} or more'),
+            ('100', f'{fatal}: {limits.lethal_thickness:g} m or more, or {lethal} or more'),
         ],
     )
 
 
-def depth_table(survey: Survey) -> str:
+def depth_table(survey: Survey) -> Table | None:
     """Area of the lava that stands at the end by its depth, in classes that people can picture."""
     thickness = survey.frame.layers.get('thickness')
     if thickness is None:
-        return ''
+        return None
     depth = thickness.values[survey.frame.standing]
     counts = np.histogram(depth, [0.0, *DEPTHS, np.inf])[0]
     names = ('up to the knee', "up to somebody's height", 'up to a roof', 'over a roof')
@@ -168,10 +176,10 @@ def depth_table(survey: Survey) -> str:
         (end, name, area_words(float(count) * cell))
         for end, name, count in zip(ends, names, counts, strict=True)
     ]
-    return _table(('depth', 'as deep as', 'area'), rows)
+    return Table(('depth', 'as deep as', 'area'), rows)
 
 
-def accuracy_section(recording: Recording, told: Mapping[str, Any]) -> str:
+def accuracy_table(recording: Recording, told: Mapping[str, Any]) -> Table:
     """The preset, how this run resolved its flow, and what it cost."""
     name = (told['parameters'] or {}).get('preset')
     preset = PRESETS.get(name) if isinstance(name, str) else None
@@ -196,11 +204,11 @@ def accuracy_section(recording: Recording, told: Mapping[str, Any]) -> str:
     speed = run.number('mean_speed')
     if speed > 0.0:
         rows.append(('computing an hour of the flow took', seconds(3600.0 / speed)))
-    return _table(('this run', ''), rows)
+    return Table(('this run', ''), rows)
 
 
-def recorded_section(recording: Recording, survey: Survey, told: Mapping[str, Any]) -> str:
-    """What the bag holds, and the scene it says it is of."""
+def recorded_tables(recording: Recording, survey: Survey) -> list[Table]:
+    """Return tables of the contents of the bag."""
     bag, frame = recording.bag, survey.frame
     rows, columns = frame.elevation.shape
     terrain = recording.scene.get('terrain')
@@ -215,22 +223,25 @@ def recorded_section(recording: Recording, survey: Survey, told: Mapping[str, An
         ('coordinate system', system_name(terrain.get('epsg'), terrain.get('wkt'))),
         ('recorded by', f'lava_ros {bag.custom_data.get("version") or "of unknown version"}'),
     ]
-    html = _table(('recording', ''), lines)
-    html += _table(
-        ('topic', 'type', 'messages'),
-        [
-            (item.name, item.message_type, 'unknown' if item.count is None else str(item.count))
-            for item in bag.topics.values()
-        ],
-    )
-    for title, data in (('Scene', recording.scene), ('Parameters', told['parameters'])):
-        if data:
-            text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
-            html += f'<details><summary>{title}</summary><pre>{escape(text)}</pre></details>'
-    return html
+    topics = [
+        (item.name, item.message_type, 'unknown' if item.count is None else str(item.count))
+        for item in bag.topics.values()
+    ]
+    return [
+        Table(('recording', ''), lines), Table(('topic', 'type', 'messages'), topics),
+    ]
 
 
-def rounding_note(survey: Survey) -> str:
+def described_data(recording: Recording, told: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the recorded scene and parameters as YAML with titles."""
+    return [
+        (title, yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
+        for title, data in (('Scene', recording.scene), ('Parameters', told['parameters']))
+        if data
+    ]
+
+
+def rounding_notes(survey: Survey) -> list[str]:
     """How finely the values of each layer were recorded."""
     notes = []
     for source, shown in sorted(survey.frame.layers.items()):
@@ -239,36 +250,13 @@ def rounding_note(survey: Survey) -> str:
             step = 2.0 * rounding(layer)
             unit = 'm' if source == 'thickness' else '°C'
             notes.append(f'{layer.name} in steps of {step:g} {unit}')
-    text = ', '.join(notes)
-    return f'<p class="note">Recorded as grids: {escape(text)}.</p>' if notes else ''
+    return notes
 
 
-def places_section(tables: Mapping[str, ArrivalTable]) -> str:
-    """When lava arrives at places, of each run by its name; empty without any run."""
-    if not tables:
-        return ''
-    html = '<section aria-labelledby="places-title"><h2 id="places-title">Arrival at places</h2>'
-    for name, table in tables.items():
-        head, *rows = table.as_texts()
-        heading = f'<h3>{escape(name)}</h3>' if len(tables) > 1 else ''
-        html += f'{heading}<p class="note">{escape(table.summary)}.</p>{_table(head, rows)}'
-    return html + '</section>'
-
-
-def _table(
-    head: Sequence[str], body: Iterable[Sequence[str]], *, states: int | None = None
-) -> str:
-    """A table; the column ``states`` has ``on`` or ``off``."""
-
-    def cell(index: int, text: str) -> str:
-        mark = f' class="{"on" if text == "on" else "off"}"' if index == states else ''
-        return f'<td{mark}>{escape(text)}</td>'
-
-    titles = ''.join(f'<th scope="col">{escape(item)}</th>' for item in head)
-    lines = ''.join(
-        f'<tr>{"".join(cell(*item) for item in enumerate(row))}</tr>' for row in body
-    )
-    return (
-        f'<div class="scroll"><table><thead><tr>{titles}</tr></thead>'
-        f'<tbody>{lines}</tbody></table></div>'
-    )
+def place_tables(tables: Mapping[str, ArrivalTable]) -> list[tuple[str, str, Table]]:
+    """When lava arrives at places: the name of each run, a summary and a table."""
+    return [
+        (name, table.summary, Table(head, rows))
+        for name, table in tables.items()
+        for head, *rows in [table.as_texts()]
+    ]

@@ -16,9 +16,10 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.maps.arrival import Arrival, THICKNESS
+from lava_ros.maps.colours import STYLES
 from lava_ros.maps.frames import Frame, Progress, Recording, silent
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID, SOURCES
-from lava_ros.maps.plot import shaded_ground, STYLES
+from lava_ros.maps.plot import shaded_ground
 from lava_ros.simulation.accuracy import COVERED
 
 #: Most frames and most cells of a frame that a page has.
@@ -27,10 +28,8 @@ MOST_FRAMES, MOST_CELLS = 120, 90_000
 #: Share of the flow's size left free around it, and the least size of the map [cells].
 MARGIN, LEAST_CELLS = 0.15, 48
 
-#: Names and units of the layers on the page, by source.
-NAMES = {
-    'thickness': ('height', 'm'), 'temperature': ('temperature', '°C'), 'hazard': ('hazard', ''),
-}
+#: Units of the layers on the page, by source.
+_UNITS = {'thickness': 'm', 'temperature': '°C', 'hazard': ''}
 
 #: Largest value of a cell: 0 is no lava.
 _MOST_CODE = 250
@@ -215,10 +214,11 @@ def pack_maps(
         'areas': areas,
         'layers': [
             {
-                'name': NAMES[source][0],
+                'name': source,
                 'title': STYLES[source].title,
-                'unit': NAMES[source][1],
+                'unit': _UNITS[source],
                 'colours': list(STYLES[source].colours),
+                'classes': list(STYLES[source].classes.items()),
                 'low': scales[source][0],
                 'step': scales[source][1],
                 'most': survey.largest.get(source, 0.0),

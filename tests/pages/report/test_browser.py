@@ -51,8 +51,8 @@ def browser(run, tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def at_the_end(browser):
-    """Each test begins with the height of the last frame, and leaves no error behind."""
-    browser.click('input[value=height] + span')
+    """Each test begins with the thickness of the last frame, and leaves no error behind."""
+    browser.click('input[value=thickness] + span')
     # The keys of a switch that has the focus are its own.
     browser.evaluate('document.activeElement.blur()')
     set_frame(browser, 8)
@@ -85,14 +85,14 @@ def test_the_slider_moves_the_map_the_clock_and_the_curves(browser):
 def test_each_layer_has_its_own_picture_and_legend(browser):
     """Four layers: four pictures, four legends; lethal hazard is dark red."""
     seen = {}
-    for name in ('height', 'temperature', 'hazard', 'arrival'):
+    for name in ('thickness', 'temperature', 'hazard', 'arrival'):
         browser.click(f'input[value={name}] + span')
         legend = browser.evaluate('document.getElementById("legend").textContent')
         checksum, red = browser.evaluate(PIXELS)
         seen[name] = (checksum, legend, red)
     assert len({item[0] for item in seen.values()}) == 4
-    assert seen['height'][1] == 'Lava thickness 0 m3.26 m'
-    assert seen['hazard'][1] == 'Hazard 0 100, lethal'
+    assert seen['thickness'][1] == 'Lava thickness 0 m3.26 m'
+    assert seen['hazard'][1] == 'Hazard index:harmful: lava has drained awaylethal lava'
     assert seen['arrival'][1] == 'Arrival 0 s27 min'
     assert seen['hazard'][2] > 0.05
     assert seen['temperature'][2] < 0.02
@@ -139,7 +139,7 @@ def test_reading_a_cell(browser):
     )
     text = browser.evaluate('document.getElementById("readout").textContent')
     assert text.startswith(f'E {500_000 + x:.0f}, N {4_180_000 + y:.0f} (EPSG:32633): ')
-    assert 'height 3.1 m' in text
+    assert 'thickness 3.1 m' in text
     assert 'hazard 100' in text
     # Column 3 is there from 400 s on.
     assert 'lava came by 7 min' in text

@@ -155,8 +155,8 @@ def test_the_maps_are_those_of_the_bag(read):
     """Each frame unpacks to the grid that was recorded, at its place."""
     data = read.data
     assert data['times'] == [0.0, 200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0, 1400.0, 1600.0]
-    height = frames(data, 'height')
-    (layer,) = [item for item in data['layers'] if item['name'] == 'height']
+    height = frames(data, 'thickness')
+    (layer,) = [item for item in data['layers'] if item['name'] == 'thickness']
     row = round((data['south'] - 20.0) / 5.0)
     column = round((data['west'] + 50.0) / 5.0)
     part = (slice(row, row + data['rows']), slice(column, column + data['columns']))
@@ -231,7 +231,7 @@ def test_effects_and_accuracy(read):
     assert any(item.startswith('standard: For maps') for item in read.texts)
     assert float(*read.after('particles across the flow', 1)) > 1.0
     assert re.fullmatch(r'[0-9.]+ %', *read.after('expected error of the footprint', 1))
-    assert {'-1', 'lethal: 0.5 m of lava or more, or 300 °C or more'} <= set(read.texts)
+    assert {'-1', 'lethal lava: 0.5 m or more, or 300 °C or more'} <= set(read.texts)
 
 
 def test_a_bag_that_was_cut_off(tmp_path):
@@ -273,9 +273,9 @@ def test_the_picture_and_the_page_agree(tmp_path):
 def test_layers_of_floats(tmp_path):
     """Unrounded layers are packed in steps of a 250th of the largest value."""
     read = Reader(record(tmp_path / 'bag', config=RAW_CONFIG))
-    (layer,) = [item for item in read.data['layers'] if item['name'] == 'height']
+    (layer,) = [item for item in read.data['layers'] if item['name'] == 'thickness']
     assert layer['step'] == pytest.approx(3.26 / 250.0, rel=1e-5)
-    assert frames(read.data, 'height').max() == 250
+    assert frames(read.data, 'thickness').max() == 250
 
 
 def test_a_large_and_long_run_stays_small(tmp_path):
@@ -296,7 +296,7 @@ def test_a_large_and_long_run_stays_small(tmp_path):
     assert read.data['rows'] * read.data['columns'] <= 90_000
     assert len(read.data['times']) <= 120
     assert (read.data['times'][0], read.data['times'][-1]) == (0.0, 242.0)
-    assert (frames(read.data, 'height') == 90).any(axis=(1, 2)).all()
+    assert (frames(read.data, 'thickness') == 90).any(axis=(1, 2)).all()
     assert len(read.page.encode()) < 300_000
 
 

@@ -140,7 +140,14 @@ def test_the_clock_of_a_replay(clocked, tmp_path):
     assert listener.wait_for_status('effects')['cooling'] == 'off: forced'
 
 
-@pytest.mark.parametrize('step', [2.0, 5.0, 30.0])
+@pytest.mark.parametrize(
+    'step',
+    [
+        pytest.param(2.0, marks=pytest.mark.nightly),
+        5.0,
+        pytest.param(30.0, marks=pytest.mark.nightly),
+    ],
+)
 def test_a_coarse_clock(clocked, step):
     """Simulated time follows steps above a second, as of `ros2 bag play --clock 1 --rate 5`."""
     clocked.run(2.0)

@@ -97,6 +97,7 @@ def test_a_killed_recording_is_recovered(graph, tmp_path, index, trial):
         check_kill(graph, node, listener, tmp_path / 'bag')
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize('limit', ['any file', *['the file'] * (KILLS > 1)])
 def test_a_full_disk(graph, tmp_path, limit, trial):
     """The node says so once, stops recording and goes on; what was written is recovered.

@@ -1,0 +1,187 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`lava calibrate`: the constants of the lava that fit mapped eruptions."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lava_ros import validation
+from lava_ros.cli.console import made_folder, Progress, write_json
+from lava_ros.cli.options import argument, command
+from lava_ros.errors import LavaError
+from lava_ros.files import file_to_write
+
+if TYPE_CHECKING:
+    from lava_ros.hindcast.calibration import Finding, LeftOut, Trial
+    from lava_ros.hindcast.case import Case
+
+#: Files of a calibration in its folder.
+TABLE, CALIBRATION = 'runs.csv', 'calibration.json'
+
+
+@command(
+    argument('case', 'CASE_DIR', 'folder of a case', nargs='+'),
+    argument('--runs', 'N', 'number of sets of values', 48),
+    argument(
+        '--directions', 'N', 'number of runs of each set, rotated and mirrored, up to 8; the '
+        'area that half of them cover depends less on chance', 1,
+    ),
+    argument(
+        '--unknown', 'NAME[=LOW:HIGH]', 'constant to search, and its range: one of the lava '
+        "('lava materials NAME' lists them), vent_temperature [K], or effusion_rate, a factor; "
+        'may be repeated (default: those with a published range)', [], action='append',
+    ),
+    argument('--workers', 'N', 'number of simultaneous runs, which share the GPU', 1),
+    argument('--material', 'NAME', 'lava by name; replaces the lava of the cases'),
+    argument(
+        '-o --output', 'DIR', 'folder for the table and the result (default: '
+        'calibrations/<cases>_<preset>)',
+    ),
+    '--preset', '--spacing', '--device', '--low-pass', '--seed', '--fresh', '--json',
+    preset='draft',
+)
+def calibrate(args: argparse.Namespace) -> int:
+    """Search for the constants of the lava that fit mapped eruptions.
+
+    The command runs one or more cases (docs/VALIDATION.md) with many sets of values of a few
+    constants inside their published ranges, the same set for all cases. The score of a set is the
+    mean over the cases. The command reports the sets that score nearly as well as the best, the
+    spread of each constant among them, the constants that do not affect the score, and how well
+    constants fitted to the other cases score on each case. The same command continues an
+    interrupted search.
+    """
+    from lava_ros.hindcast.calibration import (
+        BATCH,
+        evaluating,
+        findings,
+        leave_one_out,
+        near_best,
+        read_trials,
+        search,
+        write_trials,
+    )
+    from lava_ros.hindcast.case import load_case
+    from lava_ros.hindcast.replicates import MOST
+    from lava_ros.hindcast.run import Settings
+    from lava_ros.hindcast.unknowns import unknowns_of
+    from lava_ros.simulation.defaults import device_of
+
+    runs = validation.whole('--runs', args.runs, at_least=4, at_most=10**6)
+    workers = validation.whole('--workers', args.workers, at_least=1, at_most=64)
+    directions = validation.whole('--directions', args.directions, at_least=1, at_most=MOST)
+    seed = validation.whole('--seed', args.seed, at_least=0, at_most=2**32 - 1)
+    cases = [
+        load_case(folder, material=args.material, low_pass_width=args.low_pass)
+        for folder in args.case
+    ]
+    names = _names(cases)
+    unknowns = unknowns_of(cases[0], *_chosen(args.unknown))
+    settings = Settings(args.preset, args.spacing, args.device)
+    output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
+    table = output / TABLE
+    file_to_write('--output', table)
+    known = [] if args.fresh else read_trials(table, unknowns, names)
+    others = {
+        numbers['directions'] for trial in known for numbers in trial.numbers.values()
+    } - {directions}
+    if others:
+        right = f'{min(others):g} as in {table}, or --fresh'
+        raise LavaError('--directions', directions, right)
+    so_far: list[Trial] = []
+
+    def told(count: int, trial: Trial) -> None:
+        so_far.append(trial)
+        write_trials(table, unknowns, [*so_far, *known[len(so_far) :]])
+        progress.show(f'set {count}: Jaccard {trial.jaccard:.3f}', count / runs)
+
+    begun = evaluating(cases, settings, workers=workers, runs=directions)
+    with begun as evaluate, Progress() as progress:
+        trials = search(
+            unknowns,
+            evaluate,
+            runs=runs,
+            seed=seed,
+            batch=max(BATCH, workers) if device_of(args.device).is_cuda else workers,
+            known=known,
+            progress=told,
+        )
+    found, near = findings(unknowns, trials), near_best(trials)
+    left_out = leave_one_out(trials)
+    data = {
+        'cases': names,
+        'preset': settings.preset,
+        'runs': len(trials),
+        'usual': asdict(trials[0]),
+        'best': asdict(near[0]),
+        'near_best': [asdict(trial) for trial in near],
+        'leave_one_out': [asdict(item) for item in left_out],
+        'unknowns': [asdict(item) for item in found],
+    }
+    write_json(data, output / CALIBRATION, args.json)
+    _print_findings(found, near, trials, left_out)
+    print(f'written to {table}\nwritten to {output / CALIBRATION}')
+    return 0
+
+
+def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
+    """Names of unknowns, and the ranges of those that have one."""
+    names, ranges = [], {}
+    for text in texts:
+        name, has_range, span = text.partition('=')
+        name = {'effusion_rate': 'discharge'}.get(name, name)
+        names.append(name)
+        if has_range:
+            try:
+                low, high = (float(part) for part in span.split(':'))
+            except ValueError:
+                raise LavaError('--unknown', text, 'NAME or NAME=LOW:HIGH') from None
+            ranges[name] = (low, high)
+    return tuple(names), ranges
+
+
+def _names(cases: Sequence[Case]) -> list[str]:
+    """Names of the cases, which have to be distinct and of one material."""
+    names = [case.name for case in cases]
+    if len(set(names)) < len(names):
+        raise LavaError('CASE_DIR', ' '.join(names), 'folders with different names')
+    materials = sorted({case.material.name for case in cases if case.material})
+    if len(materials) > 1:
+        raise LavaError('CASE_DIR', ' '.join(materials), 'cases of one material, or --material')
+    return names
+
+
+def _print_findings(
+    found: Sequence[Finding],
+    near: Sequence[Trial],
+    trials: Sequence[Trial],
+    left_out: Sequence[LeftOut],
+) -> None:
+    from lava_ros.hindcast.calibration import can_tell
+
+    usual, best = trials[0].jaccard, near[0].jaccard
+    print(f'Jaccard {usual:.3f} with the default values, {best:.3f} with the best of '
+          f'{len(trials)} sets')
+    for case in left_out:
+        print(
+            f'{case.case}: {near[0].mean([case.case]):.3f} with the best set, {case.jaccard:.3f} '
+            f'with the set that is best for the others, {case.best:.3f} with its own best set'
+        )
+    print(f'{len(near)} sets are within {best - near[-1].jaccard:.3f} of the best; in them')
+    print(f'{"":17} {"default":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation')
+    absent = '  the fit does not depend on it' if can_tell(trials) else '  too few sets to tell'
+    for item in found:
+        numbers = (item.unknown.usual, item.best, item.low, item.high)
+        shown = ' '.join(f'{value:9.4g}' for value in numbers)
+        print(
+            f'{item.unknown.name:17} {shown}  {100.0 * item.spread:9.0f} %  '
+            f'{item.correlation:+11.2f}{"" if item.is_sensitive else absent}'
+        )
+    for unknown in (item.unknown for item in found):
+        print(f'{unknown.name}: {unknown.low:g} to {unknown.high:g} {unknown.unit}'.rstrip()
+              + f', {unknown.source}')

@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`lava doctor`: check the installation."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from lava_ros.cli.console import terminal, write_json
+from lava_ros.cli.options import argument, command
+from lava_ros.errors import LavaError, printable
+
+if TYPE_CHECKING:
+    from lava_ros.doctor import Finding, Said
+
+
+@command(
+    argument('--bags', 'DIR', 'folder for bags', 'bags'),
+    argument(
+        '--msg-config', 'FILE', 'layers to check: a path, or the name of a file in msg_configs/',
+        'default.yaml',
+    ),
+    '--json',
+)
+def doctor(args: argparse.Namespace) -> int:
+    """Check Python, ROS, DDS, GPU, disk and clock, and print what to correct.
+
+    The command checks what the package needs: Python, packages, ROS, discovery, a message that
+    goes out over the middleware and comes back, security, QoS of the layers, GPU, kernel cache,
+    disk and clock. The exit status is 1 if something does not work.
+    """
+    from lava_ros.doctor import FAIL
+
+    findings = []
+    show = _printer() if args.json is None else None
+    for finding in _findings(args):
+        findings.append(finding)
+        if show is not None:
+            show(finding)
+    if show is None:
+        write_json([asdict(finding) for finding in findings], args.json)
+    return int(any(finding.level == FAIL for finding in findings))
+
+
+def _findings(args: argparse.Namespace) -> Iterator[Finding]:
+    from lava_ros import doctor as checks
+
+    for name, check in {
+        'python': checks.check_python,
+        'packages': checks.check_packages,
+        'ros': checks.check_ros,
+        'discovery': checks.check_discovery,
+        'dds': checks.check_round_trip,
+        'sros2': checks.check_security,
+        'qos': lambda: _check_layers(args.msg_config),
+        'gpu': checks.check_gpu,
+        'kernel cache': checks.check_kernel_cache,
+        'disk': lambda: checks.check_disk(args.bags),
+        'clock': checks.check_clock,
+    }.items():
+        yield from (checks.Finding(name, *said) for said in check())
+
+
+def _check_layers(name: str) -> Said:
+    from lava_ros import doctor as checks
+    from lava_ros.maps.layer_files import find_config, load_layers
+
+    try:
+        layers = load_layers(find_config(name, field='--msg-config'))
+    except LavaError as error:
+        return [(checks.FAIL, str(error), 'correct the file, or name another: --msg-config')]
+    return checks.check_qos(layers)
+
+
+def _printer() -> Callable[[Finding], None]:
+    """What prints a finding: in colours in a terminal, where rich is installed."""
+    from lava_ros.doctor import FAIL, OK, WARN
+
+    try:
+        from rich.text import Text
+
+        console = terminal(soft_wrap=True, highlight=False)
+    except ImportError:
+        return lambda finding: print('\n'.join(_lines(finding)), flush=True)
+
+    styles = {OK: 'green', WARN: 'yellow', FAIL: 'bold red'}
+
+    def show(finding: Finding) -> None:
+        first, *rest = _lines(finding)
+        line = Text(first)
+        line.stylize(styles[finding.level], 0, len(finding.level))
+        console.print(line, *(Text(words, style='dim') for words in rest), sep='\n')
+
+    return show
+
+
+def _lines(finding: Finding) -> list[str]:
+    lines = [f'{finding.level:6}{finding.check:13} {printable(finding.text)}']
+    return [*lines, f'{"":20}-> {printable(finding.way_out)}'] if finding.way_out else lines

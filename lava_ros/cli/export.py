@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`lava export`: the maps of a bag as files for a GIS."""
+
+import argparse
+import sys
+
+from lava_ros.cli.console import Progress
+from lava_ros.cli.options import argument, command, formats, MAPS, seconds_of
+
+
+@command(
+    'bag', '--threshold', '--epsg',
+    argument('-o --output', 'DIR', 'folder to write to: new or empty', required=True),
+    argument(
+        '--at', 'TIME', 'write the newest maps up to this simulated time: 2h, 90min; arrival and '
+        'peak thickness cover the time up to it (default: the last)',
+    ),
+    argument(
+        '--every', None,
+        'write thickness, temperature and hazard of every frame, in numbered files',
+        action='store_true',
+    ),
+    argument(
+        '--maps', 'MAP',
+        f'maps to write: {", ".join(MAPS)} (default: all)',
+        MAPS, nargs='+', choices=MAPS,
+    ),
+    formats('outline, isochrones', ('tif',)),
+    argument(
+        '--offset', ('E', 'N'), 'easting and northing [m] of the origin of the map frame, for a '
+        'bag that names none', float, nargs=2,
+    ),
+)
+def export(args: argparse.Namespace) -> int:
+    """Write the maps of a bag as GeoTIFF.
+
+    The maps are lava thickness [m], temperature [Celsius], hazard index (0: no lava, 50: lava has
+    drained away, 100: lethal), time of arrival [s] and peak thickness [m], north up, in the
+    coordinate system of the terrain. If the terrain of the bag has none, --epsg and --offset give
+    it; without them the files are in the map frame.
+    """
+    from lava_ros.maps.export import export_bag
+
+    at = None if args.at is None else seconds_of('--at', args.at, may_be_zero=True)
+    with Progress(has_lines=False) as progress:
+        exported = export_bag(
+            args.bag,
+            args.output,
+            maps=args.maps,
+            formats=args.formats,
+            time=at,
+            every=args.every,
+            threshold=args.threshold,
+            epsg=args.epsg,
+            offset=tuple(args.offset) if args.offset else None,
+            progress=progress.show,
+        )
+    files, placement = exported.files, exported.placement
+    if len(files) > len(MAPS):
+        print(f'{len(files)} files written to {args.output}')
+    else:
+        print('\n'.join(f'written to {path}' for path in files))
+    if placement.system is None:
+        where = 'in the map frame' if placement.offset == (0.0, 0.0) else 'with its offset'
+        print(
+            f'lava export: the bag names no coordinate system, so the files have none and are '
+            f'{where}; --epsg and --offset set one',
+            file=sys.stderr,
+        )
+    return 0

@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`lava feed`: a scene as topics."""
+
+import argparse
+import signal
+
+from lava_ros.cli.options import argument, command
+from lava_ros.cli.ros import require_ros
+from lava_ros.cli.scene_options import SCENE_OPTIONS
+from lava_ros.errors import LavaError
+
+
+@command(
+    *SCENE_OPTIONS,
+    argument('--frame', None, 'frame ID of the messages', 'map'),
+    argument(
+        '--no-vents', None, 'publish the terrain only; the node keeps its vents',
+        action='store_true',
+    ),
+)
+def feed(args: argparse.Namespace) -> int:
+    """Publish terrain and vents as topics.
+
+    The command publishes the latched topics terrain, terrain_info and vents until it is
+    interrupted, and a new terrain at the times of --terrain-at and of the events of the scene. It
+    passes --ros-args and everything after it to ROS, for example: lava feed --ros-args -r
+    __ns:=/etna.
+    """
+    from lava_ros.cli.scenes import scene_as_given, scene_from_arguments
+
+    require_ros()
+    # without vents no flow determines how fine the cells have to be
+    scene = scene_as_given(args) if args.no_vents else scene_from_arguments(args)
+    if scene.emplaced_flows:
+        expected = 'flows that are ground: lava at the start is a part of the scene of a node '
+        expected += '(-p scene:=FILE), and no topic has it'
+        raise LavaError('scene.emplaced_flows', scene.emplaced_flows[0].source, expected)
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+
+    from lava_ros.ros.arguments import start_ros
+    from lava_ros.ros.monitor import SceneFeed
+
+    start_ros(args.ros_args)
+    stopping: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: stopping.append(number))
+    publisher = SceneFeed(scene, frame_id=args.frame, has_vents=not args.no_vents)
+    parts = [f'terrain of {scene.terrain.shape[1]} x {scene.terrain.shape[0]} cells']
+    parts += [] if args.no_vents else [f'{len(scene.vents)} vents']
+    parts += [f'{event.text} at {event.time:g} s' for event in scene.events]
+    publisher.get_logger().info(f'publishing {", ".join(parts)}')
+    executor = SingleThreadedExecutor()
+    executor.add_node(publisher)
+    while not stopping:
+        executor.spin_once(timeout_sec=0.2)
+    executor.shutdown()
+    publisher.destroy_node()
+    rclpy.shutdown()
+    return 0

@@ -1,0 +1,214 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`lava hindcast`: simulate a mapped eruption, and compare."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict, replace
+import json
+from pathlib import Path
+import shutil
+import sys
+from typing import Any, TYPE_CHECKING
+
+import lava_ros
+from lava_ros import validation
+from lava_ros.cli.console import made_folder, Progress, write_json
+from lava_ros.cli.options import argument, command, forced_effects
+from lava_ros.cli.scene_options import vent_arguments
+from lava_ros.errors import LavaError
+from lava_ros.files import file_to_write
+
+if TYPE_CHECKING:
+    from lava_ros.hindcast.case import Case
+    from lava_ros.hindcast.expected_error import ExpectedError
+    from lava_ros.hindcast.run import Result, Run, Settings
+    from lava_ros.hindcast.score import Score
+    from lava_ros.scene import Terrain
+    from lava_ros.scene.vent_files import VentRow
+
+#: Files and folders of a hindcast in its folder.
+RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
+
+
+@command(
+    argument('case', 'CASE_DIR', 'folder of the case'),
+    '--preset', '--spacing', '--device', '--low-pass', '--on', '--off', '--fresh', '--json',
+    argument(
+        '-o --output', 'DIR', 'folder for maps, bag and page (default: hindcasts/<case>_<preset>)'
+    ),
+    *vent_arguments('case'),
+    argument(
+        '--runs', 'N', 'make N more runs, rotated and mirrored, and report their scatter and the '
+        'area that at least half of them cover; from 2 to 8, which are all directions (default: '
+        'none)', 1,
+    ),
+    argument('--maps', 'N', 'number of maps of the run, which does not change the flow', 24),
+)
+def hindcast(args: argparse.Namespace) -> int:
+    """Simulate a mapped eruption, and compare the flow with the map.
+
+    The folder of the case has elevation.asc, vent.csv, effusion_rate.csv, footprint.asc and, if
+    needed, case.yaml (docs/VALIDATION.md). The command compares the area that the simulated lava
+    covers with the footprint. The same command continues an interrupted run.
+    """
+    from lava_ros.hindcast.case import load_case
+    from lava_ros.hindcast.expected_error import estimate_error
+    from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
+    from lava_ros.hindcast.replicates import agreement, MOST, run_replicates
+    from lava_ros.hindcast.run import Run, Settings, UNFINISHED
+    from lava_ros.hindcast.score import judge
+    from lava_ros.maps.plot import duration
+
+    # an error should come before the first run, which does not need the number
+    runs = validation.whole('--runs', args.runs, at_least=1, at_most=MOST)
+    case = load_case(
+        args.case,
+        material=args.material,
+        low_pass_width=args.low_pass,
+        vents=lambda rows, ground: _vents(args, rows, ground),
+    )
+    settings = Settings(
+        args.preset, args.spacing, args.device, forced_effects(args), args.maps
+    )
+    output = Path(args.output or Path('hindcasts') / f'{case.name}_{args.preset}')
+    _prepare(output)
+    unfinished = output / UNFINISHED
+    if args.fresh:
+        shutil.rmtree(unfinished, ignore_errors=True)
+    run = Run(case, settings, folder=unfinished)
+    if run.is_resumed:
+        print(f'continuing the unfinished run in {output}', file=sys.stderr)
+    with Progress() as progress:
+        for share, _ in run.snapshots():
+            progress.show(duration(share * case.duration), share)
+    result = run.result()
+    judged = judge(case, result.snapshot.thickness, result.snapshot.inundated)
+    several = None
+    if runs > 1:
+        with Progress() as progress:
+            results = run_replicates(
+                case,
+                settings,
+                runs,
+                folder=unfinished / 'several',
+                progress=lambda share: progress.show(f'{runs} runs', share),
+            )
+        several = agreement(case, [item.snapshot for item in results])
+    expected = estimate_error(case, settings, result, several)
+    picture, page = output / PICTURE, output / PAGE
+    files = write_maps(case, settings, result, output, several)
+    draw_comparison(case, result.snapshot, judged, picture)
+    write_page(case, settings, result, judged, picture, page, expected, several)
+    files = [*files, picture, page, *_write_bag(case, settings, run, result, output / BAG)]
+    shutil.rmtree(unfinished, ignore_errors=True)
+    data = _as_dict(case, settings, result, judged, expected)
+    if several is not None:
+        data['runs'] = several.as_dict()
+    write_json(data, output / RESULT, args.json)
+    print(case.title)
+    rows = [*facts(judged, expected, several).items()]
+    rows += [(f'volume {term}', value) for term, value in result.snapshot.budget.rows()]
+    for term, value in [*rows, ('wall time', f'{result.wall_time:.1f} s on {result.device}')]:
+        print(f'  {term:26} {value}')
+    for item in warnings(case, result):
+        print(f'lava hindcast: {item}', file=sys.stderr)
+    print('\n'.join(f'written to {path}' for path in [*files, output / RESULT]))
+    return 0
+
+
+def _vents(
+    args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
+) -> tuple[VentRow, ...]:
+    from lava_ros.cli.scenes import vents_as_given
+
+    if isinstance(args.discharge, str):
+        right = 'one number [m3/s]: the effusion rates of a case are those of its table'
+        raise LavaError('--effusion-rate', args.discharge, right)
+    given = vents_as_given(args, ground)
+    if not given:
+        return tuple(replace(row, discharge=args.discharge) for row in rows)
+    is_own = [vent.discharge is not None for vent in given]
+    if any(is_own) and not all(is_own):
+        right = 'one for every vent, or for none'
+        raise LavaError(f'effusion rate of {given[is_own.index(False)].name!r}', None, right)
+    return tuple(given)
+
+
+def _prepare(output: Path) -> None:
+    """Make the folder, and refuse one that holds something else."""
+    from lava_ros.hindcast.run import UNFINISHED
+
+    names = {item.name for item in output.iterdir()} if output.is_dir() else set()
+    if names and not {RESULT, UNFINISHED} & names:
+        raise LavaError('--output', str(output), 'a folder that is new, empty or of a hindcast')
+    file_to_write('--output', made_folder(output) / PICTURE)
+
+
+def _write_bag(
+    case: Case, settings: Settings, run: Run, result: Result, bag: Path
+) -> list[Path]:
+    try:
+        from lava_ros.ros.offline_bags import write_snapshots
+    except ImportError:
+        print('lava hindcast: wrote no bag, which needs ROS 2', file=sys.stderr)
+        return []
+    shutil.rmtree(bag, ignore_errors=True)
+    effects = {
+        item.name: f'{"on" if item.is_on else "off"}: {item.reason}' for item in result.decisions
+    }
+    try:
+        write_snapshots(
+            bag,
+            case.scene,
+            run.kept(),
+            custom_data={
+                'device': result.device,
+                'case': case.name,
+                'version': lava_ros.__version__,
+                'parameters': json.dumps({'preset': settings.preset}),
+                'effects': json.dumps([{'time': 0.0, 'effects': effects}]),
+                **({} if case.onset is None else {'onset': case.onset.text}),
+            },
+            terrains=[(event.time - case.start, event.terrain) for event in case.events],
+        )
+    except OSError as error:
+        raise LavaError('output', str(bag), f'a folder to write to ({error})') from error
+    return [bag]
+
+
+def _as_dict(
+    case: Case, settings: Settings, result: Result, judged: Score, expected: ExpectedError
+) -> dict[str, Any]:
+    """A hindcast as plain data."""
+    from lava_ros.simulation.selection import decision_as_dict
+
+    snapshot, budget = result.snapshot, result.snapshot.budget
+    return {
+        'case': case.name,
+        'title': case.title,
+        'material': case.material.name if case.material is not None else None,
+        'preset': settings.preset,
+        'device': result.device,
+        'simulated_s': snapshot.time,
+        'score': asdict(judged),
+        'volume': {**asdict(budget), 'error': budget.error},
+        'wall_time_s': round(result.wall_time, 3),
+        'steps': snapshot.steps.count,
+        'evaluations': snapshot.steps.evaluations,
+        'particles_at_most': result.most_particles,
+        'particles_emitted': round(
+            budget.emitted / (result.accuracy.spacing**2 * result.accuracy.thickness)  # type: ignore[operator]
+        ),
+        'effects': list(result.effects),
+        'decisions': [decision_as_dict(item) for item in result.decisions],
+        'accuracy': asdict(result.accuracy),
+        'resolution': asdict(result.resolution),
+        'expected_error': expected.as_dict(),
+        'cell_m': case.scene.terrain.resolution * settings.coarseness(case),
+        'lava': asdict(case.scene.lava),
+        'vents': [asdict(vent) for vent in case.scene.vents],
+        'low_pass_m': case.low_pass,
+    }

@@ -1,0 +1,38 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`lava recover`: a complete bag of the readable messages of another."""
+
+import argparse
+
+from lava_ros.cli.console import Progress
+from lava_ros.cli.options import argument, command
+from lava_ros.errors import LavaError
+
+
+@command('bag', argument('output', None, 'directory of the new bag, which must not exist'))
+def recover(args: argparse.Namespace) -> int:
+    """Copy the readable messages of a bag that was cut off or damaged into a new bag.
+
+    The command leaves out the damaged parts of the bag and prints where they are. The new bag is
+    complete.
+    """
+    from lava_ros.bag.reader import BagReader
+    from lava_ros.bag.recovery import recover as recover_bag
+
+    source = BagReader(args.bag)
+    try:
+        with Progress(has_lines=False) as progress:
+            count = recover_bag(source, args.output, on_progress=progress.show)
+    except OSError as error:
+        raise LavaError('output', args.output, f'a place that can be written ({error})') from error
+    whole = BagReader(args.output)
+    print(f'{count} messages copied to {args.output}')
+    for topic in sorted(whole.topics.values(), key=lambda item: item.name):
+        print(f'{topic.count:8}  {topic.name}')
+    seconds = ((whole.end_ns or 0) - (whole.start_ns or 0)) / 1e9
+    state = 'had been cut off' if source.recovered else 'was whole'
+    if source.damage:
+        state = f'was damaged (warnings: {len(source.damage)})'
+    print(f'{seconds:.3f} s of recording; the bag {state}')
+    return 0

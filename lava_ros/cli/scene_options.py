@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The arguments with which commands describe a scene; ``scenes.py`` makes the scene of them."""
+
+from lava_ros.cli.options import Argument, argument
+
+#: Lava of a scene that names none, as in ``lava_ros.scene.materials``, which takes long to import.
+DEFAULT_MATERIAL = 'etna_basalt'
+
+#: Values for the gaps of a table, as in ``lava_ros.scene.effusion_rates``.
+GAPS = ('zero', 'interpolate')
+
+#: What an emplaced flow may be, as in ``lava_ros.scene.emplaced``.
+EMPLACED_KINDS = ('lava', 'ground')
+
+
+def vent_arguments(of: str) -> tuple[Argument, ...]:
+    """Return the arguments that replace vents and lava of a scene or of a case."""
+    usual, lava = '', ''
+    if of == 'scene':
+        usual = ' (default without a scene: the summit)'
+        lava = f' (default where it names none: {DEFAULT_MATERIAL})'
+    return (
+        argument(
+            '--vent', 'LON,LAT', 'position of a vent: longitude,latitude or easting,northing; '
+            f'replaces the vents of the {of}; may be repeated{usual}', action='append',
+        ),
+        argument(
+            '--vents', 'FILE', 'file of points and lines (fissures), which replace the vents of '
+            f'the {of}: GeoJSON, GeoPackage, Shapefile, KML, or .csv with x,y or lon,lat (of a '
+            'fissure also x_end,y_end or lon_end,lat_end); it may give the name, effusion_rate '
+            '[m3/s], radius [m] and temperature [K] of each (docs/FORMATS.md)',
+        ),
+        argument(
+            '--effusion-rate --discharge', 'Q', 'effusion rate of each vent [m3/s]'
+            + (', or a table of the rates of all vents together (docs/FORMATS.md)'
+               if of == 'scene' else ''),
+            type=_rate, dest='discharge',
+        ),
+        argument(
+            '--material', 'NAME', "lava by name ('lava materials' lists them); replaces the lava "
+            f'of the {of}{lava}',
+        ),
+    )
+
+
+def _rate(text: str) -> float | str:
+    """A rate, or the name of a table."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+#: Options for reading a table of effusion rates.
+RATE_OPTIONS = ('eruption_start', 'gaps', 'porosity')
+
+_TABLE = (
+    argument(
+        '--eruption-start', 'DATE', 'start of the eruption, 2021-09-19T14:10:00Z, for a table of '
+        'effusion rates with dates (default: the first date)',
+    ),
+    argument(
+        '--gaps', None, 'effusion rate in the gaps of a table: zero, or interpolate between its '
+        'neighbours (default: zero, with a warning)', choices=GAPS,
+    ),
+    argument(
+        '--porosity', 'P', 'fraction of bubbles in the lava, for a table of dense-rock effusion '
+        'rates (default: the rates are bulk rates)', float,
+    ),
+)
+
+_FILE = 'scene file (YAML): terrain, vents and lava'
+
+_PARTS: tuple[str | Argument, ...] = (
+    argument(
+        '--terrain', 'FILE', 'elevation: GeoTIFF or another raster (docs/FORMATS.md), or npz; '
+        "replaces the scene's terrain (default without a scene: Mount St. Helens, 7.8 x 7.8 km)",
+    ),
+    '--epsg',
+    '--nodata',
+    argument(
+        '--fill-holes', None, 'fill pits and inner cells without data from the cells around them',
+        action='store_true',
+    ),
+    *vent_arguments('scene'),
+    *_TABLE,
+    argument(
+        '--emplaced-flow', 'FILE', 'flow that is there before the start: a raster of its '
+        'thickness [m], such as thickness.tif of lava export, or a file of outlines with '
+        '--emplaced-thickness; may be repeated; adds to the flows of the scene',
+        action='append',
+    ),
+    argument(
+        '--emplaced-thickness', 'M', 'thickness [m] of the outlines of emplaced flows', float
+    ),
+    argument(
+        '--emplaced-as', None, 'what emplaced flows are: lava, which flows on from the eruption '
+        'temperature, or ground (default: lava)', choices=EMPLACED_KINDS,
+    ),
+    argument(
+        '--terrain-at', ('TIME', 'FILE'), 'elevation from a simulated time on (2h, 90min), on the '
+        'grid of the terrain; may be repeated; adds to the events of the scene', nargs=2,
+        action='append',
+    ),
+)
+
+#: The arguments that choose a scene: its file without a flag, or with one.
+SCENE = (argument('scene', 'SCENE', _FILE, nargs='?'), *_PARTS)
+SCENE_OPTIONS = (argument('--scene', 'FILE', _FILE), *_PARTS)

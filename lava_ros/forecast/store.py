@@ -1,0 +1,277 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The folder of an ensemble: its description, its finished members, and maps made of them."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+import hashlib
+import json
+import logging
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+import lava_ros
+from lava_ros.errors import LavaError
+from lava_ros.files import open_input, write_output, writing
+from lava_ros.files.npz import read_arrays
+from lava_ros.files.yaml import parse_json
+from lava_ros.forecast.assimilation import UNIT, Weights
+from lava_ros.forecast.members import Plan
+from lava_ros.forecast.probability import Footprint, NEVER, Tally
+from lava_ros.forecast.sampling import Susceptibility
+from lava_ros.forecast.sentinels import CalledEffect
+from lava_ros.maps.forecast import HazardMaps
+from lava_ros.maps.places import Places
+from lava_ros.scene import MAX_ELEVATION, scene_to_dict
+
+_LOG = logging.getLogger(__name__)
+
+#: Version of the format of a folder.
+VERSION = 3
+
+#: The file in a folder that describes its ensemble, and that with the weights of its members where
+#: an outline has weighed them.
+MANIFEST, WEIGHTS = 'ensemble.json', 'weights.json'
+
+
+
+class Store:
+    """A folder with the finished members of one ensemble, a file each.
+
+    Attributes:
+        plan: What the members have in common, with the effects that sentinels have called for.
+    """
+
+    def __init__(
+        self,
+        folder: str | Path,
+        plan: Plan,
+        *,
+        seed: int = 0,
+        susceptibility: Susceptibility | None = None,
+    ) -> None:
+        """Create the folder of an ensemble, or reopen it.
+
+        Raises:
+            LavaError: The folder cannot be written, or holds another ensemble or other files.
+        """
+        self.plan = plan
+        self._folder = folder = Path(folder)
+        self._members = folder / 'members'
+        self._seed, self._susceptibility = seed, susceptibility
+        path = folder / MANIFEST
+        try:
+            if path.exists():
+                known = json.loads(path.read_text(encoding='utf-8'))
+                self.plan = plan.switching_on(_switched_on(known))
+                _check_same(known, self._manifest(), folder)
+            elif folder.exists() and any(folder.iterdir()):
+                right = 'a folder that is new, empty, or of this ensemble'
+                raise LavaError('--output', str(folder), right)
+            self._members.mkdir(parents=True, exist_ok=True)
+            self.write_manifest(folder)
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            right = f'a folder to write to ({error})'
+            raise LavaError('--output', str(folder), right) from error
+
+    def restart(self, called: Sequence[CalledEffect]) -> None:
+        """Drop all members, and take those of a plan with further effects from now on.
+
+        Raises:
+            LavaError: The folder cannot be written.
+        """
+        self.plan = self.plan.switching_on(called)
+        try:
+            # members first: none may be left beside a description that is not theirs
+            for path in self._members.glob('*.npz'):
+                path.unlink()
+        except OSError as error:
+            right = f'a folder to write to ({error})'
+            raise LavaError('--output', str(self._folder), right) from error
+        self.write_manifest(self._folder)
+
+    def write(self, footprint: Footprint) -> None:
+        """Keep a member.
+
+        Raises:
+            LavaError: It cannot be written.
+        """
+        with writing('--output', self._path(footprint.index)) as fresh, fresh.open('wb') as file:
+            np.savez_compressed(
+                file,
+                look=footprint.look,
+                millimetres=footprint.millimetres,
+                corner=np.array(footprint.corner, dtype=np.int32),
+                left=np.array([footprint.left]),
+            )
+
+    def keep_weights(self, weights: Weights | None, folder: Path) -> None:
+        """Keep what each member counts in a folder of maps; None: all count the same.
+
+        Raises:
+            LavaError: It cannot be written.
+        """
+        path = folder / WEIGHTS
+        if weights is None:
+            path.unlink(missing_ok=True)
+        else:
+            write_output('--output', path, json.dumps(weights.values.tolist()) + '\n')
+
+    def finished(self, count: int) -> Iterator[Footprint]:
+        """Read those of the first members that are there and undamaged, in order.
+
+        A damaged one is logged; it runs again.
+        """
+        def log(error: LavaError) -> None:
+            _LOG.warning('a member is damaged and runs again: %s', error)
+
+        return stored_members(self._folder, count, self.plan, on_refused=log)
+
+    def _path(self, index: int) -> Path:
+        return _member_path(self._folder, index)
+
+    def write_manifest(self, folder: Path) -> None:
+        """Write the description of the ensemble, which the readers of its maps need.
+
+        Raises:
+            LavaError: If it cannot be written.
+        """
+        text = json.dumps(self._manifest(), indent=1) + '\n'
+        write_output('--output', folder / MANIFEST, text)
+
+    def _manifest(self) -> dict[str, Any]:
+        plan, susceptibility = self.plan, self._susceptibility
+        elevation = np.ascontiguousarray(plan.scene.terrain.elevation)
+        manifest = {
+            'version': VERSION,
+            'lava_ros': lava_ros.__version__,
+            'scene': scene_to_dict(plan.scene),
+            'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
+            'plan': {
+                'horizon_s': plan.horizon,
+                'accuracy': asdict(plan.accuracy),
+                'forced': plan.forced,
+                'effects': asdict(plan.effects),
+                'switched_on': [asdict(item) for item in plan.switched_on],
+                'threshold_m': plan.threshold,
+                'looks': plan.looks,
+                'start_s': None if plan.start is None else plan.start.time,
+            },
+            'seed': self._seed,
+            'susceptibility': None if susceptibility is None else susceptibility.digest,
+        }
+        # as it will be read back
+        return json.loads(json.dumps(manifest))
+
+
+def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> HazardMaps:
+    """Make the maps of an ensemble in a folder again, with the arrival of lava at places.
+
+    Args:
+        folder: The folder, with the members in it or beside it, and the weights if they have any.
+        plan: What its members have in common.
+        places: Places on its terrain.
+        members: Number of members in its maps.
+
+    Raises:
+        LavaError: A member is missing or damaged, or the weights cannot be read.
+    """
+    weights = [1] * members
+    try:
+        with open_input(folder / WEIGHTS) as file:
+            weights = parse_json(WEIGHTS, file.read().decode())
+        if not all(type(weight) is int and 0 <= weight <= UNIT for weight in weights):
+            raise ValueError(f'a weight is not a whole number from 0 to {UNIT}')
+    except FileNotFoundError:
+        pass
+    except (OSError, TypeError, ValueError) as error:
+        right = f'the weights of the members ({error})'
+        raise LavaError('ensemble', str(folder / WEIGHTS), right) from error
+    tally = Tally(plan, places)
+    where = folder if (folder / 'members').is_dir() else folder.parent
+
+    def refuse(error: LavaError) -> NoReturn:
+        raise error
+
+    stored = stored_members(where, members, plan, on_refused=refuse)
+    for footprint, weight in zip(stored, weights, strict=False):
+        tally.add(footprint, weight)
+    if not tally.count == members == len(weights):
+        right = f'a folder with {members} members, as many as in its maps'
+        raise LavaError('ensemble', f'{folder}: {tally.count} members', right)
+    return tally.maps()
+
+
+def stored_members(
+    folder: Path, count: int, plan: Plan, *, on_refused: Callable[[LavaError], object]
+) -> Iterator[Footprint]:
+    """Read those of the first members in a folder that are there and undamaged, in order.
+
+    ``on_refused`` is called with the error of each damaged one.
+    """
+    for index in range(count):
+        path = _member_path(folder, index)
+        if path.exists():
+            try:
+                footprint = _read_member(path, index, plan)
+            except LavaError as error:
+                on_refused(error)
+            else:
+                yield footprint
+
+
+def _read_member(path: Path, index: int, plan: Plan) -> Footprint:
+    """Read a member; LavaError, which names file and array, where it cannot be one of the plan."""
+    stored = read_arrays('member', path)
+
+    def array(name: str, dtype: type, shape: tuple[int, ...] | None = None) -> np.ndarray:
+        field, values = f'{name} of {path}', stored.get(name)
+        right = f'{np.dtype(dtype)} of shape {shape or "[rows, columns]"}'
+        if values is None:
+            raise LavaError(field, None, right)
+        is_shaped = values.ndim == 2 if shape is None else values.shape == shape
+        if values.dtype != dtype or not is_shaped:
+            raise LavaError(field, f'{values.dtype} of shape {values.shape}', right)
+        return values
+
+    def check(name: str, is_good: np.ndarray, right: str) -> None:
+        if not is_good.all():
+            raise LavaError(f'{name} of {path}', stored[name][~is_good][0].item(), right)
+
+    look = array('look', np.uint16)
+    millimetres = array('millimetres', np.uint32, look.shape)
+    corner, left = array('corner', np.int32, (2,)), array('left', np.float64, (1,))
+    check('look', (look < plan.looks) | (look == NEVER), f'less than {plan.looks}, or {NEVER}')
+    most = round(1e3 * MAX_ELEVATION)
+    check('millimetres', millimetres <= most, f'a thickness of at most {most} mm')
+    check('left', (left >= 0.0) & (left <= 1.0), 'a fraction from 0 to 1')
+    cells = plan.scene.terrain.shape
+    inside = (corner >= 0) & (corner.astype(np.int64) + look.shape <= cells)
+    check('corner', inside, f'a part of {look.shape} cells inside a terrain of {cells} cells')
+    return Footprint(index, (int(corner[0]), int(corner[1])), look, millimetres, float(left[0]))
+
+
+def _member_path(folder: Path, index: int) -> Path:
+    return folder / 'members' / f'{index:07d}.npz'
+
+
+def _switched_on(manifest: Any) -> tuple[CalledEffect, ...]:
+    """Read the effects that sentinels have called for; none of a file without such a list."""
+    try:
+        return tuple(map(CalledEffect.from_dict, manifest['plan']['switched_on']))
+    except (KeyError, TypeError, ValueError):
+        return ()
+
+
+def _check_same(old: Any, new: Any, folder: Path, name: str = '') -> None:
+    """Refuse a folder whose members are of another ensemble, and name the first difference."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in {**old, **new}:
+            inner = f'{name}.{key}' if name else key
+            _check_same(old.get(key), new.get(key), folder, inner)
+    elif old != new:
+        right = f'{old!r}, as the members in {folder} have it, or another folder'
+        raise LavaError(name, new, right)

@@ -1,0 +1,169 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The colours of maps: a style for each quantity, and the scale of a map by its values."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+import math
+from typing import Any
+
+import numpy as np
+
+from lava_ros.maps.layers import HAZARD_CLASSES
+
+#: Colours of the ground from low to high: muted, so that the lava stands out.
+GROUND = ('#7f8f7a', '#a3a383', '#bfb293', '#cfc4ae', '#e4ded2')
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a map is drawn: its title, unit, and colours from the lowest value to the highest.
+
+    ``classes`` has the largest value and the name of each class above 0, the lowest first, of a
+    map that consists of classes. Each class has one colour.
+    """
+
+    title: str
+    label: str
+    colours: Sequence[str]
+    classes: Mapping[float, str] = field(default_factory=dict)
+
+    def class_numbers(self, values: np.ndarray) -> np.ndarray:
+        """Return the number of the class of each value: 1 for the lowest; NaN stays NaN."""
+        numbers = np.searchsorted(np.array([*self.classes]) + 0.5, values) + 1.0
+        return np.where(np.isfinite(values), numbers, np.nan)
+
+
+#: How maps are drawn, by what they show. Those of a comparison differ to people who do not tell
+#: red from green too.
+STYLES = {
+    'thickness': Style(
+        'Lava thickness', 'm',
+        ('#2a0a3d', '#6a176e', '#a92e5e', '#e2583b', '#fb9a06', '#fbe66a'),
+    ),
+    'temperature': Style(
+        'Temperature', '°C',
+        ('#1c1014', '#5b0f14', '#a11d12', '#dc4a10', '#f79420', '#fee08a', '#fffbe6'),
+    ),
+    'hazard': Style(
+        'Hazard index', '', ('#feb24c', '#a50026'), HAZARD_CLASSES,
+    ),
+    'arrival': Style(
+        'Arrival of the lava', 's',
+        ('#5c0018', '#b2182b', '#e8602c', '#f6b32e', '#7fc7b0', '#2f8fc4', '#20418f'),
+    ),
+    'probability': Style(
+        'Probability that lava comes', '%',
+        ('#fff3c4', '#fdd17a', '#f99a3b', '#e2571e', '#a81d1d', '#5a0a2a'),
+    ),
+    'change': Style(
+        'Change of the probability', 'percentage points',
+        ('#08306b', '#2171b5', '#6baed6', '#c6dbef', '#f7f7f7', '#fdd0a2', '#fd8d3c', '#d94801',
+         '#7f2704'),
+    ),
+    'elevation': Style('Elevation', 'm', GROUND),
+    'comparison': Style(
+        'Simulated and mapped', '',
+        ('#f2b134', '#2166ac', '#b2182b'),
+        {1.0: 'hit', 2.0: 'miss', 3.0: 'false alarm'},
+    ),
+}
+
+#: Words on a colour bar for units of times.
+UNIT_WORDS = {
+    'd': 'days after the start',
+    'h': 'hours after the start',
+    'min': 'minutes after the start',
+    's': 'seconds after the start',
+}
+
+#: Units of times [s], the largest first.
+_TIMES = (('d', 86_400.0), ('h', 3600.0), ('min', 60.0), ('s', 1.0))
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Which value has which colour: a colour map of matplotlib and its normalisation.
+
+    ``past`` is the side on which values go past it: ``neither`` or ``max``. ``label`` names the
+    unit of the values it takes, and ``unit`` is that unit in the unit of the style. ``names`` are
+    those of classes, none where values are numbers.
+    """
+
+    colours: Any
+    norm: Any
+    past: str
+    label: str
+    unit: float = 1.0
+    names: Sequence[str] = ()
+
+
+def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
+    """Return the values of the first and the last colour of a map, which are round numbers.
+
+    ``source`` is one of ``STYLES``; ``values`` are those of the map, NaN where nothing is shown.
+    """
+    known = values[np.isfinite(values)]
+    most = float(known.max()) if known.size else 1.0
+    if STYLES[source].classes:
+        return 0.0, max(STYLES[source].classes)
+    if source == 'probability':
+        return 0.0, 100.0
+    if source == 'change':
+        return -100.0, 100.0
+    if source == 'arrival':
+        unit = _time_unit(most)[1]
+        return 0.0, unit * round_up(max(most / unit, 1e-6))
+    if source == 'elevation':
+        low = float(known.min()) if known.size else 0.0
+        return low, most if most > low else low + 1.0
+    if source == 'temperature':
+        low = math.floor(float(known.min()) / 100.0) * 100.0 if known.size else 0.0
+        return low, max(math.ceil(most / 100.0) * 100.0, low + 100.0)
+    # A few deep cells must not make the rest all one colour.
+    return 0.0, round_up(max(float(np.percentile(known, 99.5)), 1e-6)) if known.size else 1.0
+
+
+def _time_unit(longest: float) -> tuple[str, float]:
+    """Name and length [s] of the unit that suits times up to a longest one [s]."""
+    return next(item for item in _TIMES if longest >= 2.0 * item[1] or item[1] == 1.0)
+
+
+def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> Scale:
+    """Choose the colour scale of a map from its values, NaN where nothing is shown.
+
+    ``source`` is one of ``STYLES``. ``is_saturated`` says that values may be larger than given.
+    """
+    from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, Normalize
+
+    style = STYLES[source]
+    if style.classes:
+        norm = BoundaryNorm(np.array([0.0, *style.classes]) + 0.5, len(style.classes))
+        names = tuple(style.classes.values())
+        return Scale(ListedColormap(style.colours), norm, 'neither', '', names=names)
+    colours = LinearSegmentedColormap.from_list(source, style.colours)
+    low, high = limits_of(source, values)
+    most = float(np.max(values, where=np.isfinite(values), initial=-math.inf))
+    label, unit = _time_unit(most) if source == 'arrival' else (style.label, 1.0)
+    past = 'max' if is_saturated or most > high else 'neither'
+    return Scale(colours, Normalize(low / unit, high / unit), past, label, unit)
+
+
+def round_up(
+    value: float, steps: Sequence[float] = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+) -> float:
+    """The next larger of some steps times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return power * next(step for step in steps if step * power >= value * (1.0 - 1e-9))
+
+
+def picture_of(values: np.ndarray, ground: np.ndarray, scale: Scale) -> np.ndarray:
+    """A map over the ground, RGBA 0..1, shape [rows, columns, 4]; NaN leaves the ground."""
+    picture = ground.copy()
+    here = np.isfinite(values)
+    # The relief shows through the lava by its brightness alone.
+    bright = ground[..., :3].mean(axis=-1)
+    shown = scale.colours(scale.norm(values[here] / scale.unit))[..., :3]
+    picture[here, :3] = shown * (0.72 + 0.4 * bright[here])[:, None]
+    return np.asarray(np.clip(picture, 0.0, 1.0))

@@ -1,0 +1,337 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Flows that have been emplaced before the start: as lava that still flows, or as ground."""
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+import hashlib
+import logging
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.files import vectors
+from lava_ros.files.rasters import opened_raster
+from lava_ros.scene.features import read_features
+from lava_ros.scene.on_terrain import areas_on, check_placed, resampled
+from lava_ros.scene.projection import (
+    coordinate_system,
+    horizontal,
+    METRES_PER_DEGREE,
+    transformed,
+)
+from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
+from lava_ros.scene.terrain_files import unit_of_band
+from lava_ros.scene.vents import VENT_TEMPERATURE_RANGE
+
+_LOG = logging.getLogger(__name__)
+
+#: Largest thickness of an emplaced flow [m]: the thickest lava lakes and domes have 400 m.
+MAX_THICKNESS = 500.0
+
+#: Most cells of the thickness of a flow, unless the terrain has more.
+MAX_CELLS = 4_000_000
+
+#: What a flow can be: lava at the start, or a part of the ground.
+KINDS = ('lava', 'ground')
+
+#: Keys of a flow in a scene file.
+FLOW_KEYS = ('file', 'as', 'thickness', 'temperature')
+
+#: Checks of a temperature and of the thickness of an outline.
+TEMPERATURE_CHECK = partial(
+    validation.number,
+    at_least=VENT_TEMPERATURE_RANGE[0], at_most=VENT_TEMPERATURE_RANGE[1], unit='K',
+)
+THICKNESS_CHECK = partial(validation.number, above=0.0, at_most=MAX_THICKNESS, unit='m')
+
+#: A raster that differs from the elevation by less than this, as a fraction of the elevation's
+#: mean and of its standard deviation, is an elevation.
+MAX_DIFFERENCE = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class EmplacedFlow:
+    """Lava that lies on the terrain at the start.
+
+    Attributes:
+        thickness: Thickness on square cells [m], float64, shape [rows, columns], 0 without lava;
+            row 0 has the smallest y.
+        resolution: Side of a cell [m].
+        origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
+        temperature: Temperature of the lava [K]; None: the eruption temperature of the material.
+        source: Where it is from, for people.
+    """
+
+    thickness: np.ndarray = field(repr=False)
+    resolution: float
+    origin: tuple[float, float]
+    temperature: float | None = None
+    source: str = ''
+
+    def __post_init__(self) -> None:
+        """Refuse a thickness or a cell that cannot be; LavaError names the field."""
+        thickness = np.asarray(self.thickness, dtype=np.float64)
+        # NaN compares as False
+        if thickness.ndim != 2 or not ((thickness >= 0.0) & (thickness <= MAX_THICKNESS)).all():
+            right = f'a 2-D array of 0 to {MAX_THICKNESS:g} m'
+            raise LavaError('emplaced_flow.thickness', f'array of {thickness.shape}', right)
+        object.__setattr__(self, 'thickness', thickness)
+        validation.number('emplaced_flow.resolution', self.resolution, above=0.0, unit='m')
+
+    @property
+    def volume(self) -> float:
+        """Volume [m3]."""
+        return math.fsum(self.thickness[self.thickness > 0.0]) * self.resolution**2
+
+    @property
+    def area(self) -> float:
+        """Area [m2]."""
+        return float((self.thickness > 0.0).sum()) * self.resolution**2
+
+    def columns(self, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+        """Divide the lava into columns that are no farther apart than a spacing [m].
+
+        The columns stand on the flow's cells, each divided evenly, or on blocks of whole cells.
+        Their volumes add up to ``volume``, and each stands in the centre of mass of its part.
+
+        Returns:
+            Map positions [m], float64, shape [count, 2], and volumes [m3], float64, shape [count].
+        """
+        row, column = np.nonzero(self.thickness > 0.0)
+        volume: np.ndarray = self.thickness[row, column] * self.resolution**2
+        parts = math.ceil(self.resolution / spacing * (1.0 - 1e-9))
+        # the middles of the parts of a cell, as fractions of its side
+        steps = (np.arange(parts) + 0.5) / parts
+        up, right = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing='ij'))
+        cells = np.stack([np.add.outer(column, right), np.add.outer(row, up)], axis=-1)
+        cells = cells.reshape(-1, 2)
+        volume = np.repeat(volume / parts**2, parts**2)
+        side = max(math.floor(spacing / self.resolution * (1.0 + 1e-9)), 1)
+        if side > 1:
+            block = (row // side) * self.thickness.shape[1] + column // side
+            _, first, owner = np.unique(block, return_index=True, return_inverse=True)
+            total = np.bincount(owner, volume)
+            middle = np.stack(
+                [np.bincount(owner, volume * axis) / total for axis in cells.T], axis=-1
+            )
+            # of a ring of lava the middle is dry
+            at = np.floor(middle).astype(np.int64)
+            is_dry = self.thickness[at[:, 1], at[:, 0]] <= 0.0
+            middle[is_dry] = cells[first[is_dry]]
+            cells, volume = middle, total
+        return np.asarray(self.origin) + cells * self.resolution, volume
+
+
+def flow_to_dict(flow: EmplacedFlow) -> dict[str, Any]:
+    """Plain data that describes a flow, the thickness itself left out: for logs and bags."""
+    thickness = np.ascontiguousarray(flow.thickness)
+    return {
+        'source': flow.source,
+        'volume': flow.volume,
+        'temperature': flow.temperature,
+        'resolution': flow.resolution,
+        'origin': list(flow.origin),
+        'digest': hashlib.blake2b(thickness.tobytes(), digest_size=16).hexdigest(),
+    }
+
+
+def read_flows(
+    label: str, items: object, folder: Path, terrain: Terrain
+) -> tuple[Terrain, list[EmplacedFlow]]:
+    """Read the emplaced flows of a scene file, and log the volume of each.
+
+    Args:
+        label: What errors call them.
+        items: Plain data: a list of mappings with ``FLOW_KEYS``, of which ``file`` is required.
+        folder: What the names of files are relative to.
+        terrain: The ground.
+
+    Returns:
+        The ground, raised by the flows that are a part of it, and the other flows.
+
+    Raises:
+        LavaError: A file or a number cannot be used; the message says which and why.
+    """
+    if not isinstance(items, list):
+        raise LavaError(label, items, f'a list of mappings with keys {", ".join(FLOW_KEYS)}')
+    flows = []
+    for index, item in enumerate(items):
+        name = f'{label}[{index}]'
+        data: dict[str, Any] = validation.keys(name, item, allowed=FLOW_KEYS, required=['file'])
+        if not isinstance(data['file'], str):
+            raise LavaError(f'{name}.file', data['file'], 'the name of a file, text')
+        kind = validation.choice(f'{name}.as', data.get('as', 'lava'), KINDS)
+        given, temperature = data.get('thickness'), None
+        if 'temperature' in data:
+            if kind == 'ground':
+                raise LavaError(f'{name}.temperature', data['temperature'], 'absent for ground')
+            temperature = TEMPERATURE_CHECK(f'{name}.temperature', data['temperature'])
+        path = folder / data['file']
+        thickness = _thickness_on(name, path, terrain, given, is_ground=kind == 'ground')
+        cell = terrain.resolution * terrain.shape[0] / len(thickness)
+        flow = EmplacedFlow(thickness, cell, terrain.origin, temperature, path.name)
+        told = f'{flow.volume:,.0f} m3 over {flow.area:,.0f} m2, '
+        told += f'up to {thickness.max():.3g} m thick'
+        if kind == 'ground':
+            _LOG.info(f'{path.name}: the ground is raised by an emplaced flow of {told}')
+            terrain = replace(terrain, elevation=terrain.elevation + thickness)
+        else:
+            _LOG.info(f'{path.name}: lava at the start: {told}')
+            flows.append(flow)
+    return terrain, flows
+
+
+def _thickness_on(
+    label: str, path: Path, terrain: Terrain, given: object, *, is_ground: bool
+) -> np.ndarray:
+    """Read a thickness on the cells of a terrain, or on parts of them [m], 0 without lava.
+
+    Args:
+        label: What errors call the flow.
+        path: A raster of thickness, or outlines where a thickness is given.
+        terrain: The terrain.
+        given: The thickness of outlines, None for a raster.
+        is_ground: Whether it becomes ground. Cells of a raster are then those of the terrain, and
+            some of the flow may lie off the terrain, which a warning states.
+    """
+    name, suffix = f'{label}.file', path.suffix.lower()
+    if given is not None:
+        height = THICKNESS_CHECK(f'{label}.thickness', given)
+        features = read_features(name, path, terrain)
+        rings = [item.rings[0] for item in features if item.kind == 'Polygon']
+        result = np.where(areas_on(terrain, path, field=name) & terrain.has_data, height, 0.0)
+        places = np.concatenate(rings)
+        _check_on_terrain(name, path, terrain, places, np.ones(len(places)), is_ground)
+    elif suffix in vectors.ENDINGS and suffix != '.gpkg':
+        right = f'a thickness [m], which the outlines of {path.name} do not have'
+        raise LavaError(f'{label}.thickness', None, right)
+    else:
+        result = _raster_on(name, path, terrain, is_ground)
+    if not (result > 0.0).any():
+        right = f'a flow with a cell {terrain.bounds(projected=True)}'
+        raise LavaError(name, str(path), right)
+    return result
+
+
+def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.ndarray:
+    """Read a raster of thickness on the cells of a terrain, or on parts of them [m]."""
+    with opened_raster(field, path) as source:
+        kind = np.dtype(source.dtypes[0])
+        if source.count != 1 or kind.kind not in 'iuf' or kind.itemsize == 1:
+            found = f'{path.name}, {source.count} x {kind}'
+            raise LavaError(field, found, 'one band of thickness [m], of more than 8 bits')
+        values = source.read(1).astype(np.float64) * source.scales[0] + source.offsets[0]
+        is_known = source.read_masks(1) != 0
+        place, crs, described = source.transform, source.crs, source.descriptions[0] or ''
+        unit, length = unit_of_band(source, path, of='thickness')
+    check_placed(place, path, field=field)
+    where = f'thickness in {path.name}'
+    if length != 1.0:
+        raise LavaError(f'unit of the {where}', unit, 'm (gdal_calc.py can convert the values)')
+    if 'peak' in described.lower():
+        right = 'the thickness at one time: the largest one of a run is more than there ever was'
+        raise LavaError(where, f'a map of {described}', right)
+    bad = is_known & ~np.isfinite(values)
+    if bad.any():
+        right = 'finite numbers; gdal_edit.py -a_nodata declares the value of cells without lava'
+        raise LavaError(where, f'{values[bad][0]} in {int(bad.sum())} cells', right)
+    lava = np.where(is_known, values, 0.0)
+    low, high = float(lava.min()), float(lava.max())
+    if low < 0.0:
+        right = f'at least 0 m (where {low:g} stands for no lava, gdal_edit.py -a_nodata {low:g} '
+        right += 'declares it)'
+        raise LavaError(where, f'{low:g} in {int((lava < 0.0).sum())} cells', right)
+    if high > MAX_THICKNESS:
+        right = f'at most {MAX_THICKNESS:g} m: a thickness [m], no elevation'
+        raise LavaError(where, high, right)
+    row, column = np.nonzero(lava > 0.0)
+    x, y = (
+        start + across * (column + 0.5) + down * (row + 0.5)
+        for start, across, down in ((place.c, place.a, place.b), (place.f, place.d, place.e))
+    )
+    area = abs(place.a * place.e - place.b * place.d)
+    degree = METRES_PER_DEGREE if crs is not None and crs.is_geographic else 1.0
+    if not is_ground:
+        terrain = _divided(terrain, math.sqrt(area) * degree)
+    result = np.nan_to_num(
+        resampled(terrain, lava, place, crs, path, field=field, method='average')
+    )
+    result = np.where(terrain.has_data, result, 0.0)
+    own = coordinate_system(terrain.epsg, terrain.wkt)
+    is_same = crs is None or horizontal(crs) == own
+    if not is_same:
+        try:
+            x, y = transformed(horizontal(crs), own, x, y)
+        except ValueError as error:
+            right = f'a place {terrain.bounds(projected=True)} ({error})'
+            raise LavaError(field, str(path), right) from error
+    places, volumes = np.stack([x, y], axis=-1), lava[row, column]
+    is_inside = _check_on_terrain(field, path, terrain, places, volumes, is_ground)
+    _check_not_elevation(where, result, terrain)
+    if is_same and is_inside and result.any():
+        # of another grid, averages over cells lose some of what their border cuts
+        result *= volumes.sum() * area / (result.sum() * terrain.resolution**2)
+    return result
+
+
+def _divided(terrain: Terrain, cell: float) -> Terrain:
+    """Divide the cells of a terrain into level ones, as fine as a cell [m] if possible."""
+    rows, columns = terrain.shape
+    most = min(math.isqrt(MAX_CELLS // (rows * columns)), MAX_SIDE_CELLS // max(rows, columns))
+    factor = math.ceil(min(terrain.resolution / cell * (1.0 - 1e-6), most))
+    if factor <= 1:
+        return terrain
+    parts = np.kron(terrain.elevation, np.ones((factor, factor), dtype=np.float32))
+    return replace(terrain, elevation=parts, resolution=terrain.resolution / factor)
+
+
+def _check_on_terrain(
+    field: str, path: Path, terrain: Terrain, places: np.ndarray, volumes: np.ndarray,
+    may_exceed: bool,
+) -> bool:
+    """Check that places of a flow are on cells with data, and return whether all are.
+
+    Args:
+        field: What errors call the file.
+        path: The file.
+        terrain: The terrain.
+        places: Eastings and northings [m], shape [count, 2].
+        volumes: What each of them counts, shape [count].
+        may_exceed: Whether a part may be elsewhere, which a warning then states.
+
+    Raises:
+        LavaError: All are elsewhere, or one is and must not be.
+    """
+    is_on = terrain.covered(places - np.asarray(terrain.offset))
+    if is_on.all():
+        return True
+    east, north = places[~is_on][0]
+    off = 100.0 * volumes[~is_on].sum() / volumes.sum()
+    found = f'{path.name}: {off:.3g} % of it elsewhere, such as {east:.10g}, {north:.10g}'
+    if not is_on.any() or not may_exceed:
+        right = f'a flow {terrain.bounds(projected=True)}'
+        raise LavaError(field, found, right)
+    _LOG.warning(f'{found}: this part is left out')
+    return False
+
+
+def _check_not_elevation(where: str, thickness: np.ndarray, terrain: Terrain) -> None:
+    """Refuse a thickness that is the elevation of the ground, or of another model of it."""
+    is_lava = (thickness > 0.0) & terrain.has_data
+    if not is_lava.any():
+        return
+    ground = terrain.elevation[is_lava].astype(np.float64)
+    off = thickness[is_lava] - ground
+    if (
+        abs(off.mean()) <= MAX_DIFFERENCE * abs(ground.mean())
+        and off.std() <= MAX_DIFFERENCE * ground.std()
+    ):
+        right = f'a thickness: it differs from the elevation of the ground by {off.mean():.3g} m '
+        right += 'only, on average'
+        raise LavaError(where, f'{float(thickness[is_lava].mean()):.6g} m on average', right)

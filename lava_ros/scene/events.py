@@ -1,0 +1,143 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Changes of the ground during an eruption: a new elevation, or barriers that have been built."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+import hashlib
+import math
+from pathlib import Path
+from typing import Any
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.scene.projection import system_name
+from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
+from lava_ros.scene.terrain import Terrain
+
+#: What changes the ground: the keys of an event in a file, of which it has one.
+CHANGES = ('terrain', 'barrier', 'barriers')
+
+
+@dataclass(frozen=True, eq=False)
+class TerrainEvent:
+    """A change of the ground at a time [s].
+
+    Attributes:
+        time: Simulated time from which on the ground is another [s].
+        text: What happens, in a few words.
+        terrain: The new ground; None: the ground stays as it is, but for the barriers.
+        barriers: Barriers that are built on it.
+    """
+
+    time: float
+    text: str
+    terrain: Terrain | None = None
+    barriers: tuple[Barrier, ...] = ()
+
+    def ground(self, before: Terrain, *, is_told: bool = False) -> Terrain:
+        """Return the ground after the event; with warnings of wide crests if it ``is_told``."""
+        return with_barriers(self.terrain or before, self.barriers, is_told=is_told)
+
+    def reshaped(self, change: Callable[[Terrain], Terrain]) -> 'TerrainEvent':
+        """Return the event with another form of its new ground, such as finer cells."""
+        return self if self.terrain is None else replace(self, terrain=change(self.terrain))
+
+
+def event_to_dict(event: TerrainEvent) -> dict[str, Any]:
+    """Plain data that describes an event, the elevation itself left out: for logs and bags."""
+    plain: dict[str, Any] = {'time': event.time, 'text': event.text}
+    if event.barriers:
+        plain['barriers'] = [
+            asdict(item) | {'line': [list(place) for place in item.line]}
+            for item in event.barriers
+        ]
+    if event.terrain is not None:
+        digest = hashlib.blake2b(event.terrain.elevation.tobytes(), digest_size=16)
+        plain |= {'source': event.terrain.source, 'digest': digest.hexdigest()}
+    return plain
+
+
+def read_events(
+    label: str, items: object, folder: Path, ground: Terrain, read: Callable[[Path], Terrain]
+) -> list[TerrainEvent]:
+    """Read the changes of the ground of a scene or a case.
+
+    Args:
+        label: What errors call them.
+        items: Plain data: a list of mappings with ``time`` [s] and one of ``CHANGES``:
+            ``terrain``, a file of the new elevation, ``barrier``, the fields of a ``Barrier``, or
+            ``barriers``, a vector file of lines with ``height``, ``width`` and maybe ``slope``.
+        folder: What the names of files are relative to.
+        ground: The ground before.
+        read: Reads the file of an elevation.
+
+    Raises:
+        LavaError: A value or a file cannot be used, times do not increase, or an elevation is not
+            on the grid of the ground.
+    """
+    if not isinstance(items, list):
+        raise LavaError(label, items, 'a list of changes of the ground')
+    events: list[TerrainEvent] = []
+    for index, item in enumerate(items):
+        where = f'{label}[{index}]'
+        data = validation.keys(where, item, allowed=['time', *CHANGES], required=['time'])
+        time = validation.number(f'{where}.time', data.pop('time'), unit='s')
+        if events and time <= events[-1].time:
+            right = f'a time after the event before, {events[-1].time:g} s'
+            raise LavaError(f'{where}.time', time, right)
+        if len(data) != 1:
+            raise LavaError(where, sorted(data), f'one of {", ".join(CHANGES)}')
+        if 'barrier' in data:
+            barrier = Barrier.from_dict(f'{where}.barrier', data['barrier'])
+            event = TerrainEvent(
+                time, f'a barrier {barrier.height:g} m high', barriers=(barrier,)
+            )
+        else:
+            (kind, name), = data.items()
+            if not isinstance(name, str):
+                raise LavaError(f'{where}.{kind}', name, 'the name of a file, text')
+            if kind == 'barriers':
+                usual = {'height': None, 'width': None, 'slope': Barrier.slope}
+                built = read_barriers(f'{where}.barriers', folder / name, ground, usual)
+                text = f'{len(built)} barriers from {name}'
+                event = TerrainEvent(time, text, barriers=tuple(built))
+            else:
+                terrain = read(folder / name)
+                if not terrain.has_system:
+                    # as of other rasters without a system
+                    terrain = replace(terrain, epsg=ground.epsg, wkt=ground.wkt)
+                check_same_grid(f'{where}.terrain', terrain, ground)
+                event = TerrainEvent(time, f'new ground from {name}', terrain)
+        # a barrier that touches no cell is refused here
+        ground = event.ground(ground, is_told=True)
+        events.append(event)
+    return events
+
+
+def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
+    """Refuse a terrain on other cells than those of the ground; LavaError names ``field``."""
+    shown, right = (
+        '{} x {} cells of {:.9g} m from easting {:.9g}, northing {:.9g}'.format(
+            *one.shape, one.resolution, one.origin[0] + one.offset[0],
+            one.origin[1] + one.offset[1],
+        )
+        for one in (terrain, ground)
+    )
+    is_near = all(
+        math.isclose(one, other, rel_tol=0.0, abs_tol=1e-3 * ground.resolution)
+        for one, other in zip(
+            (*terrain.extent, *terrain.offset), (*ground.extent, *ground.offset), strict=True
+        )
+    )
+    if terrain.shape != ground.shape or terrain.epsg != ground.epsg or not is_near:
+        x, y = ground.offset
+        west, south, east, north = ground.extent
+        cell = ground.resolution
+        command = f'gdalwarp -tr {cell:g} {cell:g} -te {west + x:.10g} {south + y:.10g} '
+        command += f'{east + x:.10g} {north + y:.10g}'
+        if terrain.epsg != ground.epsg:
+            shown += f', {system_name(terrain.epsg, terrain.wkt)}'
+            right += f', {system_name(ground.epsg, ground.wkt)}'
+        raise LavaError(field, shown, f'the grid of the ground before: {right} ({command})')

@@ -1,0 +1,123 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A node's scene with emplaced lava and events: what it shows, resets to and hands to a child."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cli.calls import refused
+from lava_ros.cli import ros
+from lava_ros.errors import LavaError
+from lava_ros.ros.session import Eruption
+from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
+from lava_ros.scene.emplaced import EmplacedFlow
+from lava_ros.scene.events import TerrainEvent
+from lava_ros.scene.reshaping import Barrier
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+
+GROUND = Terrain(
+    np.tile(100.0 - 0.5 * np.arange(20.0), (16, 1)), 5.0, epsg=32633, offset=(5e5, 4.18e6)
+)
+
+WALL = Barrier(
+    ((500_060.0, 4_180_010.0), (500_060.0, 4_180_070.0)), height=9.0, width=10.0, name='dam'
+)
+
+FLOW = EmplacedFlow(np.full((6, 4), 2.0), 2.5, (15.0, 30.0), 1360.0, 'old.tif')
+
+SCENE = Scene(
+    GROUND, (Vent((20.0, 40.0), 2.0, 1360.0, radius=5.0),), Lava(viscosity=1e4),
+    emplaced_flows=(FLOW,),
+    events=(
+        TerrainEvent(4.0, 'dug', replace(GROUND, elevation=GROUND.elevation + 0.5)),
+        TerrainEvent(8.0, 'a dam', barriers=(WALL,)),
+    ),
+)
+
+
+def _eruption() -> Eruption:
+    accuracy = Accuracy(spacing=2.5, thickness=1.0)
+    return Eruption(lambda scene: Simulation(scene, accuracy=accuracy, device='cpu'))
+
+
+def test_events_are_followed_and_undone_by_a_reset() -> None:
+    """The scene has the ground of the simulation; a reset begins with the first one again."""
+    eruption = _eruption()
+    eruption.start(SCENE)
+    first, changes = eruption.simulation, eruption.changes
+    assert first is not None
+    for until, left in ((3.0, 2), (6.0, 1), (12.0, 0)):
+        eruption.advance(until, wall_limit=60.0, max_particles=10_000)
+        assert eruption.scene is not None
+        assert len(eruption.scene.events) == left
+        assert eruption.scene.terrain is first.scene.terrain
+    # forecasts from before do not hold
+    assert eruption.changes == changes + 2
+    assert float((eruption.scene.terrain.elevation - GROUND.elevation).max()) > 8.0
+    eruption.reset()
+    assert eruption.scene is not None and eruption.scene.events == SCENE.events
+    assert eruption.scene.terrain is GROUND
+    assert eruption.simulation is not first
+    assert eruption.checkpoint().emitted == pytest.approx(FLOW.volume)
+    # ground that comes by topic meanwhile stays, and later events build on it
+    eruption.advance(6.0, wall_limit=60.0, max_particles=10_000)
+    other = replace(GROUND, elevation=GROUND.elevation - 1.0)
+    assert eruption.set_terrain(other)
+    # one on which a barrier to come cannot stand is refused, and the old one stays
+    with pytest.raises(LavaError, match='a line on the terrain'):
+        eruption.set_terrain(replace(GROUND, offset=(0.0, 0.0)))
+    assert eruption.scene.terrain is other
+    eruption.reset()
+    assert eruption.scene.terrain is other and eruption.scene.events == SCENE.events
+
+
+def test_child_gets_the_same_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What `lava demo` writes for its node holds the flow, its name and the events."""
+    seen: list[tuple[Any, ...]] = []
+
+    def child(*words: str, log: Path, env: Mapping[str, str]) -> None:
+        seen.append((words, log, env))
+
+    monkeypatch.setattr(ros, 'Child', child)
+    ros._started(SCENE, {}, 7, tmp_path)
+    scene = scene_from_yaml(tmp_path / 'scene.yaml')
+    (flow,) = scene.emplaced_flows
+    assert flow.volume == pytest.approx(FLOW.volume, rel=1e-6)
+    assert (flow.temperature, flow.source) == (1360.0, 'old.tif')
+    grounds = []
+    for one in (SCENE, scene):
+        ground = one.terrain
+        for event in one.events:
+            ground = event.ground(ground)
+            grounds.append(ground)
+    for one, other in zip(grounds[:2], grounds[2:], strict=True):
+        np.testing.assert_allclose(one.elevation, other.elevation, atol=1e-4)
+        assert one.barriers == other.barriers
+    assert [event.time for event in scene.events] == [4.0, 8.0]
+    assert len(seen) == 1
+
+
+@pytest.mark.parametrize(
+    ('words', 'named'),
+    [
+        (['--emplaced-flow', 'flow.asc'], 'no topic has it'),
+        (['--terrain-at', '1h', 'none.npz'], 'none.npz'),
+    ],
+)
+def test_feed_refuses_what_topics_cannot_hold(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], named: str
+) -> None:
+    """Lava at the start is a part of a node's scene, and the error says so."""
+    monkeypatch.chdir(tmp_path)
+    np.savez('ground.npz', elevation=GROUND.elevation, resolution=5.0)
+    Path('flow.asc').write_text(
+        'ncols 2\nnrows 2\nxllcorner 10\nyllcorner 10\ncellsize 5\n1 2\n0 3\n'
+    )
+    assert named in refused('feed', '--terrain', 'ground.npz', '--no-vents', *words)

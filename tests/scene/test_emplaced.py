@@ -1,0 +1,299 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Flows that are there before the start, as lava and as ground; events that change the ground."""
+
+from dataclasses import replace
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.transform import from_origin
+import yaml
+
+from lava_ros.errors import LavaError
+from lava_ros.maps.gis import Provenance, write_grid
+from lava_ros.scene import Scene, scene_from_yaml, scene_to_dict, Terrain
+from lava_ros.scene.emplaced import EmplacedFlow, read_flows
+
+CORNER = (500_000.0, 4_180_000.0)
+
+#: A slope of 30 x 24 cells of 20 m, from 300 m down to 242 m.
+ROWS, COLUMNS, CELL = 30, 24, 20.0
+
+
+def _ground() -> Terrain:
+    y, x = np.mgrid[0:ROWS, 0:COLUMNS] * CELL
+    return Terrain(300.0 - 0.1 * y + 0.02 * x, CELL, epsg=32633, offset=CORNER)
+
+
+GROUND = _ground()
+
+
+def _flow(cell: float = CELL) -> np.ndarray:
+    """A lobe up to 6 m thick on cells of a size [m], row 0 in the south."""
+    y, x = (np.mgrid[0 : 600 / cell, 0 : 480 / cell] + 0.5) * cell
+    return np.maximum(6.0 - np.hypot(x - 240.0, y - 300.0) / 20.0, 0.0).astype(np.float32)
+
+
+def _write(
+    path: Path, values: np.ndarray, *, cell: float = CELL, corner: Any = CORNER, **known: Any
+) -> Path:
+    """Write a raster with GDAL; ``unit`` and ``description`` are those of its band."""
+    unit, description = known.pop('unit', None), known.pop('description', None)
+    profile = {
+        'driver': 'GTiff', 'width': values.shape[1], 'height': values.shape[0], 'count': 1,
+        'dtype': values.dtype.name, 'crs': 'EPSG:32633',
+        'transform': from_origin(corner[0], corner[1] + len(values) * cell, cell, cell), **known,
+    }
+    with rasterio.open(path, 'w', **profile) as file:
+        for band in range(1, file.count + 1):
+            file.write(values[::-1], band)
+        if unit:
+            file.set_band_unit(1, unit)
+        if description:
+            file.set_band_description(1, description)
+    return path
+
+
+def _outline(path: Path, *, side: float = 100.0, east: float = 200.0) -> Path:
+    ring = [
+        [CORNER[0] + east + dx, CORNER[1] + 200.0 + dy]
+        for dx, dy in ((0, 0), (side, 0), (side, side), (0, side), (0, 0))
+    ]
+    path.write_text(json.dumps({
+        'type': 'FeatureCollection',
+        'crs': {'type': 'name', 'properties': {'name': 'urn:ogc:def:crs:EPSG::32633'}},
+        'features': [{
+            'type': 'Feature', 'properties': {},
+            'geometry': {'type': 'Polygon', 'coordinates': [ring]},
+        }],
+    }))
+    return path
+
+
+def _read(folder: Path, **item: Any) -> tuple[Terrain, list[EmplacedFlow]]:
+    return read_flows('flows', [item], folder, GROUND)
+
+
+@pytest.mark.parametrize('cell', [20.0, 10.0, 30.0, 7.5])
+def test_raster_of_any_cells_keeps_its_volume(
+    tmp_path: Path, cell: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Resampled to the ground and made into columns, the lava is as much as in the file."""
+    thickness = _flow(cell)
+    _write(tmp_path / 'flow.tif', thickness, cell=cell)
+    volume = float(thickness.sum(dtype=float)) * cell**2
+    with caplog.at_level(logging.INFO):
+        ground, (flow,) = _read(tmp_path, file='flow.tif')
+    assert ground is GROUND
+    assert flow.volume == pytest.approx(volume, rel=1e-9)
+    assert f'{volume:,.0f} m3' in caplog.text
+    centre = np.array([240.0, 300.0])
+    for spacing in (3.0, 19.0, 20.0, 47.0):
+        places, volumes = flow.columns(spacing)
+        assert volumes.sum() == pytest.approx(volume, rel=1e-9)
+        assert (volumes[:, None] * places).sum(axis=0) / volume == pytest.approx(centre, abs=2.0)
+        assert GROUND.covered(places).all()
+        # no farther apart than the spacing: that many columns cover the flow
+        assert len(places) * spacing**2 >= (flow.thickness > 0.0).sum() * flow.resolution**2
+    # no coarser than the file, and no finer than needed
+    wanted = {20.0: 20.0, 10.0: 10.0, 30.0: 20.0, 7.5: 20.0 / 3.0}
+    assert flow.resolution == pytest.approx(wanted[cell])
+
+
+def test_columns_of_a_ring_stand_on_lava() -> None:
+    """The centre of mass of a block may be dry: its column then stands on a wet cell."""
+    thickness = np.ones((3, 3))
+    thickness[1, 1] = 0.0
+    places, volumes = EmplacedFlow(thickness, 10.0, (0.0, 0.0)).columns(30.0)
+    assert volumes == pytest.approx([800.0])
+    assert tuple(np.floor(places[0] / 10.0)) != (1.0, 1.0)
+
+
+def test_own_map_of_thickness_is_read(tmp_path: Path) -> None:
+    """A run goes on from thickness.tif of another, whose cells without lava have no data."""
+    thickness = _flow()
+    write_grid(tmp_path / 'thickness.tif', 'thickness', thickness, GROUND, Provenance('a'))
+    _, (flow,) = _read(tmp_path, file='thickness.tif', temperature=1300.0)
+    assert flow.thickness == pytest.approx(thickness, rel=1e-6)
+    assert (flow.temperature, flow.source) == (1300.0, 'thickness.tif')
+
+
+def test_raster_in_another_system(tmp_path: Path) -> None:
+    """A thickness in degrees lands where it belongs, with its volume but for the resampling."""
+    cell = 1.5e-4
+    y, x = np.mgrid[0:40, 0:60]
+    thickness = np.where(np.hypot(x - 15, y - 20) < 10, 4.0, 0.0).astype(np.float32)
+    west, south = 15.0006, 37.7662
+    _write(tmp_path / 'a.tif', thickness, cell=cell, corner=(west, south), crs='EPSG:4326')
+    _, (flow,) = _read(tmp_path, file='a.tif')
+    cells = 111_195.0**2 * cell**2 * np.cos(np.radians(37.767))
+    assert flow.volume == pytest.approx(thickness.sum() * cells, rel=0.02)
+
+
+def test_ground_and_outline(tmp_path: Path) -> None:
+    """As ground a flow raises the terrain; an outline has one thickness."""
+    _write(tmp_path / 'flow.tif', _flow())
+    raised, flows = _read(tmp_path, file='flow.tif', **{'as': 'ground'})
+    assert flows == []
+    assert raised.elevation - GROUND.elevation == pytest.approx(_flow(), abs=1e-4)
+    _outline(tmp_path / 'a.geojson')
+    _, (flow,) = _read(tmp_path, file='a.geojson', thickness=3.5)
+    assert flow.volume == pytest.approx(100.0 * 100.0 * 3.5)
+    # what lies beyond the map is left out of the ground, and refused as lava
+    _outline(tmp_path / 'wide.geojson', side=400.0)
+    raised, _ = _read(tmp_path, file='wide.geojson', thickness=2.0, **{'as': 'ground'})
+    assert float((raised.elevation - GROUND.elevation).max()) == pytest.approx(2.0, abs=1e-4)
+    with pytest.raises(LavaError, match=r'flows\[0\].file .*elsewhere.*on the terrain'):
+        _read(tmp_path, file='wide.geojson', thickness=2.0)
+
+
+@pytest.mark.parametrize(
+    ('values', 'written', 'message'),
+    [
+        (_flow() - np.float32(1.0), {}, r"thickness in a.tif is '-1 in .* at least 0 m"),
+        (np.where(_flow() > 0, _flow(), np.float32(-9999)), {}, '-9999 in .*-a_nodata -9999'),
+        (np.where(_flow() > 5, np.float32(np.nan), _flow()), {}, "'nan in .*finite numbers"),
+        (np.where(_flow() > 5, np.float32(np.inf), _flow()), {}, "'inf in .*finite numbers"),
+        (_flow(), {'unit': 'ft'}, "unit of the thickness in a.tif is 'ft', expected m"),
+        (_flow(), {'unit': 's'}, "unit of the thickness of a.tif is 's', expected one unit"),
+        (_flow() * np.float32(100.0), {}, r'is 529\..*at most 500 m'),
+        (_ground().elevation, {}, 'a thickness: it differs from the elevation'),
+        (_ground().elevation + np.float32(4.0), {}, 'a thickness: it differs from the elevation'),
+        (_flow(), {'corner': (600_000.0, 4_180_000.0)}, '100 % of it elsewhere.*on the terrain'),
+        (_flow(), {'corner': (500_200.0, 4_180_000.0)}, '% of it elsewhere.*on the terrain'),
+        (0.0 * _flow(), {}, 'a flow with a cell on the terrain'),
+        (_flow().astype(np.uint8), {}, 'one band of thickness'),
+        (_flow(), {'count': 2}, 'one band of thickness'),
+        (_flow(), {'description': 'peak_thickness'}, 'thickness at one time'),
+    ],
+)
+def test_what_is_no_thickness_is_refused(
+    tmp_path: Path, values: np.ndarray, written: dict[str, Any], message: str
+) -> None:
+    """The error names the file, the value and what would be right."""
+    _write(tmp_path / 'a.tif', values, **written)
+    with pytest.raises(LavaError, match=message):
+        _read(tmp_path, file='a.tif')
+
+
+@pytest.mark.parametrize(
+    ('item', 'message'),
+    [
+        ({'file': 'a.geojson'}, r'flows\[0\].thickness .*a thickness \[m\]'),
+        ({'file': 'a.geojson', 'thickness': -2.0}, r'flows\[0\].thickness .*above 0'),
+        ({'file': 'a.geojson', 'thickness': 900.0}, 'at most 500 m'),
+        ({'file': 'flow.tif', 'thickness': 2.0}, r'flows\[0\].file .*whose name ends with'),
+        ({'file': 'flow.tif', 'as': 'rock'}, 'one of lava, ground'),
+        ({'file': 'flow.tif', 'as': 'ground', 'temperature': 1300.0}, 'absent for ground'),
+        ({'file': 'flow.tif', 'temperature': 1e9}, r'flows\[0\].temperature'),
+        ({'file': 'none.tif'}, 'none.tif'),
+        ({'file': 3}, r'flows\[0\].file'),
+        ({'files': 'a.tif'}, r'flows\[0\].files'),
+    ],
+)
+def test_wrong_entries_are_refused(tmp_path: Path, item: dict[str, Any], message: str) -> None:
+    """Each is refused by the name of its field."""
+    _write(tmp_path / 'flow.tif', _flow())
+    _outline(tmp_path / 'a.geojson')
+    with pytest.raises(LavaError, match=message):
+        _read(tmp_path, **item)
+
+
+def _scene_file(folder: Path, **more: Any) -> Path:
+    np.savez(
+        folder / 'ground.npz', elevation=GROUND.elevation, resolution=CELL, epsg=32633,
+        offset=CORNER,
+    )
+    text = yaml.safe_dump({
+        'terrain': {'file': 'ground.npz'},
+        'vents': [{'position': [240.0, 100.0], 'discharge': 10.0, 'radius': 30.0}], **more,
+    })
+    (folder / 'scene.yaml').write_text(text)
+    return folder / 'scene.yaml'
+
+
+def test_scene_file_with_flows_and_events(tmp_path: Path) -> None:
+    """A scene takes both; lava has the eruption temperature, new ground the scene's grid."""
+    _write(tmp_path / 'flow.tif', _flow())
+    write_grid(
+        tmp_path / 'new.tif', 'elevation', GROUND.elevation + 2.0, GROUND, Provenance('a')
+    )
+    x, y = CORNER
+    line = [[x + 100.0, y + 300.0], [x + 300.0, y + 300.0]]
+    (tmp_path / 'dams.geojson').write_text(json.dumps({
+        'type': 'FeatureCollection',
+        'crs': {'type': 'name', 'properties': {'name': 'urn:ogc:def:crs:EPSG::32633'}},
+        'features': [{
+            'type': 'Feature', 'properties': {'height': 7.0, 'width': 30.0},
+            'geometry': {'type': 'LineString', 'coordinates': line},
+        }],
+    }))
+    scene = scene_from_yaml(_scene_file(
+        tmp_path,
+        emplaced_flows=[{'file': 'flow.tif'}],
+        events=[
+            {'time': 60.0, 'terrain': 'new.tif'},
+            {'time': 120.0, 'barrier': {'line': line, 'height': 5.0, 'width': 30.0}},
+            {'time': 180.0, 'barriers': 'dams.geojson'},
+        ],
+    ))
+    assert scene.emplaced_flows[0].temperature == scene.vents[0].temperature
+    ground, raised = scene.terrain, []
+    for event in scene.events:
+        ground = event.ground(ground)
+        raised.append(float((ground.elevation - scene.terrain.elevation).max()))
+    assert raised == pytest.approx([2.0, 7.0, 14.0], abs=1e-3)
+    told = scene_to_dict(scene)
+    assert [item['time'] for item in told['events']] == [60.0, 120.0, 180.0]
+    assert told['emplaced_flows'][0]['volume'] == scene.emplaced_flows[0].volume
+    yaml.safe_dump(told)
+
+
+def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path: Path) -> None:
+    """As other rasters without a coordinate system are; its place has to be the same."""
+    np.savez(
+        tmp_path / 'new.npz', elevation=GROUND.elevation + 1.0, resolution=CELL, offset=CORNER
+    )
+    events = [{'time': 9.0, 'terrain': 'new.npz'}]
+    (event,) = scene_from_yaml(_scene_file(tmp_path, events=events)).events
+    assert event.terrain is not None and event.terrain.epsg == 32633
+
+
+@pytest.mark.parametrize(
+    ('events', 'message'),
+    [
+        ([{'time': 1.0}], r'events\[0\] .*one of terrain, barrier, barriers'),
+        ([{'time': -1.0, 'terrain': 'ground.npz'}], r'events\[0\].time .*at least 0'),
+        ([{'time': 9.0, 'terrain': 'ground.npz'}] * 2, 'a time after the event before'),
+        ([{'time': 9.0, 'terrain': 'other.npz'}], r'the grid of the ground before: 30 x 24.*-tr'),
+        ([{'time': 9.0, 'terrain': 'north.npz'}], 'EPSG:32634.*EPSG:32633.*-tr 20 20 -te 500000'),
+        ([{'time': 9.0, 'terrain': 'hole.npz'}], r'vents\[0\]'),
+        ([{'time': 9.0, 'barriers': 4}], r'events\[0\].barriers'),
+    ],
+)
+def test_wrong_events_are_refused(tmp_path: Path, events: list[Any], message: str) -> None:
+    """An event that cannot happen is refused before the run."""
+    known = {'resolution': CELL, 'epsg': 32633, 'offset': CORNER}
+    np.savez(tmp_path / 'other.npz', elevation=GROUND.elevation[1:], **known)
+    np.savez(tmp_path / 'north.npz', elevation=GROUND.elevation, **known | {'epsg': 32634})
+    holed = GROUND.elevation.copy()
+    holed[3:8, 10:14] = np.nan
+    np.savez(tmp_path / 'hole.npz', elevation=holed, **known)
+    with pytest.raises(LavaError, match=message):
+        scene_from_yaml(_scene_file(tmp_path, events=events))
+
+
+def test_cold_emplaced_lava_is_refused() -> None:
+    """Lava below the solidus does not flow; as ground it would be no error."""
+    scene = Scene(GROUND)
+    flow = EmplacedFlow(_flow().astype(float), CELL, (0.0, 0.0), 500.0)
+    cold = replace(scene.lava, solidus=900.0)
+    with pytest.raises(LavaError, match=r'emplaced_flows\[0\].temperature .*above lava.solidus'):
+        replace(scene, lava=cold, emplaced_flows=(flow,))
+
