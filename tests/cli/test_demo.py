@@ -112,7 +112,7 @@ def test_the_tutorial_with_files_of_an_observatory(tmp_path, monkeypatch):
         status, *said = lava(*shlex.split(words))
         assert status == 0, said
     assert (tmp_path / 'map.pdf').read_bytes().startswith(b'%PDF')
-    with rasterio.open(tmp_path / 'maps/height.tif') as file:
+    with rasterio.open(tmp_path / 'maps/thickness.tif') as file:
         assert file.crs.to_epsg() == 32633
         row, column = file.index(500_600.0, 4_179_680.0)
         assert file.read(1, masked=True)[row, column] > 0.1
