@@ -20,6 +20,9 @@ COVERED = 0.1
 #: Least thickness that a flow is expected to have [m].
 LEAST_THICKNESS = 1e-6
 
+#: Maximum thickness [m]: lava that is too strong to flow has no thickness of its own.
+MAX_THICKNESS = 1e5
+
 FORMULATIONS = ('corrected', 'as-published')
 
 INTEGRATORS = ('rkl2', 'euler')
@@ -43,7 +46,8 @@ class Accuracy:
     )
     thickness: float | None = number(
         None, 'Expected thickness of the flow, which sets the volume of a particle with the '
-        'spacing; None: that of the expected course of the flow (course.py)', 1e-9, 1e5, 'm',
+        'spacing; None: that of the expected course of the flow (course.py)', 1e-9, MAX_THICKNESS,
+        'm',
     )
     ratio: float = number(
         3.0, 'Kernel radius over spacing: 3 to 6 gives 28 to 113 neighbours', 1.5, 12.0

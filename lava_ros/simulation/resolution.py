@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import math
 
 from lava_ros.scene import Scene
-from lava_ros.simulation.accuracy import Accuracy, expected_thickness
+from lava_ros.simulation.accuracy import Accuracy, expected_thickness, MAX_THICKNESS
 from lava_ros.simulation.course import course_of
 
 #: How far ahead is looked, unless somebody says otherwise [s].
@@ -127,6 +127,7 @@ def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON)
         thickness = emplaced / sum(flow.area for flow in flows)
     if thickness is None:
         thickness = expected_thickness(scene) if course is None else course.thickness
+        thickness = min(thickness, MAX_THICKNESS)
     cell = scene.terrain.resolution
     if accuracy.spacing is not None:
         spacing = accuracy.spacing

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from lava_ros.hindcast.coarse import coarsened
-from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation.accuracy import Accuracy, MAX_THICKNESS
 from lava_ros.simulation.course import course_of
+from lava_ros.simulation.resolution import resolved_accuracy
 from slope_scenes import ground, HOUR, LAVA, MOBILITY, scene, SLOPE
 
 
@@ -113,6 +115,18 @@ def test_strength_holds_lava_up():
     least = 4000.0 / (2600.0 * 9.81 * SLOPE)
     assert (course.columns.thickness > least).all()
     assert course.thickness > 1.5 * course_of(scene(ground(5.0)), horizon=6.0 * HOUR).thickness
+
+
+def test_lava_too_strong_to_flow_can_be_simulated():
+    """The resolution stays within its limits, whatever the strength."""
+    ground = Terrain(np.tile(0.01 * np.arange(26.0), (24, 1)), 1.0)
+    vent = Vent((16.5, 9.5), ((0.0, 1.0), (1.0, 0.0)), temperature=900.0, radius=1.0)
+    lava = Lava(
+        density=1000.0, viscosity=1.0, yield_strength=100.0, yield_rate=0.05,
+        reference_temperature=1423.0, liquidus=1350.0, solidus=800.0, arrhenius=0.0,
+    )
+    found = resolved_accuracy(Accuracy(spacing=1.4), Scene(ground, (vent,), lava))
+    assert found.thickness == MAX_THICKNESS
 
 
 def test_holes_and_borders_end_the_path():
