@@ -18,7 +18,7 @@ KERNELS = ('wendland', 'poly6', 'spiky', 'visc')
 COVERED = 0.1
 
 #: Minimum expected thickness of a flow [m].
-LEAST_THICKNESS = 1e-6
+MIN_THICKNESS = 1e-6
 
 FORMULATIONS = ('corrected', 'as-published')
 
@@ -63,21 +63,20 @@ class Accuracy:
     )
     longest_step: float = number(60.0, 'Longest step', 1e-6, 1e9, 's')
     fixed_step: float | None = number(
-        None, 'Step to take whatever the limits say, as the paper does with 0.01 s; None: the '
-        'limits decide', 1e-9, 1e9, 's',
+        None, 'Step that overrides all limits, as 0.01 s in the paper; None: the limits decide',
+        1e-9, 1e9, 's',
     )
     # energy: gradient of the particles' potential energy. difference: differences between
     # particles, 0 on a level surface. balanced: the energy form as far as the difference form
-    # allows; equally
-    # accurate, at rest when level, for one more pass over the neighbours (simulation/flow.py).
-    # With inertia it is always energy, which conserves momentum.
+    # allows; equally accurate, at rest when level, for one more pass over the neighbours
+    # (simulation/flow.py). With inertia it is always energy, which conserves momentum.
     gradient: str = choice('energy', "Form of the surface's gradient", GRADIENTS)
     formulation: str = choice(
         'corrected', 'Equations of the velocity; as-published: 3.36 to 3.44 as they are printed, '
         'for comparison only', FORMULATIONS,
     )
     deterministic: bool = flag(
-        False, 'Make runs on a GPU identical to the bit; on the CPU they always are'
+        False, 'Make runs on a GPU bitwise identical; on the CPU they always are'
     )
     # a mirrored scene, or one rotated by 90 degrees, then gives the mirrored or rotated flow;
     # otherwise particles are emitted one by one
@@ -120,7 +119,7 @@ def expected_thickness(scene: Scene) -> float:
     discharge = max((vent.peak for vent in scene.vents), default=0.0)
     scale = 3.0 * vent_viscosity(scene) * (discharge or 1.0)
     scale /= scene.lava.density * scene.gravity
-    return max(math.sqrt(math.sqrt(scale)), LEAST_THICKNESS)
+    return max(math.sqrt(math.sqrt(scale)), MIN_THICKNESS)
 
 
 def vent_viscosity(scene: Scene) -> float:

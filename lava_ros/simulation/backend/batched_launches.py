@@ -32,7 +32,7 @@ _CAPTURED = 4
 _ALIGNED = 16
 
 #: Maximum number of cached block lists and graphs: one for each rounded number of blocks.
-_MOST = 64
+_MAX_CACHED = 64
 
 
 def kind_of(launches: Sequence[Launch]) -> tuple[Any, ...]:
@@ -120,7 +120,7 @@ class BatchedLaunches:
         key = (*numbers, *room)
         ends = np.cumsum(room)
         if key not in self._made:
-            if len(self._made) >= _MOST:
+            if len(self._made) >= _MAX_CACHED:
                 self._made.clear()
             empty = wp.empty(sum(room), dtype=wp.vec3i, device=self._device)
             parts = [empty[end - size : end] for end, size in zip(ends, room, strict=True)]

@@ -18,7 +18,7 @@ from itertools import chain
 from typing import Any
 
 #: Minimum compute capability of a GPU that supports it.
-_LEAST_ARCH = 90
+_MIN_ARCH = 90
 
 #: Constants of the driver: success, a kernel among the nodes of a graph, and the port and type of
 #: an edge for programmatic launches.
@@ -67,7 +67,7 @@ def overlap(graph: Any, kernels: Collection[Any]) -> int:
         RuntimeError: If the driver removes an edge and can neither replace nor restore it.
     """
     driver = _driver()
-    if driver is None or graph.device.arch < _LEAST_ARCH:
+    if driver is None or graph.device.arch < _MIN_ARCH:
         return 0
     names = {kernel.get_mangled_name() for kernel in kernels}
     edges, replaced = _edges(driver, graph.graph), 0

@@ -15,7 +15,7 @@ import warp as wp
 #: Maximum number of page-locked arrays of each shape and type per reader: one in transfer, the
 #: latest, and the last ones published by layers of two rates. They are scarce and slow to
 #: allocate.
-_MOST_LOCKED = 4
+_MAX_PINNED_ARRAYS = 4
 
 #: Held while a graph is captured and while a thread waits for an event: Warp refuses to wait
 #: during a capture, even by another thread.
@@ -125,7 +125,7 @@ class Reader:
         kind = (array.shape, array.dtype)
         free = self._free[kind]
         if not free:
-            is_locked = self._made[kind] < _MOST_LOCKED
+            is_locked = self._made[kind] < _MAX_PINNED_ARRAYS
             self._made[kind] += is_locked
             host = wp.empty_like(array, device='cpu', pinned=is_locked)
         else:
