@@ -82,8 +82,7 @@ class FlowDiagnostics:
         self._numbers: Any = None
 
     def take(self, state: State, vents: VentSet) -> Any:
-        """Gather the current values on the device, for ``moment_of``; the next call overwrites
-        them.
+        """Gather the current values on the device; the next call overwrites them.
 
         Particles that have left must have been dropped.
         """

@@ -74,8 +74,7 @@ class _Lent:
 
 
 class Reader:
-    """Reader that copies GPU arrays to the host on its own stream, in parallel with later
-    launches.
+    """Reader that copies GPU arrays to the host, in parallel with later launches.
 
     The host memory is page-locked and reused when no array refers to it any more: in the long
     run nothing is allocated.
