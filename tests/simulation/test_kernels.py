@@ -32,7 +32,7 @@ def evaluate(function, values):
 def test_kernel_is_what_it_says(name):
     """The integral of W over its disc is 1, and slope(q) q is the derivative of shape(q).
 
-    No wave decays faster than the stiffness says, and one decays that fast.
+    No wave decays faster than the stiffness allows, and one decays that fast.
     """
     kernel = smoothing_kernel(name, wp.float64)
     q = (np.arange(20000) + 0.5) / 20000

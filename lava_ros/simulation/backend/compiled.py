@@ -63,7 +63,7 @@ _SUM = """
 #endif
     return value;
 """
-#: The hardware clamps a sum to 0 and 1; the compiler does not make use of it.
+#: The hardware clamps a sum to the range 0 to 1; the compiler does not make use of it.
 _ONE_LESS = """
     float left;
     asm("fma.rn.ftz.sat.f32 %0, %1, %2, %3;" : "=f"(left) : "f"(-a), "f"(b), "f"(1.0f));
@@ -74,7 +74,7 @@ _PAST_THE_CACHE = """
     return v;
 """
 #: Runs in the first block, which starts before any block that waits for it. The fence also
-#: invalidates the cache that its threads share.
+#: invalidates the cache that it shares with other blocks.
 _ANNOUNCE = """
 #if defined(__CUDA_ARCH__)
     if (threadIdx.x == 0) {

@@ -80,7 +80,7 @@ def channel_velocity(
 
 
 def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
-    """The solve in three channels, and the Green's function in a wide one.
+    """Compare the solve in three channels, and the Green's function in a wide one.
 
     The model's own limit is the parabolic profile: full Stokes flow has means of 0.1715, 0.5152,
     0.7481 and 0.7896 at W/h 1, 2.5, 5 and 6 where its equation has 0.1668, 0.5131, 0.7472 and
@@ -104,7 +104,7 @@ def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def rough_bowl() -> Terrain:
-    """A paraboloid with bumps of a few decimetres.
+    """Return a paraboloid with bumps of a few decimetres.
 
     Wavelengths, directions and phases of the bumps are even over their ranges, in no order:
     multiples of irrational numbers, modulo 1.
@@ -124,7 +124,7 @@ def rough_bowl() -> Terrain:
 
 
 def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
-    """Elevation [m] of the surface whose gradient drives the lava: the quadratic B-spline.
+    """Return the elevation [m] of the quadratic B-spline whose gradient drives the lava.
 
     ``position`` [m], shape [count, 2], must be at least two cells away from the terrain's border.
     """

@@ -60,7 +60,7 @@ def _fissure(
     lava: Lava, effects: Effects, accuracy: Accuracy, device: str, *, length: float,
     thickness: float, particles: Particles | None = None,
 ) -> case.Trial:
-    """A fissure across the slope, below a wall that keeps lava from flowing back.
+    """Return a fissure across the slope, below a wall that keeps lava from flowing back.
 
     The ground is ``length`` long below it [m], and the flow is expected to be ``thickness`` thick
     [m].

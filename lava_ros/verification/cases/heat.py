@@ -55,8 +55,8 @@ CONVECTION = (1.0, 2.0, 3.0)
 #: radiation contributes 6.1 to 5.5 of it as the oil cools.
 LOSS = 5.8 + CONVECTION[1]
 
-#: What stands for oil and room: a vent has no lava as cold. With the loss as the difference, and a
-#: viscosity that does not change, the scale of temperatures is free.
+#: Temperatures that replace those of oil and room, because vents have no lava as cold [K]. With a
+#: loss proportional to the difference, and constant viscosity, the scale of temperatures is free.
 STAND_INS = (700.0, 600.0)
 
 

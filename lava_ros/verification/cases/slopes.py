@@ -60,7 +60,7 @@ def _run_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _fissure(accuracy: Accuracy, device: str) -> tuple[exact.SlopeFlux, case.Window, case.Trial]:
-    """A fissure across 20 degrees, on ground down to past 10 run-outs h cot b below it."""
+    """Return a fissure across 20 degrees, on ground to more than 10 run-outs h cot b below."""
     flux = 0.5
     solution = exact.SlopeFlux(flux, SLOPE, NU, GRAVITY)
     run_out = solution.run_out
@@ -144,10 +144,10 @@ def _run_ahead(accuracy: Accuracy, device: str) -> case.Run:
 def _source(
     slope: float, window: case.Window, accuracy: Accuracy, device: str, **sizes: float
 ) -> tuple[exact.ListerScales, case.Window, case.Trial]:
-    """A small round source at (0, 0) on a slope.
+    """Return a small round source at (0, 0) on a slope.
 
-    Lengths are over Lister's scale L: of the window that is returned in metres, and of ``sizes``,
-    which are ``spacing``, ``radius`` of the vent and ``cell``.
+    Lengths are over Lister's scale L: ``window``, which is returned in metres, and ``sizes``,
+    namely ``spacing``, ``radius`` of the vent and ``cell``.
     """
     scales = exact.ListerScales(DISCHARGE, slope, NU, GRAVITY)
     x0, y0, x1, y1 = (scales.length * place for place in window)
@@ -182,7 +182,7 @@ def _run_lister(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_smith(accuracy: Accuracy, device: str) -> case.Run:
-    """The steady flow eighteen run-outs below a source; the lower border swallows it soon after.
+    """Compare the steady flow eighteen run-outs below a source; it leaves the map soon after.
 
     The outer tenth of the width carries 4e-4 of the flux, a particle in more than a hundred T,
     so the half-width is taken where the flow is half as thick as on its axis.
