@@ -1,29 +1,29 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The effects: a file or a folder each, which owns everything of its own, and the registry.
+"""The effects, each in its own file or folder with everything that belongs to it; the registry.
 
-Each declares ``EFFECT`` (``effect.py``) and defines, as far as the effect has such a part, what is
-in this list. What needs much of the solver is a folder, whose ``device.py`` is loaded when the
-effect is on. ``wp`` is Warp, or what stands for it on the host (``laws.HOST``), ``real`` the
-scalar type to compute in, ``law`` and ``constants`` the structs of constants of ``laws.py``:
+Each declares ``EFFECT`` (``effect.py``) and defines those of the functions below that it needs. An
+effect that depends on much of the solver is a folder, whose ``device.py`` is loaded when the
+effect is on. ``wp`` is Warp, or its substitute on the host (``laws.HOST``), ``real`` the scalar
+type to compute in, ``law`` and ``constants`` the structs of constants of ``laws.py``:
 
     viscosity(wp, real, law)                  mu(T)                          laws.py
-    stiffening(wp, real, law, viscosity)      mu(T) with more in the lava    laws.py
+    stiffening(wp, real, law, viscosity)      mu(T) with suspended solids    laws.py
     strength(wp, real, law)                   tau_y(T)                       laws.py
     speed(wp, real, law, viscosity, strength) u of thickness and slope       laws.py
     terms(wp, real, constants)                heat gained and lost           simulation/heat.py
-    relaxed(wp, real, constants, relaxation)  what a step makes of them      simulation/heat.py
-    factor(real)                              what scales the mobility       simulation/flow.py
-    AfterStep                                 a pass at the step's end       simulation/stage.py
+    relaxed(wp, real, constants, relaxation)  temperature after a step       simulation/heat.py
+    factor(real)                              factor of the mobility         simulation/flow.py
+    AfterStep                                 a pass at the end of a step    simulation/stage.py
 
 ``AfterStep(scene, accuracy, terrain, state)`` has a method ``apply(state, neighbors)``, called
 after the motion in every stage: its kernels return at once unless ``counts[IS_LAST]`` is 1, and
 the step is ``clock[STEP]``. ``state.ordered`` holds the particles before the motion, and
-``state.particle`` the same ones in the same order after it. One with arrays of its own has
-``save() -> arrays by name`` and ``load(arrays)`` for checkpoints.
+``state.particle`` the same particles in the same order after it. An ``AfterStep`` with arrays of
+its own has ``save() -> arrays by name`` and ``load(arrays)`` for checkpoints.
 
-To add an effect is to add its file; to delete one is to delete its file.
+To add an effect, add its file; to delete an effect, delete its file.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from lava_ros.errors import LavaError
 if TYPE_CHECKING:
     from lava_ros.scene import Lava, Scene
 
-#: Files in this folder that are no effect.
+#: Files in this folder that are not effects.
 _OTHERS = ('effect', 'laws', 'scales')
 
 
@@ -53,12 +53,12 @@ def _read() -> dict[str, ModuleType]:
 
 _MODULES = _read()
 
-#: What each effect declares, by name, in the order of their ranks.
+#: Declaration of each effect, by name, in the order of their ranks.
 EFFECTS: MappingProxyType[str, Effect] = MappingProxyType(
     {name: module.EFFECT for name, module in _MODULES.items()}
 )
 
-# a name that two of them declare is refused here, one of lava_ros itself where it is used
+# checks names that two effects declare; names of lava_ros itself are checked where they are used
 for _part in ('constants', 'environment', 'law', 'heat', 'arrays'):
     join_names(_part, EFFECTS)
 
@@ -66,10 +66,10 @@ for _part in ('constants', 'environment', 'law', 'heat', 'arrays'):
 @dataclass(frozen=True)
 @with_fields(lambda _: {name: flag(one.is_default, one.title) for name, one in EFFECTS.items()})
 class Effects:
-    """The physics that is on beside slope, spreading and viscosity: a bool for each effect.
+    """Effects that are on, in addition to slope, spreading and viscosity: one bool per effect.
 
-    It is the key of the compiled step: what it leaves out is in no kernel. ``'inertia' in
-    effects`` says whether an effect is on; one that does not exist is not.
+    It is the key of the compiled step: kernels contain only effects that are on. ``'inertia' in
+    effects`` is True if an effect is on, and False for names that are not effects.
     """
 
     if TYPE_CHECKING:
@@ -79,10 +79,10 @@ class Effects:
         def __getattr__(self, name: str) -> bool: ...  # noqa: D105
 
     def __post_init__(self) -> None:
-        """Refuse anything but booleans.
+        """Check that all fields are booleans and compatible.
 
         Raises:
-            LavaError: A field is not true or false, or two do not go together.
+            LavaError: If a field is not true or false, or two effects exclude each other.
         """
         for item in fields(self):
             if not isinstance(getattr(self, item.name), bool):
@@ -93,45 +93,45 @@ class Effects:
                     raise LavaError(f'effects.{name}', True, f'false beside {other}: {why}')
 
     def __contains__(self, name: object) -> bool:
-        """Say whether an effect is on."""
+        """Return True if an effect is on."""
         return isinstance(name, str) and getattr(self, name, False) is True
 
     def __iter__(self) -> Iterator[str]:
-        """Names of the effects that are on, in the order of their ranks."""
+        """Iterate over the names of the effects that are on, in the order of their ranks."""
         return (name for name in EFFECTS if name in self)
 
     def any(self, what: str) -> bool:
-        """Whether one that is on declares something, such as ``needs_age``."""
+        """Return True if an effect that is on declares an attribute, such as ``needs_age``."""
         return any(getattr(EFFECTS[name], what) for name in self)
 
     @property
     def arrays(self) -> dict[str, Array]:
-        """The arrays that those which are on keep on the device, by name."""
+        """Arrays that the effects that are on keep on the device, by name."""
         return {key: item for name in self for key, item in EFFECTS[name].arrays.items()}
 
     def having(self, part: str) -> dict[str, ModuleType]:
-        """The files of the effects that are on which define a part, such as ``terms``, by name."""
+        """Return the modules of the effects that are on and define a function, by name."""
         return {name: file for name in self if hasattr(file := load(name), part)}
 
 
 def load(name: str) -> Any:
-    """The file of an effect, of a folder what is for the device."""
+    """Return the module of an effect, or of a folder its device part."""
     module = _MODULES[name]
     return import_module(f'{module.__name__}.device') if hasattr(module, '__path__') else module
 
 
 def excluded_by(one: str, other: str) -> bool:
-    """Whether two effects cannot be on at once."""
+    """Return True if two effects cannot be on at once."""
     return other in EFFECTS[one].excludes or one in EFFECTS[other].excludes
 
 
 def possible(lava: Lava) -> tuple[str, ...]:
-    """Names of the effects that a lava has by its constants, whether they matter or not."""
+    """Return the names of the effects that a lava has by its constants, relevant or not."""
     return tuple(name for name, item in EFFECTS.items() if item.exists(lava))
 
 
 def existing(scene: Scene) -> tuple[str, ...]:
-    """Names of the effects that a scene has by its numbers and whose part no other takes over."""
+    """Return the names of the effects that a scene has and that no other effect replaces."""
     return without_replaced(
         name
         for name in possible(scene.lava)
@@ -140,7 +140,7 @@ def existing(scene: Scene) -> tuple[str, ...]:
 
 
 def without_replaced(names: Iterable[str]) -> tuple[str, ...]:
-    """The effects of these names whose part no other of them takes over."""
+    """Return those of the named effects that no other of them replaces."""
     names = tuple(names)
     replaced = {other for name in names for other in EFFECTS[name].replaces}
     return tuple(name for name in names if name not in replaced)

@@ -3,7 +3,7 @@
 
 """Viscosity that rises as lava cools: the Arrhenius law of 3.26.
 
-The paper multiplies f(theta) = K_e exp(alpha (theta_e - theta)) by another constant mu of the same
+The paper multiplies f(theta) = K_e exp(alpha (theta_e - theta)) by another constant mu, also of
 100 Pa s; that counts the viscosity twice, so f alone is the viscosity here.
 """
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def _stiffening(scales: 'Scales') -> np.ndarray:
-    """Logarithm of the largest ratio of viscosities: by cooling, or of vents and reference."""
+    """Return the logarithm of the largest viscosity ratio: by cooling, or of vent to reference."""
     lava = scales.lava
     at_vent = abs(math.log(lava.viscosity_at(scales.vent_temperature) / lava.viscosity))
     end = scales.law(lava.viscosity_at, scales.rest_temperature) / lava.viscosity
@@ -38,7 +38,7 @@ EFFECT = Effect(
     source='speed is as 1 / mu',
     exists=lambda lava: lava.arrhenius > 0.0,
     is_default=True,
-    # 8e-3 is the paper's, 0.04 is usual in the field (Dragoni 1989)
+    # 8e-3 is the paper's value, 0.04 is usual in the field (Dragoni 1989)
     constants={
         'arrhenius': number(
             8e-3, 'Rate of the Arrhenius law of viscosity; 0: constant', 0.0, 1.0, '1/K'
@@ -48,7 +48,7 @@ EFFECT = Effect(
     benchmark={'arrhenius': 0.02},
 )
 
-#: Largest exponent of the law either way: a ratio of 1e26.
+#: Maximum absolute exponent of the law: a ratio of 1e26.
 _LARGEST = 60.0
 
 

@@ -28,7 +28,7 @@ EFFECT = Effect(
 
 @lru_cache
 def terms(wp: Any, real: Any, constants_type: Any) -> Any:
-    """Return the device function that gives s [1/s] and s Ta [K/s]."""
+    """Return the device function for s [1/s] and s Ta [K/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func

@@ -1,17 +1,18 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A crust that covers a part of the surface, the less the faster lava flows (FLOWGO).
+"""A crust that covers a part of the surface, which shrinks as the lava flows faster (FLOWGO).
 
-A share f = f0 exp(-a u) of the surface is crust at a constant temperature Tc, the rest is as hot
-as the column (Harris & Rowland 2001, Bulletin of Volcanology 63, 20-44: f0 = 0.9, a = 0.16 s/m for
-flows that are poorly insulated, f0 = 1, a = 0.00756 s/m for well crusted ones):
+A fraction f = f0 exp(-a u) of the surface is crust at a constant temperature Tc, the rest is as
+hot as the column (Harris & Rowland 2001, Bulletin of Volcanology 63, 20-44: f0 = 0.9, a = 0.16 s/m
+for poorly insulated flows, f0 = 1, a = 0.00756 s/m for well crusted flows):
 
     rho c h dT/dt = -f q(Tc) - (1 - f) q(T), q(T) = eps sigma (T^4 - Ta^4) + lambda (T - Ta).
 
-Their convection takes one temperature for the whole surface, a mean to the power of 4/3; here each
-part loses its own. Lava colder than Tc is as cold as its crust. The crust is renewed as the lava
-moves, so its temperature does not depend on age: where lava stays, ``crust`` is the right effect.
+Their convection uses one temperature for the whole surface, a mean to the power of 4/3; here each
+part loses its own heat. Lava colder than Tc is as cold as its crust. The crust is renewed as the
+lava moves, so its temperature does not depend on age: for lava at rest, ``crust`` is the right
+effect.
 """
 
 from functools import lru_cache
@@ -54,7 +55,7 @@ EFFECT = Effect(
 
 @lru_cache
 def terms(wp: Any, real: Any, constants_type: Any) -> Any:
-    """Return the device function that gives s [1/s] and s Ta [K/s]."""
+    """Return the device function for s [1/s] and s Ta [K/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""A crust: lava radiates from a surface that is colder the longer it has been out.
+"""A crust: lava radiates from a surface that becomes colder with time since emission.
 
-The surface is as hot as the flux it loses lets it be,
+The temperature of the surface follows from the balance of heat fluxes,
 
     eps sigma (Ts^4 - Ta^4) + lambda (Ts - Ta) = (T - Ts) / R,
 
@@ -12,16 +12,17 @@ R the resistance of lava that has cooled from above for the column's age t, w = 
 
     R = [w / C - w^2 / (h (m + 1/2))] / k, C = Gamma(1 + m) / Gamma(1/2 + m).
 
-* For m = 0, R = sqrt(pi) w / k is a half-space whose surface was cold from the start. A surface
-  cools over time: where T - Ts goes as t^m the flux is C / sqrt(pi)^-1 times as large (Duhamel's
-  integral), and m = 1 / (2 (1 + R dq/dTs)), from 1/2 when radiation decides to 0 when the crust
-  does, keeps both sides of the balance in step. Without it the heat lost is 14 % too small.
-* T is the column's mean. The second term is what the crust itself lacks of the core's heat, and w
-  stops where R is largest: there the crust has reached the base, and R is that of a whole slab,
-  0.393 h / k for a cold surface (exact 4 / pi^2 = 0.405). The base is taken as insulated.
+* For m = 0, R = sqrt(pi) w / k is a half-space whose surface was cold from the start. A real
+  surface cools over time: where T - Ts is proportional to t^m, the flux is sqrt(pi) C times as
+  large (Duhamel's integral), and m = 1 / (2 (1 + R dq/dTs)), from 1/2 when radiation controls the
+  flux to 0 when the crust does, keeps both sides of the balance consistent. Without it the heat
+  lost is 14 % too small.
+* T is the column's mean. The second term is the heat that the crust itself lacks compared with the
+  core, and w stops where R is largest: there the crust has reached the base, and R is that of a
+  whole slab, 0.393 h / k for a cold surface (exact 4 / pi^2 = 0.405). The base is insulated.
 
-Against one-dimensional conduction in a slab, 1 to 5 m thick, radiating and convecting, the heat
-lost is right to 2 % at any age (4 % with convection alone), the surface to 8 K (20 K).
+Compared with one-dimensional conduction in a slab, 1 to 5 m thick, with radiation and convection,
+the heat lost is accurate to 2 % at any age (4 % with convection alone), the surface to 8 K (20 K).
 """
 
 from functools import lru_cache
@@ -34,16 +35,16 @@ if TYPE_CHECKING:
     from lava_ros.scene import Lava
 
 
-#: Conductivity below which a crust is as if it had this one [W/(m K)].
-LEAST_CONDUCTIVITY = 1e-9
+#: Minimum conductivity of a crust [W/(m K)]; lower ones are replaced by it.
+MIN_CONDUCTIVITY = 1e-9
 
 
 def _check(lava: 'Lava') -> None:
     if lava.crust and not lava.conductivity:
-        raise LavaError('lava.conductivity', lava.conductivity, 'above 0 beside lava.crust')
+        raise LavaError('lava.conductivity', lava.conductivity, 'above 0 with lava.crust')
     cover = getattr(lava, 'crust_cover', 0.0)
     if lava.crust and cover:
-        raise LavaError('lava.crust_cover', cover, '0 beside lava.crust')
+        raise LavaError('lava.crust_cover', cover, '0 with lava.crust')
 
 
 EFFECT = Effect(
@@ -62,21 +63,21 @@ EFFECT = Effect(
     },
     check=_check,
     heat={
-        # without conductivity nothing comes through: the limit, which 0 / 0 is not
-        'diffusivity': lambda scene: max(scene.lava.conductivity, LEAST_CONDUCTIVITY)
+        # without conductivity the crust passes no heat: a finite value in place of 0 / 0
+        'diffusivity': lambda scene: max(scene.lava.conductivity, MIN_CONDUCTIVITY)
         / (scene.lava.density * scene.lava.specific_heat),
     },
     needs_age=True,
     benchmark={'crust': True, 'conductivity': 2.0},
 )
 
-#: Newton steps to the surface's temperature: it then changes by less than 1e-4 of the flux.
+#: Newton steps for the surface temperature: it then changes by less than 1e-4 of the flux.
 NEWTON_STEPS = 4
 
 
 @lru_cache
 def terms(wp: Any, real: Any, constants_type: Any) -> Any:
-    """Return the device function that gives s [1/s] and s Ta [K/s]."""
+    """Return the device function for s [1/s] and s Ta [K/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func
@@ -105,7 +106,7 @@ def terms(wp: Any, real: Any, constants_type: Any) -> Any:
         ambient = real(constants.ambient)
         fourth = ambient * ambient * ambient * ambient
         r = resistance(constants, thickness, age, real(0.5))
-        # from above: neither the core's temperature nor what radiation alone allows is exceeded
+        # start from above: the minimum of the core's temperature and the limit by radiation alone
         excess = wp.max(temperature - ambient, real(0.0))
         most = wp.sqrt(wp.sqrt(fourth + excess / wp.max(r * radiation, real(1.0e-30))))
         surface = wp.max(ambient, wp.min(temperature, most))

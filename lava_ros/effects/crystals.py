@@ -5,8 +5,8 @@
 
 e = 2.5 by Einstein and Roscoe (Roscoe 1952, Br. J. Appl. Phys. 3; Marsh 1981, Contrib. Mineral.
 Petrol. 78), e = 2 by Maron and Pierce (1956, J. Colloid Sci. 11). The volume fraction of crystals
-phi(T) rises linearly from 0 at the liquidus to ``crystals`` at the solidus. Where they jam,
-phi = phi_m, the law is infinite: 1 - phi / phi_m is never taken below ``LEAST_ROOM``.
+phi(T) rises linearly from 0 at the liquidus to ``crystals`` at the solidus. At maximum packing,
+phi = phi_m, the law is infinite: 1 - phi / phi_m is limited to at least ``LEAST_ROOM``.
 """
 
 from functools import lru_cache
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 #: The exponent e of each law.
 EXPONENTS = {'none': 0.0, 'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
 
-#: Smallest 1 - phi / phi_m: a factor of 3e7 (Einstein-Roscoe) or 1e6 (Maron-Pierce).
+#: Minimum of 1 - phi / phi_m: a factor of 3e7 (Einstein-Roscoe) or 1e6 (Maron-Pierce).
 LEAST_ROOM = 1e-3
 
 
 def fraction(lava: 'Lava', temperature: np.ndarray | float) -> np.ndarray | float:
-    """Volume fraction of crystals at temperatures [K]: none at the liquidus."""
+    """Return the volume fraction of crystals at temperatures [K], 0 at the liquidus."""
     return np.interp(temperature, [lava.solidus, lava.liquidus], [lava.crystals, 0.0])
 
 
 def _stiffening(scales: 'Scales') -> np.ndarray:
-    """Logarithm of what the crystals in each column at the horizon multiply its viscosity by."""
+    """Return the logarithm of the viscosity factor of crystals at the horizon, by column."""
     lava = scales.lava
     room = np.maximum(1.0 - fraction(lava, scales.rest_temperature) / lava.packing, LEAST_ROOM)
     return EXPONENTS[lava.crystal_law] * np.log(1.0 / room)
@@ -42,7 +42,7 @@ def _stiffening(scales: 'Scales') -> np.ndarray:
 
 def _check(lava: 'Lava') -> None:
     if lava.crystal_law != 'none' and not lava.solidus:
-        raise LavaError('lava.solidus', lava.solidus, 'above 0 K beside lava.crystal_law')
+        raise LavaError('lava.solidus', lava.solidus, 'above 0 K with lava.crystal_law')
 
 
 EFFECT = Effect(
@@ -73,7 +73,7 @@ EFFECT = Effect(
 
 @lru_cache
 def stiffening(wp: Any, real: Any, law_type: Any, viscosity: Any) -> Any:
-    """Return the device function mu(T) [Pa s] of lava with crystals; that of the melt is given."""
+    """Return the device function mu(T) [Pa s] of lava with crystals, given that of the melt."""
 
     @wp.func
     def stiffened(law: law_type, temperature: real) -> real:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the file of an effect declares: constants, the number that decides, arrays, exclusions."""
+"""Declaration of an effect: constants, dimensionless number, arrays, exclusions."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 
 
 def number(default: float | None, text: str, least: float, most: float, unit: str = '') -> Any:
-    """A field that is a number within limits, or its default of None."""
+    """Return a dataclass field that is a number within limits, or its default of None."""
     return field(
         default=default, metadata={'text': text, 'limits': (least, most), 'unit': unit}
     )
 
 
 def choice(default: str, text: str, choices: Iterable[str]) -> Any:
-    """A field that is one of some texts."""
+    """Return a dataclass field that is one of several strings."""
     choices = tuple(choices)
     metadata = {'text': f'{text}: {", ".join(choices)}', 'choices': choices}
     return field(default=default, metadata=metadata)
 
 
 def flag(default: bool, text: str) -> Any:
-    """A field that is true or false."""
+    """Return a dataclass field that is true or false."""
     return field(default=default, metadata={'text': text})
 
 
@@ -42,11 +42,11 @@ def check_fields(label: str, item: Any) -> None:
     """Validate the fields of a dataclass that ``number``, ``choice`` and ``flag`` describe.
 
     Args:
-        label: What messages call the whole.
+        label: Name of the dataclass in messages.
         item: The dataclass; its numbers become floats.
 
     Raises:
-        LavaError: A field is not usable.
+        LavaError: If a field is not valid.
     """
     for one in fields(item):
         name, value = f'{label}.{one.name}', getattr(item, one.name)
@@ -70,7 +70,7 @@ def with_fields(
     """Return a decorator that gives a class more fields before it becomes a dataclass.
 
     Args:
-        more: Returns the fields by name, given the names that the class has.
+        more: Function that returns the fields by name, given the names that the class has.
     """
 
     def extended(kind: type) -> type:
@@ -85,18 +85,18 @@ def with_fields(
 def join_names(
     part: str, effects: Mapping[str, Effect], core: Iterable[str] = ()
 ) -> dict[str, Any]:
-    """Join what effects declare as a part of theirs.
+    """Merge a mapping that all effects declare, and check for name conflicts.
 
     Args:
         part: An attribute of ``Effect`` that is a mapping, such as ``law``.
         effects: The effects, by name.
-        core: Names that are there without any effect.
+        core: Names that exist without any effect.
 
     Returns:
-        What each name stands for, by name.
+        The merged mapping, by name.
 
     Raises:
-        LavaError: A name is there already, and the effect does not state that it adds to it.
+        LavaError: If a name exists already and the effect does not declare that it adds to it.
     """
     owners = dict.fromkeys(core, 'lava_ros itself')
     joined: dict[str, Any] = {}
@@ -111,10 +111,10 @@ def join_names(
 
 
 def footprint_change(speed: float) -> float:
-    """Return the largest fraction of a footprint that a change of the speed by a fraction changes.
+    """Return the maximum fraction of an inundated area that a change of the speed changes.
 
-    Down a valley whose sides rise evenly lava is as long as the root of its mobility k and as wide
-    as k^(-1/4): one footprint is longer by a half of the fraction, the other is wider by a
+    In a valley with evenly rising sides the length of a flow is as the root of its mobility k, its
+    width as k^(-1/4): one outline is longer by half of the change, the other is wider by a
     quarter. On a plane, and between walls, it is less (docs/MODEL.md).
     """
     return 0.75 * speed
@@ -126,10 +126,10 @@ class Array:
 
     Attributes:
         dtype: ``real``, ``vec2`` or ``vec4`` of the state's precision, ``int32`` or ``float64``.
-        count: Items, None for one of each particle.
-        is_carried: Whether particles take it along from step to step.
-        is_total: Whether it is a sum that goes on when effects are chosen anew.
-        is_saved: Whether a checkpoint has it; what is carried and totals always are in it.
+        count: Number of items, None for one per particle.
+        is_carried: True if particles carry it from step to step.
+        is_total: True if it is a sum that continues when effects are selected again.
+        is_saved: True if checkpoints contain it; they always contain carried arrays and totals.
     """
 
     dtype: str
@@ -144,35 +144,34 @@ class Effect:
     """An effect, as its file declares it; the equations are in the file itself.
 
     Attributes:
-        rank: Where it stands among the others: in tables, in sums and in passes.
-        title: What it is, in a few words.
-        symbol: The number that decides, as a formula.
-        number: Computes it for each column of lava, or for all of them; above ``threshold`` the
-            effect is on. None: only when asked for.
-        fraction: Fraction of the lava's volume whose number decides: that fraction has no larger
-            one.
-        needs_extent: Whether the number says nothing of lava that has not left its vent yet.
-        threshold: Where the effect begins to matter; infinite if it is only on when asked for.
-        admits: What leaving the effect out costs where the number is at the threshold.
-        cost: The same as the largest fraction of the footprint that changes, the cells that lava
-            covers with or without the effect, not both. It is proportional to the number.
-        source: Where threshold and cost are from.
-        exists: Whether a lava has such a thing at all. One with an ``environment`` needs a number
-            of it that is not 0 besides.
-        is_default: Whether ``Effects()`` has it.
-        constants: Fields of ``Lava`` that are its own, by name.
-        environment: Fields of ``Scene`` that are its own, by name.
-        check: Refuses constants that do not go together.
-        excludes: Effects beside which it cannot be on, and why, by name.
-        replaces: Effects whose part it takes over.
-        law: What the laws of flow need on the device beside the constants of all lavas, by name.
-        heat: What the heat balance needs on the device, by name.
-        adds_to: Names in ``heat`` that others declare too; their values are added up.
-        is_surface: Whether its heat goes from a bare surface to the air at any age.
-        needs_age: Whether its terms depend on the age of a column.
-        needs_speed: Whether they depend on its speed.
-        arrays: What it keeps on the device, by name.
-        leaves_empty: Whether particles lose all their volume to it, and are dropped then.
+        rank: Position among the effects: in tables, in sums and in passes.
+        title: Short description.
+        symbol: Formula of the number that decides.
+        number: Function that computes it for each column of lava, or one for all; above
+            ``threshold`` the effect is on. None: only by request.
+        fraction: Quantile of the number over the lava's volume that decides.
+        needs_extent: True if the number is meaningless before the lava has left its vent.
+        threshold: Number above which the effect is on; infinite if it is on only by request.
+        admits: Error of omitting the effect where the number is at the threshold.
+        cost: That error as the largest fraction of the inundated area that changes: cells that
+            lava covers either with or without the effect. It is proportional to the number.
+        source: Source of threshold and cost.
+        exists: Function that returns True if a lava has the effect. An effect with an
+            ``environment`` also needs one of its values to differ from 0.
+        is_default: True if ``Effects()`` contains it.
+        constants: Fields that it adds to ``Lava``, by name.
+        environment: Fields that it adds to ``Scene``, by name.
+        check: Function that raises if constants are incompatible.
+        excludes: Effects that cannot be on at the same time, and the reason, by name.
+        replaces: Effects that it replaces.
+        law: Values that it adds to the device constants of the laws of flow, by name.
+        heat: Values that it adds to the device constants of the heat balance, by name.
+        adds_to: Names in ``heat`` that other effects declare too; the values are summed.
+        is_surface: True if it transfers heat from a bare surface to the air at any age.
+        needs_age: True if its terms depend on the age of a column.
+        needs_speed: True if its terms depend on the speed of a column.
+        arrays: Arrays that it keeps on the device, by name.
+        leaves_empty: True if particles may lose all their volume to it, and are then dropped.
         benchmark: Constants of lava, or of the scene, with which it matters, by name.
     """
 

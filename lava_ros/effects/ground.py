@@ -2,24 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""Conduction into the ground, a half-space that is as cold as the air where lava reaches it.
+"""Conduction into the ground, a half-space at air temperature before lava reaches it.
 
-Ground at Tg that touches lava of constant temperature T for a time t takes
+Ground at Tg in contact with lava of constant temperature T for a time t takes up
 kg (T - Tg) / sqrt(pi a t) [W/m2], with its diffusivity a (Carslaw & Jaeger 1959, section 2.4).
-That is a rate of b / sqrt(pi t), b = kg / (sqrt(a) rho c h), of the column's own cooling. Lava
-that cools meets ground that it has warmed: the exact temperature of a mixed column that loses heat
-to the ground alone is
+That is a rate of b / sqrt(pi t), b = kg / (sqrt(a) rho c h), of the column's own cooling. Cooling
+lava meets ground that it has warmed: the exact temperature of a mixed column that loses heat to
+the ground alone is
 
     (T - Tg) / (T0 - Tg) = exp(x^2) erfc(x), x = b sqrt(t),
 
-whose rate is the former's times 1 / (exp(x^2) erfc(x)) - sqrt(pi) x. The bounds
-2 / sqrt(pi) / (x + sqrt(x^2 + c)) of exp(x^2) erfc(x), c = 4 / pi for small x and 2 for large ones
+whose rate is the previous one times 1 / (exp(x^2) erfc(x)) - sqrt(pi) x. The bounds
+2 / sqrt(pi) / (x + sqrt(x^2 + c)) of exp(x^2) erfc(x), c = 4 / pi for small x and 2 for large x
 (Abramowitz & Stegun 7.1.13), give that factor as sqrt(pi) / 2 (sqrt(x^2 + c) - x). With a c that
-goes from one to the other the heat lost is exact to 0.7 %, the temperature to 0.5 % of T0 - Tg.
+varies between the two, the heat lost is exact to 0.7 %, the temperature to 0.5 % of T0 - Tg.
 Without the factor the heat lost is 8 % too large when a quarter of it has gone, 18 % at x = 1.
 
-The contact time is the column's age, as if it had stayed where it came out. Lava that moves on
-over ground that other lava has warmed loses less, a front that moves on over cold ground more.
+The contact time is the column's age, as if it had stayed where it was emitted. Lava moving over
+ground that earlier lava has warmed loses less, a front advancing over cold ground more.
 """
 
 from functools import lru_cache
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 def _heat_taken(scales: 'Scales') -> np.ndarray:
-    """Effect of the heat that a half-space takes from each column up to the horizon."""
+    """Return the effect of the heat that a half-space takes from each column up to the horizon."""
     lava = scales.lava
     taken = 2.0 * lava.ground_conductivity * math.sqrt(
         scales.duration / (math.pi * lava.ground_diffusivity)
@@ -46,7 +46,7 @@ def _heat_taken(scales: 'Scales') -> np.ndarray:
 
 
 def _contact(scene: 'Scene') -> float:
-    """Kg / (rho c sqrt(a)) with the ground's diffusivity a [m/s^0.5]."""
+    """Return kg / (rho c sqrt(a)) with the ground's diffusivity a [m/s^0.5]."""
     lava = scene.lava
     capacity = lava.density * lava.specific_heat
     return float(lava.ground_conductivity / (capacity * math.sqrt(lava.ground_diffusivity)))
@@ -78,7 +78,7 @@ EFFECT = Effect(
 
 @lru_cache
 def terms(wp: Any, real: Any, constants_type: Any) -> Any:
-    """Return the device function that gives s [1/s] and s Tg [K/s]."""
+    """Return the device function for s [1/s] and s Tg [K/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func

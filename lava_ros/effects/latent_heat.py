@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""Latent heat: crystals that form between liquidus and solidus give heat.
+"""Latent heat, released by crystals that form between liquidus and solidus.
 
 Crystallisation is linear in temperature, so the heat content over rho c h is
 T + (L / c) F with the melt fraction F = (T - solidus) / (liquidus - solidus) between 0 and 1, and
 within the interval temperature changes 1 + L / (c (liquidus - solidus)) times more slowly. A step
-is solved piece by piece: up to the end of the interval, across it, and on from there. So the heat
-content changes by exactly what was lost, for any step.
+is solved piece by piece: up to the end of the interval, across it, and beyond. So the heat
+content changes by exactly the heat lost, for any step.
 """
 
 from functools import lru_cache
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def _kept_warm(scales: 'Scales') -> np.ndarray:
-    """Effect of the latent heat that each column gives up to the horizon.
+    """Return the effect of the latent heat that each column releases up to the horizon.
 
     It warms by no more than the column has cooled below the liquidus.
     """
@@ -38,7 +38,7 @@ def _kept_warm(scales: 'Scales') -> np.ndarray:
 
 def _check(lava: 'Lava') -> None:
     if lava.latent_heat > 0.0 and not lava.solidus:
-        raise LavaError('lava.solidus', lava.solidus, 'above 0 K beside lava.latent_heat')
+        raise LavaError('lava.solidus', lava.solidus, 'above 0 K with lava.latent_heat')
 
 
 EFFECT = Effect(
@@ -65,7 +65,7 @@ EFFECT = Effect(
 
 @lru_cache
 def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
-    """Return the device function that gives the temperature after a step at constant s and f."""
+    """Return the device function for the temperature after a step at constant s and f."""
 
     @wp.func
     def relaxed(
@@ -99,7 +99,7 @@ def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
                 if falls:
                     passed = reached < end
                 if passed:
-                    # of the time, the part it takes to the end of the piece
+                    # fraction of the time until the end of the piece
                     share = (result - end) / (result - reached)
                     x = rate * remaining / factor
                     if x > real(1.0e-6):
@@ -117,7 +117,7 @@ def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
 
 @lru_cache
 def warmed(wp: Any, real: Any, constants_type: Any) -> Any:
-    """Return the device function that gives the temperature after heat worth a rise is added."""
+    """Return the device function for the temperature after adding heat worth a rise."""
 
     @wp.func
     def warmed(constants: constants_type, temperature: real, rise: real) -> real:

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The laws of flow and of heat loss, from the effects' files: for the device, and on the host.
+"""Laws of flow and of heat loss, from the effects' files, for the device and the host.
 
-Each law is written once. On the host the same lines are run by Python, with ``HOST`` in the place
-of Warp and floats in the place of its scalars.
+Each law is written once. On the host, Python runs the same lines, with ``HOST`` in place of Warp
+and floats in place of its scalars.
 """
 
 from collections.abc import Callable, Iterable
@@ -34,17 +34,17 @@ STEFAN_BOLTZMANN = 5.670374419e-8
 #: across the flow (docs/MODEL.md derives it; the method's authors use it too, SCA 2024).
 LATERAL_DRAG = 2.5
 
-#: Constants that the laws of flow of every lava have, and those of its heat balance.
+#: Constants of the laws of flow of every lava, and of its heat balance.
 _FLOW = ('viscosity', 'reference_temperature', 'liquidus', 'solidus')
 _HEAT = ('radiation', 'convection', 'ambient', 'solidus', 'liquidus')
 
-#: What effects add to them, by name.
+#: Constants that effects add to them, by name.
 _MORE_FLOW = join_names('law', EFFECTS, _FLOW)
 _MORE_HEAT = join_names('heat', EFFECTS, _HEAT)
 
 
 class _Host:
-    """What laws use of Warp, in Python."""
+    """Python implementation of the parts of Warp that laws use."""
 
     exp, log, sqrt, pow = math.exp, math.log, math.sqrt, math.pow
     min, max, float64 = min, max, float
@@ -67,7 +67,7 @@ def structure(name: str, names: tuple[str, ...], real: Any) -> Any:
 
 
 def law_values(lava: 'Lava') -> dict[str, float]:
-    """The constants of the laws of flow, by name."""
+    """Return the constants of the laws of flow, by name."""
     values: dict[str, float] = {name: getattr(lava, name) for name in _FLOW}
     return values | {name: value(lava) for name, value in _MORE_FLOW.items()}
 
@@ -79,7 +79,7 @@ def law_type(real: Any) -> Any:
 
 
 def law_of(lava: 'Lava', real: Any) -> Any:
-    """Collect the constants of the laws of flow for the device."""
+    """Return the struct of the constants of the laws of flow for the device."""
     return _filled(law_type(real)(), law_values(lava))
 
 
@@ -101,17 +101,17 @@ def viscosity_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> A
 
 @lru_cache
 def speed_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
-    """Return the function of lava whose speed is not proportional to the slope.
+    """Return the speed function of lava whose speed is not proportional to the slope.
 
-    Of rho g, thickness, slope s and temperature it gives the mobility u / s and a bound of u / s
-    and du/ds [m/s]: times the thickness they are diffusivities across and along the slope. None
-    when lava is Newtonian: both are then rho g h^2 / (3 mu).
+    From rho g, thickness, slope s and temperature it returns the mobility u / s and a bound of
+    u / s and du/ds [m/s]: times the thickness they are diffusivities across and along the slope.
+    None if lava is Newtonian: both are then rho g h^2 / (3 mu).
     """
     viscosity = viscosity_function(wp, real, law_type, effects)
     strength, speed = None, None
     for module in effects.having('strength').values():
         strength = module.strength(wp, real, law_type)
-    # the last of them is the most general
+    # the last one is the most general
     for module in effects.having('speed').values():
         speed = module.speed(wp, real, law_type, viscosity, strength)
     return speed
@@ -119,7 +119,7 @@ def speed_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
 
 @lru_cache
 def _on_host(lava: 'Lava') -> tuple[Any, Any, Any]:
-    """The constants, mu(T) and tau_y(T) of a lava."""
+    """Return the constants, mu(T) and tau_y(T) of a lava."""
     effects = _all_of(name for name in possible(lava) if EFFECTS[name].law)
     values, strength = SimpleNamespace(**law_values(lava)), None
     for module in effects.having('strength').values():
@@ -128,19 +128,19 @@ def _on_host(lava: 'Lava') -> tuple[Any, Any, Any]:
 
 
 def viscosity_at(lava: 'Lava', temperature: float) -> float:
-    """Viscosity [Pa s] at a temperature [K], crystals included."""
+    """Return the viscosity [Pa s] at a temperature [K], including crystals."""
     values, viscosity, _ = _on_host(lava)
     return float(viscosity(values, temperature))
 
 
 def strength_at(lava: 'Lava', temperature: float) -> float:
-    """Yield strength [Pa] at a temperature [K]."""
+    """Return the yield strength [Pa] at a temperature [K]."""
     values, _, strength = _on_host(lava)
     return 0.0 if strength is None else float(strength(values, temperature))
 
 
 def _all_of(names: Iterable[str]) -> Effects:
-    """Those of some effects that are not replaced and can be on at once, the first of two."""
+    """Return ``Effects`` with the named ones that are not replaced; the first of rivals."""
     on = dict.fromkeys(EFFECTS, False)
     for name in without_replaced(names):
         on[name] = not any(on[other] and excluded_by(name, other) for other in on)
@@ -148,10 +148,10 @@ def _all_of(names: Iterable[str]) -> Effects:
 
 
 def heat_values(scene: 'Scene', names: tuple[str, ...]) -> dict[str, float]:
-    """The constants of the heat balance with the effects of these names on, by name.
+    """Return the constants of the heat balance with the named effects on, by name.
 
-    ``radiation`` is eps sigma / (rho c), ``convection`` lambda / (rho c), ``ambient`` Ta [K]; what
-    an effect adds is in its file.
+    ``radiation`` is eps sigma / (rho c), ``convection`` lambda / (rho c), ``ambient`` Ta [K];
+    effects document their own constants.
     """
     lava = scene.lava
     capacity = lava.density * lava.specific_heat
@@ -175,7 +175,7 @@ def heat_type(real: Any) -> Any:
 
 
 def heat_of(scene: 'Scene', effects: Effects, real: Any) -> Any:
-    """Collect the constants of the heat balance for the device."""
+    """Return the struct of the constants of the heat balance for the device."""
     return _filled(heat_type(real)(), heat_values(scene, tuple(effects)))
 
 
@@ -183,7 +183,7 @@ def heat_balance(scene: 'Scene') -> Callable[[float, float, float, float], tuple
     """Return the heat balance of a column on the host, with every effect that the scene has.
 
     Returns:
-        A function of thickness [m], temperature [K], age [s] and speed [m/s] that gives s [1/s]
+        Function of thickness [m], temperature [K], age [s] and speed [m/s] that returns s [1/s]
         and f [K/s] of dT/dt = f - s T.
     """
     terms = _heat_terms(scene, _all_of(existing(scene)))
@@ -198,7 +198,7 @@ def heat_balance(scene: 'Scene') -> Callable[[float, float, float, float], tuple
 
 
 def heat_loss(scene: 'Scene') -> Callable[[float], float]:
-    """Heat [W/m2] that lava at rest loses to the air from a bare surface, by temperature [K]."""
+    """Return the heat flux [W/m2] from bare lava at rest to the air, by temperature [K]."""
     effects = _all_of(name for name in possible(scene.lava) if EFFECTS[name].is_surface)
     terms, capacity = _heat_terms(scene, effects), scene.lava.density * scene.lava.specific_heat
 
@@ -212,7 +212,7 @@ def heat_loss(scene: 'Scene') -> Callable[[float], float]:
 def _heat_terms(
     scene: 'Scene', effects: Effects
 ) -> Callable[[float, float, float, float], list[tuple[float, float]]]:
-    """The terms of each effect by thickness [m], temperature [K], age [s] and speed [m/s]."""
+    """Return the terms of each effect by thickness [m], temperature [K], age [s], speed [m/s]."""
     values = SimpleNamespace(**heat_values(scene, tuple(effects)))
     every = [one.terms(HOST, float, object) for one in effects.having('terms').values()]
     return lambda thickness, temperature, age, speed: [

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stress that follows a power of the strain rate: Herschel-Bulkley, tau = tau_y + K (du/dz)^n.
+"""Stress as a power of the strain rate: Herschel-Bulkley, tau = tau_y + K (du/dz)^n.
 
 With tau_b = rho g h s at the base, s = |grad S|, and y = 1 - tau_y / tau_b the sheared part of the
 thickness, the strain rate at the base is G = ((tau_b - tau_y) / K)^(1/n) and the depth average
@@ -14,10 +14,10 @@ d(y^(1/n) F)/dy = y^(1/n) (1 - n / (n + 1) y),
     du/ds = (G h / s) (F / n + (1 - y) (1 - n / (n + 1) y)),   u / s = (G h / s) F
 
 are the diffusivities along and across the slope over h. With max(1, 1/n) in place of 1/n the first
-is never below either of the two. K(T) is the viscosity of its law, tau_y(T) is yielding's.
+is never below either of the two. K(T) is the viscosity of its law, tau_y(T) that of yielding.
 
 Lava with n > 1 has no viscosity at rest: on a level surface u / s is infinite. Below
-``LEAST_SLOPE`` K is therefore taken with the strain rate of that slope.
+``MIN_SLOPE`` K is therefore evaluated at the strain rate of that slope.
 """
 
 from functools import lru_cache
@@ -42,16 +42,16 @@ EFFECT = Effect(
     benchmark={'flow_index': 0.8},
 )
 
-#: Slope below which lava with n > 1 gets no easier to move.
-LEAST_SLOPE = 1e-3
+#: Slope below which the mobility of lava with n > 1 is constant.
+MIN_SLOPE = 1e-3
 
-#: The same for n <= 1, where nothing becomes infinite: it only keeps 0 / 0 out.
+#: Minimum slope for n <= 1, where nothing becomes infinite: it only avoids 0 / 0.
 _NO_SLOPE = 1e-12
 
 
 @lru_cache
 def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, strength: Any) -> Any:
-    """Return the device function that gives u / s and a bound of u / s and du/ds [m/s].
+    """Return the device function for u / s and a bound of u / s and du/ds [m/s].
 
     ``viscosity`` is K(T), ``strength`` tau_y(T) or None without yielding.
     """
@@ -66,7 +66,7 @@ def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, strength: Any) -> A
         n = real(law.flow_index)
         least = real(_NO_SLOPE)
         if n > one:
-            least = real(LEAST_SLOPE)
+            least = real(MIN_SLOPE)
         sheared = one
         if wp.static(has_strength):
             stress = weight * depth * slope

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scales of a flow, from which the numbers are made that decide about effects."""
+"""Scales of a flow, from which the numbers that select effects are computed."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from lava_ros.effects.effect import footprint_change
 if TYPE_CHECKING:
     from lava_ros.scene import Lava, Scene
 
-#: Fraction of the way to the solidus above which lava may freeze.
+#: Fraction of the way to the solidus above which lava may solidify.
 FREEZES = 0.9
 
-#: Distance of the temperatures at which a law is evaluated [K]; between them its logarithm is
+#: Interval of the temperatures at which a law is evaluated [K]; in between its logarithm is
 #: interpolated.
 _STEP = 5.0
 
-#: The first and the last of them are multiples of it [K], so that the same ones serve many times.
+#: The ends of the temperature range are multiples of this [K], so that tables can be reused.
 _RANGE = 50.0
 
 
@@ -33,7 +33,7 @@ _RANGE = 50.0
 def _logarithms(
     law: Callable[[float], float], low: float, high: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Temperatures [K] from one to another and the logarithms of a law there."""
+    """Return temperatures [K] of a range and the logarithms of a law there."""
     nodes = np.maximum(np.arange(low, high + 0.5 * _STEP, _STEP), 1.0)
     return nodes, np.log([max(law(float(node)), 1e-300) for node in nodes])
 
@@ -48,10 +48,10 @@ def volume_quantile(values: np.ndarray, volume: np.ndarray, fraction: float) -> 
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of lava: those that are expected, or those of a running simulation.
+    """Columns of lava, either expected or of a running simulation.
 
     Attributes:
-        volume: Their volume [m3], float64, shape [columns] as of all others.
+        volume: Their volume [m3], float64, shape [columns] like all arrays.
         thickness: Vertical thickness [m].
         slope: Slope of the lava's surface, rise over run.
         ground_slope: Slope of the ground, rise over run.
@@ -72,7 +72,7 @@ class Columns:
         """Return the value that a fraction of the volume does not exceed.
 
         Args:
-            values: Of each column, shape [columns], or one for all.
+            values: One for each column, shape [columns], or one for all.
             fraction: Fraction of the volume, 0 to 1.
         """
         return volume_quantile(np.broadcast_to(values, self.volume.shape), self.volume, fraction)
@@ -86,14 +86,14 @@ class Scales:
         scene: The scene.
         columns: Columns of lava.
         vent_temperature: Temperature of the hottest vent, or the material's reference [K].
-        rest_temperature: Temperature of each column, had it radiated and convected from its bare
-            surface, at rest, for ``duration`` [K], shape [columns].
-        fall: Largest difference of elevation that lava covers [m].
+        rest_temperature: Temperature of each column after ``duration`` of radiation and convection
+            from its bare surface at rest [K], shape [columns].
+        fall: Largest difference of elevation along the flow [m].
         kernel_radius: Radius of the smoothing kernel l [m].
-        spacing: Distance of particles [m].
+        spacing: Particle spacing [m].
         duration: Time from the start of the eruption to the horizon [s].
-        is_measured: Whether the columns are those of a running simulation.
-        is_extended: Whether the flow has left its vent.
+        is_measured: True if the columns are those of a running simulation.
+        is_extended: True if the flow has left its vent.
     """
 
     scene: Scene
@@ -139,16 +139,16 @@ class Scales:
         """Thickness over half of the flow's width.
 
         Half of the width is the shortest wave of a flow; where the kernel is wider, or the width
-        is unknown, it is the kernel's radius.
+        is unknown, the kernel radius replaces it.
         """
         half = np.fmax(0.5 * self.columns.width, self.kernel_radius)
         return self.columns.thickness / half
 
     @property
     def freezing(self) -> np.ndarray:
-        """Fraction of the way to the solidus that each column has cooled through.
+        """Fraction of the way to the solidus by which each column has cooled.
 
-        A running simulation has the temperatures; before it, columns count as if at rest.
+        A running simulation has the temperatures; before it, columns count as at rest.
         """
         above = max(self.vent_temperature - self.lava.solidus, 1.0)
         if self.is_measured:
@@ -161,16 +161,16 @@ class Scales:
         return self.matters((self.vent_temperature - self.rest_temperature) / self.warmth)
 
     def matters(self, fraction: np.ndarray | float) -> np.ndarray:
-        """Return the effect of a fraction of a column's heat: itself, or what it does to the flow.
+        """Return the effect of a fraction of a column's heat: itself, or its effect on the flow.
 
         1 % of the number is 1 % of the temperature, or 3 % of the viscosity and of the speed, or a
-        change of the yield strength that changes as much of the footprint.
+        change of the yield strength that changes as much of the inundated area.
         """
         fraction = np.atleast_1d(fraction)
         ambient = self.scene.ambient_temperature
         colder = np.maximum(self.vent_temperature - fraction * self.warmth, ambient)
         largest = fraction
-        # lava that stops covers an area as one over its strength
+        # the area of lava that stops is inversely proportional to its yield strength
         strong = 1.0 / footprint_change(1.0)
         for law, weight in (
             (self.lava.viscosity_at, 1.0), (self.lava.yield_strength_at, strong)

@@ -5,12 +5,11 @@
 
 On a slope b a layer of vertical thickness h is h cos b thick across the flow. Its speed along the
 slope is rho g (h cos b)^2 sin b / (3 mu), and the horizontal part of that is
-rho g h^2 tan b cos^4 b / (3 mu): cos^4 b of what a map shows.
+rho g h^2 tan b cos^4 b / (3 mu): cos^4 b of the speed without this effect.
 
-That is of a layer that lies on its slope. On a wall lava tears off and falls; as a layer it would
-have to be h = d / cos b thick on the map to pass on what reaches the edge, a dam on top of a high
-cliff. So b, wherever its cosine is taken, is no steeper than ``STEEPEST``; the surface's slope is
-what it is.
+This applies to a layer on a slope. On a wall lava detaches and falls; as a layer it would have to
+be h = d / cos b thick on the map to pass on the flux at the edge, a dam on top of a high cliff.
+So b, wherever its cosine is used, is limited to ``STEEPEST``; the surface's slope is not.
 """
 
 from functools import lru_cache
@@ -25,14 +24,14 @@ from lava_ros.effects.scales import FREEZES
 if TYPE_CHECKING:
     from lava_ros.effects.scales import Scales
 
-#: Slope of the side of what freezes, in thicknesses over kernel radii: a column freezes into a
-#: quadratic B-spline at least 0.65 / 1.5 of the radius wide, and the step that a layer ends in,
-#: smoothed with that, is as steep as its greatest value, 0.75 thicknesses over its width.
+#: Slope of the side of solidified lava, in thicknesses over kernel radii: a column solidifies into
+#: a quadratic B-spline at least 0.65 / 1.5 of the radius wide, and the step at the end of a layer,
+#: smoothed with it, has its maximum value, 0.75 thicknesses over the width, as slope.
 FROZEN_SIDE = 0.75 * 1.5 / 0.65
 
 
 def _steepness(scales: 'Scales') -> np.ndarray:
-    """Slope of the ground below each column, and of the sides of what may freeze."""
+    """Return the slope of the ground below each column, or of sides that may solidify."""
     slope, thickness = scales.columns.ground_slope, scales.columns.thickness
     if scales.lava.solidus <= 0.0:
         return slope
@@ -52,11 +51,11 @@ EFFECT = Effect(
     is_default=True,
 )
 
-#: Steepest ground on which lava lies as a layer [deg]. The speed on the map is largest at 30 and a
-#: third of that at 60: a layer is 1.44 times as thick there, and thinner again on what is steeper.
+#: Steepest ground on which lava forms a layer [deg]. The speed on the map is largest at 30 and a
+#: third of that at 60: a layer is 1.44 times as thick there, and thinner again on steeper ground.
 STEEPEST = 60.0
 
-#: The square of its gradient.
+#: The square of the gradient of that ground.
 _LARGEST = math.tan(math.radians(STEEPEST)) ** 2
 
 
@@ -77,15 +76,15 @@ def factor(real: Any) -> Any:
 
 @lru_cache
 def along(real: Any, *, climbs: bool = False) -> Any:
-    """Return the device function that gives a thickness and a slope whose laws hold on the level.
+    """Return the device function for the thickness and slope of an equivalent level layer.
 
     Let the surface's gradient be (s, r), down the ground's slope and across it. In a layer
     h cos b thick the stress at the base is rho g (h cos^2 b) (s, r cos b), that of a layer
     h cos^2 b thick on the slope sqrt(s^2 + r^2 cos^2 b): rho g (h cos b) sin b in a sheet, where
-    s = tan b and r = 0. The velocity is along it; on the map its part down the slope is cos b
-    times as long, which leaves it along (s, r), with the mobility of that layer on that slope.
-    With the ground's gradient G the slope is cos b (|grad S|^2 + (grad S . G)^2)^(1/2). Lava that
-    ``climbs`` a slope is on it, however steep.
+    s = tan b and r = 0. The velocity is parallel to it; on the map its part down the slope is cos
+    b times as long, which leaves it parallel to (s, r), with the mobility of that layer on that
+    slope. With the ground's gradient G the slope is cos b (|grad S|^2 + (grad S . G)^2)^(1/2).
+    Lava that ``climbs`` a slope is on it, however steep.
     """
     import warp as wp
 

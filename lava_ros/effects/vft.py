@@ -4,8 +4,8 @@
 """Viscosity that rises as lava cools: log10 mu = A + B / (T - C), Vogel, Fulcher and Tammann.
 
 Giordano, Russell & Dingwell (2008, Earth Planet. Sci. Lett. 271) give A = -4.55 and B and C from
-the composition. The law is of the melt, and infinite at C: temperatures within ``LEAST_DISTANCE``
-of C or below count as if they were that far above it, and mu never exceeds 10^``LARGEST`` Pa s.
+the composition. The law is that of the melt, and infinite at C: temperatures below C +
+``MIN_TEMPERATURE_ABOVE_C`` are raised to that value, and mu never exceeds 10^``LARGEST`` Pa s.
 """
 
 from functools import lru_cache
@@ -39,11 +39,11 @@ EFFECT = Effect(
     benchmark={'vft_b': 9000.0, 'vft_c': 600.0},
 )
 
-#: Decimal logarithm of the largest viscosity [Pa s].
+#: Decimal logarithm of the maximum viscosity [Pa s].
 LARGEST = 15.0
 
-#: Smallest temperature above C [K] that the law is evaluated at.
-LEAST_DISTANCE = 1.0
+#: Minimum temperature above C [K] for evaluating the law.
+MIN_TEMPERATURE_ABOVE_C = 1.0
 
 _LOG_10 = math.log(10.0)
 
@@ -54,7 +54,7 @@ def viscosity(wp: Any, real: Any, law_type: Any) -> Any:
 
     @wp.func
     def vft(law: law_type, temperature: real) -> real:
-        distance = wp.max(temperature - real(law.vft_c), real(LEAST_DISTANCE))
+        distance = wp.max(temperature - real(law.vft_c), real(MIN_TEMPERATURE_ABOVE_C))
         power = wp.min(real(law.vft_a) + real(law.vft_b) / distance, real(LARGEST))
         return wp.exp(real(_LOG_10) * power)
 

@@ -4,11 +4,11 @@
 
 """Viscous heating: the work of gravity turns into heat.
 
-Where nothing accelerates, shear dissipates what gravity does: rho g h |grad S| |u| per area, for
-Newtonian lava 3 mu u^2 / h, for any other law the same. Over a step a column falls by
--grad S . dx, which warms it by g / c times that: 8.5 K in 1000 m. The sum over all columns is the
-potential energy that the flow loses. Under lateral stress or inertia a column's heat appears where
-gravity does the work; the sum is the same, but for the kinetic energy.
+Without acceleration, shear dissipates the work of gravity: rho g h |grad S| |u| per area, equal to
+3 mu u^2 / h for Newtonian lava. Over a step a column falls by -grad S . dx, which warms it by g /
+c times that: 8.5 K in 1000 m. The sum over all columns is the potential energy that the flow
+loses. Under lateral stress or inertia a column's heat appears where gravity does the work; the sum
+is the same, except for the kinetic energy.
 """
 
 from functools import lru_cache
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def _warming(scales: 'Scales') -> np.ndarray:
-    """Effect of the warming by the fall of the flow."""
+    """Return the effect of the warming by the fall of the flow."""
     warming = scales.scene.gravity * scales.fall / scales.lava.specific_heat
     return scales.matters(warming / scales.warmth)
 
@@ -46,7 +46,7 @@ EFFECT = Effect(
 
 @lru_cache
 def terms(wp: Any, real: Any, constants_type: Any) -> Any:
-    """Return the device function that gives s = 0 and the warming [K/s]."""
+    """Return the device function for s = 0 and the warming [K/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func

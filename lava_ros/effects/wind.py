@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Wind: forced convection carries heat from the surface, beside what rises by itself.
+"""Wind: forced convection carries heat from the surface, in addition to free convection.
 
 q = CH rho_a c_a U (T - Ta), linear in the wind's speed U (Keszthelyi, Harris & Dehn 2003, Geophys.
 Res. Lett. 30, 1989): CH = 0.0036 over lava (Greeley & Iversen 1987), with air of 0.4412 kg/m3 and
-1099 J/(kg K), as it is above lava, in the flow models (Harris & Rowland 2001, Bulletin of
-Volcanology 63, 20-44). That is 1.75 W/(m2 K) for 1 m/s. It raises the convection that ``cooling``,
-``cover`` and ``crust`` lose heat by. A ``convection`` that is itself a wind's, such as FLOWGO's
-8.73 W/(m2 K) for 5 m/s, is then to be 0.
+1099 J/(kg K) for the air above lava, as in flow models (Harris & Rowland 2001, Bulletin of
+Volcanology 63, 20-44). That is 1.75 W/(m2 K) at 1 m/s. It is added to the convection in
+``cooling``, ``cover`` and ``crust``. If ``convection`` itself already includes wind, such as
+FLOWGO's 8.73 W/(m2 K) for 5 m/s, set it to 0.
 """
 
 from typing import TYPE_CHECKING
@@ -26,14 +26,14 @@ TRANSFER = 0.0036 * 0.4412 * 1099.0
 
 
 def _heat_taken(scales: 'Scales') -> np.ndarray:
-    """Effect of the heat that the wind takes from each column up to the horizon."""
+    """Return the effect of the heat that the wind takes from each column up to the horizon."""
     capacity = scales.lava.density * scales.lava.specific_heat * scales.columns.thickness
     taken = TRANSFER * scales.scene.wind_speed * scales.duration
     return scales.matters(np.minimum(taken / capacity, 1.0))
 
 
 def _convection(scene: 'Scene') -> float:
-    """Heat transfer over rho c [m/s]."""
+    """Return the heat transfer over rho c [m/s]."""
     return float(TRANSFER * scene.wind_speed / (scene.lava.density * scene.lava.specific_heat))
 
 

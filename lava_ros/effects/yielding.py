@@ -13,8 +13,8 @@ depth average is
 and the derivative of the flux, d(h u)/ds = (rho g h^3 / 3 mu) (1 - B^3), is the diffusivity along
 the slope: between u h / s, that across it, and that of lava without strength.
 
-tau_y(T) = yield_strength exp(yield_rate (reference_temperature - T)): its logarithm is linear, as
-measurements have it.
+tau_y(T) = yield_strength exp(yield_rate (reference_temperature - T)): its logarithm is linear, in
+agreement with measurements.
 """
 
 from functools import lru_cache
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def _bingham(scales: 'Scales') -> np.ndarray:
-    """Yield strength of each column over the stress at its base."""
+    """Return the yield strength of each column over the stress at its base."""
     strength = scales.law(scales.lava.yield_strength_at, scales.columns.temperature)
     return strength / scales.stress
 
@@ -59,7 +59,7 @@ EFFECT = Effect(
     benchmark={'yield_strength': 500.0, 'yield_rate': 0.01},
 )
 
-#: Largest exponent of the strength's law: what is stronger never moves, and a float32 holds it.
+#: Maximum exponent of the law: stronger lava never moves, and float32 can represent it.
 _LARGEST_EXPONENT = 60.0
 
 
@@ -80,7 +80,7 @@ def strength(wp: Any, real: Any, law_type: Any) -> Any:
 
 @lru_cache
 def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, yield_strength: Any) -> Any:
-    """Return the device function that gives u / s and the largest derivative du/ds [m/s]."""
+    """Return the device function for u / s and the largest derivative du/ds [m/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func
@@ -92,7 +92,7 @@ def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, yield_strength: Any
         if stress <= resisted:
             return vec2()
         b = resisted / stress
-        # 1 - b without the digits that the quotient loses
+        # 1 - b without the cancellation of the quotient
         free = (stress - resisted) / stress
         newtonian = weight * depth * depth / (real(3.0) * viscosity(law, temperature))
         return newtonian * free * vec2(

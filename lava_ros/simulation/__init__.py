@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
     from lava_ros.simulation.snapshot import Particles, Snapshot, StepReport
 
-#: Public names and where they are. Warp is loaded by the first that needs it: accuracy, presets
+#: Public names and their modules. Warp is loaded only by a name that needs it: accuracy, presets
 #: and checkpoints do not.
 _MODULES = {
     'Particles': 'snapshot',
@@ -25,7 +25,7 @@ __all__ = ['Particles', 'Simulation', 'Snapshot', 'StepReport', 'VolumeBudget']
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is first asked for (PEP 562)."""
+    """Import a public name at its first use (PEP 562)."""
     if name not in _MODULES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(import_module(f'{__name__}.{_MODULES[name]}'), name)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The knobs that trade accuracy for time."""
+"""Settings that trade accuracy for computing time."""
 
 from dataclasses import dataclass, fields
 import math
@@ -17,8 +17,8 @@ KERNELS = ('wendland', 'poly6', 'spiky', 'visc')
 #: cells that are counted by it.
 COVERED = 0.1
 
-#: Least thickness that a flow is expected to have [m].
-LEAST_THICKNESS = 1e-6
+#: Minimum expected thickness of a flow [m].
+MIN_THICKNESS = 1e-6
 
 #: Maximum thickness [m]: lava that is too strong to flow has no thickness of its own.
 MAX_THICKNESS = 1e5
@@ -34,7 +34,7 @@ GRADIENTS = ('energy', 'difference', 'balanced')
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How finely a scene is resolved in space and time; each field says what it is."""
+    """Resolution of a simulation in space and time; each field has its own description."""
 
     spacing: float | None = number(
         None, 'Distance between neighbouring particles where the flow has its expected thickness; '
@@ -67,23 +67,23 @@ class Accuracy:
     )
     longest_step: float = number(60.0, 'Longest step', 1e-6, 1e9, 's')
     fixed_step: float | None = number(
-        None, 'Step to take whatever the limits say, as the paper does with 0.01 s; None: the '
-        'limits decide', 1e-9, 1e9, 's',
+        None, 'Step that overrides all limits, as 0.01 s in the paper; None: the limits decide',
+        1e-9, 1e9, 's',
     )
-    # energy: that of the particles' potential energy; difference: of differences between
-    # particles, 0 on a level surface; balanced: the first as far as the second allows, as
-    # accurate, at rest when level, for one more pass over the neighbours (simulation/flow.py).
-    # With inertia it is energy, which keeps the momentum.
+    # energy: gradient of the particles' potential energy. difference: differences between
+    # particles, 0 on a level surface. balanced: the energy form as far as the difference form
+    # allows; equally accurate, at rest when level, for one more pass over the neighbours
+    # (simulation/flow.py). With inertia it is always energy, which conserves momentum.
     gradient: str = choice('energy', "Form of the surface's gradient", GRADIENTS)
     formulation: str = choice(
         'corrected', 'Equations of the velocity; as-published: 3.36 to 3.44 as they are printed, '
         'for comparison only', FORMULATIONS,
     )
     deterministic: bool = flag(
-        False, 'Make runs on a GPU identical to the bit; on the CPU they always are'
+        False, 'Make runs on a GPU bitwise identical; on the CPU they always are'
     )
-    # a scene that is mirrored, or turned by 90 degrees, then gives the same flow, mirrored or
-    # turned; otherwise particles come out one by one
+    # a mirrored scene, or one rotated by 90 degrees, then gives the mirrored or rotated flow;
+    # otherwise particles are emitted one by one
     symmetric: bool = flag(
         False, 'Let vents emit particles eight at a time (fissures four), in places that have '
         "the grid's symmetries",
@@ -98,7 +98,7 @@ class Accuracy:
         """Validate every field.
 
         Raises:
-            LavaError: A field is not usable.
+            LavaError: If a field is not valid.
         """
         check_fields('accuracy', self)
 
@@ -107,27 +107,27 @@ def accuracy_from_dict(data: object) -> Accuracy:
     """Build an ``Accuracy`` from the plain data of a YAML file.
 
     Raises:
-        LavaError: A key is unknown or a value is not usable.
+        LavaError: If a key is unknown or a value is not valid.
     """
     names = [item.name for item in fields(Accuracy)]
     return Accuracy(**validation.keys('accuracy', data, allowed=names))
 
 
 def expected_thickness(scene: Scene) -> float:
-    """Thickness scale of a flow at its vent, (3 mu Q / (rho g))^(1/4) [m].
+    """Return the thickness scale of a flow at its vent, (3 mu Q / (rho g))^(1/4) [m].
 
-    It is the thickness at which spreading balances supply, on a plane (Huppert 1982) as on a slope
-    (Lister 1992). Q is the largest discharge of any vent; without one it is 1 m3/s. mu is the
+    At this thickness spreading balances effusion, on a plane (Huppert 1982) as on a slope
+    (Lister 1992). Q is the largest discharge of any vent, or 1 m3/s without a vent. mu is the
     viscosity at the hottest vent.
     """
     discharge = max((vent.peak for vent in scene.vents), default=0.0)
     scale = 3.0 * vent_viscosity(scene) * (discharge or 1.0)
     scale /= scene.lava.density * scene.gravity
-    return max(math.sqrt(math.sqrt(scale)), LEAST_THICKNESS)
+    return max(math.sqrt(math.sqrt(scale)), MIN_THICKNESS)
 
 
 def vent_viscosity(scene: Scene) -> float:
-    """Viscosity at the hottest vent [Pa s], at the reference temperature without a vent."""
+    """Return the viscosity at the hottest vent (or the reference temperature) [Pa s]."""
     reference = scene.lava.reference_temperature
     hottest = max((vent.temperature for vent in scene.vents), default=reference)
     return scene.lava.viscosity_at(hottest)

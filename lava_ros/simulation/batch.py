@@ -3,11 +3,11 @@
 
 """Several simulations on one GPU at once.
 
-Few particles do not fill a GPU. So the simulations of a batch go through their stages together:
+Few particles do not fill a GPU. The simulations of a batch therefore run their stages together:
 each launch serves all of them (``backend/batched_launches.py``), each with its own step, vents and
-constants. The host looks at all clocks in one copy after some stages. Whoever has arrived, or
-needs room for more particles, goes on by itself for a moment; whoever is done makes room for one
-that waits.
+constants. After some stages the host reads all clocks in one copy. A member that reaches its
+target time, or needs a larger allocation, leaves the batch temporarily. A finished member frees
+its row for the next member in the queue.
 """
 
 from collections import deque
@@ -26,32 +26,32 @@ from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import Readback
 from lava_ros.simulation.state import FULL, FULLEST, NEAR_BORDER, NEWCOMERS, PARTICLES, State, TIME
 
-#: Simulations at work at once.
+#: Default maximum number of active simulations.
 AT_ONCE = 256
 
-#: Stages between two looks at the clocks, by whether it is a GPU.
+#: Stages between two readbacks of the clocks, by whether the device is a GPU.
 _STAGES = {True: 16, False: 1}
 
-#: Rounds of stages under way: while the host looks at what came of one a GPU has the next to do.
+#: Rounds of stages in flight: while the host processes one, a GPU computes the next.
 _UNDER_WAY = {True: 2, False: 1}
 
-#: Share of the members that may have nothing to do: who waits for a look waits for others, for a
-#: launch costs as much for one as for many, and so does a new list of who takes part.
+#: Maximum fraction of idle members before the selection changes. A launch for one member costs as
+#: much as for many, and so does a new list of members; they therefore wait for each other.
 _IDLE = 0.125
 
-#: Time for members to begin in between two rounds [s]; one begins in any case.
+#: Time for members to start in between two rounds [s]; at least one starts in any case.
 _BEGINNING = 0.01
 
 _END = object()
 
-#: A route that can go on, and clock and counts (``State``) of its simulation where it was brought.
+#: A route that can continue, and the clock and counts (``State``) at which its simulation stopped.
 _Ready = tuple[Iterator[None], tuple[np.ndarray, np.ndarray] | None]
 
 _here = local()
 
 
 def at_work() -> 'Batch | None':
-    """The batch whose member goes on at the moment, in this thread."""
+    """Return the batch whose member currently runs in this thread."""
     return getattr(_here, 'batch', None)
 
 
@@ -71,7 +71,7 @@ def _look(
 
 
 class _Group:
-    """Members whose stages go through the same kernels, a row each."""
+    """Members whose stages run the same kernels, one row each."""
 
     def __init__(self, launches: Sequence[Launch], rows: int, state: State) -> None:
         device = self._device = state.device
@@ -83,16 +83,17 @@ class _Group:
         self._copies = deque(Readback((self._clocks, self._counts)) for _ in range(3))
         self._until = np.full(rows, np.inf)
         self._room = np.zeros(rows)
-        #: Particles of each row when it was last looked at, threads that they have, and whether
-        #: nobody has looked yet.
+        #: Particles of each row at the latest readback, number of threads, and whether there has
+        #: been no readback yet.
         self._particles = np.zeros(rows, dtype=np.int64)
         self._threads = np.zeros(rows, dtype=np.int64)
         self._is_guess = np.zeros(rows, dtype=bool)
-        #: How often a row was asked for: what a round has found before is of no use.
+        #: Number of requests of each row: results of rounds before the latest request are
+        #: discarded.
         self._asked = np.zeros(rows, dtype=np.int64)
         self._selected: set[int] = set()
         self._has_new_looks = False
-        #: Of each row the state that it was put of, and how often that had forgotten launches.
+        #: State of each row, and the value of its ``launches.forgotten`` when it was assigned.
         self._put: dict[int, tuple[State, int]] = {}
         self.under_way: dict[int, Iterator[None]] = {}
         self.free = list(reversed(range(rows)))
@@ -102,52 +103,52 @@ class _Group:
         return [Launch(_look, state.counts.size, 32, False, arguments)]
 
     def put(self, row: int, launches: Sequence[Launch], state: State) -> None:
-        """Let a row be a member."""
+        """Assign a row to a member."""
         self._stages.put(row, launches)
         self._room[row] = FULLEST * state.capacity
         if self._put.get(row, (None, 0))[0] is not state:
-            # as many as there may be, before anyone has looked
+            # assume a full state until the first readback
             self._particles[row], self._is_guess[row] = state.capacity, True
             self._looks.put(row, self._look_of(row, state))
             self._has_new_looks = True
         self._put[row] = state, state.launches.forgotten
-        # it may have more threads than the one before
+        # it may have more threads than the previous member
         self._selected.clear()
 
     def leave(self, row: int) -> None:
-        """Let a row be free."""
+        """Free a row."""
         self.under_way.pop(row, None)
-        # what its launches need may be gone
+        # arrays that its launches use may be gone
         self._selected.clear()
         self.free.append(row)
 
     def bring(self, row: int, until: float, route: Iterator[None]) -> None:
-        """Let the member of a row go on to a time [s]; its route goes on when it is there."""
+        """Advance the member of a row to a time [s]; its route continues when it is there."""
         self._until[row] = until
         self._asked[row] += 1
         self.under_way[row] = route
 
     def _select(self, idle: float) -> None:
-        """Let those that are under way take part, and up to a share of others."""
+        """Select the rows in flight, and keep up to a fraction of idle ones selected."""
         others = self._selected - self.under_way.keys()
         is_in = len(self._selected) == len(others) + len(self.under_way)
-        # launches into arrays that are others now would write anywhere
+        # launches into arrays that have been replaced would write anywhere
         put = [self._put[row] for row in others]
         are_as_put = all(state.launches.forgotten == count for state, count in put)
         if not (is_in and are_as_put and len(others) <= idle * len(self._selected)):
             self._selected = set(self.under_way)
             rows = np.array(sorted(self._selected), dtype=np.int64)
-            # room for particles to come: one for eight that it has, and whole blocks
+            # capacity for new particles: one eighth, rounded up to whole blocks
             self._threads = BLOCK * -(-(self._particles + self._particles // 8) // BLOCK)
             self._stages.select(rows, self._threads[rows])
         if self._has_new_looks:
-            # at those that do not take part as well: another list costs more
+            # idle members as well: another list would cost more
             rows = np.array(sorted(self._put), dtype=np.int64)
             self._looks.select(rows, self._threads[rows])
             self._has_new_looks = False
 
     def launch_once(self) -> list[_Ready]:
-        """Make the launches of those that are under way, and give their routes."""
+        """Run the launches of all waiting rows once, and return their routes."""
         self._select(0.0)
         self._stages.launch()
         routes: list[_Ready] = [(route, None) for route in self.under_way.values()]
@@ -155,7 +156,7 @@ class _Group:
         return routes
 
     def begin(self) -> Callable[[], list[_Ready]]:
-        """Begin a round of stages; return what waits for it and gives the routes to go on with."""
+        """Start a round of stages; return a function that waits and returns the due routes."""
         self._select(_IDLE)
         self._stages.launch(_STAGES[self._device.is_cuda])
         self._looks.launch()
@@ -171,7 +172,7 @@ class _Group:
             is_current = asked == self._asked
             self._particles[is_current] = particles[is_current]
             if (self._particles > self._threads).any() or (self._is_guess & is_current).any():
-                # the last block of a member does what others should, or others have nothing to do
+                # the last block of a member does extra work, or others have none
                 self._selected.clear()
             self._is_guess[is_current] = False
             rows = np.flatnonzero(is_due & is_current).tolist()
@@ -185,21 +186,21 @@ class _Group:
 
 
 class Batch:
-    """Simulations that go through their stages together on one device.
+    """Simulations that run their stages together on one device.
 
     Attributes:
-        seen: Clock and counts (``State``) of the simulation that goes on after ``bring``: as they
-            are where it has arrived, else as they were some stages before.
+        seen: Clock and counts (``State``) of the simulation that continues after ``bring``: its
+            current ones if it has arrived, otherwise those of some stages ago.
     """
 
     seen: Any
 
     def __init__(self, *, at_once: int = AT_ONCE) -> None:
-        """Begin with none; ``at_once`` of them are at work at once."""
+        """Create an empty batch with at most ``at_once`` active simulations."""
         self._at_once = at_once
         self._groups: dict[Any, _Group] = {}
-        #: Of each route that has begun, and whether it is of stages: group, row, and what they
-        #: were taken down of.
+        #: Group and row of each active route (True: for stages), and the state and its
+        #: ``launches.forgotten`` at recording.
         self._places: dict[tuple[Iterator[None], bool], tuple[_Group, int, State, int]] = {}
         self._route: Iterator[None] | None = None
         self._has_asked = False
@@ -207,14 +208,14 @@ class Batch:
     def bring(
         self, state: State, taken_down: Callable[[], list[Launch]], until: float
     ) -> None:
-        """Bring the simulation of the route that goes on to a time [s], once that yields.
+        """Advance the simulation of the current route to a time [s], once the route yields.
 
-        The route goes on when it is there, or when there is something to be done for its
-        particles: room for more of them, or a wider neighbour grid.
+        The route continues at that time, or when its particles need a larger allocation or a wider
+        neighbour grid.
 
         Args:
-            state: Its particles.
-            taken_down: Takes down what a stage of it launches.
+            state: State of the simulation.
+            taken_down: Function that records the launches of one of its stages.
             until: The time [s].
         """
         group, row = self._place(state, taken_down, True)
@@ -222,11 +223,11 @@ class Batch:
         group.bring(row, until, self._route)
 
     def launch(self, state: State, taken_down: Callable[[], list[Launch]]) -> None:
-        """Make launches once for the route that goes on, once that yields.
+        """Run launches once for the current route, once the route yields.
 
         Args:
-            state: Its particles.
-            taken_down: Takes down what is launched.
+            state: State of its simulation.
+            taken_down: Function that records the launches.
         """
         group, row = self._place(state, taken_down, False)
         assert self._route is not None
@@ -235,7 +236,7 @@ class Batch:
     def _place(
         self, state: State, taken_down: Callable[[], list[Launch]], is_stage: bool
     ) -> tuple[_Group, int]:
-        """Group and row of what the route that goes on launches."""
+        """Return the group and row for launches of the current route."""
         assert self._route is not None
         self._has_asked = True
         key = self._route, is_stage
@@ -253,21 +254,21 @@ class Batch:
         return group, row
 
     def run(self, routes: Iterable[Iterator[None]]) -> None:
-        """Take all routes to their ends, as ``running`` does in parts."""
+        """Run all routes to their ends; ``running`` does the same in parts."""
         for _ in self.running(routes):
             pass
 
     def running(self, routes: Iterable[Iterator[None]]) -> Iterator[None]:
-        """Take all routes to their ends, with time for something else after each part.
+        """Run all routes to their ends, and yield in between so that the caller can do other work.
 
-        A route leaves off whenever it has asked for something (``Simulation.advancing``). It
-        begins only when it is its turn.
+        A route yields whenever it has made a request (``Simulation.advancing``). It starts only
+        when there is a row for it.
 
         Args:
             routes: The routes.
 
         Raises:
-            Exception: Whatever a route raises; the others are given up.
+            Exception: If a route raises; the other routes are abandoned.
         """
         waiting, begun = iter(routes), 0
         ready = deque[_Ready]()
@@ -275,7 +276,7 @@ class Batch:
         while True:
             while ready:
                 begun -= self._has_ended(*ready.popleft(), ready)
-            # the others are not kept waiting by all that begin
+            # routes that start must not delay the active ones for long
             new, end = False, perf_counter() + _BEGINNING
             for route in islice(waiting, self._at_once - begun):
                 new = True
@@ -303,7 +304,7 @@ class Batch:
                     return
 
     def _has_ended(self, route: Iterator[None], seen: Any, ready: deque[_Ready]) -> bool:
-        """Go on with a route, and say whether it has come to its end."""
+        """Continue a route; return True if it has ended."""
         self._route, self.seen, self._has_asked = route, seen, False
         former, _here.batch = at_work(), self
         try:
@@ -327,18 +328,18 @@ class Batch:
 def side_by_side(
     routes: Iterable[Iterator[None]], device: str, *, at_once: int = AT_ONCE
 ) -> Iterator[None]:
-    """Take all routes to their ends, with time for something else after each part.
+    """Run all routes to their ends, and yield in between so that the caller can do other work.
 
-    On a GPU they go as a batch. On the CPU one follows the other, each on all cores. A route
-    begins only when it is its turn.
+    On a GPU they run as a batch. On the CPU they run one after the other, each on all cores. A
+    route starts only when it is its turn.
 
     Args:
         routes: The routes (``Simulation.advancing``).
-        device: Warp device they launch on.
-        at_once: Routes on their way at a time.
+        device: Warp device of their launches.
+        at_once: Maximum number of active routes.
 
     Raises:
-        Exception: Whatever a route raises; the others are given up.
+        Exception: If a route raises; the other routes are abandoned.
     """
     if wp.get_device(device).is_cuda:
         return Batch(at_once=at_once).running(routes)

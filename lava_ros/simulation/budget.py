@@ -1,19 +1,19 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the lava is: the one account of its volume, to diagnostics and back, and for people."""
+"""Volume budget of a simulation, as text for diagnostics and for people."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 import math
 
-#: Share of the emitted volume that may be unaccounted for: the promise of the simulation.
+#: Maximum fraction of the emitted volume that may be unaccounted for: guaranteed accuracy.
 VOLUME_TOLERANCE = 1e-5
 
-#: Share of the emitted volume from which on it is said that it is gone from the map.
+#: Fraction of the emitted volume above which lava that has left the map causes a warning.
 GONE = 1e-3
 
-#: What each part of a budget is called, in the order that it is told in.
+#: Labels of the parts of a budget, in the order of their rows.
 _PARTS = {
     'emitted': 'emitted',
     'flowing': 'flowing',
@@ -27,18 +27,18 @@ _PARTS = {
 
 @dataclass(frozen=True)
 class VolumeBudget:
-    """Where the lava is [m3]: what came in equals what is held and what has left.
+    """Volumes of lava [m3]: emitted = held + left + frozen.
 
     Attributes:
-        emitted: What the vents have given, the exact integral of their discharge, and what the
-            simulation was started with.
-        held: What the simulation holds: the sum of the particles' volumes, and ``pending``.
-        pending: The part of ``held`` that waits in the vents' conduits, less than a particle each
-            (less than eight where they emit symmetrically).
-        left: What has flowed over the terrain's border or onto cells without data.
-        frozen: What has solidified and become ground.
-        late: The part of ``pending`` that should have come out: the vents are behind.
-        in_holes: The part of ``left`` that has come onto cells without data.
+        emitted: Volume from the vents, the exact integral of their discharge, and the volume at
+            the start of the simulation.
+        held: Volume in the simulation: the sum of the particles' volumes, and ``pending``.
+        pending: Part of ``held`` that waits in the vents' conduits, less than one particle per
+            vent (less than eight where vents emit symmetrically).
+        left: Volume that has flowed over the terrain's border or onto cells without data.
+        frozen: Volume that has solidified and become ground.
+        late: Part of ``pending`` that is overdue: the vents are behind.
+        in_holes: Part of ``left`` that has flowed onto cells without data.
     """
 
     emitted: float
@@ -51,30 +51,30 @@ class VolumeBudget:
 
     @property
     def error(self) -> float:
-        """Share of the emitted volume that is unaccounted for."""
+        """Fraction of the emitted volume that is unaccounted for."""
         missing = abs(self.emitted - self.held - self.left - self.frozen)
         return missing / self.emitted if self.emitted > 0.0 else missing
 
     @property
     def flowing(self) -> float:
-        """The part of ``held`` that is on the map [m3]."""
+        """Part of ``held`` that is on the map [m3]."""
         return self.held - self.pending
 
     @property
     def over_border(self) -> float:
-        """The part of ``left`` that has flowed over the border [m3]."""
+        """Part of ``left`` that has flowed over the border [m3]."""
         return self.left - self.in_holes
 
     def texts(self) -> dict[str, str]:
-        """The values of a status in diagnostics, by their names there."""
+        """Return the values of a diagnostics status, by key."""
         volumes = {_key(item.name): repr(getattr(self, item.name)) for item in fields(self)}
         return {**volumes, 'volume_error': f'{self.error:.3e}'}
 
     @classmethod
     def from_texts(cls, values: Mapping[str, str]) -> 'VolumeBudget | None':
-        """Read what ``texts`` has written; None where emitted, held or left is not there.
+        """Parse the values that ``texts`` returns; None if emitted, held or left is missing.
 
-        What older recordings do not say counts as nothing.
+        Volumes that older recordings lack count as 0.
         """
         known = {}
         for item in fields(cls):
@@ -86,23 +86,23 @@ class VolumeBudget:
         return cls(**{'pending': 0.0, **known}) if needed else None
 
     def rows(self) -> list[tuple[str, str]]:
-        """All of it for people: names and values, then what is unaccounted for."""
+        """Return labels and values for people, ending with the unaccounted volume."""
         told = [(name, f'{_shown(getattr(self, part))} m3') for part, name in _PARTS.items()]
         error = 'below 1e-15' if self.error < 1e-15 else f'{self.error:.1e} of what was emitted'
         return [*told, ('unaccounted for', error)]
 
     def text(self) -> str:
-        """The rows in a line."""
+        """Return all rows on one line."""
         return ', '.join(f'{name} {value}' for name, value in self.rows())
 
     @property
     def is_conserved(self) -> bool:
-        """Whether all of the volume is accounted for."""
-        # what is no number is not
+        """Return True if the whole volume is accounted for."""
+        # False if the error is NaN
         return self.error <= VOLUME_TOLERANCE
 
     def warnings(self) -> list[str]:
-        """What a reader of the maps has to know, as phrases."""
+        """Return warnings for a reader of the maps, as phrases."""
         said = []
         if not self.is_conserved:
             said.append(f'volume is not conserved: {self.error:.1e} of it is unaccounted for')
@@ -117,7 +117,7 @@ class VolumeBudget:
 
 
 def _shown(volume: float) -> str:
-    # of a flow on a table four digits, of an eruption its litres
+    # four digits for a flow in the laboratory, 0.1 m3 for an eruption
     return f'{volume:,.1f}' if abs(volume) >= 1000.0 else f'{volume:.4g}'
 
 

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The cells that particles are sorted by, those around a particle, and sums over what is in them.
+"""Cells by which particles are sorted, the cells around a particle, and sums over their particles.
 
-Cells are numbered row by row: what is in some columns of a row is one range of the particles. Of
-thickness and its gradient there are two sums with the same arguments: a GPU's thread takes one
-neighbour after the other, a core of a CPU eight at a time (simd.py).
+Cells are numbered row by row, so the particles in adjacent columns of a row are one contiguous
+range. Thickness and its gradient have two summation functions with the same arguments: a GPU
+thread adds one neighbour after the other, a CPU core eight at a time (simd.py).
 """
 
 from functools import lru_cache
@@ -17,32 +17,32 @@ from lava_ros.simulation.backend.compiled import load4, load_int, unseen_one
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.kernels import SmoothingKernel
 
-#: Rows and columns of cells to a kernel radius, by the least radius over the spacing. Fewer cells
-#: hold more that is out of reach, more rows cost more look-ups. With a particle to each cell rows
-#: are alike, and threads wait less for each other; where that cannot be, longer rows are better.
+#: Rows and columns of cells per kernel radius, by minimum radius over spacing. Fewer cells hold
+#: more particles out of reach; more rows take more look-ups. With one particle per cell rows are
+#: alike, and threads wait less for each other; where that is impossible, longer rows are better.
 _CELLS = ((2.8, (3, 3)), (0.0, (2, 4)))
 
-#: Neighbours in a row that are summed at once, by whether there are so few particles that waiting
-#: takes the time. The threads of a warp wait for the one that has most of them: nothing is left
-#: over for a second loop, but what does not come out even counts as nothing.
+#: Neighbours in a row that are summed at once, by whether the launch is bound by latency. The
+#: threads of a warp wait for the longest row: a second loop for a remainder would cost more than
+#: padding the last step with zeros.
 NEIGHBORS_AT_ONCE = {False: 2, True: 4}
 
 
 def cells_to_radius(ratio: float) -> tuple[int, int]:
-    """Rows and columns of cells to a kernel radius, for that radius over the spacing."""
+    """Return rows and columns of cells per kernel radius, for a ratio of radius to spacing."""
     return next(cells for least, cells in _CELLS if ratio >= least)
 
 
 @lru_cache
 def cell_frame(real: Any) -> Any:
-    """Where the cells lie, relative to the terrain's centre.
+    """Return the struct of the cell grid; positions are relative to the terrain's centre.
 
     ``rows_per_metre`` and ``columns_per_metre`` are one over a cell's sides [1/m]. ``first_row``
-    and ``first_column`` are the window's in the grid of the whole terrain, in which lava before
-    column ``west`` and row ``south``, or from ``east`` and ``north`` on, is near its border.
-    ``starts`` is the index of each cell's first ordered particle, shape [at least cells + 2]; that
-    after the last cell is the number of particles on the terrain, the one after it that of all.
-    ``sizes`` counts the particles of each cell while they are binned, and is 0 otherwise.
+    and ``first_column`` locate the window in the grid of the whole terrain. Lava before column
+    ``west`` or row ``south``, or at or beyond ``east`` or ``north``, is near the window's border.
+    ``starts`` is the index of each cell's first ordered particle, shape [at least cells + 2]; the
+    item after the last cell is the number of particles on the terrain, the next that of all.
+    ``sizes`` counts the particles of each cell during binning, and is 0 otherwise.
     """
 
     @wp.struct
@@ -66,11 +66,11 @@ def cell_frame(real: Any) -> Any:
 
 
 class CellFunctions(NamedTuple):
-    """Device functions that find cells, and what is in them.
+    """Device functions that find cells and their particles.
 
     ``column_of(cells, x)`` and ``row_of(cells, y)`` are clamped to the grid. ``cells_around(cells,
-    x, y, reach)`` gives the first row that a disc reaches and the one after the last, then the
-    same of columns; ``range_in(cells, row, box)`` the first of the ordered particles of a row of
+    x, y, reach)`` returns the first row that a disc touches and the one after the last, then the
+    same for columns. ``range_in(cells, row, box)`` returns the first ordered particle of a row of
     these cells, and the one after the last.
     """
 
@@ -112,9 +112,9 @@ def cell_functions(real: Any) -> CellFunctions:
 
 @lru_cache
 def sums_function(real: Any, kernel: SmoothingKernel, parts: int, is_short: bool) -> Any:
-    """Return the device function of the sums over the neighbours of thickness and its gradient.
+    """Return the device function that sums thickness and its gradient over the neighbours.
 
-    Its first argument is the number of a part: every so many-th row of cells.
+    Its first argument is the index of a part; part k takes every ``parts``-th row of cells.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
@@ -148,7 +148,7 @@ def sums_function(real: Any, kernel: SmoothingKernel, parts: int, is_short: bool
                 for n in range(at_once):
                     other = load(ordered, j + n)
                     if j + n >= near[1]:
-                        # of the next row, or nothing
+                        # it belongs to the next row, or is past the end
                         other[2] = real(0.0)
                     sums = added(sums, p, other, inverse)
                 j += at_once * unseen_one()
@@ -160,7 +160,7 @@ def sums_function(real: Any, kernel: SmoothingKernel, parts: int, is_short: bool
 
 @lru_cache
 def wide_sums_function(wide_terms: str) -> Any:
-    """Return the same device function of float32 for a CPU."""
+    """Return the float32 device function of the same sums for a CPU."""
 
     @wp.func_native(
         over_neighbors(f"""

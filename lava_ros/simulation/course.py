@@ -1,19 +1,19 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The expected course of a flow: what is assumed of it before the first step.
+"""The expected course of a flow: assumptions about it before the first step.
 
-The lava of a source follows the steepest descent. Sources that lie in one another are one source.
-Across each point of the path the terrain has a cross-section, which the lava fills to its normal
-depth: the level at which the local balance of weight and drag carries the whole discharge,
+The lava of a source follows the steepest descent. Overlapping vents form one source. Across each
+point of the path the terrain has a cross-section, which the lava fills to its normal depth: the
+level at which the local balance of weight and drag carries the whole discharge,
 
     Q = K sum (level - ground)^3 (1 - 3 B / 2 + B^3 / 2) dy,  K = rho g tan(b) cos^4(b) / (3 mu),
 
-with B the yield strength over the stress at the base. A flow that nothing confines is no wider
-than the steady flow of a point source down a plane (Smith 1973), on level ground no wider than
-the flow of a point source onto a plane (Huppert 1982). On its way the lava loses heat as the
-material's laws say, and its viscosity and strength follow its temperature. The front advances by
-the volume that its cross-sections take; lava colder than the solidus goes no further.
+with B the yield strength over the basal shear stress. An unconfined flow is at most as wide as the
+steady flow of a point source down a plane (Smith 1973), on level ground at most as wide as the
+flow of a point source onto a plane (Huppert 1982). On its way the lava loses heat by the
+material's laws, and its viscosity and yield strength follow its temperature. The front advances by
+the volume that its cross-sections take; lava colder than the solidus stops.
 """
 
 from __future__ import annotations
@@ -35,33 +35,33 @@ NARROW = 0.25
 #: Maximum number of sources whose paths are followed, those with the largest discharges.
 MAX_SOURCES = 3
 
-#: Points of a path, and directions in which the next one is looked for.
+#: Points of a path, and directions that are searched for the next one.
 _POINTS, _DIRECTIONS = 256, 64
 
-#: Size of the cells that the path is followed on, in scales of the thickness: lava buries what is
-#: smaller. The terrain's are averaged to about that.
+#: Size of the cells of the path, in scales of the thickness: lava buries smaller features. The
+#: terrain's cells are averaged to about that size.
 _CELL = 4.0
 
 #: Rows of larger cells that are averaged at a time.
 _STRIP = 64
 
-#: Distance between two points in cells, and how many of these distances a pit may measure.
+#: Distance between two points [cells], and radii over this distance for getting out of a pit.
 _STRIDE, _PITS = 4.0, (1, 2, 3, 4, 6, 8)
 
 #: Samples of a cross-section, an odd number.
 _SAMPLES = 97
 
-#: Widths of the former iteration that the samples of the next one cover.
+#: Width that the samples of an iteration cover, over the width of the previous iteration.
 _COVERED = 2.0
 
 #: Bisections of a level: the last is 1e-7 of the first interval.
 _BISECTIONS = 24
 
-#: Times that widths and temperatures are computed from each other.
+#: Number of iterations of widths and temperatures, which depend on each other.
 _ITERATIONS = 3
 
-#: Smallest slope that a cross-section is computed with.
-_LEAST_SLOPE = 1e-3
+#: Minimum slope for computing a cross-section.
+_MIN_SLOPE = 1e-3
 
 #: Width over (cot(b) x)^(3/7) (Q / K)^(1/7) of the steady flow down a plane at a distance x from
 #: its source: 2 (14 / 3)^(3/7) (35 / 32)^(1/7), of h = H (1 - y^2 / Y^2) (Smith 1973).
@@ -79,7 +79,7 @@ class Course:
     """The expected course of a flow.
 
     Attributes:
-        columns: Its columns of lava, one of each cross-section that the front reaches.
+        columns: Columns of lava, one for each cross-section that the front reaches.
         width: Width of the flow of the largest source, the lower quartile along the path [m].
         thickness: Median thickness of that flow, weighted by volume [m].
         fall: Largest difference of elevation between a source and the end of its path [m].
@@ -93,11 +93,11 @@ class Course:
 
 @dataclass(frozen=True)
 class _Source:
-    """Vents that lie in one another.
+    """Vents that overlap.
 
-    ``places`` are the ends of their lines [m], shape [ends, 2], ``radius`` is the largest of their
-    radii [m], ``discharge`` the peak of their sum [m3/s], ``volume`` what they emit up to the
-    horizon [m3], and ``temperature`` that of the hottest one [K].
+    ``places`` are the ends of their lines [m], shape [ends, 2], ``radius`` is their largest
+    radius [m], ``discharge`` the peak of their sum [m3/s], ``volume`` their emission up to the
+    horizon [m3], and ``temperature`` that of the hottest vent [K].
     """
 
     places: np.ndarray
@@ -127,8 +127,8 @@ def course_of(scene: Scene, *, horizon: float) -> Course | None:
 def _sources(scene: Scene, horizon: float) -> list[_Source]:
     """Group the vents with a discharge into sources, the one with the largest discharge first.
 
-    Two vents lie in one another where the distance of their lines is no more than the sum of their
-    radii, or one cell.
+    Two vents overlap if the distance of their lines is no more than the sum of their radii, or
+    one cell.
     """
     vents = [vent for vent in scene.vents if vent.volume_between(0.0, horizon) > 0.0]
     lines = [(vent.position, vent.end or vent.position) for vent in vents]
@@ -161,9 +161,9 @@ def _sources(scene: Scene, horizon: float) -> list[_Source]:
 def _distance(
     start: np.ndarray, end: np.ndarray, starts: np.ndarray, ends: np.ndarray
 ) -> np.ndarray:
-    """Distances of a line from others [m], shape [others]; where they cross it is too large.
+    """Return the distances of a line from other lines [m], shape [lines]; too large if they cross.
 
-    Lines that cross are fissures that do, and no two of these are given as one.
+    Only crossing fissures have crossing lines, and they are not meant as one source.
     """
 
     def to_line(places: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -179,13 +179,13 @@ def _distance(
 
 
 def _peak(vents: Sequence[Vent], horizon: float) -> float:
-    """Largest sum of the vents' discharges up to a time [s], in m3/s."""
+    """Return the largest sum of the vents' discharges up to a time [s], in m3/s."""
     times = {0.0, *(time for vent in vents for time, _ in vent.series if 0.0 < time < horizon)}
     return max(sum(vent.discharge_at(time) for vent in vents) for time in times)
 
 
 def _follow(scene: Scene, source: _Source, horizon: float) -> tuple[Columns, float]:
-    """Follow the lava of a source; return its columns, and how far it falls [m]."""
+    """Follow the lava of a source; return its columns, and its descent [m]."""
     lava, weight = scene.lava, scene.lava.density * scene.gravity
     viscosity = lava.viscosity_at(source.temperature)
     scale = (3.0 * viscosity * source.discharge / weight) ** 0.25
@@ -202,9 +202,9 @@ def _follow(scene: Scene, source: _Source, horizon: float) -> tuple[Columns, flo
     step = 0.5 * (steps[1:] + steps[:-1])
     along = path[2:] - path[:-2]
     along /= np.hypot(*along.T)[:, None]
-    slope = np.maximum((height[:-2] - height[2:]) / (2.0 * step), _LEAST_SLOPE)
+    slope = np.maximum((height[:-2] - height[2:]) / (2.0 * step), _MIN_SLOPE)
     across = np.column_stack([-along[:, 1], along[:, 0]])
-    # what comes out of a row of vents or of a fissure is as wide as that
+    # lava from a row of vents or a fissure is at least as wide as the row
     spread = across @ source.places.T
     extent = np.ptp(spread, axis=1) + 2.0 * source.radius
     fall = slope / (1.0 + slope**2) ** 2
@@ -244,9 +244,9 @@ def _follow(scene: Scene, source: _Source, horizon: float) -> tuple[Columns, flo
 
 
 def _averaged(terrain: Terrain, factor: int) -> Terrain:
-    """Average a terrain over cells larger by a factor, and leave out what is left at the border.
+    """Average a terrain over cells larger by a factor; drop incomplete ones at the border.
 
-    A larger cell has data if all of its cells have. Strips of rows need little memory.
+    A larger cell has data if all of its cells have. Strips of rows save memory.
     """
     factor = min(factor, min(terrain.shape) // 2)
     if factor <= 1:
@@ -292,7 +292,7 @@ def _on_level_ground(
 def _cooled_on_the_way(
     scene: Scene, temperature: float, thickness: np.ndarray, speed: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
-    """Temperature [K] of lava at the end of each step [m] of its path."""
+    """Return the temperature [K] of lava at the end of each step [m] of its path."""
     balance, age, reached = heat_balance(scene), 0.0, []
     for h, u, length in zip(thickness.tolist(), speed.tolist(), step.tolist(), strict=True):
         time = length / u
@@ -307,10 +307,11 @@ def _cooled_on_the_way(
 
 
 def _descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the steepest descent [m], shape [points, 2], and their elevation [m].
+    """Return points of the steepest descent [m], shape [points, 2], and their elevation [m].
 
-    Each is the lowest of a circle around the one before, never back. In a pit the circle widens.
-    The path ends at the border, at a cell without data, and in a pit wider than every circle.
+    Each is the lowest point of a circle around the previous one, never backwards. In a pit the
+    circle widens. The path ends at the border, at a cell without data, and in a pit wider than
+    every circle.
     """
     angle = np.linspace(0.0, 2.0 * math.pi, _DIRECTIONS, endpoint=False)
     directions = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -337,27 +338,27 @@ def _normal_depth(
     terrain: Terrain, points: np.ndarray, along: np.ndarray, widest: np.ndarray, flux: np.ndarray,
     still: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Width [m], area [m2] and thickness [m] of the lava in cross-sections of the terrain.
+    """Return width [m], area [m2] and thickness [m] of the lava in cross-sections of the terrain.
 
-    They are at ``points`` [m] of the path, which has the direction ``along`` there, both of shape
-    [sections, 2], and no wider than ``widest`` [m]. ``flux`` is the discharge over the mobility
-    [m4]: the integral of depth cubed, less what strength holds back. ``still`` is the depth [m] up
-    to which it holds back all. The thickness is the mean over the volume.
+    They are at ``points`` [m] of the path, whose direction there is ``along``, both of shape
+    [sections, 2], and at most ``widest`` wide [m]. ``flux`` is the discharge over the mobility
+    [m4]: the integral of depth cubed, reduced by the yield strength. Lava up to ``still`` deep
+    [m] does not yield. The thickness is the mean weighted by volume.
     """
     share = np.linspace(-0.5, 0.5, _SAMPLES)
     offset = widest[:, None] * share
     across = np.column_stack([-along[:, 1], along[:, 0]])
     places = points[:, None, :] + offset[:, :, None] * across[:, None, :]
     ground = _sampled(terrain, places.reshape(-1, 2)).reshape(offset.shape)
-    # beyond the border and on cells without data there is no ground that holds lava
+    # ground beyond the border or on cells without data does not confine lava
     ground = np.where(np.isnan(ground), np.nanmax(ground), ground)
     middle = _SAMPLES // 2
-    # lava is where no higher ground lies between it and the path
+    # there is lava where no higher ground lies between a sample and the path
     ground[:, middle:] = np.maximum.accumulate(ground[:, middle:], axis=1)
     ground[:, : middle + 1] = np.maximum.accumulate(ground[:, middle::-1], axis=1)[:, ::-1]
     cell = widest / _SAMPLES
     low = ground[:, middle].copy()
-    # all of the flux through one sample
+    # upper bound: the whole flux through one sample
     high = low + np.cbrt(flux / cell) + 1.5 * still
     for _ in range(_BISECTIONS):
         level = 0.5 * (low + high)
@@ -372,7 +373,7 @@ def _normal_depth(
 
 
 def _sampled(terrain: Terrain, places: np.ndarray) -> np.ndarray:
-    """Elevation [m] at places (x, y), shape [places, 2], bilinear; NaN beyond the outer cells."""
+    """Return elevations [m] at places (x, y), shape [places, 2]; NaN beyond the outer cells."""
     rows, columns = terrain.shape
     column, row = ((places - terrain.origin) / terrain.resolution - 0.5).T
     inside = (column >= 0.0) & (row >= 0.0) & (column <= columns - 1) & (row <= rows - 1)

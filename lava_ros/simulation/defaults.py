@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a user leaves out, and what a formulation brings along."""
+"""Defaults for values that a user omits, and effects that a formulation implies."""
 
 from dataclasses import replace
 from functools import cache
@@ -23,7 +23,7 @@ def device_of(name: str | None) -> Any:
     """Find a Warp device, such as ``cpu`` or ``cuda:0``, by default the first of CUDA or the CPU.
 
     Raises:
-        LavaError: There is no such device.
+        LavaError: If there is no such device.
     """
     _start_warp()
     try:
@@ -37,7 +37,7 @@ def device_of(name: str | None) -> Any:
 
 @cache
 def _start_warp() -> None:
-    """Start Warp, and log what its library would write to stderr, past everybody's log."""
+    """Start Warp, and log what its library would write to stderr."""
     with tempfile.TemporaryFile() as said:
         stderr = os.dup(2)
         os.dup2(said.fileno(), 2)
@@ -51,19 +51,19 @@ def _start_warp() -> None:
                 if line.startswith(b'Warp '):
                     _LOG.info(line.decode(errors='replace').rstrip())
                 else:
-                    # of another thread
+                    # output of another thread
                     os.write(2, line)
 
 
 def formulated(effects: Effects, accuracy: Accuracy) -> Effects:
-    """The effects as the formulation has them: the printed one is a Green's function.
+    """Return the effects that the formulation implies: as-published uses a Green's function.
 
     Raises:
-        LavaError: The printed formulation is asked for inertia.
+        LavaError: If inertia is selected with the as-published formulation.
     """
     if accuracy.formulation != 'as-published':
         return effects
     if 'inertia' in effects:
-        right = 'false beside accuracy.formulation as-published, which has none'
+        right = 'false with accuracy.formulation as-published, which has no inertia'
         raise LavaError('effects.inertia', True, right)
     return replace(effects, green=True, steep=False)

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The numbers of a moment: clock, counts and volumes, gathered on the device in one array.
+"""Clock, counts and volumes of one moment, gathered on the device in one array.
 
-Read one after the other they would be of several moments where steps go on meanwhile, and the
-particles' volumes would all have to come to the host for one sum.
+Read one after the other while steps continue, they would belong to different moments, and all
+particle volumes would have to be copied to the host for one sum.
 """
 
 from collections.abc import Sequence
@@ -22,13 +22,13 @@ from lava_ros.simulation.state import State
 from lava_ros.simulation.timestep import LIMITS
 from lava_ros.simulation.vents import VentSet
 
-#: Sums that the particles' volumes are added up in, which the host adds up. With as many on every
-#: device and for any number of particles the order of the sum is always the same.
+#: Number of partial sums of the particles' volumes, which the host adds up. It is the same on
+#: every device and for any number of particles, and with it the order of summation.
 _SUMS = 16384
 
 
 class Moment(NamedTuple):
-    """The numbers of a moment, as ``Snapshot`` has them."""
+    """Clock, counts and volumes of one moment, as fields of ``Snapshot``."""
 
     time: float
     particle_count: int
@@ -75,16 +75,16 @@ def _kernel(real: Any) -> Any:
 
 
 class FlowDiagnostics:
-    """Where the numbers are gathered."""
+    """Device array that gathers the values of a moment."""
 
     def __init__(self) -> None:
-        """Begin without an array."""
+        """Initialize without an array."""
         self._numbers: Any = None
 
     def take(self, state: State, vents: VentSet) -> Any:
-        """Gather the numbers of now on the device, for ``moment_of``; the next time replaces them.
+        """Gather the current values on the device; the next call overwrites them.
 
-        Particles that have left are dropped already.
+        Particles that have left must have been dropped.
         """
         length = _SUMS + 3 + state.clock.size + state.counts.size + vents.released.size
         if self._numbers is None or self._numbers.size != length:
@@ -103,9 +103,9 @@ class FlowDiagnostics:
 
 
 def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) -> Moment:
-    """Read a copy of what was gathered.
+    """Convert a copy of the gathered values.
 
-    Of the state only the arrays' sizes are read; ``before`` [m3] came out before these vents did.
+    Only the sizes of the state's arrays are read; ``before`` [m3] was emitted by earlier vents.
     """
     ends = np.cumsum([_SUMS, 3, state.clock.size, state.counts.size])
     sums, (border, holes, frozen), clock, places, released = np.split(numbers, ends)
@@ -140,10 +140,10 @@ def snapshot_of(
     vents: VentSet,
     before: float,
 ) -> Snapshot:
-    """Put together what is shown of a moment; state, vents and volume as of ``moment_of``.
+    """Build the snapshot of a moment; state, vents and volume as for ``moment_of``.
 
-    ``copies`` are the grids on the terrain, thickness, temperature and, with solidification, what
-    has frozen of it, then the arrival; and what was gathered.
+    ``copies`` are the grids on the terrain (thickness, temperature, with solidification the
+    solidified thickness, and arrival), and the gathered values.
     """
     grids, numbers = copies
     arrived, grids = np.where(grids[-1] < 0.0, np.float32(np.nan), grids[-1]), grids[:-1]

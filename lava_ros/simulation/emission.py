@@ -121,7 +121,7 @@ def place_function(symmetric: bool) -> Any:
         group = group_of(v, outlets)
         part = n % group
         turns = wp.float64(n // group + 1)
-        # vents in one place begin elsewhere, or their particles would be in one place
+        # overlapping vents start at different points, so that their particles do not coincide
         a = wp.float64(0.7548776662466927) * turns
         a += wp.float64(0.6180339887498949) * outlets.shape[v, 9]
         b = wp.float64(0.5698402909980532) * turns
@@ -147,7 +147,8 @@ def place_function(symmetric: bool) -> Any:
             x = a * along_x - across * along_y
             y = a * along_y + across * along_x
         elif wp.static(symmetric):
-            # in half turns; away from the sides of its eighth, lest a point meet its mirror image
+            # in half turns; away from the sides of its eighth, so that no point meets its mirror
+            # image
             angle = wp.float64(0.25) * (wp.float64(0.1) + wp.float64(0.8) * a)
             x = radius * wp.sqrt(b) * cos_pi(angle)
             y = radius * wp.sqrt(b) * sin_pi(angle)
@@ -220,7 +221,8 @@ def emission_function(
         if wp.static(bins):
             slot += m.counts[PARTICLES]
         if slot + due > m.particle.shape[0]:
-            # no room: what is due stays in the conduit until the host has made some
+            # the capacity is used up: due particles stay in the conduit until the host has
+            # enlarged it
             wp.atomic_sub(m.counts, wp.static(total), due)
             m.counts[FULL] = 1
             return 0
@@ -236,7 +238,7 @@ def emission_function(
             volume, heat = real(outlets.particle_volume), real(outlets.shape[v, 5])
             p = vec4(real(place[0]), real(place[1]), volume, heat)
             m.particle[i] = p
-            # its thickness is not known yet: this one makes its square a cell
+            # its thickness is unknown: assume that its square is one cell
             note(p, volume / (m.ground.resolution * m.ground.resolution), m)
             if wp.static(bins):
                 put(i, p, m)
@@ -249,14 +251,15 @@ def emission_function(
         time = m.clock[TIME]
         for v in range(first, outlets.starts.shape[0] - 1, apart):
             k = outlets.starts[v]
-            # nothing is read but when something is due, give or take its rounding
+            # read the tables only when a particle is due, within rounding
             soon = (wp.float64(1.0) - wp.float64(_ROUNDING)) * outlets.due[v][0]
             if time >= soon and time >= outlets.times[k]:
                 while k + 1 < outlets.starts[v + 1] and outlets.times[k + 1] <= time:
                     k += 1
                 volume = outlets.volumes[k] + outlets.fluxes[k] * (time - outlets.times[k])
                 rest = volume / outlets.particle_volume - wp.float64(outlets.released[v])
-                # no more than an integer holds and a step should bring; the others come later
+                # limited to the range of an integer and to a step's maximum; the rest follows
+                # later
                 due = int(wp.min(rest, wp.float64(outlets.most)))
                 due -= due % group_of(v, outlets)
                 if due > 0:
@@ -274,12 +277,12 @@ def emission_kernel(real: Any, emission: Any) -> Any:
 
     @quick_kernel
     def emit(thread: int, apart: int, outlets: Outlets, m: arguments_type(real)):
-        """Release all whole particles that the discharge has made due by now."""
+        """Release all whole particles that are due at the current time."""
         emission(thread, apart, outlets, m)
 
     return emit
 
 
 def emitters(state: State, most: int) -> int:
-    """Threads that emit: one for all vents gives their particles the same order in every run."""
+    """Return the number of emitting threads: a single one gives the same order in every run."""
     return most if state.device.is_cuda and not state.is_deterministic else 1

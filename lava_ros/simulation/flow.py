@@ -8,20 +8,20 @@ depth-averaged velocity is u = -rho g h^2 grad S / (3 mu). The surface gradient 
 
 * energy, e: grad S = grad h + grad H, the first the sum of V_j grad W_ij, the second sampled from
   the staggered terrain grid. It is the gradient of sum_i V_i (h_i / 2 + H_i), which never grows,
-  and it keeps the particles evenly apart. On a level surface it is not quite 0.
+  and it keeps the particles evenly spaced. On a level surface it is not quite 0.
 * difference, d: the sum of V_j / h_j (S_j - S_i) grad W_ij with S = h + H at the particles, times
   the inverse of its matrix for S = x (Bonet & Lok 1999), so that an edge does not halve it. It is
-  0 where S is constant, and the gradient of nothing: nothing keeps the particles apart.
-* balanced: d + r, r the difference e - d cut down to the length of d. It is e unless the surface
-  is nearly level, and 0 where d is. The energy never grows either: where r is cut,
+  0 where S is constant, but not the gradient of an energy: nothing keeps the particles apart.
+* balanced: d + r, where r is the difference e - d limited to the length of d. It is e unless the
+  surface is nearly level, and 0 where d is. The energy never grows either: where r is limited,
   e . (d + r) >= |d|^2 - (1 + |d| / |e - d|) |d| |e - d| + |d| |e - d| = 0.
 
 The balance has no inertia, so nothing bounds its speed: at a wall, or where lava is thin as water,
-it is that of lava which has fallen for ever. No lava is faster than what it has fallen by can have
-made it. A particle on ground of height H has fallen from the highest ground that lava came from,
-``State.top``, and lies h deep: u^2 <= 2 g (max(top - H, 0) + h). Lava with u^2 <= 2 g h never sees
-the bound. As u^2 / (g h) is the number that calls for inertia above 0.1 (``selection.py``): all
-lava whose balance holds.
+it could exceed any free fall. The speed is therefore limited by the energy of the fall. A particle
+on ground of height H has fallen from at most the highest ground that lava came from,
+``State.top``, and lies h deep: u^2 <= 2 g (max(top - H, 0) + h). The limit never affects lava with
+u^2 <= 2 g h. Since inertia is selected where u^2 / (g h) exceeds 0.1 (``selection.py``), that is
+all lava for which the balance is valid.
 """
 
 from functools import lru_cache
@@ -64,7 +64,7 @@ class FlowKernels(NamedTuple):
 
 @lru_cache
 def fall_function(real: Any) -> Any:
-    """Return the device function that keeps a velocity at a place to that of free fall."""
+    """Return the device function that limits a velocity at a place to that of free fall."""
     vec2 = wp.types.vector(2, real)
     height_at = terrain_functions(real).height_at
 
@@ -73,7 +73,7 @@ def fall_function(real: Any) -> Any:
         square = wp.dot(velocity, velocity)
         head = square / (real(2.0) * m.constants.gravity) - thickness
         kept = velocity
-        # hardly any lava is that fast: the others need not know how high they are
+        # read the ground's height only for the few particles this fast
         if head > real(0.0):
             fall = wp.max(m.top[0] - height_at(m.ground, place[0], place[1]), real(0.0))
             if head > fall:
@@ -127,7 +127,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         if wp.static('inertia' not in effects):
             bounded = fallen(velocity, height, place, m)
         if wp.static(not (green or helmholtz)):
-            # to lateral stress it stands for what drives lava, and the mean is bounded
+            # lateral stress uses it as the driving force, and the mean is limited
             velocity = bounded
         if fills_flow:
             m.flow[i] = vec3(height, velocity[0], velocity[1])
@@ -139,13 +139,13 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             # decays faster than D / (l^2 / stiffness + 1 / k^2), k^2 = LATERAL_DRAG / h^2
             stressed = height
             if wp.static(helmholtz):
-                # the sweeps leave what is thicker to the local balance, and to its rate
+                # thicker lava keeps the local balance, and its rate, in the sweeps
                 stressed = wp.min(height, m.constants.thickest)
             radius = m.constants.radius
             thick = stressed * stressed / (radius * radius)
             thick *= real(wp.static(stiffness / LATERAL_DRAG))
             if wp.static(helmholtz and 'steep' in effects):
-                # as far as the drag that it divides is larger (effects/helmholtz)
+                # in proportion to the increase of the drag, which divides it (effects/helmholtz)
                 thick *= steep(ground)
             reduced = rate / (real(1.0) + thick)
             if wp.static(green):
@@ -153,20 +153,20 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 near = place * (real(wp.static(math.sqrt(SQUARED_SUPPORT))) / radius)
                 store(m.source, i, vec4(near.x, near.y, p[2] * velocity.x, p[2] * velocity.y))
                 m.area[i] = p[2] / height
-                # as far as the Green's function is not cut off
+                # corrected for the cut-off of the Green's function
                 support = real(wp.static(math.sqrt(LATERAL_DRAG))) * radius / height
                 whole = real(1.0) - x_k1(support)
                 reduced = wp.min(rate, reduced / whole)
             rate = reduced
-        # in a hollow lava is drawn to the bottom, and overshoots it as it does level ground
+        # lava flows to the bottom of a hollow, and would overshoot it as on level ground
         rate += largest * bend * m.constants.share
         if wp.static('inertia' in effects):
-            # the balance of momentum (effects/inertia.py) wants the slope, and has its own limits
+            # the balance of momentum (effects/inertia.py) needs the slope, and has its own limits
             m.flow[i] = vec3(height, surface.x, surface.y)
         else:
             raised(m.rates, DIFFUSION, rate)
             if wp.static(not helmholtz):
-                # how fast lateral stress lets it be is known when that is solved
+                # the speed under lateral stress is known only after it is solved
                 raised(m.rates, ADVECTION, wp.length(bounded) / m.constants.reach)
 
     return balance
@@ -179,9 +179,9 @@ def flow_kernels(
 ) -> FlowKernels:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
 
-    ``parts`` is the number of parts in which a particle's neighbours are summed up, ``lanes`` that
-    of the threads that share it: as many, or one. ``is_short`` is whether there are so few that
-    waiting takes the time, ``is_wide`` whether a CPU takes several neighbours at a time (simd.py).
+    ``parts`` is the number of parts in which a particle's neighbours are summed, ``lanes`` the
+    number of threads per particle: as many, or one. ``is_short``: latency dominates the launch.
+    ``is_wide``: a CPU processes several neighbours at a time (simd.py).
     """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
@@ -220,7 +220,7 @@ def flow_kernels(
         part: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
         cells: cell_frame(real), box: wp.vec4i, p: vec4, own: real, inverse: real,
     ) -> vec8:
-        """Sums over the neighbours' areas: differences, their second moments, and V grad W."""
+        """Sum differences, their second moments, and V grad W over the neighbours' areas."""
         rise = vec2()
         moment = mat22()
         push = vec2()
@@ -251,7 +251,7 @@ def flow_kernels(
         box = cells_around(m.cells, p[0], p[1], radius)
         sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
         if wp.static(parts > lanes):
-            # in the order in which threads would add up theirs
+            # in the order in which threads would add their sums
             odd = sums_around(1, m.ordered, m.cells, box, p, inverse)
             sums += sums_around(2, m.ordered, m.cells, box, p, inverse)
             sums += odd + sums_around(3, m.ordered, m.cells, box, p, inverse)
@@ -269,7 +269,7 @@ def flow_kernels(
 
     @quick_kernel
     def elevate(thread: int, m: arguments_type(real)):
-        """Thickness, the surface's elevation and the area V / h of each particle."""
+        """Compute thickness, surface elevation and area V / h of each particle."""
         i = thread // lanes
         lane = thread % lanes
         if i >= m.counts[PARTICLES]:
@@ -315,7 +315,7 @@ def flow_kernels(
         scale = real(wp.static(norm)) * inverse * inverse
         moment *= scale
         rise *= scale * inverse
-        # a lone row of particles says nothing about the slope across it
+        # a lone row of particles does not define the slope across it
         if wp.determinant(moment) > real(0.05):
             rise = wp.inverse(moment) * rise
         ground = gradient_at(m.ground, p[0], p[1])
@@ -336,8 +336,8 @@ def flow_kernels(
 def compute_flow(state: State, way: Any, kernels: FlowKernels, *, fills_flow: bool = True) -> None:
     """Compute thickness and local velocity of the ordered particles, and raise the rates.
 
-    They are left in ``state.flow``, unless that is not asked for, and as lateral stress needs
-    them in ``state.source`` and ``state.area``.
+    The result is stored in ``state.flow``, if ``fills_flow``, and in ``state.source`` and
+    ``state.area`` as input to the lateral stress.
     """
     if state.has_surface:
         launch_over(state, kernels.elevate, [way], lanes=state.lanes)
@@ -349,10 +349,10 @@ def _published_kernel(real: Any) -> Any:
     """Return the kernel of the velocity as the paper prints it (3.36 to 3.44), for comparison.
 
     u_i = h_i^3 sum_j K0(r) b_j / sum_j K0(r) over neighbours within l, with
-    b = -h^3 rho g grad S / (f(theta) mu). In it, as printed: the velocity is multiplied by h^3
-    instead of divided by k^2 h^3; the viscosity counts twice, as f(theta) and as mu; K0 is its
-    two-term series of the bare distance r in metres, without k; and K0(0) is K0(0.001). The paper
-    calls the distance |u|; the distance of two particles is what is meant.
+    b = -h^3 rho g grad S / (f(theta) mu). Printed in it: the velocity is multiplied by h^3 instead
+    of divided by k^2 h^3; the viscosity counts twice, as f(theta) and as mu; K0 is its two-term
+    series of the bare distance r in metres, without k; and K0(0) is K0(0.001). The paper writes
+    |u| for the distance; the distance of two particles is used here.
     """
     vec3 = wp.types.vector(3, real)
     _, _, cells_around, range_in = cell_functions(real)
@@ -397,6 +397,6 @@ def _published_kernel(real: Any) -> Any:
 def publish_velocity(state: State, way: Any, viscosity: float) -> None:
     """Replace the local velocity in ``state.flow`` by that of the printed formulas.
 
-    ``source`` and ``area`` of the state are filled; ``viscosity`` is the constant mu [Pa s].
+    ``source`` and ``area`` of the state must be filled; ``viscosity`` is the constant mu [Pa s].
     """
     launch_over(state, _published_kernel(state.real), [way, viscosity])

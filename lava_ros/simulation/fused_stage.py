@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The choice of a stage, and emission, by one block of threads: the first of the motion's.
+"""Choice of a stage, and emission, by the first block of threads of the motion.
 
-What one thread does when all rates are known takes a GPU as long as two starts of kernels. The
-Green's function's sums need nothing of it: the first block of their threads chooses the stage
-while the others sum up, which wait for it before they move, and lets the vents emit while those
-move. So does that of the motion alone with few particles, where a stage is little else than such
-starts; with many the others would wait, and the block is a launch of its own. A GPU starts blocks
-in the order of their numbers, and the first one waits for none.
+Work of a single thread, once all rates are known, would cost a GPU two kernel starts. The sums of
+the Green's function do not depend on it: the first block of their threads chooses the stage while
+the other blocks sum; these wait for it before they move their particles, and the first block emits
+particles while they do. With few particles, where kernel starts dominate a stage, the plain motion
+does the same; with many particles the other blocks would wait too long, so the block is a separate
+launch. A GPU starts blocks in the order of their numbers, and the first one waits for none.
 """
 
 from functools import lru_cache
@@ -26,21 +26,21 @@ from lava_ros.simulation.vents import VentSet
 #: Threads of the block.
 DIRECTORS = FEW_THREADS[0]
 
-#: By whether there are few particles, alone or in a batch: threads of a block, and how many blocks
-#: a processor of a GPU must hold. What the first one does would take the registers of all; with
-#: many particles it keeps some of its numbers in local memory, and nobody waits for that.
+#: Threads per block and minimum number of blocks per GPU processor, by whether there are few
+#: particles, alone or in a batch. The first block's work needs more registers than the rest; with
+#: many particles it keeps some values in local memory, which delays nothing else.
 BOUNDS = {True: FEW_THREADS, False: (DIRECTORS, 6)}
 
 
 class StageChoice(NamedTuple):
-    """How a motion gets its stage.
+    """Choice of the stage of a motion.
 
     Attributes:
-        pace: What the choice of a stage reads and writes (timestep.py).
+        pace: Arguments of the choice of a stage (timestep.py).
         outlets: The tables of the vents.
-        function: Device function for the first block of its threads; None where other launches
-            choose and emit.
-        bounds: What ``quick_kernel`` takes; None without the function.
+        function: Device function for the first block of the motion's threads; None if other
+            launches choose and emit.
+        bounds: The ``bounds`` of ``quick_kernel``; None without the function.
     """
 
     pace: Any
@@ -50,7 +50,7 @@ class StageChoice(NamedTuple):
 
     @property
     def threads(self) -> int:
-        """Threads before those of the particles."""
+        """Number of threads before those of the particles."""
         return 0 if self.function is None else DIRECTORS
 
 
@@ -82,18 +82,18 @@ def _kernel(real: Any, function: Any) -> Any:
 
 
 def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
-    """Whether the motion chooses its stage: ``sums_up`` says whether it sums before it moves.
+    """Return True if the motion chooses its stage; ``sums_up``: it sums before it moves.
 
-    With inertia the stage has to be known before the forces that it moves by.
+    With inertia the stage must be known before the forces of the motion are computed.
     """
     is_worth_it = state.is_short or (state.device.is_cuda and sums_up)
     return is_worth_it and 'inertia' not in state.effects
 
 
 def choice_within_motion(state: State, pace: Any, vents: VentSet) -> StageChoice:
-    """Let a motion choose its stage; the vents emit then, if it puts particles into cells."""
+    """Let a motion choose its stage and, if it assigns particles to cells, emit."""
     emission = vents.emission_on(state) if state.bins_in_motion else None
-    # one number for any vents: each would be another kernel
+    # one number for any vents: each different one would be another kernel
     threads = emitters(state, DIRECTORS)
     function = _function(state.real, choice_of(state), emission, threads)
     has_long_sums = state.is_short or state.lanes < state.parts
@@ -101,10 +101,10 @@ def choice_within_motion(state: State, pace: Any, vents: VentSet) -> StageChoice
 
 
 def choose_before_motion(state: State, choice: StageChoice, way: Any) -> StageChoice:
-    """Do before a motion what ``choice`` would do within it, in a launch of one block.
+    """Choose a stage in a launch of one block before the motion, instead of within it.
 
     Returns:
-        What the motion takes then.
+        The choice to pass to the motion.
     """
     threads = DIRECTORS if state.device.is_cuda else 1
     arguments = [choice.pace, choice.outlets, way]

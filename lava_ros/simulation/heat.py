@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""The temperature of a column: what every effect that moves heat adds up to.
+"""The temperature of a column: the sum of all effects that transport heat.
 
-Each effect's part of the balance is -s T + f, with s >= 0. Two exponential stages (s and f at the
-start give the midpoint, those at the midpoint the whole step) are of second order, and stay
+Each effect contributes -s T + f to the balance, with s >= 0. Two exponential stages (s and f at
+the start give the midpoint, those at the midpoint the whole step) are of second order, and stay
 between the temperature and the equilibrium f / s for any step.
 
-A loss that depends on a column's age t falls as 1 / sqrt(t). Over a span from t0 to t1 it is taken
-at the age ((sqrt(t0) + sqrt(t1)) / 2)^2, the midpoint in sqrt(t): that integrates 1 / sqrt(t)
-exactly, from an age of 0 too.
+A loss that depends on a column's age t falls as 1 / sqrt(t). Over a span from t0 to t1 it is
+evaluated at the age ((sqrt(t0) + sqrt(t1)) / 2)^2, the midpoint in sqrt(t), which integrates
+1 / sqrt(t) exactly, even from an age of 0.
 """
 
 from functools import lru_cache
@@ -23,22 +23,22 @@ from lava_ros.effects import Effects, without_replaced
 from lava_ros.effects.laws import heat_loss, heat_type
 from lava_ros.scene import Scene
 
-#: Steps in which lava freezes at the soonest: a column freezes at the end of a step, on average
-#: half a step late, and goes as much too far.
+#: Minimum number of steps in which lava solidifies: a column solidifies at the end of a step, on
+#: average half a step late, and advances too far by as much.
 _FREEZING_STEPS = 16
 
-#: What lava is taken to be above its solidus at least [K]: what is nearer freezes at its vent.
-_LEAST_ABOVE = 10.0
+#: Minimum excess over the solidus [K]: cooler lava solidifies at its vent.
+_MIN_ABOVE_SOLIDUS = 10.0
 
 
 def freezing_step(scene: Scene, thickness: float) -> float:
-    """Longest step that resolves how lava of a thickness [m] freezes after it has come out [s]."""
+    """Return the longest step that resolves how lava of a thickness [m] solidifies [s]."""
     lava = scene.lava
     soonest, loss_at = math.inf, heat_loss(scene)
     for vent in scene.vents:
         loss = loss_at(vent.temperature)
         if loss > 0.0 and vent.temperature > lava.solidus:
-            above = max(vent.temperature - lava.solidus, _LEAST_ABOVE)
+            above = max(vent.temperature - lava.solidus, _MIN_ABOVE_SOLIDUS)
             capacity = lava.density * lava.specific_heat * thickness
             soonest = min(soonest, capacity * above / loss)
     return soonest / _FREEZING_STEPS
@@ -46,11 +46,10 @@ def freezing_step(scene: Scene, thickness: float) -> float:
 
 @lru_cache
 def temperature_function(real: Any, effects: Effects) -> Any:
-    """Return the device function that gives the temperature after a step, None if it stays.
+    """Return the device function for the temperature after a step, None if it is constant.
 
     Its arguments: the constants, thickness [m], temperature [K], age at the start of the step [s],
-    height that the surface under the column has fallen by along its way [m], its speed [m/s], and
-    the step [s].
+    drop of the surface under the column along its way [m], its speed [m/s], and the step [s].
     """
     constants_type, modules = heat_type(real), effects.having('terms')
     names = without_replaced(modules)
@@ -81,7 +80,7 @@ def temperature_function(real: Any, effects: Effects) -> Any:
 
     @wp.func
     def mean_age(age: real, span: real) -> real:
-        """Age at which to take a loss over a span; never 0."""
+        """Age at which to evaluate a loss over a span; never 0."""
         root = wp.sqrt(age) + wp.sqrt(age + span)
         return wp.max(real(0.25) * root * root, real(1.0e-9))
 

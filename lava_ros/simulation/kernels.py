@@ -4,8 +4,8 @@
 """Smoothing kernels in two dimensions and the Bessel functions of the Green's function.
 
 Each smoothing kernel of radius l is W(r) = norm / l^2 * shape(r / l), and its gradient is
-norm / l^4 * slope(r / l) * (x_i - x_j), with slope(q) = shape'(q) / q. Both are 0 from q = 1 on,
-so that sums need not ask: threads that go different ways wait for each other.
+norm / l^4 * slope(r / l) * (x_i - x_j), with slope(q) = shape'(q) / q. Both are 0 for q >= 1, so
+that sums need no branch, at which the threads of a warp would wait for each other.
 """
 
 from collections.abc import Sequence
@@ -25,14 +25,14 @@ _WIDE_WENDLAND = """
     const wide shapes = slopes * (squared - 1.25f * left);
 """
 
-#: Octaves of squared distances, up to the support's, in which K0 varies: from a twelfth of the
-#: support on, less than the radius of a particle's own disc.
+#: Octaves of squared distances, up to the support's, in which K0 varies: starting at a twelfth of
+#: the support, less than the radius of a particle's own disc.
 _OCTAVES = 7.0
 
 #: The square of the support in the units of ``K0Within``, whose octaves lie to both sides of 1.
 SQUARED_SUPPORT = 2.0 ** (_OCTAVES / 2.0)
 
-#: The square below which no distance is told from another.
+#: The square below which distances are not distinguished.
 LEAST_SQUARED = 1.0 / SQUARED_SUPPORT
 
 #: log2(e^x K0(x)), x = 2 sqrt(s), as a polynomial of log2 s, its highest power first, to 2e-4 for
@@ -48,9 +48,9 @@ _ROOT = (
     0.34654181226319425, 1.0001396563621365,
 )
 
-#: Radii of the support over the thickness that are told apart: with fewer K0 is as good as level,
-#: with more nothing is left of it at any neighbour.
-_LEAST_RADII, _MOST_RADII = 0.01, 1000.0
+#: Range of the support over the thickness that is distinguished: below it K0 is practically
+#: constant, above it K0 is negligible at any neighbour.
+_MIN_RADII, _MAX_RADII = 0.01, 1000.0
 
 #: log2(1.5 + t) and 2^(0.5 + t) for t from -0.5 to 0.5, to 2.4e-6 and 1.1e-7.
 _LOG2 = (
@@ -60,14 +60,14 @@ _EXP2 = 0.00189375406, 0.0136839756, 0.0784939031, 0.339723902, 0.980258154, 1.4
 
 
 def _wide_polynomial(name: str, x: str, powers: Sequence[float]) -> str:
-    """C++ that makes a wide polynomial, its highest power first."""
+    """Return the C++ of a wide polynomial, its highest power first."""
     first, *rest = (f'({power!r}f)' for power in powers)
     steps = (f'{name} = {name} * {x} + {power};' for power in rest)
     return '\n    '.join((f'wide {name} = none + {first};', *steps))
 
 
-#: C++ that makes wide ``weights`` of wide ``squares`` that are no denormals, and of ``powers``:
-#: what ``K0Within.at`` gives, of float32 (simd.py).
+#: C++ that computes wide ``weights`` from wide ``squares`` without denormals, and ``powers``: the
+#: float32 values of ``K0Within.at`` (simd.py).
 WIDE_K0 = f"""
     whole bits;
     __builtin_memcpy(&bits, &squares, 32);
@@ -99,17 +99,17 @@ class SmoothingKernel(NamedTuple):
         shape: Device function, the kernel over ``norm``.
         slope: Device function, the derivative of ``shape`` over q.
         terms: Device function of a volume, r and 1 / l: the volume times ``shape``, and times
-            ``slope``, each over its own of the ``factors``. The two have factors in common.
-        factors: What ``terms`` leaves out of ``shape`` and ``slope``.
-        wide_terms: C++ that makes wide ``shapes`` and ``slopes``, what ``terms`` gives, of a wide
-            ``volume`` and ``distance`` and of ``inverse`` (simd.py); None where there is none.
+            ``slope``, each divided by its own of the ``factors``. The two have common factors.
+        factors: Constant factors that ``terms`` omits from ``shape`` and ``slope``.
+        wide_terms: C++ that computes wide ``shapes`` and ``slopes``, the values of ``terms``, from
+            a wide ``volume`` and ``distance`` and from ``inverse`` (simd.py); None if missing.
         stiffness: Largest value of (q l)^2 W^(q), W^ the kernel's Fourier transform: a thickness
             wave with diffusivity D decays at most at the rate D stiffness / l^2, so explicit steps
             are stable up to 2 l^2 / (D stiffness) whatever the particle spacing.
         excess: Device function of V / (h l^2): the relative excess of the sum of V W over evenly
-            spaced particles, the own one included, over their thickness. It is what the kernel's
-            transform aliases, measured on hexagonal and square lattices (after Dehnen & Aly 2012,
-            who take it off the own weight).
+            spaced particles, including the particle itself, over their thickness. It is the
+            aliasing of the kernel's transform, measured on hexagonal and square lattices (after
+            Dehnen & Aly 2012, who subtract it from the particle's own weight).
     """
 
     norm: float
@@ -129,8 +129,9 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
     Args:
         name: ``wendland`` (C2), or ``poly6``, ``spiky``, ``visc``: equations 3.6, 3.7, 3.8.
         real: Warp scalar type to compute in.
-        ratio: Kernel radius over particle spacing. It only enters ``visc``, which is infinite at
-            r = 0: there its mean over the particle's own disc of area spacing^2 stands in.
+        ratio: Kernel radius over particle spacing. It only matters for ``visc``, which is infinite
+            at r = 0: there it is replaced by its mean over the particle's own disc of area
+            spacing^2.
     """
     own_disc = 1.0 / (ratio * math.sqrt(math.pi))
     visc_centre = -5.0 + 6.0 * (0.5 - math.log(own_disc)) + 4.5 * own_disc**2
@@ -221,7 +222,7 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
 def bessel(real: Any) -> tuple[Any, Any]:
     """Return the device functions K0(2 sqrt(s)) and x K1(x), of s = (x / 2)^2 and x > 0.
 
-    Squared distances give s without a root. They are good to 2e-7 absolute: polynomials 9.8.1,
+    Squared distances give s without a root. They are accurate to 2e-7 absolute: polynomials 9.8.1,
     9.8.3 and 9.8.5 to 9.8.8 of Abramowitz & Stegun, Handbook of Mathematical Functions.
     """
 
@@ -267,13 +268,13 @@ def bessel(real: Any) -> tuple[Any, Any]:
 class K0Within(NamedTuple):
     """K0(k r) of distances r up to a support, as device functions.
 
-    ``powers_of`` takes the support times k and returns what ``at`` needs of it beside the squared
-    distance, in units in which that of the support is ``SQUARED_SUPPORT``.
+    ``powers_of`` takes the support times k and returns the values that ``at`` needs in addition to
+    the squared distance, in units in which the square of the support is ``SQUARED_SUPPORT``.
 
     Attributes:
-        powers: Warp type of what depends on k only.
+        powers: Warp type of the values that depend on k only.
         powers_of: Device function.
-        at: Device function, from ``LEAST_SQUARED`` on.
+        at: Device function, for squared distances of at least ``LEAST_SQUARED``.
     """
 
     powers: Any
@@ -282,12 +283,12 @@ class K0Within(NamedTuple):
 
 
 def _powers_of() -> str:
-    """C++ that returns the polynomial of log2 K0 around the middle of the octaves.
+    """Return C++ for the polynomial of log2 K0 around the middle of the octaves.
 
-    In sums over neighbours K0 is a weight of a mean, and the dearest pass is of little else. What
-    takes longest is not multiplications but what a GPU has one unit in eight for: log2, 2^x and
-    the root. So all of log2 K0 is one polynomial of log2 r^2, without a root: that of
-    log2(e^x K0) around the middle of the octaves, and that of x.
+    In sums over neighbours K0 is the weight of a mean, and most of the work of the slowest pass.
+    The slowest operations are not multiplications but those for which a GPU has one unit in
+    eight: log2, 2^x and the root. So all of log2 K0 is one polynomial of log2 r^2, without a
+    root: the sum of that of log2(e^x K0) around the middle of the octaves, and that of x.
     """
     degree = len(_K0) - 1
     lines = [f'float p{n} = {power!r}f;' for n, power in enumerate(_K0)]
@@ -296,7 +297,7 @@ def _powers_of() -> str:
         for n in range(degree)
         for m in range(1, degree + 1 - n)
     ]
-    # the highest power, after Chebyshev, as those below it
+    # the highest power, by Chebyshev polynomials, in terms of the lower ones
     far = _OCTAVES / 2.0
     highest, *_ = _K0
     lines += [
@@ -307,7 +308,7 @@ def _powers_of() -> str:
     powers = [
         f'powers.c[{n}] = p{n + 1} + {scale * root!r}f * support;' for n, root in enumerate(_ROOT)
     ]
-    least, most = (f'{radii!r}f' for radii in (_LEAST_RADII, _MOST_RADII))
+    least, most = (f'{radii!r}f' for radii in (_MIN_RADII, _MAX_RADII))
     return f"""
     const float support = x < {least} ? {least} : x > {most} ? {most} : x;
     const float shift = wp::log2(support * support * {0.25 / SQUARED_SUPPORT!r}f);
@@ -322,15 +323,15 @@ def _powers_of() -> str:
 def k0_within(real: Any) -> K0Within:
     """Return K0 for sums over neighbours.
 
-    In float64 it is ``bessel``'s. In float32 it is good to 4e-4 for k times the support up to 5,
-    and to 2e-3 up to 30, where only a particle's own weight counts.
+    In float64 it is that of ``bessel``. In float32 it is accurate to 4e-4 for k times the support
+    up to 5, and to 2e-3 up to 30, where only a particle's own weight counts.
     """
     if real is wp.float64:
         k0, _ = bessel(real)
 
         @wp.func
         def quarter_of(x: real) -> real:
-            u = wp.max(x, real(_LEAST_RADII))
+            u = wp.max(x, real(_MIN_RADII))
             return real(wp.static(0.25 / SQUARED_SUPPORT)) * u * u
 
         @wp.func

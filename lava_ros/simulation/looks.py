@@ -1,14 +1,15 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Peaks of a flow and when lava comes where, from looks at it, on its device.
+"""Peak values and first arrival times of a flow, from successive observations, on its device.
 
-The times are those that the simulation notes at its steps (``own_ground.py``), for lava of the
-thickness that inundates ground. For another thickness looks tell them. Lava that was not there at
-a look and is there at the next came in between. Where it was there but thin, its thickness grew
-evenly. Where it was not, the front ran evenly: new cells are numbered by their distance from the
-lava of the look before, and each is as early as its number among those of its branch, up to where
-that ends. Lava that is connected with none before came at once.
+For lava of the thickness that inundates ground, arrival times are those that the simulation
+records at its steps (``own_ground.py``). For another thickness they follow from the observations:
+lava that is present in one observation but not in the previous one arrived in between. Where the
+cell held thin lava before, its thickness grew linearly. Where it held none, the front advanced
+evenly: new cells are numbered by their distance from the previous lava, and the arrival time is
+proportional to the number of the cell over the largest of its branch. Lava that is not connected
+with previous lava arrived at the previous observation.
 """
 
 from functools import partial
@@ -24,11 +25,11 @@ from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.state import State, TIME
 
-#: Threads of the block that follows the fronts of a look.
+#: Threads of the block that follows the fronts of an observation.
 _THREADS = 1024
 
-# Places in _Looks.count. The last ones are of the rectangle of wet cells: rows from its first one
-# to the map's end, and up to its last one; columns likewise.
+# Indices into _Looks.count. The last four describe the rectangle of wet cells: rows from its first
+# one to the map's end, and rows up to and including its last one; the same for columns.
 _LOOKS = wp.constant(0)
 _FLAW = wp.constant(1)
 _ROWS_ON = wp.constant(2)
@@ -39,20 +40,20 @@ _COUNTS = 6
 
 _NEVER = wp.constant(math.nan)
 
-#: What a map cannot show, by its number in ``count[_FLAW]``.
+#: Reasons why a map cannot be shown, by the value of ``count[_FLAW]``.
 _FLAWS = ('', 'thickness is not a number of metres', 'temperature is not a number of kelvin')
 
 
 @wp.struct
 class _Looks:
-    """The arrays of ``Looks``; the lava of the look before, and what is known of each cell.
+    """The arrays of ``Looks``: the previous observation, and the results for each cell.
 
-    ``look`` is the number from 1 on of the look that first saw lava there, 0 before. ``share`` is
-    the share of the time between two looks that had passed then, -1 where a front ran. ``place``
-    numbers those cells along a front, from 1 on, and ``last`` is the largest number of their
-    branch. ``count`` has the looks so far, the number of a flaw and the rectangle of wet cells;
-    ``rows`` and ``columns`` are 1 where lava was. ``noted`` are the times that the simulation has
-    noted, an empty array where looks tell them.
+    ``look`` is the number (from 1) of the observation that first had lava there, 0 before.
+    ``share`` is the fraction of the time between the last two observations after which lava
+    arrived, -1 where a front advanced. ``place`` numbers these cells along a front (from 1), and
+    ``last`` is the largest number of their branch. ``count`` contains the number of observations,
+    a flaw and the rectangle of wet cells; ``rows`` and ``columns`` are 1 where there was lava.
+    ``noted`` contains the times recorded by the simulation; empty to derive them here.
     """
 
     threshold: wp.float32
@@ -72,7 +73,7 @@ class _Looks:
 
 @wp.func
 def _is_beside(i: int, j: int, looks: _Looks) -> bool:
-    """Whether there was lava around a cell at the look before."""
+    """Return True if a cell or a neighbour had lava in the previous observation."""
     for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.former.shape[0])):
         for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.former.shape[1])):
             if looks.former[row, column] >= looks.threshold:
@@ -88,14 +89,14 @@ def _compare(
     temperature: wp.array2d(dtype=wp.float32),
     looks: _Looks,
 ):
-    """Compare a map with the one before."""
+    """Compare a map with the previous one."""
     i = thread // known.shape[1]
     j = thread % known.shape[1]
     if known[i, j] == wp.uint8(0):
         return
     is_noted = looks.noted.shape[0] > 0
     if is_noted:  # noqa: SIM102, `and` would read an array that is empty
-        # lava that has drained between two looks was there
+        # lava may have come and drained between two observations
         if looks.noted[i, j] >= wp.float32(0.0):
             looks.rows[i] = 1
             looks.columns[j] = 1
@@ -132,7 +133,7 @@ def _compare(
 
 @quick_kernel(fast_math=False)
 def _keep(thread: int, thickness: wp.array2d(dtype=wp.float32), looks: _Looks):
-    """Keep the map for the next look."""
+    """Store the map for the next observation."""
     i = thread // thickness.shape[1]
     j = thread % thickness.shape[1]
     looks.former[i, j] = thickness[i, j]
@@ -140,7 +141,7 @@ def _keep(thread: int, thickness: wp.array2d(dtype=wp.float32), looks: _Looks):
 
 @wp.func
 def _place_of(i: int, j: int, number: int, looks: _Looks) -> int:
-    """Number of a new cell: 1 beside lava, elsewhere one more than the least around it."""
+    """Return the number of a new cell: 1 next to lava, else one more than the least around."""
     place = looks.place[i, j]
     for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
         for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
@@ -153,7 +154,7 @@ def _place_of(i: int, j: int, number: int, looks: _Looks) -> int:
 
 @wp.func
 def _last_of(i: int, j: int, number: int, looks: _Looks) -> int:
-    """Largest number that rising numbers lead to from a new cell."""
+    """Return the largest number that a path of rising numbers reaches from a new cell."""
     place = looks.place[i, j]
     last = wp.max(looks.last[i, j], place)
     for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
@@ -165,7 +166,7 @@ def _last_of(i: int, j: int, number: int, looks: _Looks) -> int:
 
 @quick_kernel(fast_math=False, bounds=(_THREADS, 1))
 def _follow(thread: int, threads: int, clock: wp.array(dtype=wp.float64), looks: _Looks):
-    """Number the new cells of a look along the fronts, in one block, and count the look."""
+    """Number the new cells along the fronts, in one block, and count the observation."""
     for i in range(thread, looks.look.shape[0], threads):
         if looks.rows[i] == 1:
             wp.atomic_max(looks.count, _ROWS_ON, looks.look.shape[0] - i)
@@ -174,11 +175,11 @@ def _follow(thread: int, threads: int, clock: wp.array(dtype=wp.float64), looks:
         if looks.columns[j] == 1:
             wp.atomic_max(looks.count, _COLUMNS_ON, looks.look.shape[1] - j)
             wp.atomic_max(looks.count, _COLUMNS, j + 1)
-    # all are here
+    # wait for all threads
     any_in_block(False)
     first_row = looks.look.shape[0] - looks.count[_ROWS_ON]
     first_column = looks.look.shape[1] - looks.count[_COLUMNS_ON]
-    # none where nothing has been wet: a negative number of both would count cells
+    # 0 if nothing has been wet: the product of two negative numbers would count cells
     columns = wp.max(looks.count[_COLUMNS] - first_column, 0)
     count = (looks.count[_ROWS] - first_row) * columns
     number = looks.count[_LOOKS] + 1
@@ -220,7 +221,7 @@ def _write(
     columns: int,
     shown: wp.array(dtype=wp.vec3d),
 ):
-    """Write arrival, thickness and temperature of a part of the cells."""
+    """Write arrival, thickness and temperature of a rectangle of cells."""
     i = first_row + thread // columns
     j = first_column + thread % columns
     arrival = wp.float64(_NEVER)
@@ -238,22 +239,22 @@ def _write(
         before = looks.times[wp.max(look - 2, 0)]
         arrival = before + share * (looks.times[look - 1] - before)
     thickness = wp.float64(looks.thickness[i, j])
-    # what has come and gone between two looks was as thick as the threshold
+    # lava that came and drained between two observations was as thick as the threshold
     if looks.noted.shape[0] > 0 and arrival > looks.times[0]:
         thickness = wp.max(thickness, wp.float64(looks.threshold))
     shown[thread] = wp.vec3d(arrival, thickness, wp.float64(looks.temperature[i, j]))
 
 
 class Seen(NamedTuple):
-    """What looks have seen of a part of the cells.
+    """Results of all observations for a rectangle of cells.
 
     Attributes:
-        corner: Row and column of the part's first cell.
-        arrival: Time of arrival [s], float64, shape [rows, columns] of the part; NaN where there
-            was none.
+        corner: Row and column of the first cell.
+        arrival: First arrival time [s], float64, shape [rows, columns] of the rectangle; NaN
+            without arrival.
         thickness: Largest thickness [m], float32, same shape; NaN where the terrain has no data.
         temperature: Highest temperature [K], float32, same shape; NaN without lava.
-        flaw: What makes a look unfit to be shown as a map; empty when nothing does.
+        flaw: Reason why an observation cannot be shown as a map; empty if there is none.
     """
 
     corner: tuple[int, int]
@@ -264,7 +265,7 @@ class Seen(NamedTuple):
 
 
 class Looks:
-    """First times and largest values of a flow, cell by cell."""
+    """First arrival times and largest values of a flow in each cell."""
 
     def __init__(
         self,
@@ -275,15 +276,15 @@ class Looks:
         *,
         noted: Any = None,
     ) -> None:
-        """Start without looks.
+        """Initialize without observations.
 
         Args:
             shape: Rows and columns.
-            threshold: Thickness from which on lava has arrived [m], above 0.
-            most: Looks there can be.
+            threshold: Lava has arrived where its thickness is at or above this value [m], > 0.
+            most: Maximum number of observations.
             device: Warp device.
             noted: Times at which lava as thick as the threshold has reached each cell [s], -1
-                before, which the simulation writes; None to find them by the looks.
+                before, written by the simulation; None to derive them from the observations.
         """
         self._shape, self._cells = shape, shape[0] * shape[1]
         self._looks = _Looks()
@@ -304,7 +305,7 @@ class Looks:
             setattr(self._looks, name, array)
 
     def take(self, state: State, known: Any, thickness: Any, temperature: Any) -> None:
-        """Take a look, later than the one before.
+        """Add an observation, later than the previous one.
 
         Args:
             state: The particles of the flow.
@@ -320,11 +321,11 @@ class Looks:
         state.launches(_follow, arguments, dim=threads, block_dim=_THREADS)
 
     def flaw(self) -> str:
-        """Say what makes a look unfit to be shown as a map; empty when nothing does."""
+        """Return why an observation cannot be shown as a map; empty if there is no reason."""
         return _FLAWS[read(self._looks.count)[_FLAW]]
 
     def seen(self, state: State, *, where_wet: bool = False) -> Seen:
-        """What has been seen so far, of all cells or of the rectangle of wet ones."""
+        """Return the results so far, for all cells or for the rectangle of wet ones."""
         counts = read(self._looks.count).tolist()
         first, shape = (0, 0), self._shape
         if where_wet:

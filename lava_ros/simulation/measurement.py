@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The lava of a running simulation, measured: its columns, its width and its resolution."""
+"""Measurement of the lava of a running simulation: columns, width and resolution."""
 
 import math
 
@@ -15,11 +15,11 @@ from lava_ros.simulation.inundation import standing_cells
 from lava_ros.simulation.resolution import is_extended, Resolution
 from lava_ros.simulation.snapshot import ParticleSample, Snapshot
 
-#: Maximum number of particles that are measured: of more, one in so many.
+#: Maximum number of particles that are measured; of more, every n-th is.
 MAX_COLUMNS = 4096
 
-#: Least thickness [m] and least slope that is measured.
-LEAST = 1e-6
+#: Minimum measured thickness [m] and slope.
+MIN_MEASURED = 1e-6
 
 
 def measure_columns(snapshot: Snapshot, sample: ParticleSample) -> Columns:
@@ -41,8 +41,8 @@ def measure_columns(snapshot: Snapshot, sample: ParticleSample) -> Columns:
         ground = ground + np.nan_to_num(snapshot.frozen[rows, columns])
     return Columns(
         volume=sample.volume[some],
-        thickness=np.maximum(sample.thickness[some], LEAST),
-        slope=np.maximum(_slopes(surface, cell)[here], LEAST),
+        thickness=np.maximum(sample.thickness[some], MIN_MEASURED),
+        slope=np.maximum(_slopes(surface, cell)[here], MIN_MEASURED),
         ground_slope=_slopes(ground, cell)[here],
         temperature=sample.temperature[some],
         speed=np.hypot(*sample.velocity[some].T),
@@ -51,11 +51,11 @@ def measure_columns(snapshot: Snapshot, sample: ParticleSample) -> Columns:
 
 
 def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | None:
-    """Measure how well the particles resolve a flow; None while it is too small to tell.
+    """Measure how well the particles resolve a flow; None while it is too small to measure.
 
     Args:
         snapshot: The flow on the cells of its terrain.
-        accuracy: Its resolution, with every automatic value filled in.
+        accuracy: Its resolution, with all automatic values resolved.
     """
     assert accuracy.spacing is not None and accuracy.thickness is not None
     thickness, cell = np.nan_to_num(snapshot.thickness), snapshot.terrain.resolution
@@ -96,7 +96,7 @@ def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
     widths = [straight]
     row, column = np.indices(wet.shape)
     for diagonal in (column - row + rows - 1, column + row):
-        # a diagonal each row, in the order of its rows
+        # one row per diagonal, indexed by the row in the grid
         lines = np.zeros((rows + columns - 1, rows), dtype=bool)
         lines[diagonal, row] = wet
         widths.append(_runs(lines)[diagonal, row] * (math.sqrt(2.0) * cell))
@@ -104,7 +104,7 @@ def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
 
 
 def _runs(wet: np.ndarray) -> np.ndarray:
-    """Number of cells without a gap along a row that each cell is one of, same shape."""
+    """Return the length of the run of cells along a row that contains each cell, same shape."""
     count = wet.shape[1]
     places = np.arange(count)
     before = np.maximum.accumulate(np.where(wet, -1, places), axis=1)
@@ -113,7 +113,7 @@ def _runs(wet: np.ndarray) -> np.ndarray:
 
 
 def _slopes(elevation: np.ndarray, cell: float) -> np.ndarray:
-    """Slope of each cell, rise over run, 0 beside cells without data, same shape."""
+    """Return the slope of each cell, rise over run, 0 next to cells without data, same shape."""
     along = [
         np.gradient(elevation, cell, axis=axis) if elevation.shape[axis] > 1 else 0.0
         for axis in (0, 1)
@@ -122,7 +122,7 @@ def _slopes(elevation: np.ndarray, cell: float) -> np.ndarray:
 
 
 def _window(wet: np.ndarray, row: np.ndarray, column: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns of the rectangle of wet cells and of others, one more to each side."""
+    """Return rows and columns that enclose wet and given cells, with a margin of 1."""
     ends = []
     for axis, others in ((1, row), (0, column)):
         found = np.concatenate([np.flatnonzero(wet.any(axis=axis)), others])
@@ -132,7 +132,7 @@ def _window(wet: np.ndarray, row: np.ndarray, column: np.ndarray) -> tuple[slice
 
 
 def _cells_of(terrain: Terrain, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of the cells at map positions [m]; off the grid, of its nearest cells."""
+    """Return rows and columns of the (nearest) cells at map positions [m]."""
     found = np.floor((places - terrain.origin) / terrain.resolution).astype(int)
     rows, columns = terrain.shape
     return np.clip(found[:, 1], 0, rows - 1), np.clip(found[:, 0], 0, columns - 1)

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The motion of the particles over a stage, and what happens to them on the way.
+"""The motion of the particles over a stage, and changes of their values on the way.
 
-At the end of a step they are heated or cooled. Where no pass comes after it, the motion puts them
-into the cells where they have arrived. It is a device function of a particle and its velocity, so
-that the pass that ends with the velocity can go on with the motion.
+At the end of a step they are heated or cooled. If no pass comes after the motion, it assigns the
+particles to the cells of their new positions. It is a device function of a particle and its
+velocity, so that the pass that computes the velocity can also move the particle.
 """
 
 from functools import lru_cache
@@ -28,27 +28,28 @@ from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import terrain_functions
 from lava_ros.simulation.timestep import pace_type
 
-#: Displacements in a step over those its length was chosen for: speeds may rise this much in it.
-_MOST_REACH = 2.0
+#: Maximum displacement in a step over the one it was chosen for: speeds may rise within a step.
+_MAX_DISPLACEMENT_GROWTH = 2.0
 
-#: Halvings of a displacement that would lift lava out of its reach, before it is given up.
+#: Halvings of a displacement that would lift lava too high, before it is set to 0.
 _HALVINGS = 8
 
-#: Slope of a sum over neighbours times its radius over the thickness; where the lava behind is
-#: twice as thick it is twice of that at the edge.
+#: Maximum slope of a sum over neighbours, times its radius over the thickness: twice that at the
+#: edge, for lava that is twice as thick behind it.
 _STEEPEST = 3.0
 
 
 @lru_cache
 def _guard_function(real: Any, is_pushed: bool) -> Any:
-    """Return the device function that keeps a displacement to what a step can answer for.
+    """Return the device function that limits a displacement to the validity range of a step.
 
     A step is as long as the speeds at its start allow. Where the ground changes from one cell to
-    the next a particle may be a thousand times as fast a stage later, and would be thrown across
-    cells, or high up a wall at whose foot it has to stop. Its displacement in a step is at most
-    ``_MOST_REACH`` times the one that steps are chosen for, and lifts it by no more than it is
-    thick (and its velocity can). Where the slope of its surface alone moves it, ``is_pushed`` is
-    False, it is lifted by no more than that slope times the way either, ``_STEEPEST`` h / l.
+    the next, a particle may be a thousand times as fast a stage later, and would be thrown across
+    cells, or high up a wall at whose foot it has to stop. Its displacement in a step is therefore
+    at most ``_MAX_DISPLACEMENT_GROWTH`` times the one that steps are chosen for, and lifts it by
+    at most its thickness (plus the head of its velocity). If only the slope of its surface moves
+    it, ``is_pushed`` is False, and it is also lifted by at most that slope times the way,
+    ``_STEEPEST`` h / l.
     """
     vec2 = wp.types.vector(2, real)
     height_at = terrain_functions(real).height_at
@@ -57,7 +58,7 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
     def guarded(
         m: arguments_type(real), x: real, y: real, way: vec2, thickness: real, head: real
     ) -> vec2:
-        most = real(_MOST_REACH) * m.constants.reach
+        most = real(_MAX_DISPLACEMENT_GROWTH) * m.constants.reach
         size = wp.length(way)
         kept = way
         if size > most:
@@ -86,7 +87,7 @@ def motion_function(
     velocity [m/s], and arguments of the motion.
     """
     vec2 = wp.types.vector(2, real)
-    # differences and lateral stress push lava up slopes that its own surface does not
+    # differences and lateral stress push lava up slopes that its own surface slope does not
     guarded = _guard_function(real, has_surface or 'green' in effects or 'helmholtz' in effects)
     place = bin_function(real, False)
     load, store = compiled.load4(real), compiled.store4(real)
@@ -109,7 +110,7 @@ def motion_function(
         before = vec2()
         start = vec2(f[1], f[2])
         if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
-            # displacements, not positions, are combined: a float32 keeps their digits
+            # displacements, not positions, are combined: this keeps more digits in float32
             if m.counts[at.CURRENT] > 1:
                 b = load(m.ordered_base, i)
                 d = load(m.ordered_drift, i)
@@ -149,7 +150,7 @@ def motion_function(
                 if wp.static(falls):
                     drop = -wp.dot(m.slope[i], vec2(dx, dy))
                     if wp.static('inertia' not in effects):
-                        # what the ground falls by, however steep it is where the step begins
+                        # the actual drop of the ground, however steep it is where the step begins
                         ground = gradient_at(m.ground, p[0], p[1])
                         drop += wp.dot(ground, vec2(dx, dy))
                         drop += height_at(m.ground, x, y)
@@ -168,7 +169,7 @@ def motion_function(
         if wp.static(real is wp.float32):
             rest = load_pair(m.ordered_remainder, i)
             new = vec2(x, y)
-            # past the target nothing moves, not by rounding either
+            # past the target nothing moves, not even by rounding
             if m.counts[at.CURRENT] > 0:
                 dx += rest[0]
                 dy += rest[1]
@@ -189,7 +190,7 @@ def motion_function(
 
 
 def motion_of(state: State) -> Any:
-    """The device function ``motion_function`` for the particles of a state."""
+    """Return the device function of ``motion_function`` for the particles of a state."""
     return motion_function(
         state.real, state.effects, state.is_staged, state.is_guarded, state.bins_in_motion,
         state.has_surface,

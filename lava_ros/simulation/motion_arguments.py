@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the kernels of a stage read and write, in one argument."""
+"""The argument of all kernels of a stage: everything that they read and write."""
 
 from functools import lru_cache
 import math
@@ -19,10 +19,10 @@ from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.state import ARRAYS, kinds_of, State
 from lava_ros.simulation.terrain import ground_type
 
-#: Thickness over the expected one up to which the Helmholtz solve converges in full.
+#: Thickness over the expected thickness up to which the Helmholtz solve converges fully.
 THICKEST = 2.0
 
-#: What kernels read beside arrays of ``State``.
+#: Fields that kernels read in addition to arrays of ``State``.
 _OTHERS = ('arrived', 'ground', 'cells', 'constants', 'law', 'heat')
 
 #: The arrays that effects add, by name.
@@ -31,13 +31,13 @@ _MORE_ARRAYS = join_names('arrays', EFFECTS, (*ARRAYS, *_OTHERS))
 
 @lru_cache
 def flow_constants_of(real: Any) -> Any:
-    """What the flow's equations need beside the particles.
+    """Return the struct of the constants of the flow's equations.
 
-    ``radius`` is the kernel's [m], ``weight`` is rho g [N/m3], ``stiffness`` the rate at which
-    thickness diffuses at the kernel's stiffest wave number, over the diffusivity and over the
-    diffusion number [1/m2], ``share`` one over the diffusion number, ``reach`` the largest
+    ``radius`` is the kernel radius [m], ``weight`` is rho g [N/m3], ``stiffness`` the diffusion
+    rate of thickness at the kernel's stiffest wave number, over the diffusivity and over the
+    diffusion number [1/m2], ``share`` one over the diffusion number, ``reach`` the maximum
     displacement in a step [m], ``gravity`` g [m/s2] and ``thickest`` the thickness up to which
-    the lateral stress is solved for in full [m].
+    the lateral stress is solved fully [m].
     """
 
     @wp.struct
@@ -54,7 +54,7 @@ def flow_constants_of(real: Any) -> Any:
 
 
 def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -> Any:
-    """Collect the constants from a scene, its accuracy and the kernel's radius [m]."""
+    """Return the constants for a scene, its accuracy and the kernel radius [m]."""
     kernel = smoothing_kernel(accuracy.kernel, real, accuracy.ratio)
     constants = flow_constants_of(real)()
     constants.radius = radius
@@ -71,7 +71,7 @@ def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -
 
 @lru_cache
 def arguments_type(real: Any) -> Any:
-    """What kernels read and write: arrays of ``State``, the ground, the cells, constants."""
+    """Return the struct that kernels take: arrays of ``State``, ground, cells and constants."""
     kinds = kinds_of(real)
     types = {
         'arrived': wp.array2d(dtype=wp.float32),
@@ -90,9 +90,9 @@ def arguments_type(real: Any) -> Any:
 
 
 def motion_arguments(state: State, ground: Any, cells: Any, **constants: Any) -> Any:
-    """Collect what kernels read and write, for as long as the arrays and the cells are these.
+    """Build the argument of the kernels, valid until an array or the cells are replaced.
 
-    ``constants`` are those of flow, its law and the heat balance; none to sort particles.
+    ``constants`` are those of the flow, its law and the heat balance; none for sorting.
     """
     made = arguments_type(state.real)()
     parts = {'ground': ground, 'cells': cells, **constants}

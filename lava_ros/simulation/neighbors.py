@@ -3,13 +3,13 @@
 
 """The neighbour grid (section 3.2.1): particles sorted by cells narrower than the kernel radius.
 
-Cells are numbered row by row, so what is around a particle is a contiguous range of the ordered
-particles in each of some rows. With cells as wide as the radius, and all nine around a particle,
-one would look at almost twice as many.
+Cells are numbered row by row, so the surroundings of a particle are a contiguous range of the
+ordered particles in each of a few rows. With cells as wide as the radius, and all nine around a
+particle, almost twice as many particles would be examined.
 
-Large terrains are covered only where lava is: what is beyond the window is found in its outermost
-cells, as what is beyond the terrain is, and the window follows. It is made of whole cells of the
-terrain's own grid, so the particles' order does not depend on it.
+On large terrains the grid is a window around the lava, which grows when needed: particles beyond
+the window, as beyond the terrain, are assigned to its outermost cells. The window consists of
+whole cells of the terrain's own grid, so the order of the particles does not depend on it.
 """
 
 from functools import lru_cache
@@ -31,32 +31,32 @@ from lava_ros.simulation.motion_arguments import arguments_type, motion_argument
 from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions
 
-#: Cells up to which the whole terrain is covered.
+#: Maximum number of cells for which the whole terrain is covered.
 WHOLE = 2**14
 
-#: What a window has on each side of the lava at first, and a further piece at least [radii]; and
-#: the share of its length that a piece has if that is more: each stage goes over all of its cells.
+#: Initial margin of a window on each side of the lava, minimum length of an extension [radii], and
+#: the length of an extension over that of the window: each stage visits all of its cells.
 MARGIN, PIECE, GROWTH = 16.0, 12.0, 1.0
 
-#: How near to the window's border lava is when more is asked for [radii]: it goes on for some
-#: steps until then. What is beyond the window counts as on its border: its sums are rounded
-#: otherwise.
+#: Distance from the window's border at which lava requests an extension [radii]; some more steps
+#: run until then. Beyond the window lava counts as on its border: its sums are rounded
+#: differently.
 NEAR = 4.0
 
-#: Ways from the lower and from the upper ends of a window outwards.
+#: Outward directions from the lower and the upper ends of a window.
 _OUTWARD = np.array(((-1,), (1,)))
 
-#: Columns and rows that nothing is before, or behind.
+#: Column and row limits that are never crossed.
 _NEVER_BELOW, _NEVER_ABOVE = -(2**31), 2**31 - 1
 
-#: Most particles in a cell, where evenly spread lava has one. The sums over neighbours
-#: then take no more than this often as long as lava that is spread out.
+#: Maximum number of particles in a cell; evenly spread lava has one. It bounds the cost of sums
+#: over neighbours relative to that of evenly spread lava.
 MOST_IN_CELL = 2**15
 
 
 @lru_cache
 def bin_function(real: Any, has_empty: bool) -> Any:
-    """Return the device function that puts a particle into its cell."""
+    """Return the device function that assigns a particle to its cell."""
     vec4 = wp.types.vector(4, real)
     functions = terrain_functions(real)
     is_known, side_of = functions.is_known, functions.side_of
@@ -65,7 +65,7 @@ def bin_function(real: Any, has_empty: bool) -> Any:
 
     @wp.func
     def sides_near(cells: cell_frame(real), x: real, y: real) -> int:
-        """Which sides of the window a place is near that can be moved (``State.counts``)."""
+        """Return the movable sides of the window that a place is near (``State.counts``)."""
         column = int(wp.floor((x - cells.x0) * cells.columns_per_metre))
         row = int(wp.floor((y - cells.y0) * cells.rows_per_metre))
         sides = int(column < cells.west) + 2 * int(row < cells.south)
@@ -73,13 +73,13 @@ def bin_function(real: Any, has_empty: bool) -> Any:
 
     @wp.func
     def place(i: int, p: vec4, m: arguments_type(real)):
-        """Find a particle's cell and its rank there; what left the terrain goes last.
+        """Find a particle's cell and its rank there; particles off the terrain go last.
 
         On the CPU ranks are counted afterwards, by ``rank_particles``.
         """
         c = m.cells.rows * m.cells.columns
         if not (wp.static(has_empty) and p[2] == real(0.0)):
-            # between the stages of a step nothing leaves: a stage may overshoot the border
+            # nothing leaves between the stages of a step: a stage may overshoot the border
             number = p[0] + p[1] + p[3]
             if m.counts[at.STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
                 c = row_of(m.cells, p[1]) * m.cells.columns + column_of(m.cells, p[0])
@@ -97,12 +97,12 @@ def bin_function(real: Any, has_empty: bool) -> Any:
 
 @lru_cache
 def _loss_function(real: Any) -> Any:
-    """Return the device function from a particle that has left the terrain to what left."""
+    """Return the device function that returns the lost volume of a particle off the terrain."""
     vec4 = wp.types.vector(4, real)
 
     @wp.func
     def volume_lost(p: vec4) -> wp.float64:
-        # what is no number any more must not leave as if it had flowed off: it marks the sum
+        # a NaN must not count as lava that flowed off: it makes the sum NaN
         return wp.float64(p[2] + real(0.0) * (p[0] + p[1] + p[3]))
 
     return volume_lost
@@ -127,7 +127,7 @@ def _kernels(
 
     @quick_kernel
     def rank_particles(i: int, m: arguments_type(real)):
-        """Rank particles in their cells in the order of all, one after the other."""
+        """Rank particles in their cells in the order of all particles, one after the other."""
         if i >= m.counts[at.PARTICLES] + m.counts[at.NEWCOMERS]:
             return
         c = compiled.load_int(m.cell, i)
@@ -146,7 +146,7 @@ def _kernels(
 
     @wp.func
     def rank_of(i: int, first: int, end: int, members: wp.array(dtype=wp.int32)) -> int:
-        """Rank of a particle by its number among those of its cell."""
+        """Return the rank of a particle by number among those of its cell."""
         before = wp.int32(0)
         for k in range(first, end):
             if compiled.load_int(members, k) < i:
@@ -155,7 +155,7 @@ def _kernels(
 
     @quick_kernel
     def order_particles(i: int, m: arguments_type(real)):
-        """Gather the particles of each cell, and make ready for the next sums over them."""
+        """Gather the particles of each cell, and reset the values for the next sums over them."""
         starts = m.cells.starts
         last = m.cells.rows * m.cells.columns
         if i == 0:
@@ -166,7 +166,8 @@ def _kernels(
             m.chosen[0] = 0
         end = starts[last + 1]
         if i >= end:
-            # sums go on over the end of the last row, with weights of 0: no nan may be there
+            # sums read past the end of the last row, with weights of 0: that memory must not be
+            # NaN
             if i < end + at.SPARE:
                 store(m.ordered, i, vec4())
             return
@@ -179,7 +180,7 @@ def _kernels(
         else:
             place += compiled.load_int(m.rank, i)
         if c == last:
-            # it has left
+            # it has left the terrain
             p = vec4()
         store(m.ordered, place, p)
         if wp.static(real is wp.float32):
@@ -207,15 +208,15 @@ class NeighborGrid:
     """The cells of a terrain for one kernel radius.
 
     Attributes:
-        cells: Where the cells lie, and what is in them (cells.py).
-        is_binned: Whether the particles are in their cells already. Then those that have left are
-            counted as such, though they are not dropped yet.
+        cells: Position and contents of the cells (cells.py).
+        is_binned: True if the particles have been assigned to cells. Particles that have left are
+            then counted as such, though they are not dropped yet.
     """
 
     def __init__(
         self, terrain: StaggeredTerrain, radius: float, ratio: float, device: Any
     ) -> None:
-        """Divide the terrain into cells for a kernel's radius [m], and that over the spacing."""
+        """Divide the terrain into cells for a kernel radius [m] and its ratio to the spacing."""
         self._terrain = terrain
         self._radius = radius
         rows, columns = cells_to_radius(ratio)
@@ -230,7 +231,7 @@ class NeighborGrid:
         self._all = np.ceil(side * np.array((ground.columns * columns, ground.rows * rows)))
         self._all = np.maximum(self._all.astype(int), 1)
         self._per_metre = np.array((columns, rows)) / radius
-        #: Columns and rows of the window beside the lava at first, and of a further piece.
+        #: Columns and rows of the initial margin, and of an extension.
         self._margin, self._piece = (
             np.ceil(length * radius * self._per_metre).astype(int) for length in (MARGIN, PIECE)
         )
@@ -241,9 +242,9 @@ class NeighborGrid:
     def fit(self, places: np.ndarray) -> None:
         """Cover the surroundings of some places, or the whole of a small terrain.
 
-        What is binned is forgotten. The arguments of the motion have other cells then: what was
-        launched with them has to be forgotten, too. Places are from the terrain's centre [m],
-        shape [count, 2].
+        This discards the assignment to cells and replaces them in the motion arguments: launches
+        recorded with the previous arguments must be discarded, too. Places are relative to the
+        terrain's centre [m], shape [count, 2].
         """
         cells = self.cells
         ends = np.stack((np.zeros(2, dtype=int), self._all))
@@ -256,7 +257,7 @@ class NeighborGrid:
         self._cover(ends)
 
     def widen(self, sides: int) -> None:
-        """Cover more on some sides (``State.counts[NEAR_BORDER]``); otherwise as ``fit``."""
+        """Extend some sides (``State.counts[NEAR_BORDER]``); otherwise as ``fit``."""
         cells = self.cells
         first = np.array((cells.first_column, cells.first_row))
         length = np.array((cells.columns, cells.rows))
@@ -265,8 +266,8 @@ class NeighborGrid:
         self._cover(np.stack((first, first + length)) + _OUTWARD * is_near * piece)
 
     def _cover(self, ends: np.ndarray) -> None:
-        """Cover columns and rows between the first ones and those behind the last, int [2, 2]."""
-        # another one: what was launched with the former may be launched again
+        """Cover the columns and rows from the first ones up to the ends, int [2, 2]."""
+        # a new struct: launches with the previous one may be repeated
         cells = cell_frame(self._terrain.height.dtype)()
         cells.assign(self.cells)
         first = np.clip(ends[0], 0, self._all - 1)
@@ -274,11 +275,11 @@ class NeighborGrid:
         cells.first_column, cells.first_row = first.tolist()
         cells.columns, cells.rows = (last - first).tolist()
         near = np.ceil(NEAR * self._radius * self._per_metre).astype(int)
-        # the border of the terrain stays where it is
+        # the border of the terrain does not move
         cells.west, cells.south = np.where(first > 0, first + near, _NEVER_BELOW).tolist()
         cells.east, cells.north = np.where(last < self._all, last - near, _NEVER_ABOVE).tolist()
         self.is_binned = False
-        # 0 but while particles are binned
+        # always 0 except while particles are binned
         room = 4 * math.ceil((cells.rows * cells.columns + 2) / 4)
         cells.sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
         cells.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
@@ -288,26 +289,26 @@ class NeighborGrid:
         self._scan = Scan(room, self._device)
 
     def bin(self, state: State) -> None:
-        """Put each particle into its cell, as a motion does that sets ``is_binned``."""
+        """Assign each particle to its cell, as a motion that sets ``is_binned`` does."""
         way, (bins, *_) = self.motion_arguments(state), _kernels_of(state)
         launch_over(state, bins, [way], least=LEAST_MOVES)
         self.is_binned = True
 
     def set_constants(self, **constants: Any) -> None:
-        """Let the motion have the constants of a stage (motion_arguments.py) from now on."""
+        """Set the constants of a stage (motion_arguments.py) for the motion from now on."""
         self._constants, self._way = constants, None
 
     def motion_arguments(self, state: State) -> Any:
-        """What kernels read and write (motion_arguments.py); to collect it takes long."""
+        """Return the argument of all kernels (motion_arguments.py), cached."""
         if self._way is None or self._way.particle is not state.particle:
             ground = self._terrain.ground
             self._way = motion_arguments(state, ground, self.cells, **self._constants)
         return self._way
 
     def rebuild(self, state: State) -> None:
-        """Sort ``state.particle`` into ``state.ordered`` and drop what left the terrain.
+        """Sort ``state.particle`` into ``state.ordered`` and drop particles off the terrain.
 
-        Sets ``state.rates`` to 0, to be raised by what is summed over the neighbours.
+        Resets ``state.rates`` to 0, to be raised by the sums over the neighbours.
         """
         if not self.is_binned:
             self.bin(state)
@@ -321,10 +322,10 @@ class NeighborGrid:
         launch_over(state, order, [way], least=LEAST_MOVES)
 
     def refuse_crowds(self) -> None:
-        """Refuse what would take for ever: each particle looks at all of those around it.
+        """Check the number of particles per cell: each particle visits all those around it.
 
         Raises:
-            LavaError: There are more than ``MOST_IN_CELL`` particles in one cell.
+            LavaError: If a cell contains more than ``MOST_IN_CELL`` particles.
         """
         starts = read(self.cells.starts)[: self.cells.rows * self.cells.columns + 1]
         most = int(np.diff(starts).max())

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Named points on the measured front of accuracy against time.
+"""Named settings on the measured trade-off between accuracy and computing time.
 
-The ratio and the share of the stable step were chosen from a full run of `lava accuracy`
-(docs/accuracy/h200.csv; docs/accuracy/ has its table and chart), the refinements by how far
-footprints of real flows agree (docs/benchmarks/convergence_h200.csv).
+The ratio and the fraction of the stable step were chosen from a full run of `lava accuracy`
+(docs/accuracy/h200.csv; docs/accuracy/ has its table and chart), the refinements by the agreement
+of the outlines of real flows (docs/benchmarks/convergence_h200.csv).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class Preset:
     """A named accuracy.
 
     Attributes:
-        accuracy: The knobs.
-        summary: Who should take it, in one sentence.
+        accuracy: The settings.
+        summary: Recommended use, in one sentence.
         errors: Largest relative error of each quantity in the case ``fixed_volume`` of that run,
             rounded up.
     """
@@ -32,10 +32,10 @@ class Preset:
     errors: dict[str, float]
 
 
-# A ratio of 3.5 has the least mean error over the cases at refinements 0.5 and 1 alike; the
-# stages are taken a fifth below the stability limit, 2, at no loss but a tenth more of them.
+# A ratio of 3.5 has the smallest mean error over the cases at refinements 0.5 and 1 alike. The
+# stages are a fifth below the stability limit of 2, which costs a tenth more of them, no accuracy.
 
-#: The presets by name, from the cheapest to the dearest.
+#: The presets by name, from the fastest to the slowest.
 PRESETS: dict[str, Preset] = {
     'draft': Preset(
         Accuracy(refinement=0.707, ratio=3.5, diffusion_number=1.6),
@@ -53,7 +53,7 @@ PRESETS: dict[str, Preset] = {
         {'radius': 0.0008, 'profile': 0.0027, 'edge': 0.0043},
     ),
     'reference': Preset(
-        # Half the displacement per step: what is left is the error of the particles.
+        # Half the displacement per step: the remaining error is that of the particle spacing.
         Accuracy(
             refinement=2.0,
             ratio=4.0,
@@ -82,19 +82,19 @@ PRESETS: dict[str, Preset] = {
     ),
 }
 
-#: What is used when nothing is said.
+#: The default preset.
 DEFAULT = 'standard'
 
 
 def preset_accuracy(name: str, *, spacing: float | None = None) -> Accuracy:
-    """The accuracy of a preset.
+    """Return the accuracy of a preset.
 
     Args:
         name: The preset.
-        spacing: Distance between particles [m] in place of the automatic one.
+        spacing: Distance between particles [m] instead of the automatic one.
 
     Raises:
-        LavaError: There is no such preset, or the spacing is not usable.
+        LavaError: If there is no such preset, or the spacing is not valid.
     """
     validation.choice('preset', name, tuple(PRESETS))
     accuracy = PRESETS[name].accuracy

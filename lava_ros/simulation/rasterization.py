@@ -3,22 +3,22 @@
 
 """Particles to grid: thickness and temperature at the cells of the terrain (section 3.4.2).
 
-A kernel sum reaches its radius past the last particle, and the paper's borders are too round.
+A kernel sum extends by its radius past the last particle, and the paper's borders are too round.
 Here lava is where the particles' own areas V / h, smoothed by the same kernel, cover more than
-half of the ground: at a straight border that is where the lava ends, whatever the radius. Of a
-cell at the border a part is covered, by the cover in its middle and its gradient, and the cell's
+half of the ground: at a straight border the lava ends there, whatever the radius. The covered
+fraction of a border cell follows from the cover in its middle and the gradient, and the cell's
 thickness is the mean over all of it. A cell of which less than half is covered, and which lava at
-least ``COVERED`` thick has not reached (``own_ground.py``), holds none: maps of thickness and of
+least ``COVERED`` thick has not reached (``own_ground.py``), has none: maps of thickness and of
 arrival then end at the same cells.
 
-The volume is kept: each particle shares all of its own out to the cells that are covered,
+The volume is conserved: each particle distributes all of its volume to the covered cells,
 
     h_c = f_c sum_j V_j W_cj / N_j,    N_j = A sum_c f_c W_cj,
 
-A the area of a cell. The weight f_c is the part that is covered times the root of the particles'
-mean thickness around it over their cover: to the first order that undoes what the kernel smooths
-(docs/MODEL.md). A particle far from all covered cells gives its volume to the cell that it lies
-in.
+A the area of a cell. The weight f_c is the covered fraction times the root of the particles' mean
+thickness around it over their cover: to first order this undoes the kernel's smoothing
+(docs/MODEL.md). A particle far from all covered cells gives its volume to the cell in which it
+lies.
 """
 
 from functools import lru_cache
@@ -37,17 +37,17 @@ from lava_ros.simulation.own_ground import cells_function
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.terrain import ground_type, StaggeredTerrain
 
-#: Share of a cell from which it holds lava.
-LEAST_COVER = 0.5
+#: Fraction of a cell at or above which it holds lava.
+COVER_THRESHOLD = 0.5
 
-#: Smoothed weight of the covered cells at a particle, over one of its own thickness, below which
-#: it is far from them: what is much smaller has few digits.
-_LEAST_NEAR = 1e-3
+#: Smoothed weight of the covered cells at a particle, relative to its own thickness, below which
+#: it is far from them: smaller sums have few significant digits.
+_MIN_NEAR_WEIGHT = 1e-3
 
-#: In place of a weight: particles are in reach of the cell, but do not cover it.
+#: Placeholder for a weight: particles are within reach of the cell, but do not cover it.
 _BESIDE = wp.constant(wp.float32(-1.0))
 
-#: In place of a temperature: the cell is in the own square of a particle.
+#: Placeholder for a temperature: the cell is in a particle's own square.
 _OWN = wp.constant(wp.float32(-1.0))
 
 
@@ -60,7 +60,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, 
 
     @wp.func
     def middle(first: wp.float64, n: int, resolution: wp.float64) -> real:
-        """Coordinate of the middle of the n-th cell; the same in all passes, to the bit."""
+        """Coordinate of the middle of the n-th cell; bitwise identical in all passes."""
         return real(first + (wp.float64(n) + wp.float64(0.5)) * resolution)
 
     @wp.func
@@ -69,7 +69,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, 
 
     @wp.func
     def part_above(middle: real, rise_x: real, rise_y: real) -> real:
-        """Share of a cell where a plane is above 0, from its middle and its rises across."""
+        """Fraction of a cell where a plane is above 0, by its middle and its rises across."""
         wide = real(0.5) * wp.max(wp.abs(rise_x), wp.abs(rise_y))
         narrow = real(0.5) * wp.min(wp.abs(rise_x), wp.abs(rise_y))
         height = wp.abs(middle)
@@ -100,7 +100,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, 
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
     ):
-        """Weigh the cells that are covered, and mark those that are not but have lava in reach."""
+        """Weigh the covered cells, and mark those not covered but with lava in reach."""
         i = thread // thickness.shape[1]
         j = thread % thickness.shape[1]
         is_own = temperature[i, j] == _OWN
@@ -142,14 +142,14 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, 
         scale *= real(terrain.resolution) * inverse
         rise_x *= scale
         rise_y *= scale
-        above = cover - real(wp.static(LEAST_COVER))
+        above = cover - real(wp.static(COVER_THRESHOLD))
         part = part_above(above, rise_x, rise_y)
-        # half-way between the highest cover in the cell and the lowest that is lava
+        # half-way between the highest cover in the cell and the lowest that counts as lava
         change = real(0.5) * (wp.abs(rise_x) + wp.abs(rise_y))
-        lowest = wp.max(cover - change, real(wp.static(LEAST_COVER)))
+        lowest = wp.max(cover - change, real(wp.static(COVER_THRESHOLD)))
         typical = real(0.5) * (cover + change + lowest)
         weight = wp.float32(part * wp.sqrt(mean * typical) / cover)
-        # a cover that is no number is not dry ground
+        # a cover of NaN is not dry ground
         thickness[i, j] = wp.where(weight > wp.float32(0.0), weight, wp.float32(wp.nan))
         is_reached = is_own or m.arrived[i, j] >= wp.float32(0.0)
         is_rim = part < real(0.5) and mean >= real(wp.static(COVERED)) and not is_reached
@@ -164,7 +164,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, 
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
     ):
-        """Find what a particle gives for a unit of weight, or to the cell that it lies in."""
+        """Find a particle's volume per unit of weight, or for the cell in which it lies."""
         if k >= m.counts[PARTICLES]:
             return
         p = load(m.ordered, k)
@@ -186,9 +186,9 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, 
         m.share[k] = p[2] / (area * total)
         m.home[k] = -1
         total *= area * real(wp.static(norm)) * inverse * inverse
-        if total > real(wp.static(_LEAST_NEAR)) * wp.sqrt(m.flow[k][0]):
+        if total > real(wp.static(_MIN_NEAR_WEIGHT)) * wp.sqrt(m.flow[k][0]):
             return
-        # the cell that it lies in, or at a hole the next one, as rounding has it
+        # the cell in which it lies, or next to a hole, because of rounding, the nearest known one
         nearest = real(1.0)
         is_covered = wp.bool(False)
         for i in range(south, north):
@@ -214,7 +214,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, 
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
     ):
-        """Sum the particles' shares in a cell, and their mean temperature."""
+        """Sum the particles' contributions to a cell, and their mean temperature."""
         i = thread // thickness.shape[1]
         j = thread % thickness.shape[1]
         own_weight = thickness[i, j]
@@ -258,10 +258,10 @@ class Raster:
     """Output grids on a device, one value for each cell of a terrain.
 
     Attributes:
-        grids: What ``fill`` fills, and more grids for others to fill, float32, shape [2 or more,
-            rows, columns].
-        thickness: The first of them [m], NaN where the terrain has no data.
-        temperature: The second [K], NaN where it is dry too.
+        grids: Grids that ``fill`` fills, and additional ones for callers to fill, float32, shape
+            [2 or more, rows, columns].
+        thickness: The first grid [m], NaN where the terrain has no data.
+        temperature: The second grid [K], NaN also where it is dry.
     """
 
     def __init__(
@@ -274,10 +274,10 @@ class Raster:
         *,
         more: int = 0,
     ) -> None:
-        """Allocate the grids, and some more for others to fill.
+        """Allocate the grids, and ``more`` additional ones for callers to fill.
 
-        ``radius`` is that of the output's kernel [m], l_render in the paper; ``ratio`` that of the
-        particles' kernel over their spacing.
+        ``radius`` is the radius of the output's kernel [m], l_render in the paper; ``ratio`` the
+        particles' kernel radius over their spacing.
         """
         self._terrain = terrain
         self._radius = radius
@@ -288,10 +288,10 @@ class Raster:
         self.thickness, self.temperature = self.grids[0], self.grids[1]
 
     def fill(self, state: State, neighbors: NeighborGrid) -> None:
-        """Fill thickness and temperature from the ordered particles' flow.
+        """Fill thickness and temperature from the flow of the ordered particles.
 
-        Between the passes ``thickness`` holds the cells' weights. No temperature is below 0 before
-        the first of them, which marks cells so.
+        Between the passes ``thickness`` holds the cells' weights. The first pass marks cells with
+        a negative temperature, so no temperature may be negative before.
         """
         mark, weigh, share_out, gather = _kernels(state.real, *self._choice)
         cells = self.thickness.size

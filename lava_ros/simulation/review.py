@@ -3,9 +3,9 @@
 
 """The review of effects while a simulation runs.
 
-The choice before the first step follows from what is expected of the flow. From time to time the
-numbers of the effects that are off are evaluated again, on the lava that flows. An effect whose
-number passes its threshold is switched on, and stays on.
+The choice before the first step follows from the expected flow. From time to time the numbers of
+the effects that are off are evaluated again, on the actual lava. An effect whose number exceeds
+its threshold is switched on, and stays on.
 """
 
 from collections.abc import Iterable, Mapping
@@ -25,11 +25,11 @@ GROWTH = 0.5
 
 @dataclass
 class Review:
-    """What the reviews of a simulation have found.
+    """Results of the reviews of a simulation.
 
     Attributes:
-        largest: Largest number of each effect that was measured, by name.
-        since: Simulated time [s] from which an effect was on that a review has switched on.
+        largest: Largest measured number of each effect, by name.
+        since: Simulated time [s] at which a review has switched an effect on, by name.
         count: Number of reviews.
     """
 
@@ -38,7 +38,7 @@ class Review:
     count: int = 0
 
     def note(self, decisions: Iterable[Decision], effects: Effects) -> list[str]:
-        """Take the decisions of a review about effects that are off.
+        """Add the decisions of a review about effects that are off.
 
         Args:
             decisions: The decisions.
@@ -73,7 +73,7 @@ def next_review(time: float, horizon: float) -> float:
     """
     passed = time / horizon
     if passed >= 1.0:
-        # from then on they are evenly spaced; rounding must not make two of one
+        # later reviews are evenly spaced; rounding must not merge two of them
         count = math.floor((passed - 1.0) / LONGEST + 1e-6) + 1
         return horizon * (1.0 + LONGEST * count)
     due = FIRST
@@ -85,8 +85,8 @@ def next_review(time: float, horizon: float) -> float:
 def watched_effects(scene: Scene, effects: Effects, forced: Mapping[str, bool]) -> list[str]:
     """Return the names of the effects that a review evaluates.
 
-    One that cannot be on beside another that is on is among them: its number says what leaving it
-    out costs.
+    This includes effects that exclude one that is on: their numbers give the error of leaving
+    them out.
     """
     return [
         name

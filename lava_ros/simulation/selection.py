@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The choice of effects: which physics a scene calls for, by dimensionless numbers.
+"""The choice of effects: the physics that a scene requires, by dimensionless numbers.
 
-Every effect has a number that says how much it changes the flow, taken at the scene's own scales,
-and a threshold below which leaving it out costs less than the stated error.
+Every effect has a number that measures its influence on the flow, evaluated at the scene's own
+scales, and a threshold below which leaving it out costs less than the stated error.
 """
 
 from __future__ import annotations
@@ -34,17 +34,18 @@ _COOLING_STEPS, _FIRST_STEP = 300, 1e-6
 
 @dataclass(frozen=True)
 class Decision:
-    """An effect, on or off, and why.
+    """Decision about an effect, with its reason.
 
     Attributes:
-        name: Its name.
-        effect: What it declares: what decides.
-        value: The number; NaN when the material has no such effect.
-        is_on: Whether the effect is on.
-        is_forced: Whether a user said so.
-        rival: The effect beside which it cannot be on, though its number calls for it; or empty.
+        name: Name of the effect.
+        effect: Its declaration, with number and threshold.
+        value: The number; NaN if the material has no such effect.
+        is_on: True if the effect is on.
+        is_forced: True if a user has forced the decision.
+        rival: Effect that excludes this one though its number is above the threshold; or empty.
         measured: Largest number that the reviews of a run have measured; NaN before the first.
-        since: Simulated time from which a run has it on [s]; NaN unless it was off at first.
+        since: Simulated time at which a run has switched it on [s]; NaN unless it was off at
+            first.
     """
 
     name: str
@@ -58,15 +59,14 @@ class Decision:
 
     @property
     def largest(self) -> float:
-        """Largest number: as expected, or as measured while the effect was off."""
+        """Largest number, expected or measured while the effect was off."""
         return float(np.fmax(self.value, self.measured))
 
     @property
     def cost(self) -> float:
-        """Largest fraction of the footprint that leaving the effect off changes; 0 if it is on.
+        """Maximum fraction of the inundated area that omitting the effect changes; 0 if it is on.
 
-        It is also 0 where the scene has no such effect, and for one that is on only when asked
-        for.
+        It is also 0 if the scene has no such effect, and for effects that are on only by request.
         """
         is_left_off = not (self.is_on or math.isnan(self.value))
         if not is_left_off or self.effect.threshold in (0.0, math.inf):
@@ -75,7 +75,7 @@ class Decision:
 
     @property
     def reason(self) -> str:
-        """Why, in a few words."""
+        """Reason for the decision, in a few words."""
         if self.is_forced:
             return 'forced'
         if math.isnan(self.value):
@@ -97,17 +97,17 @@ class Decision:
 def expected_scales(
     scene: Scene, *, accuracy: Accuracy | None = None, horizon: float = HORIZON
 ) -> Scales:
-    """Find the scales of a flow before its first step, up to a horizon [s].
+    """Return the scales of a flow before its first step, up to a horizon [s].
 
     They are those of its expected course (``course_of``). Without a discharge each cell of the
-    terrain counts as a column, of the thickness of the accuracy or of 1 m3/s.
+    terrain counts as a column, of the thickness of the accuracy or that of a flow of 1 m3/s.
     """
     accuracy = accuracy or Accuracy()
     resolution = resolution_of(scene, accuracy, horizon=horizon)
     course = course_of(scene, horizon=horizon)
     columns = _still_columns(scene, accuracy) if course is None else course.columns
     area = math.inf if course is None else float((columns.volume / columns.thickness).sum())
-    # a flow that is resolved coarsely has left its vent as well
+    # a coarsely resolved flow still counts as extended once it has left its vent
     distance = float(np.fmin(resolution.spacing, resolution.width / ACROSS))
     return scales_of(
         scene,
@@ -137,7 +137,7 @@ def scales_of(scene: Scene, columns: Columns, **others: Any) -> Scales:
 
 
 def _still_columns(scene: Scene, accuracy: Accuracy) -> Columns:
-    """Return columns of lava on every cell of a terrain: what is known without a discharge."""
+    """Return columns of lava on every cell of a terrain, for a scene without a discharge."""
     terrain, lava = scene.terrain, scene.lava
     thickness = accuracy.thickness or expected_thickness(scene)
     x0, y0, x1, y1 = terrain.extent
@@ -157,7 +157,7 @@ def _still_columns(scene: Scene, accuracy: Accuracy) -> Columns:
 
 
 def slopes_of(terrain: Terrain) -> np.ndarray:
-    """Slope (rise over run) at the cells whose neighbours have data, shape [cells], 0 if none."""
+    """Return slopes (rise over run) at the cells whose neighbours have data, shape [cells]."""
     z = terrain.elevation
     rise = [np.abs(np.diff(z, axis=axis)) / terrain.resolution for axis in (0, 1)]
     steep = np.hypot(rise[0][:, :-1], rise[1][:-1])
@@ -166,19 +166,19 @@ def slopes_of(terrain: Terrain) -> np.ndarray:
 
 
 def _relief(terrain: Terrain) -> float:
-    """Highest less lowest elevation [m]."""
+    """Return the highest minus the lowest elevation [m]."""
     return float(np.nanmax(terrain.elevation) - np.nanmin(terrain.elevation))
 
 
 def _cooled_at_rest(
     scene: Scene, temperature: float, thickness: np.ndarray, duration: float
 ) -> np.ndarray:
-    """Temperature [K] of columns at rest after a time [s] of radiation and convection.
+    """Return the temperature [K] of columns at rest after a time [s] of radiation and convection.
 
     It is a function of the time over the thickness alone.
     """
     over = duration / thickness
-    # up to a power of two, so that the same curve serves many times
+    # rounded up to a power of two, so that the curve can be reused
     longest = 2.0 ** math.ceil(math.log2(over.max()))
     return np.interp(over, *_cooling_curve(scene, temperature, longest))
 
@@ -187,7 +187,7 @@ def _cooled_at_rest(
 def _cooling_curve(
     scene: Scene, temperature: float, longest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times over thickness [s/m] up to the ``longest``, and temperatures [K] after them."""
+    """Return times over thickness [s/m] up to the ``longest``, and temperatures [K] after them."""
     ambient = scene.ambient_temperature
     capacity, loss = scene.lava.density * scene.lava.specific_heat, heat_loss(scene)
     marks = np.geomspace(_FIRST_STEP, 1.0, _COOLING_STEPS) * longest
@@ -212,12 +212,12 @@ def decide(
 
     Args:
         scene: The scene.
-        overrides: Effects switched on or off whatever the scene says, by name.
-        accuracy: The resolution; automatic when left out.
-        horizon: How far ahead is looked [s].
+        overrides: Effects to switch on or off regardless of the scene, by name.
+        accuracy: The resolution; automatic if omitted.
+        horizon: Time span to consider [s].
 
     Raises:
-        LavaError: An override names no effect.
+        LavaError: If an override is not the name of an effect.
     """
     forced = validation.keys('effects', overrides or {}, allowed=EFFECTS)
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
@@ -231,7 +231,7 @@ def decide_by(
 
     Args:
         scales: The scales.
-        forced: Effects switched on or off whatever the flow says, by name.
+        forced: Effects to switch on or off regardless of the flow, by name.
         names: The effects to decide about.
     """
     decisions: dict[str, Decision] = {}
@@ -240,7 +240,7 @@ def decide_by(
         if effect.number is not None and name in names:
             value = math.nan
             if name in there and effect.needs_extent and not scales.is_extended:
-                # nothing is moving yet that the number could be of
+                # nothing moves yet, so the number is undefined
                 value = 0.0
             elif name in there:
                 value = scales.columns.quantile(effect.number(scales), effect.fraction)
@@ -251,13 +251,13 @@ def decide_by(
 
 
 def noted(decision: Decision, effects: Effects, measured: float, since: float) -> Decision:
-    """Complete a decision before the first step with what a run has found.
+    """Update a decision made before the first step with the results of a run.
 
     Args:
         decision: The decision.
         effects: The effects that are on in the run.
         measured: Largest number measured while the effect was off; NaN without one.
-        since: Simulated time from which the run has the effect on [s]; NaN unless it was off.
+        since: Simulated time at which the run has switched it on [s]; NaN unless it was off.
     """
     name, rival = decision.name, ''
     decision = replace(decision, is_on=name in effects, measured=measured, since=since, rival='')
@@ -267,7 +267,7 @@ def noted(decision: Decision, effects: Effects, measured: float, since: float) -
 
 
 def decision_as_dict(decision: Decision) -> dict[str, Any]:
-    """A decision as plain data; None where JSON has no number."""
+    """Return a decision as plain data; None for numbers that JSON cannot represent."""
     effect = decision.effect
     numbers = {
         'value': decision.value,
@@ -284,17 +284,17 @@ def decision_as_dict(decision: Decision) -> dict[str, Any]:
         **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
         'reason': decision.reason,
         'without_it': effect.admits,
-        # at the threshold, and in proportion to the number below it
+        # at the threshold; proportional to the number below it
         'footprint_without_it': effect.cost,
         'source': effect.source,
     }
 
 
 def _settle(decisions: dict[str, Decision]) -> None:
-    """Leave one on of those that exclude each other: a forced one, else the first of them.
+    """Keep one of the effects that exclude each other: a forced one, or else the first.
 
-    Two laws of the same thing, one of which replaces the other, are the material's: what forces
-    the wrong one is refused.
+    Two laws for the same quantity, one of which replaces the other, depend on the material:
+    forcing the wrong one is an error elsewhere.
     """
     on = [item for item in decisions.values() if item.is_on]
     kept: list[Decision] = []
@@ -317,7 +317,7 @@ def effects_for(
     accuracy: Accuracy | None = None,
     horizon: float = HORIZON,
 ) -> Effects:
-    """Choose the effects a scene calls for; arguments and errors as of ``decide``."""
+    """Return the effects that a scene requires; arguments and errors as for ``decide``."""
     decisions = decide(scene, overrides, accuracy=accuracy, horizon=horizon)
     chosen = {item.name: item.is_on for item in decisions}
     return Effects(**{**dict.fromkeys(EFFECTS, False), **chosen, **(overrides or {})})

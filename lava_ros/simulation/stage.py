@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""One stage of a time step, algorithm 1 of the paper: what is computed, and in which order."""
+"""One stage of a time step, algorithm 1 of the paper: its computations in order."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -34,7 +34,7 @@ class Stage:
     ) -> None:
         """Collect the constants and the kernels for the effects that are on in ``state``.
 
-        ``after_step`` has the passes that effects need at a step's end, by effect.
+        ``after_step`` contains the passes that effects need at the end of a step, by effect.
         """
         assert accuracy.spacing is not None and accuracy.thickness is not None
         self._accuracy, self._effects = accuracy, state.effects
@@ -53,15 +53,15 @@ class Stage:
         self._flow_kernels = partial(
             flow_kernels, state.real, accuracy.kernel, accuracy.ratio, gradient, state.effects
         )
-        # the pass that ends with the velocity moves the particles too
+        # the pass that computes the velocity also moves the particles
         self._moves_at_once = 'green' in state.effects and accuracy.formulation != 'as-published'
 
     def take(
         self, scene: Scene, vents: VentSet, *, look: Callable[[], None] | None = None
     ) -> None:
-        """Take one stage; at a step's end the vents emit what is due.
+        """Run one stage; at the end of a step the vents emit the particles that are due.
 
-        Steps are as short as the scene's vents call for. ``look`` launches what looks at the flow,
+        The scene's vents limit the length of steps. ``look`` launches observations of the flow
         before it moves.
         """
         state, neighbors = self._state, self._neighbors
@@ -73,7 +73,7 @@ class Stage:
         if 'inertia' in self._effects:
             load('inertia').synchronize(state, self._arguments(), self._accuracy)
         if not self._moves_at_once:
-            # before the step is chosen: it follows the speed that lateral stress leaves
+            # before the choice of the step, which depends on the speed under lateral stress
             self._spread_velocity()
         pace, way = self._pace_of(scene, vents), self._arguments()
         choice = choice_within_motion(state, pace, vents)
@@ -84,7 +84,7 @@ class Stage:
             vents.emit(state, way)
 
     def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
-        """What the choice of a stage reads and writes; to collect it takes as long as a launch."""
+        """Return the (cached) arguments for the choice of a stage."""
         if self._pace is None or self._pace[0] is not scene or self._pace[1] is not vents:
             longest = timestep.longest_step(
                 scene, self._accuracy, self._effects, vents, self.constants.reach
@@ -107,7 +107,7 @@ class Stage:
         self._spread_velocity()
 
     def _spread_velocity(self) -> None:
-        """Lateral stress: from the local velocities to the velocities."""
+        """Apply lateral stress to the local velocities."""
         if self._accuracy.formulation == 'as-published':
             publish_velocity(self._state, self._arguments(), self._viscosity)
         elif 'green' in self._effects:
@@ -116,7 +116,7 @@ class Stage:
             load('helmholtz').solve_velocity(self._state, self._arguments(), self._accuracy)
 
     def _move(self, way: Any, choice: StageChoice) -> None:
-        """Move, after the lateral stress where that is one sum; end the step."""
+        """Move the particles, after lateral stress where that is one sum; end the step."""
         state, neighbors = self._state, self._neighbors
         if self._moves_at_once:
             load('green').move_particles(state, neighbors, way, choice)

@@ -21,53 +21,53 @@ from lava_ros.simulation.backend.streams import read, Readback
 from lava_ros.simulation.checkpoint import FAR as FAR
 from lava_ros.simulation.checkpoint import fitting
 
-# Places in State.clock.
+# Indices into State.clock.
 TIME, STEP, TARGET, FULL_STEP, FORMER_STEP = range(5)
 
-# Places in State.stage: the weights of the Runge-Kutta stage at hand.
+# Indices into State.stage: the weights of the current Runge-Kutta stage.
 FORMER, BEFORE_FORMER, VELOCITY, FIRST_VELOCITY = range(4)
 
-# Places in State.counts.
+# Indices into State.counts.
 PARTICLES, STEPS, LIMIT, FULL, STAGE, STAGES, IS_LAST, EVALUATIONS = range(8)
 CURRENT, NEAR_BORDER, NEWCOMERS = range(8, 11)
 
-# Places in State.rates: reciprocals of the longest step each limit allows [1/s].
+# Indices into State.rates: reciprocals of the longest step that each limit allows [1/s].
 DIFFUSION, ADVECTION = range(2)
 
 #: Indices into ``left``: over the terrain's border, and onto cells without data.
 BORDER, HOLES = range(2)
 
-#: Threads on a GPU of a kernel that rarely has anything to do: it costs little when it has not.
+#: Threads on a GPU of a kernel that rarely has work: it must cost little when it has none.
 RARE_THREADS = 65536
 
-#: As many are enough for few particles, of which there may be many simulations at once.
+#: Particle counts up to which this many threads suffice; there may be many small simulations.
 _FEW_RARE = 4096, 16384
 
-#: The same in a batch, for members of any size.
+#: Threads of such a kernel in a batch, for members of any size.
 RARE_THREADS_TOGETHER = 1024
 
-#: Share of the room for particles from which more is made. Threads without a particle cost time,
-#: so there is not much to spare; a vent that finds none waits until there is.
+#: Maximum fraction of the capacity in use before it grows. Threads without a particle cost time,
+#: so there is little spare capacity; a vent that finds none waits until it has grown.
 FULLEST = 0.875
 
-#: Room for particles up to which it is doubled.
+#: Capacity below which growing doubles it [particles].
 FEW = 16384
 
-#: Threads to a particle on a GPU, and the room for particles up to which they pay.
+#: Threads per particle on a GPU, and the maximum capacity for which they are worthwhile.
 SHARED_LANES, SHARED_UP_TO = 4, 50_000
 
-#: Threads that a GPU holds at once, those to spare included, with ``compiled.FEW_THREADS`` on 132
-#: processors. With no more of them it is waiting that takes the time: registers are not scarce
-#: then, and launches are dear.
+#: Threads that a GPU holds at once, idle ones included, with ``compiled.FEW_THREADS`` on 132
+#: processors. At or below this number latency dominates: registers are then not scarce, and
+#: launches are expensive.
 AT_ONCE = 150_000
 
-#: Items behind the last that sums over neighbours may read (cells.py).
+#: Items after the last one that sums over neighbours may read (cells.py).
 SPARE = 3
 
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
-#: The solver's own arrays; what is in them is said in ``State``. What is carried on has a twin,
-#: ``ordered_`` and its name, in the order of the cells.
+#: The solver's own arrays, described in ``State``. A carried array has a twin named ``ordered_``
+#: and its name, in the order of the cells.
 ARRAYS = {
     'stage': Array('real', 4),
     'rates': Array('real', 2),
@@ -94,7 +94,7 @@ ARRAYS = {
 
 
 def kinds_of(real: Any) -> dict[str, Any]:
-    """The Warp types by the names that an ``Array`` has for them."""
+    """Return the Warp types by the names that an ``Array`` uses for them."""
     vectors = {f'vec{length}': wp.types.vector(length, real) for length in (2, 3, 4)}
     return {'real': real, 'int32': wp.int32, 'float64': wp.float64, **vectors}
 
@@ -102,48 +102,48 @@ def kinds_of(real: Any) -> dict[str, Any]:
 class State:
     """Every device array that depends on the number of particles, and the clock.
 
-    Positions are kept relative to the terrain's centre. There a float32 resolves 1 mm at 10 km,
-    and what a step cuts off is carried on to the next.
+    Positions are kept relative to the terrain's centre. float32 resolves 1 mm at 10 km.
+    ``remainder`` carries the rounding error of each step to the next (compensated summation).
 
     Attributes:
-        particle: x, y [m], volume [m3], temperature [K] of each particle. This and what follows,
-            up to ``surface``, has the shape [capacity].
+        particle: x, y [m], volume [m3], temperature [K] of each particle. Arrays up to ``surface``
+            have the shape [capacity].
         cell, rank: Cell of each particle and its rank there.
-        members: Only when deterministic on a GPU: the particles of each cell as they came.
-        ordered: The same as ``particle`` in the order of the neighbour grid's cells.
-        remainder: Only in float32: what rounding cut off each particle's position [m]. Without it
-            slow lava far from the centre would never move.
-        age: Only where an effect depends on it: time since each particle came out [s].
+        members: Only when deterministic on a GPU: the particles of each cell, unsorted.
+        ordered: ``particle`` in the order of the neighbour grid's cells.
+        remainder: Only in float32: rounding error of each particle's position [m]. Without it slow
+            lava far from the centre would never move.
+        age: Only if an effect needs it: time since each particle was emitted [s].
         base: Position at the start of the step [m] and displacement since then two stages ago [m],
-            of each particle; none with the Euler integrator.
-        drift: Displacement a stage ago [m] and velocity at the start of the step [m/s], likewise.
+            of each particle; absent with the Euler integrator.
+        drift: Displacement one stage ago [m] and velocity at the start of the step [m/s]; absent
+            with the Euler integrator.
         flow: Thickness [m], velocity x and y [m/s], of each ordered particle.
-        share: What each ordered particle gives to a map: to a cell of unit weight before the
-            kernel's [m^(1/2)], or to the one it lies in [m].
-        home: Number of the cell that has all of an ordered particle's volume, -1 where several
-            share it.
-        surface: Only where the gradient takes differences: elevation of the surface [m] and the
-            area V/h [m2] of each ordered particle.
-        clock: Simulated time, step, target time, latest full step and, with inertia, the step
-            before [s], float64.
-        limit_time: Time that no step may pass [s], at or after the target, float64; in no
-            checkpoint.
-        counts: Particles, steps, what limited the step, whether the capacity was reached; then the
-            stage at hand (0 from the last one on), the stages of the step, whether it is the last
-            one, the velocity evaluations so far, the stage at hand, the last one included (0 past
-            the target, where stages idle),
-            which sides of the neighbour grid's window particles are near (the sum of 1 in the
-            west, 2 in the south, 4 in the east, 8 in the north), and the particles after those
-            counted first that have come out since the cells were built.
+        share: Contribution of each ordered particle to a map: to a cell of unit weight, before the
+            kernel's weight [m^(1/2)], or to the single cell in ``home`` [m].
+        home: Number of the single cell that receives an ordered particle's volume, -1 if several
+            do.
+        surface: Only if the gradient uses differences: elevation of the surface [m] and the area
+            V/h [m2] of each ordered particle.
+        clock: Simulated time, step, target time, latest full step and, with inertia, the previous
+            step [s], float64.
+        limit_time: Time that no step may pass [s], at or after the target, float64; not in
+            checkpoints.
+        counts: Particles; steps; the limit of the latest step; 1 if the capacity was reached; the
+            current stage (0 at the last one); the stages of the step; 1 if the stage is the last;
+            the velocity evaluations so far; the current stage including the last (0 past the
+            target, where stages idle); the sides of the neighbour grid's window that particles are
+            near (sum of 1 west, 2 south, 4 east, 8 north); and the particles emitted since the
+            cells were built, which are not in the first count.
         chosen: 1 from when a stage is chosen within its motion (fused_stage.py) until its end.
-        stage: Weights of the stage at hand.
+        stage: Weights of the current stage.
         rates: Reciprocal of the step each limit allows [1/s].
         top: Elevation of the highest ground that lava came from, above the terrain's mean [m].
         left: Volume that has left the terrain [m3], float64.
         arrived: Time at which lava reached each cell of the terrain [s], -1 before, float32, shape
             [rows, columns]; kept by ``Simulation``.
 
-    What effects keep besides is declared in their files (``Effect.arrays``).
+    Effects declare their additional arrays in their own files (``Effect.arrays``).
     """
 
     arrived: Any
@@ -163,29 +163,29 @@ class State:
         self.is_staged = accuracy.integrator == 'rkl2' and 'inertia' not in effects
         self.has_remainder = accuracy.precision == 'float32'
         self.is_deterministic = accuracy.deterministic
-        # a step of a fixed length takes what comes
+        # a step of fixed length is not limited
         self.is_guarded = accuracy.fixed_step is None
         self.has_velocity = 'inertia' in effects
         self.has_age = effects.any('needs_age')
-        # what froze or was merged into another has no volume and is dropped
+        # particles that have frozen or merged into another have no volume and are dropped
         self.has_empty = effects.any('leaves_empty')
-        # no pass comes after the motion: it puts the particles into their cells at once
+        # without a pass after the motion, the motion itself assigns the particles to cells
         self.bins_in_motion = not self.has_empty
-        # with inertia the pairs of the energy's gradient keep the momentum: a bore needs that
+        # with inertia the pairwise energy gradient conserves momentum, which a bore needs
         self.has_surface = accuracy.gradient != 'energy' and 'inertia' not in effects
         self.device = device
         self.launches = Launches(device)
         self._allocate(capacity)
         self.top.fill_(-FAR)
         if not device.is_cuda:
-            # it sees what is there: to make it anew takes 10 us
+            # a view of the current values: creating it takes 10 us
             self._seen_counts = self.counts.numpy()
         self._target = self.clock[TARGET : TARGET + 1]
         self._readbacks = [Readback((self.clock, self.counts))]
 
     @property
     def _arrays(self) -> dict[str, Array]:
-        """The arrays that this state has, by name: its own and those that the effects declare."""
+        """Specifications of all arrays of this state, by name: its own and its effects'."""
         is_needed = {
             'age': self.has_age,
             'remainder': self.has_remainder,
@@ -198,7 +198,7 @@ class State:
         return own | self.effects.arrays
 
     def _allocate(self, capacity: int) -> None:
-        """Make room for some particles; what does not depend on how many they are is kept."""
+        """Allocate the arrays of some particles; keep those that do not depend on the number."""
         kinds, items, others = kinds_of(self.real), {}, {}
         for name, array in self._arrays.items():
             dtype = kinds[array.dtype]
@@ -214,7 +214,7 @@ class State:
 
     @property
     def extent(self) -> int:
-        """Particles that a launch has to take: on a GPU as many as there is room for."""
+        """Number of particles that a launch covers: on a GPU the whole capacity."""
         if self.device.is_cuda:
             return self.capacity
         if self.launches.is_capturing:
@@ -223,72 +223,72 @@ class State:
 
     @property
     def is_ranked_again(self) -> bool:
-        """Whether particles rank in their cells by number, not as a GPU's atomics have it."""
+        """True if particles rank in their cells by number, not in the order of GPU atomics."""
         return self.is_deterministic and self.device.is_cuda
 
     @property
     def parts(self) -> int:
-        """Parts in which a particle's neighbours are summed up, which threads can share."""
+        """Number of parts in which a particle's neighbours are summed, which threads can share."""
         return SHARED_LANES if self.device.is_cuda and self.capacity <= SHARED_UP_TO else 1
 
     @property
     def lanes(self) -> int:
-        """Threads to a particle: one for each part, for few particles alone do not fill a GPU.
+        """Threads per particle: one for each part, because few particles do not fill a GPU.
 
-        Those of a batch do (batched_launches.py), for which launches are taken down.
+        A batch does fill it (batched_launches.py); its launches are recorded.
         """
         return 1 if self.launches.is_capturing else self.parts
 
     @property
     def is_short(self) -> bool:
-        """Whether all threads of a pass over the particles are at work on a GPU at once."""
+        """True if a GPU runs all threads of a pass over the particles at once."""
         is_alone = self.device.is_cuda and not self.launches.is_capturing
         return is_alone and self.capacity * self.lanes <= AT_ONCE
 
     @property
     def is_wide(self) -> bool:
-        """Whether sums over neighbours take several of them at a time (simd.py)."""
+        """True if sums over neighbours process several of them at a time (simd.py)."""
         return not self.device.is_cuda and self.real is wp.float32
 
     @property
     def rare_threads(self) -> int:
-        """Threads of a kernel that rarely has anything to do; each takes every so many-th."""
+        """Threads of a kernel that rarely has work; each processes every n-th item."""
         if not self.device.is_cuda:
             return 1
         if self.launches.is_capturing:
-            # members with other kernels would not go through their stages together
+            # all members of a batch must run the same kernels
             return RARE_THREADS_TOGETHER
-        # each number of them is another kernel
+        # each different number is a separate kernel
         return next((few for few in _FEW_RARE if self.capacity <= few), RARE_THREADS)
 
     def read_clock(self) -> tuple[np.ndarray, np.ndarray]:
-        """Copies of ``clock`` and ``counts``, when all that is launched on this stream is done."""
+        """Return copies of ``clock`` and ``counts`` after all earlier launches on this stream."""
         return self._readbacks[0].begin()()
 
     def begin_readback(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
-        """Begin to copy them; what is returned waits for the copies, before a third is begun."""
-        # page-locked memory is slow to make, and a member of a batch needs none of these
+        """Start to copy them; return a function that waits, to be called before a third copy."""
+        # page-locked memory is slow to allocate, and a member of a batch needs none of these
         while len(self._readbacks) < 3:
             self._readbacks.append(Readback((self.clock, self.counts)))
         self._readbacks[1:] = reversed(self._readbacks[1:])
         return self._readbacks[1].begin()
 
     def make_room(self, counts: np.ndarray) -> None:
-        """Make more room for particles if a copy of ``counts`` says that it is needed."""
+        """Grow if a copy of ``counts`` shows that it is necessary."""
         if self.needs_room(counts):
-            # what there is little of costs nothing to have to spare
+            # spare capacity is cheap while there are few particles
             twice = 2 * self.capacity if self.capacity < FEW else 0
             self.grow(max(room_for(count_in(counts)), room_for(self.capacity), twice))
 
     def needs_room(self, counts: np.ndarray) -> bool:
-        """Whether the room is almost full or a vent found none."""
+        """Return True if the capacity is almost used up or a vent found none."""
         return bool(counts[FULL] or count_in(counts) > FULLEST * self.capacity)
 
     def grow(self, capacity: int) -> None:
-        """Make room for ``capacity`` particles and keep those there are.
+        """Grow to a capacity of ``capacity`` particles and keep the existing ones.
 
         Raises:
-            RuntimeError: There is no memory for as many; the state stays as it was.
+            RuntimeError: If memory is insufficient; the state is then unchanged.
         """
         names = 'particle', 'cell', 'rank', *self._carried, *self._of_step
         kept = {name: getattr(self, name) for name in names}
@@ -298,26 +298,26 @@ class State:
         except RuntimeError as error:
             forget_failure(self.device)
             raise RuntimeError(f'room for {capacity} particles: {error}') from error
-        # nobody waits for how many there are
+        # copies the full old capacity, which avoids waiting for the number of particles
         for name, values in kept.items():
             wp.copy(getattr(self, name), values, count=count)
         self.write_count(FULL, 0)
 
     @property
     def _carried(self) -> list[str]:
-        """Names of the arrays that particles take along from step to step, each with a twin."""
+        """Names of the arrays that particles carry from step to step, each with a twin."""
         names = ['remainder'] if self.has_remainder else []
         names += [name for name, array in self.effects.arrays.items() if array.is_carried]
         return names + (['age'] if self.has_age else [])
 
     @property
     def _of_step(self) -> tuple[str, ...]:
-        """Names of those that they take along from stage to stage of a step."""
+        """Names of the arrays that particles carry from stage to stage of a step."""
         return ('base', 'drift') if self.is_staged else ()
 
     def _put(self, name: str, values: np.ndarray) -> None:
         """Replace the first items of an array."""
-        # a count of 0 would copy all
+        # a count of 0 would copy everything
         if len(values):
             array = getattr(self, name)
             rows = wp.array(values, dtype=array.dtype, device=self.device)
@@ -326,7 +326,7 @@ class State:
     def write_target(self, time: float, limit: float | None = None) -> None:
         """Replace the target time of ``clock`` and, if given, ``limit_time`` [s].
 
-        Stages that have been launched already still have the former ones.
+        Stages that have been launched already still use the previous values.
         """
         self._target.fill_(time)
         if limit is not None:
@@ -344,7 +344,7 @@ class State:
     def write_particles(self, values: np.ndarray) -> None:
         """Replace all particles by rows of (x, y from the centre, volume, temperature), float64.
 
-        The first of them are the particles that there were: they keep their velocity and age.
+        The first rows are the existing particles: they keep their velocity and age.
         """
         count = min(self.count, len(values))
         kept = {name: getattr(self, name).numpy()[:count].copy() for name in self._carried}
@@ -361,7 +361,7 @@ class State:
         self.write_count(NEWCOMERS, 0)
 
     def take_over(self, former: 'State') -> None:
-        """Go on from another state, of other effects: what both have is kept."""
+        """Adopt the data of another state with other effects, as far as both have them."""
         self.write_particles(former.read_particles())
         count = former.count
         for name in set(self._carried) & set(former._carried):
@@ -373,7 +373,7 @@ class State:
             wp.copy(getattr(self, name), getattr(former, name))
 
     def save(self) -> dict[str, np.ndarray]:
-        """Copy everything that the next step starts from, between two steps, by name."""
+        """Copy all arrays that the next step depends on, between two steps, by name."""
         count = self.count
         arrays = {
             name: getattr(self, name).numpy()[:count].copy()
@@ -382,10 +382,10 @@ class State:
         return arrays | {name: getattr(self, name).numpy().copy() for name in self._sums}
 
     def load(self, arrays: Mapping[str, np.ndarray], capacity: int) -> None:
-        """Go on from what ``save`` has copied, with room for as many particles as there was.
+        """Restore the arrays that ``save`` has copied, with the same capacity.
 
         Raises:
-            LavaError: An array is missing, or is not of the kind that this state needs.
+            LavaError: If an array is missing or has the wrong shape or type.
         """
         count = len(arrays['particle'])
         self._allocate(capacity)
@@ -407,13 +407,13 @@ class State:
         return ['clock', 'counts', 'rates', 'stage', 'top', 'left', *kept]
 
     def take_order(self, *, within_step: bool = False) -> None:
-        """Let the ordered particles be the particles, between the stages of a step as well."""
+        """Copy the ordered arrays back to the particles, also possible within a step."""
         wp.copy(self.particle, self.ordered)
         for name in (*self._carried, *(self._of_step if within_step else ())):
             wp.copy(getattr(self, name), getattr(self, f'ordered_{name}'))
 
     def read_particles(self) -> np.ndarray:
-        """Rows of (x, y, volume, temperature), float64, x and y from the centre."""
+        """Return rows of (x, y, volume, temperature), float64, x and y from the centre."""
         count = self.count
         if not count:
             return np.empty((0, 4))
@@ -424,16 +424,16 @@ class State:
 
 
 def count_in(counts: np.ndarray) -> int:
-    """Particles that there are by a copy of ``State.counts``."""
+    """Return the number of particles in a copy of ``State.counts``."""
     return int(counts[PARTICLES] + counts[NEWCOMERS])
 
 
 def room_for(count: int) -> int:
-    """Capacity to take for some particles: whole blocks of threads, a third of them to spare."""
+    """Return the capacity for some particles: whole blocks of threads, a third of them spare."""
     return 256 * math.ceil(max(4 * count / 3, 1) / 256)
 
 
 def centre_of(terrain: Terrain) -> np.ndarray:
-    """Map position [m] that particle positions are relative to: the middle of the terrain."""
+    """Return the map position [m] of the origin of particle positions: the terrain's centre."""
     x0, y0, x1, y1 = terrain.extent
     return np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)])

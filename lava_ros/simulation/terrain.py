@@ -4,9 +4,9 @@
 """The staggered terrain grid (3.15 to 3.22): heights at cell centres, gradients between them.
 
 At the cells' corners the gradient is the paper's 3.21. Between them the paper interpolates it
-bilinearly, component by component; that is the gradient of no surface, and a pond on it never
-comes to rest. Here it is the gradient of the quadratic B-spline of the heights: linear along its
-own direction, quadratic across, the same at the corners, and curl-free.
+bilinearly, component by component; no surface has that gradient, and a pond on it never comes to
+rest. Here it is the gradient of the quadratic B-spline of the heights: linear along its own
+direction, quadratic across, the same at the corners, and curl-free.
 """
 
 from copy import copy
@@ -24,10 +24,10 @@ from lava_ros.simulation.state import BORDER, centre_of, HOLES, REAL
 
 @lru_cache
 def ground_type(real: Any) -> Any:
-    """A terrain: where its cells lie, from its centre [m], which have data, and their elevation.
+    """Return the struct of a terrain: position from its centre [m], cells with data, elevation.
 
-    In the precision of those who look: a number that each thread has to convert costs it more than
-    the look. ``elevation`` and ``known`` are as in ``StaggeredTerrain``.
+    It has the precision of the kernels that read it: converting numbers in each thread would cost
+    more than reading them. ``elevation`` and ``known`` are as in ``StaggeredTerrain``.
     """
 
     @wp.struct
@@ -49,14 +49,14 @@ class StaggeredTerrain:
     Attributes:
         height: Elevation of the cells and of a ring around them, above the mean [m], shape
             [rows + 2, columns + 2].
-        bare: The same without lava that has frozen.
+        bare: ``height`` without solidified lava.
         known: 1 for cells with data, 0 for others, shape [rows, columns].
-        ground: All of it, as kernels take it.
-        exact_ground: The same in float64, without elevations.
+        ground: Argument of kernels with all of these.
+        exact_ground: The same argument in float64, without elevations.
     """
 
     def __init__(self, terrain: Terrain, precision: str, device: Any) -> None:
-        """Put the heights on the device."""
+        """Copy the heights to the device."""
         rows, columns = terrain.shape
         self.bare = wp.array(ringed_heights(terrain), dtype=REAL[precision], device=device)
         self.height = self.bare
@@ -72,7 +72,7 @@ class StaggeredTerrain:
 
     @classmethod
     def shared(cls, terrain: Terrain, precision: str, device: Any) -> 'StaggeredTerrain':
-        """The one of these heights that others have, or a new one; nothing may write to it."""
+        """Return a cached or new instance for these heights; it must not be written to."""
         key = terrain, precision, str(device)
         staggered = _shared.get(key)
         if staggered is None:
@@ -80,9 +80,9 @@ class StaggeredTerrain:
         return staggered
 
     def own(self) -> 'StaggeredTerrain':
-        """The same with a ``height`` that may be written to."""
+        """Return a copy with a ``height`` that may be written to."""
         terrain = copy(self)
-        # as long as this one is there others find it
+        # keeps this instance alive, so that it can still be shared
         terrain._source = self
         terrain.height = wp.clone(self.bare)
         terrain.ground = ground_type(self.height.dtype)()
@@ -122,9 +122,9 @@ def _raise(real: Any) -> Any:
 def sampled(
     values: np.ndarray, before: Terrain, after: Terrain, *, outside: float
 ) -> np.ndarray:
-    """Give each cell of a terrain the value of the cell of another that its middle is in.
+    """Sample values at the middles of the cells of another terrain, from the cells around them.
 
-    ``values`` have the shape of the terrain ``before``; cells beyond it are ``outside``.
+    ``values`` have the shape of the terrain ``before``; cells beyond it become ``outside``.
     """
     index, is_inside = [], []
     for axis in (0, 1):
@@ -138,11 +138,11 @@ def sampled(
 
 @lru_cache(maxsize=1)
 def ringed_heights(terrain: Terrain) -> np.ndarray:
-    """Elevation above the mean [m] with one more cell around, shape [rows + 2, columns + 2].
+    """Return elevations above the mean [m], extended by one cell, shape [rows + 2, columns + 2].
 
-    Outside the grid the terrain goes on with the slope of its border; on cells without data it
-    goes on with the slope of those next to them. Without its mean it keeps more digits in float32.
-    Members of an ensemble on the same terrain share it.
+    Outside the grid the terrain continues with the slope of its border; on cells without data it
+    continues with the slope of adjacent cells. Subtracting the mean saves digits in float32.
+    Members of an ensemble on the same terrain share the array.
     """
     height = terrain.elevation.astype(np.float64)
     if not terrain.has_data.all():
@@ -179,7 +179,7 @@ class TerrainFunctions(NamedTuple):
 
 @lru_cache
 def terrain_functions(real: Any) -> TerrainFunctions:
-    """Return the sampling of gradient, bend and height, and the test for cells with data."""
+    """Return the functions for gradient, curvature and height, and the test for data."""
     vec2 = wp.types.vector(2, real)
     patch = load9(real)
 
@@ -193,7 +193,7 @@ def terrain_functions(real: Any) -> TerrainFunctions:
 
     @wp.func
     def cell_at(ground: ground_type(real), x: real, y: real):
-        """Row and column of the cell at a place, and the place in it from its centre [cells]."""
+        """Return row and column of the cell at a place, and the place relative to its centre."""
         inverse = real(1.0) / ground.resolution
         column = (x - ground.x0) * inverse
         row = (y - ground.y0) * inverse

@@ -7,7 +7,7 @@ Particles move with dx/dt = u(x), and u follows the surface gradient: a stiff, d
 It is integrated by RKL2, the super-time-stepping of Meyer, Balsara & Aslam (2014, J. Comput.
 Phys. 257): second order, s velocity evaluations cover (s^2 + s - 2) / 4 explicit steps. Explicit
 Euler is the case of one stage. Steps and stages are chosen on the device; one launch of the
-kernels is one stage, so the host needs to know neither.
+kernels is one stage, so the host needs neither.
 """
 
 from functools import lru_cache
@@ -24,10 +24,10 @@ from lava_ros.simulation.heat import freezing_step
 from lava_ros.simulation.state import State
 from lava_ros.simulation.vents import VentSet
 
-#: What can bound a step, by its number in ``State.counts[LIMIT]``.
+#: Limits of a step, indexed by ``State.counts[LIMIT]``.
 LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
 
-#: Most stages of a step: more would lose digits, not gain steps.
+#: Maximum number of stages of a step: more would lose digits, not save steps.
 MOST_STAGES = 64
 
 @wp.func
@@ -39,21 +39,21 @@ def _b(j: int) -> wp.float64:
     return (square - wp.float64(2.0)) / (wp.float64(2.0) * square)
 
 
-#: Particles up to which steps end as one comes out, at a refinement of 1. One that is late changes
-#: the volume of n by 1/n and the radius by 1/(2 n): with more of them by less than the error of
-#: the edge that the presets state, 0.004 at standard, 0.008 at draft.
+#: Maximum number of particles for which steps end when a particle is due, at a refinement of 1. A
+#: late one changes the volume of n by 1/n and the radius by 1/(2 n): with more of them by less
+#: than the error of the edge that the presets state, 0.004 at standard, 0.008 at draft.
 FEW = 128
 
-#: Share of a step by which it goes on after a particle is due, lest rounding keep it back.
+#: Fraction of a step by which it ends after a particle is due, so that rounding does not delay it.
 _AFTERWARDS = 1e-6
 
 
 @wp.func
 def up_to_one(due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64) -> wp.float64:
-    """Return a step that ends as particles come out, if they do so at one moment of it.
+    """Return a step that ends when particles are due, if they are due at one moment of it.
 
-    Particles come out at the ends of steps. Where steps are shorter than the time between two of
-    them they would be late, and the flow with them, by up to a step.
+    Particles are emitted at the ends of steps. If steps are shorter than the time between two
+    particles, they would be late, and the flow with them, by up to a step.
     """
     least = wp.float64(_AFTERWARDS) * step
     end = time + step
@@ -71,7 +71,7 @@ def up_to_one(due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64)
 
 @lru_cache
 def pace_type(real: Any) -> Any:
-    """What the choice of a stage reads and writes: limits, arrays of ``State``, vents."""
+    """Return the struct for the choice of a stage: limits, arrays of ``State``, vents."""
 
     @wp.struct
     class Pace:
@@ -92,19 +92,19 @@ def pace_type(real: Any) -> Any:
 
 @lru_cache
 def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: bool) -> Any:
-    """Return the device function that begins a step or goes on to its next stage.
+    """Return the device function that begins a step or its next stage.
 
     The last stage advances the clock. One thread calls it, when all rates are known.
 
-    Steps are shortened for the time that they may not pass, never for the target: from the first
-    end of a step at or after it stages idle. Those change nothing that a later step starts from,
-    so however often a simulation stops on its way, its steps are the same.
+    Only ``limit_time`` shortens steps, never the target: after the first end of a step at or
+    after the target, stages idle. Idle stages change nothing that a later step depends on, so the
+    steps of a simulation do not depend on where it stops.
     """
 
     @wp.func
     def choose(pace: pace_type(real)):
         one = wp.float64(1.0)
-        # all is read before anything is written: after that it would be read again, one by one
+        # read everything before writing anything: reads after a write would be repeated one by one
         time = pace.clock[at.TIME]
         target = pace.clock[at.TARGET]
         end = pace.limit_time[0]
@@ -195,7 +195,7 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
 
 
 def choice_of(state: State) -> Any:
-    """The device function ``choice_function`` for the particles of a state."""
+    """Return the device function of ``choice_function`` for the particles of a state."""
     return choice_function(
         state.real, state.is_staged, state.has_velocity, 'solidification' in state.effects
     )
@@ -204,23 +204,23 @@ def choice_of(state: State) -> Any:
 def longest_step(
     scene: Scene, accuracy: Accuracy, effects: Effects, vents: VentSet, reach: float
 ) -> float:
-    """Longest step [s] whatever the flow: what the user, vents and freezing allow.
+    """Return the longest step [s] that the user, the vents and solidification allow.
 
-    ``reach`` is the largest displacement in a step [m].
+    ``reach`` is the maximum displacement in a step [m].
     """
     assert accuracy.thickness is not None
     longest = min(accuracy.longest_step, vents.longest_step(accuracy.thickness))
     if 'solidification' in effects:
         longest = min(longest, freezing_step(scene, accuracy.thickness))
     if 'inertia' in effects:
-        # what has just come out is as fast as its vent says
+        # lava has the velocity of its vent when it is emitted
         fastest = max((math.hypot(*vent.velocity) for vent in scene.vents), default=0.0)
         longest = min(longest, reach / max(fastest, 1e-9))
     return longest
 
 
 def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
-    """Collect what the choice of a stage reads and writes.
+    """Build the arguments for the choice of a stage.
 
     ``longest`` is the longest step [s], ``due`` that of a ``VentSet``.
     """

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vents: particles of constant volume, as many as the integral of the discharge asks for."""
+"""Vents, which emit particles of constant volume by the integral of their discharge."""
 
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -31,13 +31,13 @@ from lava_ros.simulation.emission import (
 from lava_ros.simulation.state import centre_of, State
 from lava_ros.simulation.vent_ground import is_open, permitted_places
 
-#: Particles that the vents may bring in a second: more is no flow that anybody can compute.
+#: Maximum number of particles that the vents may emit per second: more cannot be computed.
 MOST_A_SECOND = 1e6
 
-#: Particles that all vents together bring in a step, and at least each.
+#: Maximum number of particles of all vents in a step, and minimum of that for each vent.
 _MOST_A_STEP, _LEAST_MOST = 2**18, 64
 
-#: Part of a particle that rounding may keep back.
+#: Fraction of a particle that rounding may delay.
 _ROUNDING = 1e-6
 
 #: Number of candidate places of a vent around which lava may not come out everywhere.
@@ -119,11 +119,11 @@ class VentSet:
     Attributes:
         vents: The vents.
         since: Time from which they emit [s].
-        due: Times at which the next particles of each vent come out, and those after them [s],
+        due: Times at which the next and the second next particles of each vent are due [s],
             float64, shape [vents, 2].
-        released: Particles that have come out of each vent, shape [vents], at least one.
-        outlets: All of it for kernels.
-        is_symmetric: Whether particles come out in groups that have the vent's symmetries.
+        released: Number of emitted particles of each vent, shape [vents], at least one.
+        outlets: Tables of the vents for kernels.
+        is_symmetric: True if particles are emitted in groups with the vent's symmetries.
     """
 
     def __init__(
@@ -137,12 +137,12 @@ class VentSet:
         since: float,
         before: Emission,
     ) -> None:
-        """Lay out the vents' tables.
+        """Build the vents' tables.
 
         Args:
             vents: The vents.
-            terrain: The ground that they are on.
-            accuracy: The resolution; a vent narrower than its spacing is widened to that.
+            terrain: The ground.
+            accuracy: The resolution; a vent narrower than the spacing is widened to it.
             particle_volume: Volume of a particle [m3].
             device: Warp device.
             since: Time from which they emit [s].
@@ -152,7 +152,7 @@ class VentSet:
         assert spacing is not None
         self.vents = vents
         self.since = since
-        # asked at each advance: found once
+        # read at each advance, so computed once
         self._opening = [vent.opens_after(since) for vent in self.vents]
         self._particle_volume = particle_volume
         self.is_symmetric = accuracy.symmetric
@@ -182,7 +182,7 @@ class VentSet:
         self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
         self.outlets = Outlets()
         self.outlets.starts = wp.array(starts, dtype=wp.int32, device=device)
-        # in one copy, and a number more: Warp gives no part of length 0 at an array's end
+        # one copy, with an extra item: Warp has no empty slice at the end of an array
         rows = [shape.ravel(), times, fluxes, volumes]
         table = wp.array([*np.concatenate(rows), 0.0], dtype=wp.float64, device=device)
         ends = np.cumsum([0, *map(len, rows)]).tolist()
@@ -301,9 +301,9 @@ class VentSet:
         return [(x, y, waiting / count, vent.temperature) for x, y in places.tolist()]
 
     def giving(self, until: float, *, others_than: Container[int]) -> list[int]:
-        """Numbers of the vents with lava in their conduits, or that emit some by ``until`` [s].
+        """Return the indices of vents with lava in their conduits, or that emit by ``until`` [s].
 
-        Vents with numbers in ``others_than`` are left out.
+        Vents with indices in ``others_than`` are excluded.
         """
         return [
             number
@@ -312,15 +312,15 @@ class VentSet:
         ]
 
     def emitted(self, time: float) -> float:
-        """Volume [m3] the vents have given from ``since`` to ``time``."""
+        """Return the volume [m3] that the vents have emitted from ``since`` to ``time``."""
         return sum(vent.volume_between(self.since, time) for vent in self.vents)
 
     def pending(self, time: float, released: np.ndarray | None = None) -> np.ndarray:
-        """Volume [m3] of each vent that is emitted but not yet a particle.
+        """Return the volume [m3] of each vent that is emitted but not yet a particle.
 
         Args:
             time: Simulated time [s].
-            released: A copy of ``released`` as it was then, read when left out.
+            released: A copy of ``released`` at that time, by default the current values.
         """
         if released is None:
             released = read(self.released)
@@ -329,16 +329,16 @@ class VentSet:
         return self._before.volume + given - released * self._particle_volume
 
     def late(self, pending: float) -> float:
-        """The part of what is pending [m3] that room and steps have kept from coming out."""
+        """Return the part of the pending volume [m3] that is overdue."""
         groups = [FISSURE_GROUP if vent.end else DISC_GROUP for vent in self.vents]
         count = sum(groups) if self.is_symmetric else len(groups)
         usual = count * self._particle_volume * (1.0 + _ROUNDING)
         return pending - usual if pending > usual else 0.0
 
     def longest_step(self, thickness: float) -> float:
-        """Time [s] in which no vent raises its own area by more than half a thickness [m].
+        """Return the time [s] in which no vent raises its area by more than half a thickness [m].
 
-        All together then bring no more particles than a step should.
+        All vents together then emit no more than the maximum number of particles in a step.
         """
         strongest, total = 0.0, 0.0
         for vent, area in zip(self.vents, self._areas, strict=True):
@@ -349,10 +349,10 @@ class VentSet:
 
 
 def check_rates(vents: Sequence[Vent], particle_volume: float) -> None:
-    """Refuse a discharge that would bring more particles than can be computed.
+    """Check that a discharge does not produce more particles than can be computed.
 
     Raises:
-        LavaError: It names the vent and the largest discharge of all of them together.
+        LavaError: If the sum of the peaks is too large; it names the vent that exceeds it.
     """
     most, total = MOST_A_SECOND * particle_volume, 0.0
     for number, vent in enumerate(vents):
@@ -367,7 +367,7 @@ def check_rates(vents: Sequence[Vent], particle_volume: float) -> None:
 
 
 def _downhill(terrain: Terrain, place: tuple[float, float]) -> float:
-    """Direction in which the ground falls around a place [rad], 0 where it does not."""
+    """Return the direction in which the ground falls around a place [rad], 0 if level."""
     cell = terrain.cell_at(*place)
     if cell is None:
         return 0.0

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Exact solutions and the cases that hold the solver against them."""
+"""Exact solutions, and the cases that compare the solver with them."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How large an error may be, for each preset, case and quantity."""
+"""Error bounds for each preset, case and quantity."""
 
 from lava_ros import validation
 
@@ -16,18 +16,20 @@ def _after_hours(*limits: float) -> dict[str, Limits]:
 #: `lava verify --preset P`), or more if that error is small by chance: a change in any digit moves
 #: fronts by a part of a spacing. These are the sources of the errors:
 #:
-#: sheet: density summed over the lattice of particles; herschel_bulkley, material_laws: the same,
-#:     amplified by the power of the thickness and by the yield strength. critical_thickness: the
-#:     same, and the bisection.
+#: sheet: density summed over the lattice of particles; herschel_bulkley, material_laws: that
+#: error,
+#:     amplified by the power of the thickness and by the yield strength. critical_thickness: that
+#:     error, and the bisection.
 #: bingham_dome, ridge: smoothing of the front; less than 0.1 % of the way remains after
 #:     1e4 mu / tau_y.
 #: green: at 4 h the parabolic profile, 0.5 % below Stokes flow, and particles that are 1.5, 1.1
 #:     and 0.8 thicknesses apart; at 8 h and 20 h the cut-off at 6 / k.
-#: channel: at W/h 1 the parabolic profile, 2.8 % below Stokes flow; from 2.5 on it is 0.4 % or
+#: channel: at W/h 1 the parabolic profile, 2.8 % below Stokes flow; at 2.5 and above it is 0.4 %
+#: or
 #:     less. Solve: the particles across half of the channel, 7 to 11, 10 to 15, 14 to 21, whose
-#:     error has the other sign; green: the same, and from standard on the cut-off.
+#:     error has the other sign; green: that too, and at standard and finer the cut-off.
 #: pond: at rest particles still change places in the deep, at speeds that vary by chance; with the
-#:     balanced gradient of the reference only the error of the thin edge is left.
+#:     balanced gradient of the reference only the error of the thin edge remains.
 #: radiating_sheet, latent_heat: the thickness. ground, crust: their laws, whatever the spacing.
 #: fixed_volume, constant_flux, plane_fixed_area: smoothing of the front; the scatter is that of
 #:     the lattice, and with a flux the vent adds noise of a part of a spacing.
@@ -52,15 +54,15 @@ def _after_hours(*limits: float) -> dict[str, Limits]:
 #:     end of a step is used for all of it, and the kernel lowers the centre. conduction: heat:
 #:     rounding.
 #: cooling_current: power: heat is still being stored.
-#: cooling_sheet: noise of the particles, and the scatter of temperatures where they come out.
+#: cooling_sheet: noise of the particles, and the scatter of temperatures at the source.
 #: cooling_front: hot particles overtake cold ones, at every spacing. cooling_plane: the same, and
 #:     the kernel radius at the margins, which are 2 m thick and at rest; fingers of hot lava at
 #:     the front, by chance; the reference, which changes by 3 % from cells of 2.5 m to 1.25 m.
 #: silicone_oil: mean plus three standard deviations of 16 runs (6 at fine) whose discharges differ
-#:     by 1e-6; what the paper leaves open is 4.7 % of the temperature at 0.5 radii.
+#:     by 1e-6; the uncertainty left by the paper is 4.7 % of the temperature at 0.5 radii.
 #:
-#: A quantity has one bound, or one for each preset from draft on. The reference takes too long on
-#: a CPU to be measured there: where it has no bound of its own it is no worse than fine.
+#: A quantity has one bound, or one for each preset starting with draft. The reference takes too
+#: long on a CPU: where it has no bound of its own, that of fine applies.
 BOUNDS: dict[str, dict[str, Limits]] = {
     'sheet': {f'speed at {slope} degrees': 0.001 for slope in (3, 10, 25)},
     'herschel_bulkley': {
@@ -157,15 +159,15 @@ BOUNDS: dict[str, dict[str, Limits]] = {
     },
 }
 
-#: Presets that have bounds: one that only shows how it was done before has none.
+#: Presets that have bounds: a preset that only reproduces an older method has none.
 BOUNDED_PRESETS = ('draft', 'standard', 'fine', 'reference')
 
 
 def bound(preset: str, case: str, quantity: str) -> float:
-    """Largest relative error that a quantity of a case may have at a preset.
+    """Return the maximum relative error of a quantity of a case at a preset.
 
     Raises:
-        LavaError: The preset, the case or the quantity has no bound.
+        LavaError: If the preset, the case or the quantity has no bound.
     """
     validation.choice('preset', preset, BOUNDED_PRESETS)
     quantities = BOUNDS.get(case, {})

@@ -15,12 +15,12 @@ from lava_ros.files.pictures import new_figure, save_picture
 from lava_ros.maps.numbers import percent, seconds
 from lava_ros.verification.rows import pareto_front, Point, points, presets_of, Row
 
-#: Smallest error that is drawn: below it is rounding.
+#: Minimum error that is drawn: below it is rounding.
 FLOOR = 1e-7
 
 _INK, _GREY, _FRONT = '#222222', '#9aa0a6', '#d1495b'
 
-#: Colours of the presets, from the cheapest on, and of the paper's.
+#: Colours of the presets, starting with the fastest, and of the paper's.
 _COLOURS = ('#fb9a06', '#e2583b', '#a92e5e', '#3d0f56', '#5f6368')
 
 
@@ -33,9 +33,9 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
         LavaError: matplotlib is not installed, or the picture cannot be written.
     """
     everything = [item for item in points(rows) if math.isfinite(item.cost)]
-    # of what lacks a result only presets are shown, where they would be at least
+    # points without a result are shown only for presets, at their minimum error
     everything = [item for item in everything if item.preset or math.isfinite(item.error)]
-    # where nothing but presets was run there is no front to see
+    # without a sweep of settings there is no front
     swept = list(dict.fromkeys(point.case for point in everything if not point.preset))
     cases = swept or list(dict.fromkeys(point.case for point in everything))
     colours = dict(zip(presets_of(everything), _COLOURS, strict=False))
@@ -91,7 +91,7 @@ def _places(found: Sequence[Point]) -> tuple[list[float], list[float]]:
 
 
 def _set_limits(axes: Any, found: Sequence[Point]) -> None:
-    """Powers of ten, and what is between where the panel spans less than two of them."""
+    """Set axis ticks to powers of ten, with values in between if they span less than two."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     costs, errors = _places(found)

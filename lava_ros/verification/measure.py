@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which settings are tried, and how they are measured.
+"""Settings of the accuracy report, and their measurement.
 
-Settings are a grid, the presets, one knob at a time, and what studies compare; a run or several of
-each pair of a case and a setting become rows.
+Settings are a grid, the presets, changes of one setting at a time, and comparisons of studies; one
+or more runs of each pair of a case and a setting become rows.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from lava_ros.verification.cases import Case, CASES, Run
 from lava_ros.verification.cases.sheets import EXPERIMENTS
 from lava_ros.verification.rows import Row
 
-#: What a study changes single settings of.
+#: Accuracy of which a study changes single settings.
 STANDARD = PRESETS[DEFAULT].accuracy
 
 #: Refinements of the grid: 500, 2,000, 8,000 and 32,000 particles in the fixed volume's case.
@@ -37,11 +37,11 @@ REFINEMENTS = (0.25, 0.5, 1.0, 2.0)
 #: Ratios of the grid: 20, 28, 38 and 64 neighbours.
 RATIOS = (2.5, 3.0, 3.5, 4.5)
 
-#: The same for a quick report, and its presets.
+#: Values of a quick report: refinements, ratios and presets.
 QUICK_REFINEMENTS, QUICK_RATIOS, QUICK_PRESETS = (0.25, 0.5), (2.5, 3.5), ('draft', 'standard')
 
-#: Cases in which single knobs are turned, and the paper's step of 0.01 s is taken: its 200 s are
-#: 20,000 of them.
+#: Cases in which single settings are changed, and the paper's step of 0.01 s is used: its 200 s
+#: are 20,000 steps.
 KNOB_CASES = ('fixed_volume',)
 
 #: Cases in which the forms of the gradient are compared.
@@ -50,7 +50,7 @@ GRADIENT_CASES = ('fixed_volume', 'pond')
 #: Kernel radii over the thickness at which a quick report studies the lateral stress.
 QUICK_RADII = ('l = 1 h', 'l = 6 h')
 
-#: Cases of even layers: the resolution hardly enters or no time passes, and only presets are run.
+#: Cases of even layers: the resolution hardly matters or no time passes, so only presets are run.
 EVEN_CASES = (
     'sheet', 'green', 'channel', 'radiating_sheet', 'ground', 'crust', 'latent_heat',
     'herschel_bulkley', 'critical_thickness', 'material_laws',
@@ -59,21 +59,21 @@ EVEN_CASES = (
 #: Refinements of the convergence study: every doubling from 2,000 particles to 128,000.
 DOUBLINGS = (0.5, 0.707, 1.0, 1.414, 2.0, 2.828, 4.0)
 
-#: Refinements at which the integrators are compared, and the Courant numbers of the second-order
-#: one; Euler's steps are shorter than any of them asks for.
+#: Refinements at which the integrators are compared, and Courant numbers of the second-order
+#: integrator; Euler's steps are shorter than the limit of each of them.
 STEPPED, COURANT_NUMBERS = (1.0, 4.0), (0.5, 0.75, 1.0)
 
 #: The refinement at which the paper's kernel radius is 1 m in the case of the fixed volume, as in
 #: its table 3.1: 180,000 particles on a disc of 130 m are 1 m / 1.84 apart.
 LITERAL = 4.74
 
-#: Runs shorter than this altogether are repeated [s].
+#: Runs with a shorter total time are repeated [s].
 REPEATED_BELOW = 3.0
 
-#: Longest run that is tried [s], and the same in a quick report.
+#: Maximum expected time of a run [s], and that of a quick report.
 LONGEST, QUICK_LONGEST = 30.0, 2.0
 
-#: How much longer a preset may take.
+#: Factor by which a preset may take longer.
 PRESET_PATIENCE = 4.0
 
 
@@ -91,7 +91,7 @@ class Setting:
 
 
 def all_settings(*, quick: bool = False) -> list[Setting]:
-    """The settings of a report, each accuracy once, from cheap to expensive."""
+    """Return the settings of a report, each accuracy once, from fast to slow."""
     refinements: Sequence[float] = QUICK_REFINEMENTS if quick else REFINEMENTS
     ratios: Sequence[float] = QUICK_RATIOS if quick else RATIOS
     names: Sequence[str] = QUICK_PRESETS if quick else tuple(PRESETS)
@@ -116,7 +116,7 @@ def all_settings(*, quick: bool = False) -> list[Setting]:
 
 
 def knobs(*, quick: bool = False) -> list[Accuracy]:
-    """The default preset with one knob turned."""
+    """Return the default preset with one setting changed at a time."""
     turned: list[dict[str, Any]] = [{'integrator': 'euler'}, {'kernel': 'poly6'}]
     if not quick:
         turned += [{'kernel': 'spiky'}, {'precision': 'float64'}]
@@ -126,28 +126,28 @@ def knobs(*, quick: bool = False) -> list[Accuracy]:
 
 
 def convergence() -> list[Accuracy]:
-    """The default preset at every doubling of the particles, from few to many.
+    """Return the default preset at every doubling of the particles, from few to many.
 
-    Steps are half as long as the preset's: at its own length the error of the steps has the other
-    sign and takes off a part of that of the particles, a different one at each refinement.
+    Steps are half as long as the preset's: at full length the error of the steps has the opposite
+    sign and cancels part of that of the particles, a different part at each refinement.
     """
     return [replace(STANDARD, refinement=size, courant_number=0.25) for size in DOUBLINGS]
 
 
 def stepping() -> list[Accuracy]:
-    """Euler, then the second-order integrator at several Courant numbers, few particles first."""
+    """Return Euler, then the second-order integrator at several Courant numbers, by refinement."""
     integrators: list[dict[str, Any]] = [{'integrator': 'euler'}]
     integrators += [{'courant_number': number} for number in COURANT_NUMBERS]
     return [replace(STANDARD, refinement=size, **each) for size in STEPPED for each in integrators]
 
 
 def gradients() -> dict[str, Accuracy]:
-    """The default preset by the form of its gradient."""
+    """Return the default preset for each form of the gradient."""
     return {form: replace(STANDARD, gradient=form) for form in GRADIENTS}
 
 
 def from_paper() -> dict[str, Accuracy]:
-    """The paper's settings, then one correction after another, by what each changes."""
+    """Return the paper's settings, then one correction after another, by description."""
     paper = PRESETS['as-published'].accuracy
     corrected = replace(paper, formulation='corrected')
     wendland = replace(corrected, kernel='wendland', ratio=2.5)
@@ -172,7 +172,7 @@ def _neighbours(accuracy: Accuracy) -> str:
 
 
 def name_of(accuracy: Accuracy) -> str:
-    """Say the resolution, and every other knob that is not at its default."""
+    """Describe the resolution, and every other setting that differs from its default."""
     usual = Accuracy()
     words = [f'refinement {accuracy.refinement:g}', f'ratio {accuracy.ratio:g}']
     for item in fields(Accuracy):
@@ -190,10 +190,10 @@ def name_of(accuracy: Accuracy) -> str:
 
 
 def expected_cost(accuracy: Accuracy) -> float:
-    """How long a run takes over one at the default accuracy, roughly.
+    """Estimate the time of a run relative to one at the default accuracy.
 
-    Particles, times the stages of a step, which grow with the refinement for RKL2 and with its
-    square for Euler.
+    It is the number of particles times the stages of a step, which grow with the refinement for
+    RKL2 and with its square for Euler.
     """
     if accuracy.fixed_step is not None:
         return 0.2 / accuracy.fixed_step * accuracy.refinement**2 * 8.0
@@ -202,7 +202,7 @@ def expected_cost(accuracy: Accuracy) -> float:
 
 
 def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
-    """Every case with its settings, from cheap to expensive, then the lateral experiments.
+    """Return every case with its settings, from fast to slow, then the lateral experiments.
 
     A quick report takes less than two minutes on two cores.
     """
@@ -226,11 +226,11 @@ def measure(
     pairs: Sequence[tuple[Case, Setting]], *, device: str, command: str, repetitions: int = 3,
     longest: float = LONGEST, on_progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Iterator[list[Row]]:
-    """Run every pair that does not take too long, case by case and each from cheap to dear.
+    """Run every pair that does not take too long, case by case, each from fast to slow.
 
-    Runs that are expected to take longer than ``longest`` [s] are left out; presets may take
+    Runs that are expected to take longer than ``longest`` [s] are omitted; presets may take
     ``PRESET_PATIENCE`` times as long. Runs shorter than ``REPEATED_BELOW`` are timed several
-    times. ``command`` is what the rows say made them.
+    times. ``command`` is recorded in the rows.
 
     Yields:
         The rows of each case, once it is done.
@@ -241,8 +241,8 @@ def measure(
         groups.setdefault(case.name, []).append((case, item))
     for index, group in enumerate(groups.values()):
         rows: list[Row] = []
-        # seconds per unit of cost, from the dearest run so far: short ones say little, and fixed
-        # steps nothing
+        # seconds per unit of cost, from the slowest run so far: short runs are not representative,
+        # and runs with fixed steps not comparable
         pace = known = 0.0
         for number, (case, item) in enumerate(group):
             share = (index + number / len(group)) / len(groups)
@@ -261,10 +261,10 @@ def measure(
 
 
 def _rows(runs: Sequence[Run], setting: Setting, **origin: str) -> list[Row]:
-    """Rows of the quantities, with the times of all runs; ``origin`` has device and so on."""
+    """Return the rows of the quantities, with the times of all runs; ``origin``: device etc."""
     run, times = runs[0], [item.wall_time for item in runs]
     wall, hours = median(times), run.simulated_time / 3600.0
-    # a case that takes a look without letting time pass has none
+    # a case that simulates no time has no cost
     cost = wall / hours if hours else math.nan
     return [
         Row(
@@ -279,7 +279,7 @@ def _rows(runs: Sequence[Run], setting: Setting, **origin: str) -> list[Row]:
 
 
 def machine_name(device: str) -> str:
-    """What a device is, in words that name no host."""
+    """Return the name of a device's hardware, without a host name."""
     found = wp.get_device(device)
     if found.is_cuda:
         return str(found.name)
@@ -288,7 +288,7 @@ def machine_name(device: str) -> str:
 
 
 def _processor() -> str:
-    """Model of the processor without its marks, its architecture where that is not known."""
+    """Return the model of the processor without trademark signs, or its architecture."""
     try:
         text = Path('/proc/cpuinfo').read_text(encoding='utf-8')
     except OSError:
@@ -300,7 +300,7 @@ def _processor() -> str:
 
 
 def file_stem(device: str) -> str:
-    """Name of the report's files for a device: ``cpu``, or the GPU's, as ``h200``."""
+    """Return the stem of a report's file names for a device: ``cpu``, or the GPU's (``h200``)."""
     found = wp.get_device(device)
     if not found.is_cuda:
         return 'cpu'

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report as Markdown: presets, what was studied, found by its settings, and every case."""
+"""The accuracy report in Markdown: presets, studies by their settings, and every case."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from lava_ros.verification.rows import pareto_front, Point, points, presets_of, 
 #: The rows of a case at a setting, by quantity.
 Result = dict[str, Row]
 
-#: Errors are no larger when they are within this share.
+#: Relative difference within which errors count as equal.
 ALIKE = 0.01
 
 
 def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
-    """The report as Markdown: presets first, then the studies, then every setting.
+    """Return the report as Markdown: presets first, then the studies, then every setting.
 
     ``titles`` has the title of each case by name; ``stem`` is the file name of the CSV and the
     chart, without suffix.
@@ -54,7 +54,7 @@ def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
 
 
 def _charts(rows: Sequence[Row], stem: str) -> list[str]:
-    """The pictures: of the flows, and of the effects where there are any."""
+    """Return the charts: of the flows, and of the effects if there are any."""
     names = {row.case for row in rows}
     lines = [f'![Error against cost]({stem}.png)', ''] if names - EFFECT_CASES else []
     if names & EFFECT_CASES:
@@ -77,7 +77,7 @@ def _preset_table(found: Sequence[Point], titles: dict[str, str]) -> list[str]:
 
 
 def _case_table(rows: Sequence[Row]) -> list[str]:
-    """Every setting of a case, from cheap to dear; those on the front are bold."""
+    """Return a table of every setting of a case, from fast to slow; the front is bold."""
     quantities = list(dict.fromkeys(row.quantity for row in rows))
     front = {point.setting for point in pareto_front(points(rows))}
     body = []
@@ -97,12 +97,12 @@ def _case_table(rows: Sequence[Row]) -> list[str]:
 
 
 def _work(row: Row) -> list[str]:
-    """Particles, steps and evaluations."""
+    """Return particles, steps and evaluations."""
     return [f'{count:,}' for count in (row.particles, row.steps, row.evaluations)]
 
 
 def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
-    """The sections of all studies whose settings were measured, as lines of Markdown."""
+    """Return the sections of all studies whose settings were measured, as lines of Markdown."""
     knob = [row for row in rows if row.case in measure.KNOB_CASES]
     return [
         *_convergence(knob),
@@ -116,12 +116,12 @@ def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
 def _section(
     title: str, text: str, head: Sequence[str], body: Sequence[Sequence[str]]
 ) -> list[str]:
-    """A section with a table, nothing where the table has no rows."""
+    """Return a section with a table, or nothing if the table has no rows."""
     return [f'## {title}', '', text, '', *table(head, body), ''] if body else []
 
 
 def _results(rows: Iterable[Row]) -> dict[str, Result]:
-    """The rows by setting and quantity."""
+    """Return the rows by setting and quantity."""
     found: dict[str, Result] = {}
     for row in rows:
         found.setdefault(row.setting, {})[row.quantity] = row
@@ -137,7 +137,7 @@ def _errors(result: Result, quantities: Iterable[str]) -> list[str]:
 
 
 def _convergence(rows: Sequence[Row]) -> list[str]:
-    """The errors at every doubling, and how fast they fall with the distance of particles."""
+    """Return the errors at every doubling, and their order in the particle spacing."""
     found = _results(rows)
     names = map(measure.name_of, measure.convergence())
     results = [found[name] for name in names if name in found]
@@ -173,7 +173,7 @@ def _order(spacing: Sequence[float], errors: Sequence[float]) -> str:
 
 
 def _stepping(rows: Sequence[Row]) -> list[str]:
-    """What the second-order integrator saves over Euler's, and which errors are larger."""
+    """Return the savings of the second-order integrator over Euler's, and larger errors."""
     found = _results(rows)
     body: list[list[str]] = []
     quantities: list[str] = []
@@ -205,14 +205,14 @@ def _stepping(rows: Sequence[Row]) -> list[str]:
 
 
 def _larger(result: Result, reference: Result) -> str:
-    """The quantities whose errors are larger than a reference's, or not a number."""
+    """Return the quantities whose errors are larger than a reference's, or NaN."""
     most = {name: (1.0 + ALIKE) * row.error for name, row in reference.items()}
     larger = (name for name, row in result.items() if not row.error <= most[name])
     return ', '.join(larger) or 'none'
 
 
 def _from_paper(rows: Sequence[Row]) -> list[str]:
-    """The way from the paper's settings to the default, one correction after another."""
+    """Return the steps from the paper's settings to the default, one correction each."""
     found = _results(rows)
     ways = {
         label: found.get(measure.name_of(accuracy))
@@ -234,7 +234,7 @@ def _from_paper(rows: Sequence[Row]) -> list[str]:
 
 
 def _dominated(rows: Sequence[Row], paper: Result) -> str:
-    """The errors of the paper's settings and of the best that takes no longer."""
+    """Return the errors of the paper's settings and of the best that takes no longer."""
     known = [row for row in paper.values() if math.isfinite(row.error)]
     limit = _any(paper).wall_s_per_simulated_hour
     front = [item for item in pareto_front(points(rows)) if item.cost <= limit]
@@ -251,7 +251,7 @@ def _dominated(rows: Sequence[Row], paper: Result) -> str:
 
 
 def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
-    """The forms of the surface's gradient, quantity by quantity."""
+    """Return the forms of the surface's gradient, by quantity."""
     names = [*map(measure.name_of, measure.gradients().values())]
     body = []
     for case in measure.GRADIENT_CASES:
@@ -271,7 +271,7 @@ def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
 
 
 def _lateral(rows: Sequence[Row]) -> list[str]:
-    """Errors and time of each kind of lateral stress, by the particles' radius over the depth."""
+    """Return errors and time of each kind of lateral stress, by kernel radius over thickness."""
     cells: dict[tuple[str, float], dict[str, str]] = {}
     time = 'time per particle and evaluation'
     for name, result in _results(rows).items():

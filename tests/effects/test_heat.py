@@ -154,7 +154,7 @@ def test_fast_lava_bares_its_core(device):
 
 def test_two_crusts_are_refused():
     """A crust that covers a part does not go with one that covers all."""
-    with pytest.raises(LavaError, match=r'crust_cover.*0\.9.*0 beside lava\.crust'):
+    with pytest.raises(LavaError, match=r'crust_cover.*0\.9.*0 with lava\.crust'):
         Lava(crust=True, conductivity=2.0, crust_cover=0.9)
 
 

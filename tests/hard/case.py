@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a hard scene is, and what scenes are made of."""
+"""Definition of a hard scene, and functions that build scenes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Particles, Simulation
 
-#: Physics by name: few sets, as each is compiled by itself in two precisions.
+#: Sets of effects by name: few, because each is compiled separately in two precisions.
 PHYSICS: dict[str, Effects] = {
     'plain': Effects(),
     'level': Effects(steep=False),
@@ -31,43 +31,43 @@ PHYSICS: dict[str, Effects] = {
 }
 PHYSICS['heating_inertia'] = replace(PHYSICS['heating'], inertia=True)
 
-#: Cell of most scenes [m], and cells of a side.
+#: Size of a cell in most scenes [m], and cells along a side.
 CELL, SIDE = 5.0, 32
 
-#: Lava that keeps its temperature, for scenes that are about something else.
+#: Lava that keeps its temperature, for scenes that do not test cooling.
 STEADY = Lava(viscosity=1e3, emissivity=0.0, convection=0.0)
 
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
-#: Lava at the start, from the distance of particles [m].
+#: Initial lava, as a function of the particle spacing [m].
 Lot = Callable[[float], Particles]
 
 
 @dataclass(frozen=True, eq=False)
 class HardScene:
-    """A scene that tries the solver, with its title in a few words.
+    """A scene that challenges the solver, with a short title.
 
     Attributes:
         until: Time to simulate [s].
-        physics: Name of the effects, a key of ``PHYSICS``; empty: chosen from the scene.
-        frames: Moments at which the invariants are checked, evenly spaced.
-        lava: Lava at the start.
-        thickness: Expected thickness, from which a particle's volume follows [m]; None: automatic.
-        events: What is done to the running simulation, by the time [s].
-        mirrored: Whether scene and events are the same seen from left to right.
-        mirrored_until: Time until which the flow has to be its own mirror image [s]. Lava that
-            is pressed together, or runs over an edge, doubles a difference again and again until
-            rounding shows: measured, and given where it shows before the end.
+        physics: Name of the effects, a key of ``PHYSICS``; if empty, chosen from the scene.
+        frames: Number of evenly spaced times at which the invariants are checked.
+        lava: Initial lava.
+        thickness: Expected thickness, which sets the volume of a particle [m]; None: automatic.
+        events: Changes of the running simulation, by the time [s].
+        mirrored: True if scene and events are mirror symmetric in x.
+        mirrored_until: Time until which the flow has to be mirror symmetric [s]. Lava that is
+            compressed, or runs over an edge, doubles a difference again and again until rounding
+            shows: measured, and given where it shows before the end.
         dry: Positions where lava must never be.
-        still: Whether nothing may move at all.
-        distinct: Whether no two particles may be in one place.
-        closed: Whether nothing may leave the map.
-        most_steps: Steps that a preset may take, by its name: noise in the speeds makes more.
-        reaches: Distance from (0, 0) that lava has reached at the end, at least [m].
+        still: True if nothing may move at all.
+        distinct: True if no two particles may coincide.
+        closed: True if no lava may leave the map.
+        most_steps: Maximum number of steps by preset: noise in the speeds increases it.
+        reaches: Minimum distance from (0, 0) that lava has reached at the end [m].
         since: Time at which the clock starts [s].
-        longest_step: Longest step in place of the presets' [s], where theirs would take an age.
-        halved: Whether the run with steps half as long is compared; not where runs are long, or
-            where there is no footprint to compare.
+        longest_step: Longest step instead of the presets' [s], where theirs would take too long.
+        halved: True if a run with steps half as long is compared; False where runs are long, or
+            where there is no inundated area to compare.
     """
 
     name: str
@@ -96,7 +96,7 @@ def terrain(
     surface: Surface | None = None, *, cell: float = CELL, side: int = SIDE,
     origin: tuple[float, float] | None = None,
 ) -> Terrain:
-    """A square terrain of a surface z(x, y), its centre at (0, 0) unless an origin is given."""
+    """Return a square terrain of a surface z(x, y), centred at (0, 0) or at an origin."""
     half = 0.5 * cell * side
     axis = (np.arange(side) + 0.5) * cell - half
     x, y = np.meshgrid(axis, axis)
@@ -105,7 +105,7 @@ def terrain(
 
 
 def plane(slope: float, *, towards: tuple[float, float] = (0.0, -1.0)) -> Surface:
-    """A plane that falls in a direction."""
+    """Return a plane that falls in a direction."""
     return lambda x, y: -slope * (towards[0] * x + towards[1] * y)
 
 
@@ -113,7 +113,7 @@ def block(
     width: float, depth: float, thickness: float, *, centre: tuple[float, float] = (0.0, 0.0),
     temperature: float | Callable[[np.ndarray], np.ndarray] = 1423.0,
 ) -> Lot:
-    """Lava of an even thickness on a rectangle, on a lattice that is symmetric left to right.
+    """Return lava of uniform thickness on a rectangle, on a lattice symmetric in x.
 
     Lengths are in metres, ``width`` along x. The temperature is one [K], or a function of the
     positions [m], shape [count, 2].
@@ -132,7 +132,7 @@ def block(
 
 
 def both(one: Lot, other: Lot) -> Lot:
-    """Two lots of lava together."""
+    """Combine two lots of lava."""
 
     def lava(spacing: float) -> Particles:
         lots = (one(spacing), other(spacing))
@@ -143,7 +143,7 @@ def both(one: Lot, other: Lot) -> Lot:
 
 
 def vent(x: float = 0.0, y: float = 0.0, discharge: Any = 5.0, **more: Any) -> Vent:
-    """A vent of one cell's size."""
+    """Return a vent as large as one cell."""
     return Vent((x, y), discharge, **{'radius': CELL, **more})
 
 
@@ -151,12 +151,12 @@ def scene(
     ground: Terrain | Surface | None = None, vents: tuple[Vent, ...] = (), lava: Lava = STEADY,
     **more: Any,
 ) -> Scene:
-    """A scene on a terrain, or on the usual one of a surface."""
+    """Return a scene on a terrain, or on the default terrain of a surface."""
     if not isinstance(ground, Terrain):
         ground = terrain(ground)
     return Scene(ground, vents, lava, **more)
 
 
 def material(**constants: Any) -> Lava:
-    """Lava that keeps its temperature, with some constants of its own."""
+    """Return lava that keeps its temperature, with some constants replaced."""
     return replace(STEADY, **constants)

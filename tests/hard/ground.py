@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lava and the ground under it, in numpy: an account of them beside the solver's own."""
+"""Lava and the ground under it in numpy, independent of the solver's own functions."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.state import STAGE, STEPS
 
-#: What a check says: the invariant, what was found, what it may be at most, more about it.
+#: Result of a check: the invariant, its value, its maximum, and a comment.
 Bound = tuple[str, float, float, str]
 
-#: Steps of a frame that are looked at, about: each takes a few milliseconds.
-MOST_LOOKS = 4000
+#: Maximum number of steps of a frame that are evaluated: each takes a few milliseconds.
+MAX_SAMPLES = 4000
 
 
 class Ground:
-    """The ground as the solver has it, what froze included, written out again in numpy."""
+    """The ground of the solver including solidified lava, implemented independently in numpy."""
 
     def __init__(self, simulation: Simulation) -> None:
         terrain = simulation.scene.terrain
@@ -34,7 +34,7 @@ class Ground:
         self.relief = float(self._heights.max()) - self.lowest
 
     def height(self, position: np.ndarray) -> np.ndarray:
-        """Height of the quadratic B-spline at map positions [m], shape [count]."""
+        """Return the height of the quadratic B-spline at map positions [m], shape [count]."""
         place = (position - np.asarray(self._terrain.origin)) / self._terrain.resolution
         last = np.array(self._terrain.shape[::-1]) - 1
         cell = np.clip(np.floor(place).astype(int), 0, last)
@@ -47,7 +47,7 @@ class Ground:
         return total
 
     def slope(self, position: np.ndarray) -> np.ndarray:
-        """Gradient of that surface at map positions, shape [count, 2]."""
+        """Return the gradient of that surface at map positions, shape [count, 2]."""
         step = 1e-3 * self._terrain.resolution
         ways = step * np.eye(2)
         rises = [self.height(position + way) - self.height(position - way) for way in ways]
@@ -55,15 +55,15 @@ class Ground:
 
     @property
     def steepest(self) -> float:
-        """Largest slope of that surface, or more."""
+        """Return an upper bound of the slope of that surface."""
         largest = [float(np.abs(np.diff(self._heights, axis=axis)).max()) for axis in (0, 1)]
         return math.hypot(*largest) / self._terrain.resolution
 
     def bend(self, position: np.ndarray) -> np.ndarray:
-        """Largest curvature of that surface at map positions [1/m], at least 0, shape [count]."""
+        """Return the largest curvature at map positions [1/m], at least 0, shape [count]."""
         step = 1e-3 * self._terrain.resolution
         x, y = np.array([step, 0.0]), np.array([0.0, step])
-        # second differences of a piecewise quadratic: exact but where they cross into a cell
+        # second differences of a piecewise quadratic: exact except where they cross into a cell
         here = self.height(position)
         along = self.height(position + x) - 2.0 * here + self.height(position - x)
         across = self.height(position + y) - 2.0 * here + self.height(position - y)
@@ -74,7 +74,7 @@ class Ground:
         return np.maximum(bend, 0.0) / step**2
 
     def _around(self, position: np.ndarray, reach: float) -> np.ndarray:
-        """Bounds of the rows and columns within a reach of positions, shape [count, 4]."""
+        """Return bounds of the rows and columns within a reach of positions, shape [count, 4]."""
         place = (position - np.asarray(self._terrain.origin)) / self._terrain.resolution + 1.0
         span = reach / self._terrain.resolution
         low, high = (np.floor(place + way).astype(int) for way in (-span, span))
@@ -83,43 +83,43 @@ class Ground:
         return np.stack([first[:, 0], end[:, 0] + 1, first[:, 1], end[:, 1] + 1], axis=1)
 
     def rise(self, position: np.ndarray, reach: float) -> np.ndarray:
-        """What the ground rises or falls by within a reach of positions [m], shape [count]."""
+        """Return the range of ground heights within a reach of positions [m], shape [count]."""
         kinds, which = np.unique(self._around(position, reach), axis=0, return_inverse=True)
         rises = [np.ptp(self._heights[a:b, c:d]) for a, b, c, d in kinds]
         return np.array(rises)[which.ravel()]
 
     def highest(self, vent: Vent, least: float) -> float:
-        """Highest ground under a vent of a least radius [m], from the lowest of all [m].
+        """Return the highest ground under a vent of a minimum radius [m], above the lowest [m].
 
-        A fissure is looked at in as many places as cells.
+        A fissure is sampled at as many places as cells.
         """
         start = np.asarray(vent.position)
         end = start if vent.end is None else np.asarray(vent.end)
         count = 1 + math.ceil(math.dist(start, end) / self._terrain.resolution)
         places = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
-        # the spline at a place is a mean of its cell and of those beside it
+        # the spline at a place is a mean of its cell and adjacent cells
         reach = max(vent.radius, least) + self._terrain.resolution
         tops = [self._heights[a:b, c:d].max() for a, b, c, d in self._around(places, reach)]
         return float(max(tops)) - self.lowest
 
 
 class Moment:
-    """Lava and ground of a simulation as they are now."""
+    """Current lava and ground of a simulation."""
 
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
         self.time = simulation.time
         self.lava = simulation.sample()
         self.budget = simulation.budget()
-        # on a CPU that is the solver's own array
+        # copied: on a CPU the array is the solver's own
         self.counts = simulation._state.counts.numpy().copy()
-        #: Volume that has come out of the vents [m3].
+        #: Volume that the vents have emitted [m3].
         self.given = self.budget.emitted - self.budget.pending
         self.thickest = float(self.lava.thickness.max(initial=0.0))
 
     @cached_property
     def ground(self) -> Ground:
-        """The ground, what froze included."""
+        """The ground, including solidified lava."""
         return Ground(self.simulation)
 
     @cached_property
@@ -131,17 +131,17 @@ class Moment:
 def along(
     start: Checkpoint, simulation: Simulation, steps: int, rate: Callable[[Moment], float]
 ) -> Iterator[tuple[float, float, float]]:
-    """A rate at the start and at the end of each step, and the step's length [s].
+    """Yield a rate at the start and at the end of each step, and the step's length [s].
 
-    The frame that began at ``start`` and whose end the simulation is at is played again, step by
-    step: lava that comes out and runs off, breaks loose for a moment, or falls and climbs, shows
-    that at neither end of a frame. Of many ``steps`` only one in so many is taken, as long as all
-    of them.
+    The frame that began at ``start`` and ends at the simulation's current time is simulated again,
+    step by step: lava that is emitted and runs off, yields for a moment, or falls and climbs,
+    shows that at neither end of a frame. Of many ``steps`` only every n-th is evaluated, with the
+    length of n steps.
     """
     again = Simulation.resume(start, device=simulation.device)
     if start.scene.vents != simulation.scene.vents:
         again.set_vents(simulation.scene.vents)
-    counts, every = again._state.counts, 1 + steps // MOST_LOOKS
+    counts, every = again._state.counts, 1 + steps // MAX_SAMPLES
     begun, step, former = start.time, int(counts.numpy()[STEPS]), rate(Moment(again))
     is_taken = True
     for _ in again.advancing(simulation.time):
@@ -155,21 +155,21 @@ def along(
 
 
 def lift(former: Terrain, terrain: Terrain) -> float:
-    """How much higher lava may be on a new terrain than it was on the one before [m]."""
+    """Return how much higher lava may be on a new terrain than on the previous one [m]."""
     if (former.extent, former.shape) != (terrain.extent, terrain.shape):
         return float(np.nanmax(terrain.elevation) - np.nanmin(former.elevation))
     return float(np.nanmax(terrain.elevation - former.elevation))
 
 
 def head(vent: Vent, gravity: float) -> float:
-    """How high lava rises that a vent throws [m]."""
+    """Return the height to which a vent throws lava [m]."""
     return float(np.hypot(*vent.velocity)) ** 2 / (2.0 * gravity)
 
 
 def distance(
     position: np.ndarray, start: tuple[float, float], end: tuple[float, float] | None
 ) -> np.ndarray:
-    """Distance of positions from a point, or from a line between two [m]."""
+    """Return the distance of positions from a point, or from a line between two [m]."""
     offset = position - np.asarray(start)
     if end is not None:
         along = np.subtract(end, start)

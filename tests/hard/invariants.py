@@ -1,35 +1,35 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What holds of every flow, however hard the scene: checked against a running simulation.
+"""Invariants of every flow, however hard the scene, checked against a running simulation.
 
-A ``Watch`` looks at a simulation between frames and says which invariant does not hold:
+A ``Watch`` checks a simulation between frames and reports which invariant is violated:
 
 finite  Positions, volumes, temperatures, thicknesses, velocities, cells and the budget.
-volume  What the vents gave is held, has left or has frozen, to ``VOLUME`` of it.
-vents   What is due has come out: in a conduit is no more than the particles that come next.
-climb  The surface H + h at a particle is no higher than the highest that there was: at the start,
-       and at the vents at any frame since. With inertia, plus the largest u^2 / 2g so far, that of
-       vents included: a jet may have climbed within the frame. Lava on a map has no vertical
+volume  The emitted volume is in the simulation, has left or has solidified, to ``VOLUME`` of it.
+vents   Due lava has been emitted: a conduit contains no more than the next particles.
+climb  The surface H + h at a particle does not exceed its maximum so far: at the start, and at
+       the vents at any frame since. With inertia, plus the largest u^2 / 2g so far, including that
+       of the vents: a jet may have climbed within the frame. Lava on a map has no vertical
        speed, and on ``steep`` ground of slope s climbs against 1 / (1 + s^2) of g: there the head
        is 1 + s^2 times that, s the steepest slope.
-       Tolerance: the smaller of its own thickness and what the ground around it rises in one
-       kernel radius. A sum over the neighbours cannot tell heights within its radius apart, and
-       never makes lava where there is none; ponds at rest are level to a share of their thickness
+       Tolerance: the smaller of its own thickness and the rise of the ground around it within one
+       kernel radius. A sum over the neighbours does not resolve heights within its radius, and
+       never creates lava elsewhere; ponds at rest are level to a fraction of their thickness
        (verification/bounds.py).
 fall   Without inertia u^2 / 2g is at most the fall from the highest surface that lava came from,
        plus the thickness. Not at the paper's formulas, which have no bound.
 place  Particles are on cells with data, and nowhere that the scene declares dry.
-cost   Velocity evaluations in a frame are at most ``COST`` times what the lava calls for.
-       A step dt of lava whose thickness relaxes at the rate r takes s evaluations, the fewest
-       with (s^2 + s - 2) / 4 >= r dt, and is as long as vents, speed and ``MOST_STAGES`` allow:
-       ``pace`` is s / dt of the lava that there is. What a frame calls for is the integral of it.
-       Its ends show that where r changes little between them, which power-law lava and lava held
-       by its strength do not: r follows the slope, and lava that breaks loose for a moment, or has
-       run off by the frame's end, has shown it at neither (measured: 17 evaluations by the ends,
-       6,887 in the frame). Nor has lava that came out and left the map within the frame. A frame
-       that took more than its ends call for is therefore played again, and what the lava at the
-       start of each of its steps calls for is what counts (``ground.along``).
+cost   Velocity evaluations in a frame are at most ``COST`` times those that the lava requires.
+       A step dt of lava whose thickness relaxes at the rate r takes s evaluations, the smallest
+       s with (s^2 + s - 2) / 4 >= r dt, and is as long as vents, speed and ``MOST_STAGES`` allow:
+       ``pace`` is s / dt of the current lava, and a frame requires its integral.
+       The ends of the frame suffice to estimate it if r changes little between them. That does
+       not hold for power-law lava and lava held by its strength, whose r follows the slope: lava
+       that yields for a moment, or runs off within the frame, shows it at neither end (measured:
+       17 evaluations by the ends, 6,887 in the frame). Nor does lava that is emitted and leaves
+       the map within the frame. A frame that took more than its ends require is therefore
+       simulated again, and the lava at the start of each of its steps decides (``ground.along``).
 energy, heat, temperature  energy.py
 
 With ``Watch.renew`` a change from outside (a new terrain) is taken as it is.
@@ -53,31 +53,31 @@ from lava_ros.simulation.state import EVALUATIONS, STEPS
 from lava_ros.simulation.timestep import longest_step, MOST_STAGES
 from lava_ros.verification.bounds import bound
 
-#: Largest share of the lava that may be unaccounted for.
+#: Maximum fraction of the lava that may be unaccounted for.
 VOLUME = 1e-5
 
-#: Evaluations over those that the lava calls for.
+#: Maximum ratio of evaluations to those that the lava requires.
 COST = 4.0
 
-#: Share of its thickness to which a pond at rest is level, at any preset.
+#: Fraction of its thickness to which a pond at rest is level, at any preset.
 LEVEL = bound('draft', 'pond', 'flatness at rest')
 
-#: Share by which u^2 may exceed that of free fall: heights are float32.
+#: Fraction by which u^2 may exceed that of free fall: heights are float32.
 FALL = 1e-3
 
-#: Where lava may not be, as a function of positions [m], shape [count, 2]; True where dry.
+#: Region without lava as a function of positions [m], shape [count, 2]; True where dry.
 Dry = Callable[[np.ndarray], np.ndarray]
 
 
 class Heights:
-    """Knows how high lava has been."""
+    """Highest surface of lava so far."""
 
     def __init__(self, dry: Dry | None) -> None:
         self._dry = dry
         self._source, self._head = -math.inf, 0.0
 
     def renew(self, moment: Moment, is_new_ground: bool) -> None:
-        """Take vents and ground as they are."""
+        """Store the current vents and ground."""
         self._top, self._since = -math.inf, moment.time
         if is_new_ground:
             self._source = -math.inf
@@ -86,7 +86,7 @@ class Heights:
             self._source = max(self._source, self._top)
 
     def look(self, moment: Moment) -> None:
-        """Let the highest surface be that at the vents where that is higher."""
+        """Raise the highest surface to that at the vents."""
         scene, ground, places = moment.simulation.scene, moment.ground, moment.lava.position
         for vent in scene.vents:
             # a pulse may have run off between two frames
@@ -101,9 +101,9 @@ class Heights:
                 self._top = max(self._top, float(moment.surface[near].max()))
 
     def check(self, moment: Moment) -> Iterator[Bound]:
-        """Hold the lava of a frame's end against all that was before."""
+        """Compare the lava at the end of a frame with its history."""
         yield from self._placed(moment)
-        # what came out may have left the map within the frame
+        # emitted lava may have left the map within the frame
         self.look(moment)
         if len(moment.lava.volume):
             yield from self._raised(moment)
@@ -115,7 +115,7 @@ class Heights:
         cell = np.floor(place).astype(int)
         rows, columns = terrain.shape
         inside = (cell >= 0).all(axis=1) & (cell < [columns, rows]).all(axis=1)
-        # on the edge of a cell rounding decides
+        # rounding decides on the edge of a cell
         edge = 2.0**-22 * max(rows, columns)
         near = np.abs(place - np.rint(place)).min(axis=1) <= edge if len(place) else inside
         known = np.zeros(len(cell), dtype=bool)
@@ -142,7 +142,7 @@ class Heights:
             yield 'fall', float(heads[worst]), float(most[worst]), at(worst)
         rise = moment.ground.rise(lava.position, simulation.radius)
         tolerance = np.minimum(lava.thickness, rise) + LEVEL * lava.thickness
-        # 64 roundings of 2^-24, as of a sum over so many neighbours
+        # 64 roundings of 2^-24, for a sum over as many neighbours
         tolerance += 2.0**-18 * max(abs(self._top), moment.thickest)
         climb = self._head
         if simulation.effects.steep:
@@ -154,11 +154,11 @@ class Heights:
 
 
 class Cost:
-    """Counts evaluations from frame to frame.
+    """Count of evaluations from frame to frame.
 
     Attributes:
-        smallest_step: Smallest mean step of a frame [s].
-        highest: Most evaluations in a simulated second of a frame [1/s].
+        smallest_step: Minimum mean step of a frame [s].
+        highest: Maximum number of evaluations per simulated second of a frame [1/s].
     """
 
     def __init__(self) -> None:
@@ -173,7 +173,7 @@ class Cost:
         self._start = moment.simulation.checkpoint()
 
     def check(self, moment: Moment) -> Iterator[Bound]:
-        """What the frame that ends has cost."""
+        """Yield the cost of the frame that ends."""
         last, simulation, now = self._last, moment.simulation, pace(moment)
         span = moment.time - last.time
         evaluations, steps = (
@@ -183,7 +183,7 @@ class Cost:
             self.smallest_step = min(self.smallest_step, span / steps)
             self.highest = max(self.highest, evaluations / span)
             if simulation.accuracy.fixed_step is None:
-                # the frame's end may cut a step in two, and so does each particle that comes out
+                # the frame's end may divide a step, and so may each emitted particle
                 came = (moment.given - last.given) / simulation.particle_volume
                 cuts = 2.0 * (MOST_STAGES + came)
                 most = COST * (max(now, self._pace) * span + cuts)
@@ -196,7 +196,7 @@ class Cost:
 
 
 def pace(moment: Moment) -> float:
-    """Evaluations in a second that the lava calls for as it is, with steps at their limits."""
+    """Return the evaluations per second that the current lava requires, with maximum steps."""
     simulation, sample = moment.simulation, moment.lava
     accuracy, scene = simulation.accuracy, simulation.scene
     vents, reach = simulation._vents, simulation._stage.constants.reach
@@ -209,7 +209,7 @@ def pace(moment: Moment) -> float:
     reach = accuracy.courant_number * min(simulation.radius, scene.terrain.resolution)
     advection = float(np.linalg.norm(sample.velocity, axis=1).max()) / reach
     bend = moment.ground.bend(sample.position)
-    # how fast the shortest waves of thickness decay over the mobility, in a hollow of the ground
+    # decay rate of the shortest waves of thickness over the mobility, in a hollow of the ground
     stiffness = thickness * kernel.stiffness / simulation.radius**2 + bend
     stiffness /= accuracy.diffusion_number
     if simulation.effects.inertia:
@@ -234,7 +234,7 @@ def pace(moment: Moment) -> float:
 
 @dataclass(frozen=True)
 class Violation:
-    """An invariant that does not hold: what was found, and what may be at most, when [s]."""
+    """A violated invariant: its value, its maximum, and the time [s]."""
 
     invariant: str
     value: float
@@ -243,7 +243,7 @@ class Violation:
     what: str = ''
 
     def __str__(self) -> str:
-        """Say it in a line."""
+        """Return the violation as one line."""
         more = f' ({self.what})' if self.what else ''
         return f'{self.invariant} {self.value:.6g} > {self.bound:.6g} at {self.time:g} s{more}'
 
@@ -253,20 +253,20 @@ class InvariantError(AssertionError):
 
 
 class Watch:
-    """Checks a simulation frame by frame.
+    """Checks of a simulation frame by frame.
 
     Attributes:
-        violations: What was found so far.
-        largest: The worst value of each invariant over its bound so far, by name.
-        cost: Counts steps and evaluations.
+        violations: Violations so far.
+        largest: Largest value of each invariant over its bound so far, by name.
+        cost: Counter of steps and evaluations.
     """
 
     def __init__(
         self, simulation: Simulation, *, dry: Dry | None = None, raises: bool = True
     ) -> None:
-        """Take the simulation as it is now, best before its first step.
+        """Store the state of the simulation, preferably before its first step.
 
-        ``dry`` is where lava may not be; ``raises``, whether ``check`` raises what it finds.
+        ``dry`` is the region without lava; with ``raises``, ``check`` raises what it finds.
         """
         self._simulation, self._raises = simulation, raises
         self.violations: list[Violation] = []
@@ -277,7 +277,7 @@ class Watch:
         self.renew()
 
     def renew(self) -> None:
-        """Take the simulation as it is, after vents or terrain were changed from outside."""
+        """Store the state of the simulation, after vents or terrain were changed from outside."""
         moment = Moment(self._simulation)
         former, self._terrain = self._terrain, self._simulation.scene.terrain
         self._temperature.renew(moment)
@@ -286,24 +286,24 @@ class Watch:
         self.cost.renew(moment)
 
     def look(self) -> None:
-        """Take note of how high and thick the lava is at a moment between two checks."""
+        """Record height and thickness of the lava at a moment between two checks."""
         moment = Moment(self._simulation)
         self._heights.look(moment)
         if len(moment.lava.volume):
             self._temperature.look(moment)
 
     def check(self, snapshot: Snapshot | None = None) -> None:
-        """Check every invariant at this moment, of which this is the snapshot.
+        """Check every invariant at this moment, to which the snapshot belongs.
 
         Raises:
-            InvariantError: Something does not hold, and the watch raises.
+            InvariantError: If an invariant is violated, and the watch raises.
         """
         if self._simulation.scene.terrain is not self._terrain:
             self.renew()
         moment = Moment(self._simulation)
         found = self._broken(moment, _whole(moment, snapshot or self._simulation.snapshot()))
         if not found:
-            # numbers that are none say nothing about the rest
+            # with NaN the other invariants are meaningless
             hottest = self._temperature.hottest
             found = self._broken(moment, chain(
                 self._temperature.check(moment), self._heights.check(moment),
@@ -325,7 +325,7 @@ class Watch:
 
 
 def _whole(moment: Moment, snapshot: Snapshot) -> Iterator[Bound]:
-    """That there are numbers, and all of the volume."""
+    """Check that all values are finite, and that the volume is complete."""
     lava, budget, known = moment.lava, snapshot.budget, snapshot.terrain.has_data
     names = ('position', 'volume', 'temperature', 'thickness', 'velocity')
     values = {

@@ -1,24 +1,24 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plays a hard scene and says what held: the invariants, and those that two runs show.
+"""Simulation of a hard scene, with checks of the invariants and of two comparisons of runs.
 
-halving   With steps half as long the footprint's radius changes by no more than the preset's
-          stated error of the edge, a cell of the border, and scatter. A cell: two, one more and
-          one less, or as many as a footprint that is its own mirror image has alike. It is whole
-          cells under few particles, and those come out, leave and fall at the ends of steps: runs
-          that ought to be the same differ. By how much is measured for any scene in one way, as
-          the change against ``DRAWS`` runs whose steps are shorter by up to ``SHORTER`` (their
-          error is the same but for that share) and whose places are shaken by ``SHAKEN``. One
-          more such run, which the halved one is where it has no error of its own, is below their
-          mean and ``STUDENT`` standard deviations in 99 of 100. They are only run where the
-          change is larger than the bound without them. Of hundreds of runs some exceed that by
-          chance: one that does is run with a quarter of the steps, and fails when that changes as
-          much. An error of the step does: of first order it changes by half as much again.
+halving   With steps half as long the radius of the inundated area changes by no more than the
+          preset's stated error of the edge, a cell of the border, and scatter. A cell: two, one
+          more and one less, or as many as symmetric images in a footprint that is its own mirror
+          image. With few particles the scatter is whole cells, because they are emitted, leave and
+          fall at the ends of steps: equivalent runs differ. It is measured for any scene in one
+          way, as the change against ``DRAWS`` runs whose steps are shorter by up to ``SHORTER``
+          (their error is the same except for that fraction) and whose positions are shifted by
+          ``SHAKEN``. In 99 of 100 cases one more such run, like the halved one if it has no error
+          of its own, is below their mean and ``STUDENT`` standard deviations. They only run if the
+          change exceeds the bound without scatter. Of hundreds of runs some exceed the bound by
+          chance: such a run is repeated with a quarter of the steps, and fails if the change is
+          as large. An error of first order in the step then changes by half as much again.
 symmetry  At ``reference`` a mirrored scene's thickness differs from its mirror image by no more
           than ``MIRRORED`` of the largest, at every frame until the scene's ``mirrored_until``.
 left, rest, distinct, spread, cost
-          What a scene asks for itself: ``case.HardScene``.
+          Requirements of single scenes: ``case.HardScene``.
 """
 
 from __future__ import annotations
@@ -41,34 +41,34 @@ from lava_ros.simulation.state import TIME
 #: The presets that have to keep the invariants.
 KEPT = ('draft', 'standard', 'fine', 'reference')
 
-#: Largest difference of a mirrored scene's thickness from its mirror image, over the largest.
+#: Maximum difference of a mirrored scene's thickness from its mirror image, over the largest.
 MIRRORED = 1e-6
 
-#: Runs from which the scatter of a footprint is taken.
+#: Number of runs for estimating the scatter of a footprint.
 DRAWS = 8
 
-#: How much shorter the steps of the last of them are, and by what share of a cell its places are
-#: shaken: too little to change the error of the step, or the flow.
+#: Maximum relative shortening of their steps, and shift of positions in cells: too small to change
+#: the error of the step, or the flow.
 SHORTER, SHAKEN = 0.125, 1e-2
 
-#: Student's t of 99 % with ``DRAWS`` - 1 degrees of freedom, for one more draw beside them.
+#: Student's t of 99 % with ``DRAWS`` - 1 degrees of freedom, for one additional draw.
 STUDENT = 2.998 * math.sqrt(1.0 + 1.0 / DRAWS)
 
 
 @dataclass
 class Outcome:
-    """How a scene went at a preset, both by name; times are in seconds.
+    """Result of a scene at a preset, both by name; times are in seconds.
 
     Attributes:
         time: Simulated time reached, of ``until``.
         evaluations: Velocity evaluations.
-        smallest_step: Smallest mean step of a frame.
-        cost: Most evaluations in a simulated second of a frame.
-        volume_error: Largest share of the volume that is unaccounted for.
-        footprint_change: Change of the footprint's radius with steps half as long, over it.
-        footprint_bound: What it may be.
-        asymmetry: Difference from the mirror image over the largest thickness; NaN if not asked.
-        is_cut: Whether it was cut off before its end.
+        smallest_step: Minimum mean step of a frame.
+        cost: Maximum number of evaluations per simulated second of a frame.
+        volume_error: Maximum fraction of the volume that is unaccounted for.
+        footprint_change: Relative change of the footprint's radius with steps half as long.
+        footprint_bound: Maximum of that change.
+        asymmetry: Difference from the mirror image over the largest thickness; NaN if unchecked.
+        is_cut: True if the run was stopped before its end.
     """
 
     scene: str
@@ -90,7 +90,7 @@ class Outcome:
 
     @property
     def verdict(self) -> str:
-        """What did not hold, or ``holds``."""
+        """The violated invariants, or ``holds``."""
         names = sorted({item.invariant for item in self.violations})
         if names:
             return ' '.join(names)
@@ -101,7 +101,7 @@ def play(
     item: HardScene, preset: str, *, device: str | None = 'cpu', compare: bool = True,
     wall_limit: float | None = None,
 ) -> Outcome:
-    """Run a scene at a preset under watch, and cut it off after a wall time [s].
+    """Run a scene at a preset with checks, and stop it after a wall time [s].
 
     ``compare`` runs it again with steps half as long.
     """
@@ -139,7 +139,7 @@ def play(
 def _asked(
     item: HardScene, outcome: Outcome, before: np.ndarray, simulation: Simulation
 ) -> Iterator[tuple[str, float, float]]:
-    """What a scene asks for itself: the invariant, what was found, what it may be at most."""
+    """Yield the requirements of a single scene: the invariant, its value, and its maximum."""
     places = simulation.sample().position
     if item.still:
         moved = math.inf
@@ -161,8 +161,8 @@ def _asked(
 
 
 def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Simulation:
-    """The scene's simulation at its start."""
-    # of the cells, not of the flow: what a scene tries lies in its ground
+    """Return the scene's simulation at its start."""
+    # determined by the cells, not by the flow: the challenge of a scene is in its ground
     spacing = accuracy.spacing or item.scene.terrain.resolution / accuracy.refinement
     effects: Effects | dict[str, bool] = PHYSICS[item.physics] if item.physics else {}
     if accuracy.formulation == 'as-published':
@@ -179,7 +179,7 @@ def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Si
 
 
 def _moments(item: HardScene, step: float | None = None) -> list[float]:
-    """The frames, with the times of events among them; after 1, 2, 4, ... steps if it is fixed."""
+    """Return times of frames and events; with fixed steps, after 1, 2, 4, ... steps."""
     span = item.until - item.since
     moments = [span * (index + 1) / item.frames for index in range(item.frames)]
     moments += [time for vent in item.scene.vents for time, _ in vent.series if time > 0.0]
@@ -194,9 +194,9 @@ def _moments(item: HardScene, step: float | None = None) -> list[float]:
 def _advance(
     simulation: Simulation, item: HardScene, moment: float, start: float, limit: float | None
 ) -> bool:
-    """Go on to a moment; False when the time was up before.
+    """Advance to a moment; return False if the wall time was up before.
 
-    What happens to the scene happens right after the check of its moment.
+    Events happen right after the check of their moment.
     """
     if simulation.time in item.events:
         item.events[simulation.time](simulation)
@@ -212,10 +212,10 @@ def _hold(outcome: Outcome, name: str, value: float, most: float) -> None:
 def _compare(
     item: HardScene, outcome: Outcome, accuracy: Accuracy, whole: np.ndarray, device: str | None
 ) -> None:
-    """Hold the footprint with steps half as long against this one: the module says how."""
+    """Compare the footprint with that of a run with steps half as long (module docstring)."""
 
     def change(share: float, played: HardScene = item) -> float:
-        """Of steps of a share of their length, whatever limits them."""
+        """Return a run with steps of a fraction of their length, whatever limits them."""
         shorter = {name: share * getattr(accuracy, name)
                    for name in ('courant_number', 'longest_step')}
         simulation = simulation_of(played, replace(accuracy, **shorter), device)
@@ -226,8 +226,8 @@ def _compare(
     found = change(0.5)
     bound = PRESETS[outcome.preset].errors['edge'] + _cell_share(whole)
     if found > bound:
-        # scatter only adds to the bound: without it the verdict is the same. How far one more run
-        # may be from this one, of runs that ought to be the same
+        # scatter only adds to the bound: without it the verdict is the same. Largest difference
+        # between this run and one more, of equivalent runs
         draws = [
             change(1.0 - SHORTER * index / DRAWS, _shaken(item, index))
             for index in range(1, DRAWS + 1)
@@ -240,7 +240,7 @@ def _compare(
 
 
 def _cell_share(whole: np.ndarray) -> float:
-    """What a cell of the border and its mirror images are, as ``footprint_change`` counts."""
+    """Return the number of cells equivalent to a cell of the border, for ``footprint_change``."""
     images = [image for grid in (whole, whole.T) for image in (grid, grid[::-1])]
     images += [image[:, ::-1] for image in images]
     alike = sum(np.array_equal(image, whole) for image in images)
@@ -248,7 +248,7 @@ def _cell_share(whole: np.ndarray) -> float:
 
 
 def _shaken(item: HardScene, seed: int) -> HardScene:
-    """The scene with its particles and vents shaken by ``SHAKEN`` of a cell."""
+    """Return the scene with its particles and vents shifted by ``SHAKEN`` of a cell."""
     random, lava = np.random.default_rng(seed), item.lava
     scene, terrain = item.scene, item.scene.terrain
     size = SHAKEN * terrain.resolution
@@ -270,12 +270,12 @@ def _shaken(item: HardScene, seed: int) -> HardScene:
 
 
 def footprint(snapshot: Snapshot) -> np.ndarray:
-    """Cells with lava, bool, shape [rows, columns]."""
+    """Return the cells with lava, bool, shape [rows, columns]."""
     return np.nan_to_num(snapshot.thickness) > 0.0
 
 
 def footprint_change(one: np.ndarray, other: np.ndarray) -> float:
-    """Distance between two footprints' borders over their radius, 0 where both are empty.
+    """Return the distance of two footprints' borders over their radius, 0 if both are empty.
 
     It is the area that only one of them covers over twice the mean area: dR / R for discs.
     """
@@ -284,7 +284,7 @@ def footprint_change(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def asymmetry(snapshot: Snapshot) -> float:
-    """Largest difference of thickness from its mirror image left to right, over the largest."""
+    """Return the largest asymmetry of the thickness in x, over the largest thickness."""
     thickness = np.nan_to_num(snapshot.thickness)
     largest = float(thickness.max())
     return float(np.abs(thickness - thickness[:, ::-1]).max()) / largest if largest else 0.0

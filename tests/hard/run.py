@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs the hard scenes at every preset and prints what held: ``make hard``.
+"""Command that runs the hard scenes at every preset and prints the results: ``make hard``.
 
-Two tables: every scene at the presets, which have to keep every invariant, and the same scenes
-with the paper's printed formulas and settings, which say what the safeguards are for.
+There are two tables: every scene at the presets, which have to keep every invariant, and the same
+scenes with the paper's printed formulas and settings, which show the effect of the safeguards.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from lava_ros.verification.rows import write_csv
 
 PUBLISHED = 'as-published'
 
-#: A scene, a preset, the device that it runs on, and how long it may take [s].
+#: A scene, a preset, the device, and the maximum wall time [s].
 Task = tuple[str, str, str, float | None]
 
 
 def _played(scene: str, preset: str, device: str, wall_limit: float | None) -> Outcome:
-    """Play a scene; what it raises is an outcome too, and says so."""
+    """Run a scene; an exception becomes an outcome, too."""
     compare = preset != PUBLISHED
     try:
         return play(SCENES[scene], preset, device=device, compare=compare, wall_limit=wall_limit)
@@ -49,14 +49,14 @@ def _played(scene: str, preset: str, device: str, wall_limit: float | None) -> O
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run what is asked for; 1 when an invariant does not hold at a preset that has to keep it."""
+    """Run the selected scenes; return 1 if a preset violates an invariant that it has to keep."""
     parser = argparse.ArgumentParser(description='Run the hard scenes.')
     parser.add_argument('--preset', action='append', choices=KEPT)
     parser.add_argument(
         '--published', action='store_true', help="the paper's settings instead of the presets"
     )
     parser.add_argument('--scene', action='append', choices=[*SCENES, *FAMILIES], metavar='NAME')
-    parser.add_argument('--device', action='append', help='cpu or cuda:0 (default: all there are)')
+    parser.add_argument('--device', action='append', help='cpu or cuda:0 (default: all)')
     parser.add_argument('--jobs', type=int, default=2, help='processes (default: 2)')
     parser.add_argument(
         '--limit', type=float, default=10.0,
@@ -73,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             file_to_write('--json', options.json)
     except LavaError as error:
         parser.error(str(error))
-    # a process is as much as a core does
+    # one process per core
     use_threads(1)
     asked = options.scene or [*SCENES]
     names = [name for name, item in SCENES.items()
@@ -89,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check_folder(folder: Path) -> None:
-    """Make the folder, and refuse what cannot be written before the time is spent."""
+    """Create the folder, and raise before the run if it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -100,8 +100,8 @@ def _check_folder(folder: Path) -> None:
 def _run_on(
     device: str, options: argparse.Namespace, names: Sequence[str], presets: Sequence[str]
 ) -> list[dict[str, Any]]:
-    """Run what is asked for on a device, and return the rows."""
-    # the dearest first, lest one of them is left for the end
+    """Run the selected scenes on a device, and return the rows."""
+    # the slowest first, so that none of them is left for the end
     limit = options.limit if options.published else None
     tasks = [(name, preset, device, limit) for preset in reversed(presets) for name in names]
     outcomes = run(tasks, options.jobs)
@@ -133,7 +133,7 @@ def run(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
 
 
 def table(title: str, outcomes: Iterable[Outcome]) -> str:
-    """The outcomes as text."""
+    """Return the outcomes as text."""
     head = ('case', 'preset', 'steps', 'smallest step', 'stages/s', 'volume error', 'verdict')
     rows = []
     for item in outcomes:
@@ -149,7 +149,7 @@ def table(title: str, outcomes: Iterable[Outcome]) -> str:
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:
-    """How many held, and what did not."""
+    """Return the number of scenes that hold, and the violated invariants."""
     verdicts = Counter(item.verdict for item in outcomes)
     broken = Counter(
         name for item in outcomes for name in {found.invariant for found in item.violations}
@@ -170,7 +170,7 @@ def summary(outcomes: Sequence[Outcome]) -> str:
 
 
 def _row(item: Outcome, device: str) -> dict[str, Any]:
-    """An outcome by the columns of a file, in seconds and shares; None: it was not measured."""
+    """Return an outcome by the columns of a file, in seconds and fractions; None: not measured."""
     family = next(name for name, scenes in FAMILIES.items() if SCENES[item.scene] in scenes)
     command = 'make hard-published' if item.preset == PUBLISHED else 'make hard'
     row = {

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The lines that keep the hard scenes in hand, each with the test that misses it.
+"""Lines of code that the hard scenes depend on, each with the test that fails without it.
 
-``python -m hard.safeguards`` takes out one after the other, in a copy of the package, and sees
+``python -m hard.safeguards`` removes one after the other, in a copy of the package, and checks
 that its test then fails: ``make safeguards``.
 """
 
@@ -23,10 +23,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass(frozen=True)
 class Safeguard:
-    """A line that something depends on: what it keeps from happening, and its file.
+    """A line of code that prevents a failure, the description of that failure, and its file.
 
-    ``line``, or the part of it that makes the difference, is there once, and is ``without`` when
-    it is taken out. Then the hard scene breaks the invariant at the preset.
+    ``line``, or the decisive part of it, occurs once, and is replaced by ``without``. The hard
+    scene then violates the invariant at the preset.
     """
 
     name: str
@@ -110,7 +110,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
 
 
 def fails_without(safeguard: Safeguard) -> bool:
-    """Whether the test of a safeguard fails in a copy of the package without it."""
+    """Return True if the test of a safeguard fails in a copy of the package without it."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         ignored = shutil.ignore_patterns('__pycache__')
@@ -131,12 +131,12 @@ def fails_without(safeguard: Safeguard) -> bool:
             text=True,
             check=False,
         )
-    # 1: tests failed; anything else says nothing about the safeguard
+    # 1: tests failed; any other status is not conclusive
     return result.returncode == 1 and safeguard.invariant in result.stdout
 
 
 def main(names: Sequence[str]) -> int:
-    """Take out the safeguards of these names, or all; 1 when a test does not miss one."""
+    """Remove the named safeguards, or all; return 1 if a test does not fail."""
     missed = 0
     for safeguard in SAFEGUARDS:
         if names and safeguard.name not in names:

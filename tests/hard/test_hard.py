@@ -3,7 +3,7 @@
 
 """The hardest scene of each kind keeps every invariant; ``make hard`` runs all at all presets.
 
-Each safeguard has a scene that misses it; ``make safeguards`` takes them out.
+Each safeguard has a scene that fails without it; ``make safeguards`` removes them in turn.
 """
 
 import csv
@@ -25,7 +25,8 @@ from lava_ros.errors import LavaError
 from lava_ros.simulation import Particles, Simulation, timestep, vents
 from lava_ros.simulation.accuracy import Accuracy
 
-#: Of each family those that broke an invariant, or cost most, before the solver was made for them.
+#: Scenes by family that violated an invariant, or cost most, before the solver was improved for
+#: them.
 HARDEST = (
     'viscosity_mixed', 'viscosity_1_inertia', 'viscosity_two_vents', 'column_200_m',
     'dam_onto_film', 'thick_200_m', 'spike', 'canyon', 'canyon_film', 'wall_89_degrees',
@@ -37,13 +38,13 @@ HARDEST = (
 
 @pytest.mark.parametrize('name', HARDEST)
 def test_the_hardest_scenes_keep_every_invariant(name, device):
-    """At the preset that is used when nothing is said."""
+    """The hardest scenes hold at the default preset."""
     outcome = play(SCENES[name], 'standard', device=device)
     assert outcome.verdict == 'holds', outcome.violations
 
 
 def test_every_family_is_there():
-    """Sixty scenes at least, each with a name of its own, and some of each family in CI."""
+    """There are at least sixty scenes with different names, and some of each family in CI."""
     assert len(SCENES) == sum(map(len, FAMILIES.values())) >= 60
     for name, family in FAMILIES.items():
         assert {item.name for item in family} & set(HARDEST), name
@@ -58,13 +59,13 @@ def _in_a_cell(count: int, device: str) -> Simulation:
 
 
 def test_a_million_particles_in_a_cell_are_refused(device):
-    """Each would look at a million others: no step would ever end."""
+    """A crowd is an error: with a million neighbours per particle no step would ever end."""
     with pytest.raises(LavaError, match=r'particles.*1000000 in .* at most 32768'):
         _in_a_cell(1_000_000, device)
 
 
 def test_vents_that_pile_up_lava_without_end_are_refused(device):
-    """Strength that holds everything at its vent ends in a clear error, not in endless steps."""
+    """Strength that holds all lava at its vent ends in a clear error, not in endless steps."""
     simulation = _in_a_cell(30_000, device)
     more = np.random.default_rng(2).uniform(0.0, 4.9, (5_000, 2))
     simulation._append([(*place, 1e-3, 1423.0) for place in more])
@@ -88,7 +89,7 @@ def _film(effects: Effects = PHYSICS['plain'], **lava: float) -> Simulation:
     ],
 )
 def test_the_watch_sees_what_is_wrong(column, value, invariant):
-    """A particle that is no number, too large, too hot, too cold or too high is found."""
+    """A particle that is NaN, too large, too hot, too cold or too high is found."""
     simulation = _film()
     watch = Watch(simulation)
     watch.check()
@@ -101,7 +102,7 @@ def test_the_watch_sees_what_is_wrong(column, value, invariant):
 
 
 def test_the_watch_sees_choked_vents(monkeypatch):
-    """Vents that bring fewer particles than are due keep the volume, and give no flow."""
+    """Vents that emit fewer particles than are due keep the volume, and produce no flow."""
     item = SCENES['vents_replaced']
     monkeypatch.setattr(vents, '_MOST_A_STEP', 1)
     monkeypatch.setattr(vents, '_LEAST_MOST', 1)
@@ -115,7 +116,7 @@ def test_the_watch_sees_choked_vents(monkeypatch):
 
 @pytest.mark.parametrize('effects', [PHYSICS['plain'], Effects(power_law=True)])
 def test_the_watch_sees_steps_that_lava_does_not_call_for(effects, monkeypatch):
-    """Steps a hundredth as long as they might be are found, also by playing the frame again."""
+    """Steps a hundredth as long as possible are found, also by simulating the frame again."""
     longest = timestep.longest_step
     monkeypatch.setattr(timestep, 'longest_step', lambda *of: 0.01 * longest(*of))
     simulation = _film(effects, flow_index=0.8)
@@ -130,14 +131,14 @@ EACH_SAFEGUARD = pytest.mark.parametrize('safeguard', SAFEGUARDS, ids=lambda ite
 
 @EACH_SAFEGUARD
 def test_the_line_is_there(safeguard):
-    """The line that is named is in the file that is named, once."""
+    """The named line occurs once in the named file."""
     text = (ROOT / safeguard.file).read_text(encoding='utf-8')
     assert text.count(safeguard.line) == 1
 
 
 @EACH_SAFEGUARD
 def test_scene_that_misses_it(safeguard):
-    """The scene holds; it does not when the line is taken out."""
+    """The scene holds; it does not if the line is removed."""
     compare = safeguard.invariant == 'halving'
     outcome = play(SCENES[safeguard.scene], safeguard.preset, compare=compare, wall_limit=60.0)
     assert outcome.verdict == 'holds', outcome.violations
@@ -147,7 +148,7 @@ WORDS = ('--scene', 'no_particles', '--preset', 'draft', '--device', 'cpu', '--j
 
 
 def test_the_command_makes_the_folder_of_its_table(tmp_path):
-    """A folder that is missing is made."""
+    """A missing folder is created."""
     plain = tmp_path / 'hard.json'
     assert run.main([*WORDS, '--csv', str(tmp_path / 'a/b'), '--json', str(plain)]) == 0
     with (tmp_path / 'a/b/hard_cpu.csv').open(encoding='utf-8', newline='') as table:
@@ -158,7 +159,7 @@ def test_the_command_makes_the_folder_of_its_table(tmp_path):
 
 
 def test_what_cannot_be_written_is_refused_before_a_scene_runs(tmp_path, monkeypatch, capsys):
-    """One sentence that names it, at once, not a traceback after all the work."""
+    """The error is one sentence that names the folder, before any work is done."""
     (tmp_path / 'file').write_text('')
     monkeypatch.setattr(run, 'run', lambda *_: pytest.fail('a scene has run'))
     with pytest.raises(SystemExit) as stopped:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""When lava comes: as looks tell it, between two of which fronts run evenly, and by each step."""
+"""Arrival times: from observations, between which fronts advance evenly, and from each step."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,12 +29,12 @@ END = 60.0
 
 
 def strip(front, rows=1, columns=12, thickness=2.0):
-    """Lava on the first columns."""
+    """Return a map with lava on the first columns."""
     return np.where(np.arange(columns) < front, thickness, 0.0)[None].repeat(rows, axis=0)
 
 
 def looks_at(shape, device, threshold=0.1, most=2):
-    """Looks, and what they ask of a state."""
+    """Observations, and the parts of a state that they read."""
     device = wp.get_device(device)
     clock = wp.zeros(5, dtype=wp.float64, device=device)
     state = SimpleNamespace(device=device, extent=0, launches=Launches(device), clock=clock)
@@ -42,7 +42,7 @@ def looks_at(shape, device, threshold=0.1, most=2):
 
 
 def take(looks, state, known, *maps):
-    """Take a look at maps of thickness and temperature."""
+    """Observe maps of thickness and temperature."""
     kinds = (wp.uint8, float, float)
     arrays = [
         wp.array(values, dtype=kind, device=state.device)
@@ -52,7 +52,7 @@ def take(looks, state, known, *maps):
 
 
 def seen_of(looks, device, threshold=0.1):
-    """What is seen by looks, each a time and the thickness then."""
+    """Return the results of observations, each a time and the thickness then."""
     taken, state = looks_at(looks[0][1].shape, device, threshold, len(looks))
     for time, thickness in looks:
         state.clock.fill_(time)
@@ -72,7 +72,7 @@ def seen_of(looks, device, threshold=0.1):
 
 @pytest.mark.parametrize('rows', [1, 5])
 def test_a_front_that_runs_evenly_is_met_exactly(device, rows):
-    """Whether it crosses a cell in many looks or many cells in one."""
+    """The front may cross a cell in many observations or many cells in one."""
     looks = [(10.0, strip(2, rows)), (20.0, strip(7, rows)), (30.0, strip(10, rows))]
     times = seen_of(looks, device)
     expected = [10.0, 10.0, 11.0, 13.0, 15.0, 17.0, 19.0, 20.0 + 10.0 / 6, 25.0, 30.0 - 10.0 / 6]
@@ -81,7 +81,7 @@ def test_a_front_that_runs_evenly_is_met_exactly(device, rows):
 
 
 def test_a_tongue_is_dated_along_its_way(device):
-    """Cells at its sides are as early as those beside them in its middle."""
+    """Cells at its sides are as early as adjacent cells in its middle."""
     before, after = np.zeros((9, 20)), np.zeros((9, 20))
     before[:, :2] = after[:, :2] = 1.0
     after[3:6, 2:12] = 1.0
@@ -90,21 +90,21 @@ def test_a_tongue_is_dated_along_its_way(device):
 
 
 def test_what_rises_is_dated_by_its_thickness(device):
-    """Lava that was there, but thinner than the threshold, grows evenly."""
+    """Lava that was present, but thinner than the threshold, grows evenly."""
     thin, thick = strip(5, thickness=0.02), strip(5, thickness=0.22)
     times = seen_of([(0.0, thin), (10.0, thick)], device).arrival
     np.testing.assert_allclose(times[0, :5], 4.0, rtol=1e-6)
 
 
 def test_lava_out_of_nowhere_comes_at_once(device):
-    """What no lava leads to may have come right after the look before: the safe side."""
+    """Unconnected lava may have arrived right after the previous observation: the safe side."""
     times = seen_of([(5.0, strip(0)), (15.0, strip(3))], device).arrival
     np.testing.assert_array_equal(times[0, :3], 5.0)
 
 
 @pytest.mark.nightly
 def test_a_look_without_lava_stays_on_the_map(monkeypatch):
-    """Warp checks each index in its debug mode, in a process of its own."""
+    """Warp checks each index in its debug mode, in a separate process."""
     code = 'import warp; warp.config.mode = "debug"; from simulation import test_arrival as here; '
     code += 'looks = [(time, here.strip(cells, 8)) for time, cells in ((5, 0), (9, 0), (15, 3))]; '
     code += 'assert (here.seen_of(looks, "cpu").arrival[:, :3] == 9.0).all()'
@@ -116,7 +116,7 @@ def test_a_look_without_lava_stays_on_the_map(monkeypatch):
 
 
 def test_peaks_and_first_times_stay(device):
-    """Lava that goes leaves its arrival and its peaks; cells outside stay unknown."""
+    """Lava that drains keeps its arrival and its peaks; cells outside stay unknown."""
     looks = [(0.0, strip(3)), (1.0, strip(6, thickness=4.0)), (2.0, strip(1))]
     for _, thickness in looks:
         thickness[0, 11] = np.nan
@@ -130,7 +130,7 @@ def test_peaks_and_first_times_stay(device):
 
 @pytest.mark.parametrize('seed', range(5))
 def test_shares_are_shares(device, seed):
-    """Whatever lies where: between the two looks, and the farther from old lava the later."""
+    """Times are between the two observations, and later with distance from previous lava."""
     random = np.random.default_rng(seed)
     before = np.where(random.random((20, 30)) < 0.1, random.random((20, 30)), 0.0)
     after = np.where(random.random((20, 30)) < 0.6, random.random((20, 30)), 0.0)
@@ -151,7 +151,7 @@ def test_shares_are_shares(device, seed):
     ],
 )
 def test_what_no_map_can_show_is_said(device, thickness, temperature, flaw):
-    """Of ground with data, and not of ground without."""
+    """A flaw counts on ground with data, and not on ground without."""
     taken, state = looks_at((2, 2), device)
     for known in (0, 1):
         assert taken.flaw() == ''
@@ -161,7 +161,7 @@ def test_what_no_map_can_show_is_said(device, thickness, temperature, flaw):
 
 
 def made():
-    """A simulation on the CPU."""
+    """Return a simulation on the CPU."""
     return Simulation(SCENE, device='cpu', accuracy=Accuracy(spacing=3.5, thickness=0.7))
 
 
@@ -187,7 +187,7 @@ def test_arrival_is_that_of_close_maps_and_does_not_depend_on_them():
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
 def test_lava_that_froze_stands_on_inundated_cells_and_keeps_its_volume(device, precision):
-    """Drained cells are inundated, and no cell has lava that none has reached."""
+    """Drained cells are inundated, and no cell has lava that lava has not reached."""
     lava = Lava(viscosity=2e4, solidus=1300.0, convection=300.0)
     scene = Scene(TERRAIN, (Vent((40.0, 75.0), ((0.0, 20.0), (40.0, 0.0))),), lava=lava)
     accuracy = Accuracy(spacing=3.5, thickness=0.7, precision=precision)
@@ -203,7 +203,7 @@ def test_lava_that_froze_stands_on_inundated_cells_and_keeps_its_volume(device, 
 
 
 def test_times_go_on_after_a_checkpoint_and_on_another_ground():
-    """What is resumed has them, and what flows on when the ground or its cells change."""
+    """Resumed simulations keep the times, and so do flows on a changed ground or grid."""
     simulation = made()
     simulation.advance(20.0)
     before = simulation.snapshot().arrived
@@ -222,7 +222,7 @@ def test_times_go_on_after_a_checkpoint_and_on_another_ground():
 
 
 def test_times_of_another_map_are_refused():
-    """A checkpoint has them for its own cells."""
+    """A checkpoint contains the times of its own cells."""
     simulation = made()
     checkpoint = simulation.checkpoint()
     arrays = {**checkpoint.arrays, 'arrived.times': np.zeros((2, 2), np.float32)}

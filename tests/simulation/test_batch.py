@@ -12,19 +12,19 @@ from lava_ros.simulation.batch import Batch, side_by_side
 from lava_ros.verification.benchmarks.effects import effect_sets
 from solver import incline, simulated
 
-#: Sets of effects of ``lava bench effects`` that go through other kernels, and times of maps [s].
+#: Sets of effects of ``lava bench effects`` that use different kernels, and times of maps [s].
 SETS = ('everything with green', 'helmholtz', 'inertia', 'merging', 'conduction', 'solidification')
 ENDS = (0.25, 0.5)
 
 
 def simulation_of(flux, device):
-    """Lava on a slope, to the same bits in every run."""
+    """Return lava on a slope, bitwise identical in every run."""
     ground, vent = incline(0.2, 20, 24, 2.0), Vent((12.0, 20.0), flux, 1400.0)
     return simulated(ground, Lava(), vent, device=device, spacing=1.5, deterministic=True)
 
 
 def route_of(flux, device, ends):
-    """Go to 20 s with a stop at 10 s, and leave where the particles are."""
+    """Advance to 20 s with a stop at 10 s, and store the particles' positions."""
     simulation = simulation_of(flux, device)
     yield from simulation.advancing(10.0)
     yield from simulation.advancing(20.0)
@@ -32,12 +32,12 @@ def route_of(flux, device, ends):
 
 
 def run(routes, device):
-    """Take routes to their ends, three of them at a time."""
+    """Run routes to their ends, three of them at a time."""
     Batch(at_once=3).run(routes)
 
 
 def one_by_one(routes, device):
-    """Take routes to their ends as ensembles do: on the CPU one after the other."""
+    """Run routes to their ends as ensembles do: on the CPU one after the other."""
     for _ in side_by_side(routes, device, at_once=3):
         pass
 
@@ -65,18 +65,18 @@ def test_together_is_as_one_by_one(device, run):
 def test_members_of_several_kinds_and_sizes(device, name, monkeypatch):
     """A batch keeps a member's bits through maps, growth, a wider grid and other members' ends."""
     if name != 'inertia':
-        # as seldom as on a GPU it is looked what is to be done; with inertia, where a step has one
-        # stage, the vent would wait for room
+        # readbacks as rare as on a GPU; with inertia, where a step has one stage, the vent would
+        # wait for capacity
         monkeypatch.setitem(batch_module._STAGES, False, batch_module._STAGES[True])
         monkeypatch.setitem(batch_module._UNDER_WAY, False, batch_module._UNDER_WAY[True])
     chosen = (effect_sets()[name], effect_sets()['bare'])
 
     def begun(number):
-        # the third one needs room for more particles
+        # the third one needs a larger capacity
         vent = Vent((400.0, 400.0), (20.0, 60.0, 4000.0)[number], 1400.0)
         knobs = {'spacing': 1.0, 'thickness': 0.4, 'deterministic': True, 'device': device}
         ground = incline(0.2, 400, 400, 2.0)
-        # without a number for vft it would be as thin as water
+        # without parameters for vft it would be as thin as water
         lava = Lava(vft_a=2.0)
         return simulated(ground, lava, vent, effects=chosen[number == 1], **knobs)
 
@@ -101,7 +101,7 @@ def test_members_of_several_kinds_and_sizes(device, name, monkeypatch):
 
 
 def test_members_wait_for_each_others_looks(device, monkeypatch):
-    """Who waits takes part in stages that change nothing, whatever it has been through before."""
+    """A member that waits takes part in stages that change nothing, whatever its history."""
     monkeypatch.setattr(batch_module, '_IDLE', 1.0)
     fluxes, times = (10.0, 15.0, 20.0, 40.0, 60.0), np.linspace(0.5, 6.0, 12)
 

@@ -19,7 +19,7 @@ from slope_scenes import ground, HOUR, LAVA, MOBILITY, scene, SLOPE
 
 
 def width_of(scene: Scene, horizon: float = 24.0 * HOUR) -> float:
-    """Expected width of a flow [m]."""
+    """Return the expected width of a flow [m]."""
     course = course_of(scene, horizon=horizon)
     assert course is not None
     return course.width
@@ -52,7 +52,7 @@ def test_on_an_incline_it_is_as_wide_as_the_steady_flow():
         distance = 8.0 * np.arange(1, len(course.columns.width) + 1)
         expected = 2.0 * (14.0 / 3.0 * distance / slope) ** (3 / 7)
         expected *= (350.0 / 32.0 / mobility) ** (1 / 7)
-        # nearer to the vent the flow is as wide as that
+        # closer to the vent the flow has the width of the vent
         is_wide = expected > 25.0
         assert is_wide.sum() > 100
         assert course.columns.width[is_wide] == pytest.approx(expected[is_wide], rel=0.02)
@@ -151,7 +151,7 @@ def test_the_path_leaves_pits():
 
 
 def test_vents_in_one_another_are_one_source():
-    """In one place, or along a line, in any number of pieces; apart, the largest one counts."""
+    """Vents in one place or along a line, in any number of pieces; apart, the largest counts."""
     valley = scene(ground(5.0, 0.1))
     one = course_of(valley, horizon=HOUR)
     shifts = [(dx, dy) for dx in np.linspace(-5.0, 5.0, 5) for dy in np.linspace(-5.0, 5.0, 5)]
@@ -184,7 +184,7 @@ def test_coarser_cells_change_little(factor: int):
 
 
 def test_without_a_discharge_there_is_none():
-    """Neither without vents nor with closed ones, nor before a vent opens."""
+    """There is none without vents, with closed vents, and before a vent opens."""
     later = Vent((100.0, 300.0), ((0.0, 0.0), (7200.0, 5.0)))
     for vents in ((), (Vent((100.0, 300.0), 0.0),), (later,)):
         assert course_of(Scene(ground(5.0), vents, LAVA), horizon=HOUR) is None

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is decided about an effect, before and in a run, and what leaving it off costs."""
+"""Decisions about effects, before and during a run, and the cost of leaving them off."""
 
 from dataclasses import replace
 import math
@@ -15,18 +15,18 @@ from lava_ros.simulation.selection import Decision, noted
 
 
 def decision(name, value, **others):
-    """A decision about an effect with a number."""
+    """Return a decision about an effect with a number."""
     return Decision(name, EFFECTS[name], value, others.pop('is_on', False), **others)
 
 
 def effects(*names):
-    """These effects and no others."""
+    """Return these effects and no others."""
     return Effects(**{**dict.fromkeys(EFFECTS, False), **dict.fromkeys(names, True)})
 
 
 @pytest.mark.parametrize('name', ['steep', 'cooling', 'helmholtz', 'inertia'])
 def test_the_cost_is_in_proportion_to_the_largest_number(name):
-    """It is the effect's own at the threshold; a number that a run measures counts if larger."""
+    """It is the effect's own cost at the threshold; a larger measured number counts."""
     effect = EFFECTS[name]
     assert decision(name, effect.threshold).cost == pytest.approx(effect.cost)
     half = decision(name, 0.5 * effect.threshold)
@@ -36,7 +36,7 @@ def test_the_cost_is_in_proportion_to_the_largest_number(name):
 
 
 def test_what_costs_nothing():
-    """An effect that is on, one that the material has not, and one that is on when asked for."""
+    """Effects that are on, missing in the material, or on only by request cost nothing."""
     assert decision('steep', 0.5, is_on=True).cost == 0.0
     assert decision('yielding', math.nan).cost == 0.0
     assert decision('green', 0.5).cost == 0.0
@@ -44,7 +44,7 @@ def test_what_costs_nothing():
 
 
 def test_a_review_measures_what_another_effect_keeps_off():
-    """Its largest number is kept, but it is not switched on beside the other."""
+    """Its largest number is kept, but it is not switched on while the other is on."""
     review, on = Review(), effects('inertia')
     for value in (0.1, 0.4, 0.3):
         called_for = [decision('helmholtz', value, is_on=value > EFFECTS['helmholtz'].threshold)]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Thickness, velocity, free fall and the limits they set, against sums over all pairs and sheets.
+"""Thickness, velocity, free fall and limits, compared with sums over all pairs and sheets.
 
 And the printed formulas, against the same written out in numpy, and against the corrected ones;
 and time integration: order, stability and cost of super-time-stepping.
@@ -29,7 +29,7 @@ THIN = Lava(viscosity=100.0, arrhenius=0.0)
 
 
 def scattered(effects, **options):
-    """A simulation of 500 random particles on a wavy terrain, and the particles."""
+    """Return a simulation of 500 random particles on a wavy terrain, and the particles."""
     rng = np.random.default_rng(7)
     x = np.arange(30) * 10.0
     terrain = Terrain(5 * np.sin(x / 40)[None, :] + 0.1 * x[:, None], 10.0, origin=(-40.0, 15.0))
@@ -44,7 +44,7 @@ def scattered(effects, **options):
 
 
 def wendland(distance, radius):
-    """The smoothing kernel of places at a distance [1/m2]."""
+    """Return the smoothing kernel at a distance [1/m2]."""
     q = np.clip(distance / radius, 0, 1)
     return 7 / (math.pi * radius**2) * (1 - q) ** 4 * (1 + 4 * q)
 
@@ -59,7 +59,7 @@ def wendland(distance, radius):
     ],
 )
 def test_sums_in_parts_are_the_same_sums(monkeypatch, gradient, effects):
-    """As a GPU adds up those of a batch's members: one thread takes four parts."""
+    """As for members of a batch on a GPU: one thread adds four parts."""
     knobs = {'precision': 'float64', 'gradient': gradient}
     whole = scattered(effects, **knobs)[0].sample()
     for name, value in (('parts', 4), ('lanes', 1), ('is_wide', False)):
@@ -127,7 +127,7 @@ def test_green_velocity_has_the_exact_response(device, wavelength):
 
 
 def sheet_velocity(lava, thickness, device='cpu', **options):
-    """Mean velocity in the middle of a uniform sheet on a slope of 0.1 towards +x."""
+    """Return the mean velocity in the middle of a uniform sheet on a slope of 0.1 towards +x."""
     simulation = simulated(
         incline(0.1, 40, 40, 1.0, origin=(-20.0, -20.0)),
         lava,
@@ -226,7 +226,7 @@ def test_steps_beyond_the_limit_are_not_taken(device, integrator):
 
 
 def heads(simulation):
-    """What u^2 / 2g is over the thickness, less the fall from the top, of each particle [m]."""
+    """Return u^2 / 2g over the thickness, less the fall from the top, of each particle [m]."""
     sample = simulation.sample()
     terrain = simulation.scene.terrain
     places = sample.position - 0.5 * np.add(terrain.extent[:2], terrain.extent[2:])
@@ -241,7 +241,7 @@ def heads(simulation):
 
 @pytest.mark.parametrize('on', [(), ('helmholtz',), ('green',)])
 def test_no_lava_is_faster_than_its_fall(device, on):
-    """Lava that fills a pit: the balance alone makes it 79 m/s at the wall, 7 m deep."""
+    """In lava that fills a pit, the balance alone gives 79 m/s at the wall, 7 m deep."""
     simulation = simulated(
         Terrain(PIT, 10.0),
         THIN,
@@ -255,12 +255,12 @@ def test_no_lava_is_faster_than_its_fall(device, on):
         simulation.advance(time)
         assert heads(simulation).max() < 1e-3
         fastest = max(fastest, np.hypot(*simulation.sample().velocity.T).max())
-    # and it is not held back by more than that
+    # and it is not limited by more than that
     assert fastest > 5.0
 
 
 def test_slow_lava_is_what_it_was(device):
-    """Lava that creeps down a slope moves as if there were no bound, to the bit."""
+    """Lava that creeps down a slope moves bitwise identically without the bound."""
     ground, vent = incline(0.2, 40, 60, 10.0), Vent((100.0, 200.0), 5.0, radius=10.0)
     samples = []
     for bound in (True, False):
@@ -276,7 +276,7 @@ def test_slow_lava_is_what_it_was(device):
 
 
 def test_lava_has_fallen_from_wherever_it_came(device):
-    """From the highest particle and open vent there were; on a new terrain from where it is."""
+    """The top is the highest particle or open vent so far; on a new terrain it starts again."""
     ground = incline(0.2, 20, 50, 10.0, top=100.0)
     vents = {x: Vent((x, 105.0), 1.0) for x in (105.0, 305.0)}
     lava = Particles(np.array([[205.0, 105.0]]), 10.0, 1400.0)
@@ -302,10 +302,10 @@ def test_lava_has_fallen_from_wherever_it_came(device):
 
 
 def relaxed(longest_step, integrator='rkl2', viscosity=2e4, **options):
-    """Positions of a heap of particles after 20 s, in their first order, and the evaluations."""
+    """Return positions of a heap after 20 s, in their first order, and the evaluations."""
     places = lattice(9.5)
     places = places[np.hypot(*places.T) < 9.0]
-    # each particle has a temperature of its own, which tells it from the others
+    # each particle has a different temperature, which identifies it
     label = 1000.0 + np.arange(len(places))
     simulation = simulated(
         flat(40),
@@ -324,7 +324,7 @@ def relaxed(longest_step, integrator='rkl2', viscosity=2e4, **options):
 
 def test_order_in_time_is_two():
     """Halving the step divides the error of RKL2 by four, of Euler by two."""
-    # of second order its own error is a 25th of the smallest that is held against it
+    # of second order, its own error is a 25th of the smallest error compared with it
     reference, _ = relaxed(0.01)
     for integrator, order in (('rkl2', 2.0), ('euler', 1.0)):
         steps = (0.2, 0.1, 0.05)
@@ -338,7 +338,7 @@ def test_order_in_time_is_two():
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
 def test_many_stages_stay_stable(device, precision):
-    """Steps of many stages of a stiff heap stay close to small explicit ones: no noise."""
+    """Steps of many stages of a stiff heap stay close to small explicit ones, without noise."""
     reference, _ = relaxed(5.0, 'euler', viscosity=200.0)
     position, steps = relaxed(5.0, precision=precision, device=device, viscosity=200.0)
     assert steps.evaluations > 4 * steps.count
@@ -348,7 +348,7 @@ def test_many_stages_stay_stable(device, precision):
 
 
 def test_super_time_steps_are_cheaper_than_explicit_ones():
-    """At no more error, RKL2 evaluates the velocity at least three times less than Euler."""
+    """At no larger error, RKL2 evaluates the velocity at most a third as often as Euler."""
     euler = spread_of_fixed_volume(
         8000, accuracy=Accuracy(integrator='euler', diffusion_number=2.0, courant_number=0.5)
     )

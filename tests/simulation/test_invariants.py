@@ -24,7 +24,7 @@ BUMPS = np.random.default_rng(8).normal(size=(SIDE, SIDE))
 
 
 def smooth_hills():
-    """Gentle bumps on cells of 5 m, shape [SIDE, SIDE]."""
+    """Return gentle bumps on cells of 5 m, shape [SIDE, SIDE]."""
     hills = BUMPS
     for _ in range(6):
         hills = 0.2 * (
@@ -34,7 +34,7 @@ def smooth_hills():
 
 
 def flow(elevation, places, effects, *, origin=None, time=120.0, **options):
-    """A blob of lava on a terrain after a while, and its particles."""
+    """Return a blob of lava on a terrain after a while, and its particles."""
     simulation = simulated(
         Terrain(elevation, 5.0, origin=origin or (-2.5 * SIDE,) * 2),
         Lava(viscosity=2e3),
@@ -49,7 +49,7 @@ def flow(elevation, places, effects, *, origin=None, time=120.0, **options):
 
 
 def check_symmetry(thickness, elevation):
-    """Mirrored and turned scenes give mirrored and turned grids to rounding noise.
+    """Check that mirrored and rotated scenes give such grids to rounding noise.
 
     ``thickness`` makes a map of a flow of the ground and of a function that moves places on it.
     """
@@ -72,7 +72,7 @@ def test_mirrored_and_rotated_scenes_give_mirrored_and_rotated_grids(device, kin
         snapshot, sample = flow(
             elevation, begin, effects, time=40.0, precision='float64', device=device
         )
-        # it has gone on its way, and still goes
+        # it has moved, and is still moving
         assert np.linalg.norm(np.sort(sample.position, axis=0) - np.sort(begin, axis=0)) > 20.0
         assert np.linalg.norm(sample.velocity, axis=1).max() > 1e-3
         return snapshot.thickness
@@ -82,7 +82,7 @@ def test_mirrored_and_rotated_scenes_give_mirrored_and_rotated_grids(device, kin
 
 @pytest.mark.parametrize('kind', ['disc', 'fissure'])
 def test_mirrored_and_rotated_vents_give_mirrored_and_rotated_grids(device, kind):
-    """At the reference preset's knobs a vent's particles have the symmetries of the grid."""
+    """With the reference preset's settings a vent's particles have the grid's symmetries."""
 
     def thickness(elevation, moved):
         place, end = moved(np.array([[17.0, -9.0], [38.0, 12.0]])).tolist()
@@ -102,7 +102,7 @@ def test_mirrored_and_rotated_vents_give_mirrored_and_rotated_grids(device, kind
 
 
 def test_map_coordinates_do_not_matter():
-    """Far from the map's origin the same flow comes out to the bit of the relative positions."""
+    """Far from the map's origin the same flow has bitwise identical relative positions."""
     hills, shift = smooth_hills(), np.array([500_000.0, 4_100_000.0])
     places = np.random.default_rng(9).integers(-40, 40, (400, 2)) + 0.25
     here, _ = flow(hills, places, Effects())
@@ -122,7 +122,7 @@ def test_a_sheet_far_out_on_a_20_km_map_keeps_its_speed(speed):
     simulation = simulated(
         terrain,
         Lava(viscosity=viscosity, arrhenius=0.0),
-        # a temperature of its own tells each particle from the others
+        # a different temperature identifies each particle
         Particles(places, 100.0, 1000.0 + np.arange(len(places))),
         effects=only(),
         spacing=10.0,

@@ -15,7 +15,7 @@ from lava_ros.simulation.kernels import bessel, k0_within, smoothing_kernel, SQU
 
 
 def evaluate(function, values):
-    """Values of a device function of one argument."""
+    """Return the values of a device function of one argument."""
 
     @wp.kernel(module='unique')
     def apply(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):
@@ -32,7 +32,7 @@ def evaluate(function, values):
 def test_kernel_is_what_it_says(name):
     """The integral of W over its disc is 1, and slope(q) q is the derivative of shape(q).
 
-    No wave decays faster than the stiffness says, and one decays that fast.
+    No wave decays faster than the stiffness allows, and one decays that fast.
     """
     kernel = smoothing_kernel(name, wp.float64)
     q = (np.arange(20000) + 0.5) / 20000
@@ -65,7 +65,7 @@ def test_excess_is_what_a_lattice_sums_to_much(name, ratio):
 
 
 def test_bessel_functions_match_scipy():
-    """K0(x) and x K1(x) are right to 2e-7 over their whole range, and finite at tiny x."""
+    """K0(x) and x K1(x) are accurate to 2e-7 over their whole range, and finite at tiny x."""
     x = np.concatenate([np.geomspace(1e-6, 2.0, 200), np.linspace(2.0, 60.0, 200)])
     k0, x_k1 = bessel(wp.float64)
     assert np.abs(evaluate(k0, 0.25 * x**2) - special.k0(x)).max() < 2e-7
@@ -73,7 +73,7 @@ def test_bessel_functions_match_scipy():
 
 
 def k0_of(real, support, squares):
-    """K0 of squared distances in the units of ``K0Within``, and of a support times k."""
+    """Return K0 of squared distances in the units of ``K0Within``, and of a support times k."""
     within = k0_within(real)
 
     @wp.kernel(module='unique')
@@ -99,7 +99,7 @@ def test_k0_within_a_support(support):
 
 @pytest.mark.parametrize('support', [1e-6, 1e3, 1e9])
 def test_k0_of_any_thickness_is_a_number(support):
-    """However thick or thin lava is, weights are none below 0, and none too large."""
+    """However thick or thin lava is, no weight is below 0 or too large."""
     squares = np.geomspace(1.0 / SQUARED_SUPPORT, SQUARED_SUPPORT, 100)
     weights = k0_of(wp.float32, support, squares)
     assert np.isfinite(weights).all()

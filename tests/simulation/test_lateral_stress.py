@@ -28,13 +28,13 @@ def test_response_is_exact_for_any_radius_over_thickness(device, radius):
 
 
 def test_sweeps_solve_the_matrix():
-    """The Chebyshev sweeps reach the solution of the dense matrix, edges and all."""
+    """The Chebyshev sweeps reach the solution of the dense matrix, including edges."""
     rng = np.random.default_rng(2)
     places = rng.uniform(-4.0, 4.0, (200, 2))
     x = np.arange(40) * 0.5
     terrain = Terrain(np.tile(0.3 * np.sin(x / 2.0), (40, 1)), 0.5, origin=(-10.0, -10.0))
     particles = Particles(places, 0.36 * rng.uniform(0.5, 2.0, 200), 1400.0)
-    # slower than free fall, which bounds both
+    # slower than free fall, which limits both
     lava, knobs = replace(LAVA, viscosity=1e5), {'spacing': 0.6, 'precision': 'float64'}
     bare, simulation = (
         simulated(terrain, lava, particles, effects=effects, thickness=1.0, **knobs)
@@ -68,7 +68,7 @@ def test_velocity_stays_within_the_local_one():
 
 
 def test_steps_follow_the_speed_that_lateral_stress_leaves():
-    """Where lava is thick that is a fraction of the local one, which steps were as short as."""
+    """In thick lava that is a fraction of the local speed, which would require short steps."""
     simulation = simulated(
         flat(20),
         replace(LAVA, viscosity=1e8),
@@ -87,7 +87,7 @@ def test_steps_follow_the_speed_that_lateral_stress_leaves():
 @pytest.mark.parametrize('height', [0.1, 1.0, 10.0])
 @pytest.mark.parametrize('distance', [0.02, 0.1, 0.3, 1.0])
 def test_columns_push_each_other_apart(device, precision, height, distance):
-    """However near and thick: one that counted more than the other itself drew it in."""
+    """At any distance and thickness: a neighbour with more weight than itself would attract it."""
     places = 0.5 * distance * np.array([[-1.0, 0.0], [1.0, 0.0]])
     simulation = simulated(
         flat(8),
@@ -101,14 +101,14 @@ def test_columns_push_each_other_apart(device, precision, height, distance):
     )
     sample = simulation.sample()
     apart = np.sign(sample.position[:, 0]) * sample.velocity[:, 0]
-    # near each other thick columns count alike: they stay where they are
+    # thick columns close to each other have equal weights: they stay where they are
     assert apart.min() >= 0.0
 
 
 @pytest.mark.parametrize(
     ('effect', 'width', 'spacing', 'ratio', 'within'),
     [
-        # as wide as thick, its profile is no parabola
+        # as wide as thick: its profile differs from a parabola
         ('helmholtz', 1.0, 0.05, 3.0, 0.03),
         ('helmholtz', 2.5, 0.125, 3.0, 0.01),
         ('helmholtz', 5.0, 0.125, 3.0, 0.01),
@@ -128,7 +128,7 @@ def test_lateral_stress_in_a_channel(device, effect, width, spacing, ratio, with
 
 
 def test_a_short_support_loses_the_walls(device):
-    """Cut off at 1.7 thicknesses the Green's function sees half of the walls: it is no bargain."""
+    """Cut off at 1.7 thicknesses the Green's function sums only half of the walls."""
     accuracy = Accuracy(spacing=0.3, ratio=5.5)
     _, mean = channel_velocity(6.0, effect='green', accuracy=accuracy, device=device)
     assert mean.measured > 1.03 * mean.exact

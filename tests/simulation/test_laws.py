@@ -21,7 +21,7 @@ WEIGHT = 2500.0 * 9.81
 
 
 def cooled(lava, hours, *, longest_step, device='cpu'):
-    """Temperature and thickness of the middle of a sheet that is too stiff to move."""
+    """Return temperature and thickness of the middle of a sheet that is too stiff to move."""
     simulation = simulated(
         flat(20),
         lava,
@@ -72,13 +72,13 @@ def test_temperature_stays_between_air_and_vent_for_any_step(device):
 
 
 def test_without_losses_nothing_cools():
-    """Emissivity 0 and convection 0 keep the temperature to the bit."""
+    """Emissivity 0 and convection 0 keep the temperature bitwise."""
     lava = Lava(viscosity=1e14, emissivity=0.0, convection=0.0)
     assert cooled(lava, 10.0, longest_step=600.0)[0] == 1423.0
 
 
 def responses(effects, lava, slopes, thickness, device):
-    """Mobility and its bound [m/s] from the device function, shape [slopes, 2]."""
+    """Return mobility and its bound [m/s] from the device function, shape [slopes, 2]."""
     speed = speed_function(wp, wp.float64, law_type(wp.float64), effects)
 
     @wp.kernel(module='unique', enable_backward=False)
@@ -107,7 +107,7 @@ def responses(effects, lava, slopes, thickness, device):
     [(1.0, 800.0), (0.4, 0.0), (0.4, 800.0), (2.5, 0.0), (2.5, 800.0)],
 )
 def test_mobility_and_step_are_those_of_the_exact_flux(device, index, strength):
-    """The mobility is exact; what sets the step is the larger of dq/ds and q/s, over h.
+    """The mobility is exact; the larger of dq/ds and q/s, over h, sets the step.
 
     With n > 1 and a strength it may be up to their sum.
     """
@@ -159,6 +159,6 @@ def test_strength_makes_no_step_shorter(device):
 
 
 def test_newtonian_lava_has_no_law_of_speed():
-    """Without strength or exponent nothing is compiled but the Newtonian balance."""
+    """Without strength or exponent only the Newtonian balance is compiled."""
     law = law_type(wp.float32)
     assert speed_function(wp, wp.float32, law, Effects(crystals=True)) is None

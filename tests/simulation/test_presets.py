@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The accuracy knobs; presets are points on the measured front, by the committed evidence."""
+"""Accuracy settings; presets are points on the measured front, by the committed evidence."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -15,14 +15,14 @@ from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict, expected_
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy, PRESETS
 from lava_ros.verification.rows import points, read_csv
 
-#: The measurements the presets rest on, what made them, and the case that compares presets.
+#: The measurements behind the presets, their command, and the case that compares presets.
 ROWS = read_csv(Path(__file__).parents[2] / 'docs/accuracy/h200.csv')
 COMMAND = 'lava accuracy --device cuda:0 --longest 20'
 CASE = 'fixed_volume'
 
 POINTS = [item for item in points(ROWS) if item.case == CASE]
 
-#: The ladder of accuracy, without what is there for comparison only.
+#: The presets by accuracy, without the one for comparison only.
 LADDER = ('draft', 'standard', 'fine', 'reference')
 
 
@@ -36,7 +36,7 @@ LADDER = ('draft', 'standard', 'fine', 'reference')
     ids=''.join,
 )
 def test_knobs_are_checked_by_name(knob):
-    """Each unusable knob raises an error that names it."""
+    """Each invalid setting raises an error that names it."""
     with pytest.raises(LavaError, match=rf'^accuracy\.{"".join(knob)}'):
         accuracy_from_dict(knob)
 
@@ -59,13 +59,13 @@ def test_expected_thickness_is_the_scale_of_a_point_source():
 
 
 def point(preset):
-    """The preset's point."""
+    """Return the preset's point."""
     (found,) = (item for item in POINTS if item.preset == preset)
     return found
 
 
 def test_names():
-    """The ladder, and the paper's settings; the default is the automatic spacing as it is."""
+    """The presets, and the paper's settings; the default has automatic spacing."""
     assert tuple(PRESETS) == (*LADDER, 'as-published')
     assert PRESETS[DEFAULT].accuracy.refinement == Accuracy().refinement
     wide = [name for name, item in PRESETS.items() if item.accuracy.precision == 'float64']
@@ -75,7 +75,7 @@ def test_names():
 
 
 def test_spacing_takes_the_place_of_the_automatic_one():
-    """A spacing is taken as it is; without one the preset is as it stands."""
+    """An explicit spacing is used unchanged; without one the preset is unchanged."""
     assert preset_accuracy('draft') == PRESETS['draft'].accuracy
     chosen = preset_accuracy('draft', spacing=12.0)
     assert chosen.spacing == 12.0
@@ -83,7 +83,7 @@ def test_spacing_takes_the_place_of_the_automatic_one():
 
 
 def test_the_evidence_was_made_as_it_says():
-    """The rows that are quoted name the command, and none a place on somebody's disk."""
+    """The quoted rows name the command, and no path on a developer's disk."""
     assert {row.command for row in ROWS if row.case == CASE} == {COMMAND}
     assert all(row.command.startswith('lava accuracy ') for row in ROWS)
     assert not any('/' in row.command for row in ROWS)
@@ -113,12 +113,12 @@ def test_presets_lie_on_the_front(name):
 
 
 def test_the_ladder_climbs():
-    """Each preset of the ladder does more work than the one before, and its error is smaller."""
+    """Each preset does more work than the previous one, and its error is smaller."""
     steps = [point(name) for name in LADDER]
     work = []
     for step in steps:
         row = next(row for row in ROWS if (row.case, row.preset) == (step.case, step.preset))
-        # so few particles do not fill a GPU: its time is that of waiting
+        # so few particles do not fill a GPU: its time is latency
         work.append(row.particles * row.evaluations)
     for cheap, dear in pairwise(zip(steps, work, strict=True)):
         assert dear[1] > cheap[1]
@@ -126,7 +126,7 @@ def test_the_ladder_climbs():
 
 
 def test_the_paper_is_dominated():
-    """At no more time than the paper's settings take, a draft errs five times less."""
+    """In no more time than the paper's settings take, a draft has a fifth of the error."""
     paper, draft = point('as-published'), point('draft')
     assert draft.cost < paper.cost
     assert draft.error < 0.2 * paper.error

@@ -20,7 +20,7 @@ TIME = DOME.time_of_radius(RADIUS)
 
 
 def mapped(count, ratio, device='cpu', cells=300):
-    """The map of Huppert's profile given as particles, on cells of a square of 400 m."""
+    """Return the map of Huppert's profile given as particles, on a square of 400 m."""
     simulation = simulated(
         flat(cells, 400.0 / cells),
         Lava(),
@@ -35,7 +35,7 @@ def mapped(count, ratio, device='cpu', cells=300):
 
 
 def exact_means(cells, parts=8):
-    """Huppert's profile, its mean over each of the cells."""
+    """Return the mean of Huppert's profile over each of the cells."""
     places = (np.arange(cells * parts) + 0.5) * 400.0 / (cells * parts) - 200.0
     distance = np.minimum(np.hypot(places, places[:, None]), RADIUS)
     exact = DOME.thickness(distance, TIME)
@@ -45,7 +45,7 @@ def exact_means(cells, parts=8):
 @pytest.mark.parametrize('count', [500, 2000, 8000])
 @pytest.mark.parametrize('ratio', [2.5, 3.0, 3.5])
 def test_footprint_does_not_swell_with_the_kernel(device, count, ratio):
-    """The radius where cells hold over 10 cm is right within 1 %; a bare sum is 1 to 5 % out."""
+    """The radius of cells above 10 cm is accurate to 1 %; a bare sum is 1 to 5 % too large."""
     maps = mapped(count, ratio, device), exact_means(300)
     wet = [np.count_nonzero(item > 0.1) for item in maps]
     assert math.sqrt(wet[0]) == pytest.approx(math.sqrt(wet[1]), rel=0.01)
@@ -61,7 +61,7 @@ def test_a_cell_at_the_border_holds_its_mean(device):
 
 
 def slope(valley=0.0, holes=False, rows=30, columns=40, cell=5.0):
-    """A plane that falls towards +x, a valley of a few cells along it, or holes on the way."""
+    """Return a plane that falls towards +x, with a valley of a few cells or holes on the way."""
     x, y = (np.arange(columns) + 0.5) * cell, (np.arange(rows) + 0.5) * cell
     elevation = 100.0 - 0.1 * x + valley * np.abs(y - 0.5 * rows * cell)[:, None]
     if holes:
@@ -114,7 +114,7 @@ def test_map_holds_the_volume(device, scene, preset):
 @pytest.mark.parametrize('cell', [0.5, 4.0, 30.0])
 @pytest.mark.parametrize('place', [(60.0, 60.0), (60.1, 71.3), (0.2, 119.9)])
 def test_a_lone_particle_keeps_its_volume(device, cell, place):
-    """On cells finer and coarser than it, in their corners and beside the border."""
+    """On finer and coarser cells than the particle, in their corners and next to the border."""
     ground, lone = Terrain(np.zeros((round(120.0 / cell),) * 2), cell), [place]
     knobs = {'device': device, 'spacing': 4.0, 'thickness': 1.0}
     snapshot = simulated(ground, Lava(), Particles(lone, 16.0, 1400.0), **knobs).snapshot()
@@ -123,7 +123,7 @@ def test_a_lone_particle_keeps_its_volume(device, cell, place):
 
 
 def test_a_stream_narrower_than_half_a_cell_is_in_the_cells_it_lies_in(device):
-    """No cell is covered by more than half, so each holds what lies in it."""
+    """No cell is more than half covered, so each holds the lava that lies in it."""
     x = np.arange(1.0, 119.0, 2.0)
     lava = Particles(np.column_stack([x, np.full_like(x, 47.0)]), 4.0, 1400.0)
     knobs = {'device': device, 'spacing': 2.0, 'thickness': 1.0}
@@ -145,7 +145,7 @@ def test_map_has_the_thickness_of_its_cells(count, cells, error):
 
 @pytest.mark.parametrize('wavelength', [2.4, 3.0])
 def test_map_has_the_height_of_waves(wavelength):
-    """To the first order the map undoes what the kernel smooths (docs/MODEL.md).
+    """To first order the map undoes the kernel's smoothing (docs/MODEL.md).
 
     Of a wave of a length in kernel radii a sum of V W has T, the kernel's transform, and the map
     T + (1 - T^2) (T^2 - T / 2).

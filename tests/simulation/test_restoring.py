@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checkpoints: going on from one equals never having stopped, to the last bit."""
+"""Checkpoints: a resumed simulation is bitwise identical to one that never stopped."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -18,7 +18,7 @@ from lava_ros.simulation.checkpoint import from_bytes
 from lava_ros.simulation.inundation import standing_cells
 from lava_ros.simulation.state import FAR
 
-#: The moment a run is stopped at, and the end [s].
+#: Time at which a run is stopped, and the end [s].
 STOP, END = 200.0, 400.0
 
 LAVA = Lava(viscosity=2e3, density=2600.0)
@@ -44,7 +44,7 @@ VENTS = (
 
 
 def hill():
-    """A rough slope towards +x that lava runs off, with a hole that it falls into."""
+    """Return a rough slope towards +x with a hole, down which lava runs off the map."""
     x, y = np.meshgrid(np.arange(28) * 10.0, np.arange(30) * 10.0)
     height = 900.0 - 0.25 * x + 3.0 * np.sin(x / 17.0) * np.cos(y / 23.0)
     height[14:16, 16:18] = np.nan
@@ -52,7 +52,7 @@ def hill():
 
 
 def stopped(name, device, precision='float32'):
-    """A simulation that has run up to ``STOP``; its vents have changed on the way."""
+    """Return a simulation that has run up to ``STOP`` and whose vents have changed."""
     lava, effects = SCENES[name]
     accuracy = Accuracy(
         spacing=4.0, thickness=0.5, longest_step=20.0, deterministic=True, precision=precision
@@ -68,7 +68,7 @@ def stopped(name, device, precision='float32'):
 
 @lru_cache
 def taken(name):
-    """The checkpoint of such a simulation on the CPU, and the run that has gone on from it."""
+    """Return the checkpoint of such a simulation on the CPU, and the continued run."""
     checkpoint = stopped(name, 'cpu').checkpoint()
     run = Simulation.resume(checkpoint, device='cpu')
     run.advance(END)
@@ -76,7 +76,7 @@ def taken(name):
 
 
 def equal(one, other):
-    """Whether two simulations are the same in every array and in all they show."""
+    """Return True if two simulations are equal in every array and every output."""
     first, second = one.snapshot(), other.snapshot()
     same_maps = all(
         getattr(first, name) is getattr(second, name)
@@ -89,7 +89,7 @@ def equal(one, other):
 
 
 def resumed_from(simulation):
-    """One that goes on from the bytes of a checkpoint, on the same device."""
+    """Return a simulation resumed from the bytes of a checkpoint, on the same device."""
     data = simulation.checkpoint().to_bytes()
     return Simulation.resume(from_bytes(data), device=simulation.device)
 
@@ -98,7 +98,7 @@ def resumed_from(simulation):
     ('name', 'precision'), [*((name, 'float32') for name in SCENES), ('bare', 'float64')]
 )
 def test_going_on_equals_never_having_stopped(name, precision, device):
-    """Vents that change in time, two sets of them, lava that leaves: bit for bit the same."""
+    """With vents that change in time, twice, and lava that leaves: bitwise identical."""
     simulation = stopped(name, device, precision)
     resumed = resumed_from(simulation)
     assert resumed.time == STOP
@@ -154,7 +154,7 @@ def test_room_that_was_made_is_kept(device):
 
 
 def test_older_checkpoints_go_on():
-    """Before there were two sums lava left over the border; before a bound there was none."""
+    """Their one sum of lava that left counts at the border; they had no bound of the speed."""
     checkpoint, run = taken('bare')
     left = checkpoint.arrays['state.left']
     arrays = {**checkpoint.arrays, 'state.left': left.sum(keepdims=True)}
@@ -197,7 +197,7 @@ def test_lava_far_from_its_vents_is_found(device, monkeypatch):
     ],
 )
 def test_each_array_is_needed(scene, array):
-    """Without one of its arrays a checkpoint is refused; with another one it goes on otherwise."""
+    """Without one of its arrays a checkpoint is an error; another array changes the result."""
     checkpoint, run = taken(scene)
     without = {name: values for name, values in checkpoint.arrays.items() if name != array}
     with pytest.raises(LavaError, match=r'checkpoint\.') as refused:
@@ -206,7 +206,7 @@ def test_each_array_is_needed(scene, array):
     values = checkpoint.arrays[array].copy()
     assert values.any()
     if array == 'state.clock':
-        # the step before, which inertia starts from
+        # the previous step, on which inertia depends
         values[1] *= 0.5
     else:
         values = values // 2 if values.dtype.kind == 'i' else 0.5 * values
@@ -222,7 +222,7 @@ def test_checkpoint_from_before_vents_kept_their_sequences_resumes():
     arrays = dict(checkpoint.arrays)
     del arrays['vents.phase'], arrays['vents.downhill']
     volume = arrays.pop('vents.volume')
-    # the particles since the last change of the vents, and the volume in the conduits then
+    # particles since the last change of the vents, and the volume in the conduits then
     released = arrays['vents.released'].copy()
     size = float(np.float32(4.0 * 4.0 * 0.5))
     earlier = (volume / size).astype(np.int32)
@@ -237,7 +237,7 @@ def test_checkpoint_from_before_vents_kept_their_sequences_resumes():
 
 
 def test_frozen_lava_is_inundated_in_a_checkpoint_without_arrival_times():
-    """Written before there were times and maps of its own, it goes on with all its volume."""
+    """A checkpoint without times and maps of its own resumes with all its volume."""
     checkpoint, _ = taken('freezing')
     former = {'arrived.times', 'solidification.placed'}
     arrays = {name: item for name, item in checkpoint.arrays.items() if name not in former}
@@ -251,7 +251,7 @@ def test_frozen_lava_is_inundated_in_a_checkpoint_without_arrival_times():
 
 
 def test_arrays_of_another_scene_are_refused():
-    """A state that does not belong to the effects and the terrain is named."""
+    """The error names a state that does not belong to the effects and the terrain."""
     checkpoint, _ = taken('freezing')
     terrain, particle = checkpoint.scene.terrain, checkpoint.arrays['state.particle']
     small = replace(terrain, elevation=terrain.elevation[:-1])
@@ -269,7 +269,7 @@ def test_arrays_of_another_scene_are_refused():
 
 
 def test_a_checkpoint_changes_nothing(device):
-    """Taking one neither moves the simulation nor is changed by what comes after."""
+    """It neither moves the simulation nor changes with it later."""
     simulation, other = stopped('freezing', device), stopped('freezing', device)
     checkpoint = simulation.checkpoint()
     before = checkpoint.to_bytes()
@@ -280,7 +280,7 @@ def test_a_checkpoint_changes_nothing(device):
 
 
 def test_another_device_goes_on(device):
-    """What was taken on any device goes on on the CPU, with the volume it had."""
+    """A checkpoint of any device resumes on the CPU, with the same volume."""
     simulation = stopped('crust', device)
     resumed = Simulation.resume(simulation.checkpoint(), device='cpu')
     assert resumed.device == 'cpu'

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Effects that are switched on while a simulation runs, and what they are judged by."""
+"""Effects that are switched on while a simulation runs, and the measurements for that."""
 
 from dataclasses import replace
 import math
@@ -19,7 +19,7 @@ from lava_ros.simulation.review import called_for, LONGEST, next_review
 from lava_ros.simulation.selection import decide, Decision
 from slope_scenes import ground, HOUR, LAVA, scene
 
-#: A vent whose lava freezes once it is at rest: its discharge falls to nothing.
+#: A vent whose lava solidifies once it is at rest: its discharge falls to 0.
 COOLING = replace(
     LAVA, arrhenius=0.01, reference_temperature=1360.0, emissivity=0.236, convection=9.45,
     solidus=1143.0, liquidus=1450.0,
@@ -28,19 +28,19 @@ FADING = Vent((100.0, 300.0), [(0.0, 8.0), (1800.0, 1.0), (3600.0, 0.0)], temper
 
 
 def freezing_scene() -> Scene:
-    """A flow that is expected to stay liquid for an hour, and freezes in six."""
+    """Return a flow that is expected to stay liquid for an hour, and solidifies in six."""
     return Scene(ground(10.0), (FADING,), COOLING)
 
 
 @pytest.fixture
 def simulation(device: str) -> Simulation:
-    """Coarse particles, with a horizon that the run is longer than."""
+    """Return coarse particles, with a horizon shorter than the run."""
     accuracy = Accuracy(spacing=12.0, thickness=1.0, deterministic=True)
     return Simulation(freezing_scene(), accuracy=accuracy, device=device, horizon=0.5 * HOUR)
 
 
 def test_lava_that_freezes_later_than_assumed_freezes(simulation: Simulation):
-    """Beyond the horizon effects are judged again; no lava is liquid below its solidus."""
+    """Beyond the horizon effects are reviewed again; no lava is liquid below its solidus."""
     assert 'solidification' not in simulation.effects
     simulation.advance(6.0 * HOUR)
     assert 'solidification' in simulation.effects
@@ -67,7 +67,7 @@ def test_what_is_forced_is_not_switched_on(device: str):
 
 
 def test_a_checkpoint_keeps_the_review(simulation: Simulation, device: str):
-    """Resumed before or after the switch, a run has the same effects from the same time on."""
+    """Resumed before or after the switch, a run has the same effects since the same time."""
     copies = []
     for time in (0.4 * HOUR, 5.0 * HOUR):
         simulation.advance(time, limit=6.0 * HOUR)
@@ -99,7 +99,7 @@ def test_an_effect_whose_reason_has_gone_stays_on(device: str):
 
 
 def test_what_an_effect_that_is_on_excludes_is_not_called_for():
-    """Lateral stress is not, beside inertia; without it, it is, unless it is on already."""
+    """Lateral stress is not with inertia on; without it, it is, unless it is on already."""
     lateral = Decision('helmholtz', EFFECTS['helmholtz'], 0.5, True)
     assert called_for([lateral], Effects(inertia=True)) == []
     assert called_for([lateral], Effects(helmholtz=True)) == []
@@ -108,7 +108,7 @@ def test_what_an_effect_that_is_on_excludes_is_not_called_for():
 
 
 def test_reviews_change_no_step(device: str):
-    """A run that is reviewed and switches nothing on has the bits of one that is not."""
+    """A reviewed run that switches nothing on is bitwise identical to one without reviews."""
     plain = replace(scene(ground(10.0)), lava=replace(LAVA, solidus=900.0, emissivity=0.9))
     accuracy = Accuracy(spacing=12.0, thickness=1.0, deterministic=True)
     reviewed = Simulation(plain, accuracy=accuracy, device=device, horizon=HOUR)
@@ -124,7 +124,7 @@ def test_reviews_change_no_step(device: str):
 
 
 def test_reviews_are_due_at_times_of_their_own():
-    """They get rarer, never farther apart than a part of the horizon, whenever one asks."""
+    """They become rarer, up to a fraction of the horizon, whenever one asks."""
     times = [0.0]
     while times[-1] < 3.0:
         times.append(next_review(times[-1], 1.0))
@@ -162,7 +162,7 @@ def test_measured_scales_are_those_of_the_flow(device: str):
 
 
 def test_without_lava_nothing_is_measured(device: str):
-    """A vent that has not opened yet has no numbers, and the run goes on."""
+    """A vent that has not opened yet has no numbers, and the run continues."""
     later = Vent((100.0, 300.0), [(0.0, 0.0), (1000.0, 5.0)])
     simulation = Simulation(
         replace(freezing_scene(), vents=(later,)), device=device, horizon=HOUR,
@@ -175,7 +175,7 @@ def test_without_lava_nothing_is_measured(device: str):
 
 @pytest.mark.parametrize('turns', range(4))
 def test_the_width_is_the_shortest_chord(turns: int):
-    """Of a strip in eight directions, of a disc, and of strips that cross."""
+    """The width of a strip in eight directions, of a disc, and of strips that cross."""
     wet = np.zeros((60, 80), dtype=bool)
     wet[20:27, 5:75] = True
     found = measure_widths(np.rot90(wet, turns), 2.0)
@@ -193,7 +193,7 @@ def test_the_width_is_the_shortest_chord(turns: int):
 
 
 def test_the_measured_resolution_is_that_of_the_flow(device: str):
-    """Particles across it are its width over their distance where it is as thick as it is."""
+    """Particles across it are its width over their spacing at its actual thickness."""
     valley = scene(ground(5.0, 0.2))
     simulation = Simulation(valley, device=device, horizon=HOUR)
     expected = simulation.resolution

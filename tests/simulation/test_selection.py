@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is chosen for a scene: particle spacing from the width of the flow, and effects."""
+"""Choices for a scene: particle spacing from the width of the flow, and effects."""
 
 from dataclasses import replace
 import math
@@ -29,12 +29,12 @@ from lava_ros.simulation.selection import decide, effects_for, expected_scales, 
 from slope_scenes import ground, HOUR, LAVA, scene
 from solver import incline
 
-#: Lava that nothing but its weight and its viscosity moves.
+#: Lava that only moves by its weight and viscosity.
 PLAIN = Lava(viscosity=1e5, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
 
 def test_the_spacing_follows_the_width():
-    """So many particles across at a refinement of 1, and finer with it."""
+    """The number of particles across is fixed at a refinement of 1, and grows with it."""
     valley = scene(ground(5.0, 0.2))
     width = course_of(valley, horizon=HORIZON).width
     for refinement in (0.5, 1.0, 2.0):
@@ -51,7 +51,7 @@ def test_the_spacing_follows_the_width():
 
 
 def test_the_edges_of_a_wide_flow_are_resolved():
-    """A sheet has more particles across: so many thicknesses apart."""
+    """A sheet has more particles across: their spacing is limited in thicknesses."""
     wide = scene(ground(5.0))
     course = course_of(wide, horizon=HOUR)
     assert course.width > ACROSS * EDGES * course.thickness
@@ -72,7 +72,7 @@ def test_the_volume_of_particles_follows_the_expected_thickness():
 
 
 def test_particles_are_bounded():
-    """What the horizon brings is at most so many particles, and that is said."""
+    """The particles of the horizon are limited in number, and the limit is reported."""
     flood = scene(ground(5.0, 0.1), 10.0)
     found = resolution_of(flood, Accuracy(), horizon=1e8)
     count = 1e9 / (found.spacing**2 * found.thickness)
@@ -92,7 +92,7 @@ def test_what_is_given_is_kept():
 
 
 def test_without_a_discharge_cells_decide():
-    """Nothing is known of the flow then."""
+    """Nothing is known about the flow then."""
     for vents in ((), (Vent((100.0, 300.0), 0.0),)):
         found = resolution_of(Scene(ground(5.0), vents, LAVA), Accuracy(refinement=2.0))
         assert (found.spacing, found.limit) == (2.5, 'cells')
@@ -114,12 +114,12 @@ def test_the_expected_error_has_parts():
 
 
 def slope(angle, cell=10.0):
-    """A terrain that falls by an angle in degrees."""
+    """Return a terrain that falls by an angle in degrees."""
     return incline(math.tan(math.radians(angle)), 40, 40, cell)
 
 
 def switched_on(scene, **arguments):
-    """Names of the effects that are chosen."""
+    """Return the names of the chosen effects."""
     return set(effects_for(scene, **arguments))
 
 
@@ -142,7 +142,7 @@ def switched_on(scene, **arguments):
     ],
 )
 def test_each_effect_follows_its_number(angle, changes, expected):
-    """What the material or the terrain brings with it is switched on, and nothing else."""
+    """Effects that the material or the terrain requires are switched on, and nothing else."""
     assert switched_on(Scene(slope(angle), lava=replace(PLAIN, **changes))) == expected
 
 
@@ -193,7 +193,7 @@ def test_overrides_win_and_are_checked():
 
 
 def test_of_those_that_exclude_each_other_one_is_on():
-    """A forced effect wins; what yields says to whom."""
+    """A forced effect wins; the other decision names it."""
     fluid = Scene(slope(3.0), lava=replace(PLAIN, viscosity=30.0))
     close = Accuracy(spacing=0.1)
     assert switched_on(fluid, accuracy=close) == {'inertia'}

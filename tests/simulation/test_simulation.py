@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulation as its users see it: volume, vents, terrain, refusals."""
+"""The simulation from a user's view: volume, vents, terrain, errors."""
 
 from contextlib import nullcontext
 import logging
@@ -23,19 +23,19 @@ EXACT = {'device': 'cpu', 'precision': 'float64'}
 
 
 def hillside(rows=60, columns=90):
-    """A plane that falls towards +x."""
+    """Return a plane that falls towards +x."""
     return incline(0.2, rows, columns, 10.0, top=1000.0)
 
 
 def eruption(device='cpu', *vents, terrain=None, **options):
-    """A simulation on the hillside with one strong vent unless others are given."""
+    """Return a simulation on the hillside with one strong vent by default."""
     vents = vents or (Vent((150.0, 300.0), 20.0, radius=15.0),)
     knobs = {'spacing': 6.0, **options}
     return simulated(terrain or hillside(), LAVA, *vents, device=device, **knobs)
 
 
 def test_five_lines_simulate_a_flow(device):
-    """The way the README shows: lava appears, is thick, hot and on the terrain; it flows down."""
+    """As in the README: lava appears, is thick, hot and on the terrain; it flows down."""
     simulation = eruption(device)
     simulation.advance(300.0)
     early = simulation.sample().position.mean(axis=0)
@@ -112,7 +112,7 @@ def test_changing_vents_loses_nothing():
 
 
 def test_room_grows_with_the_flow(device):
-    """More particles than there is room for at first: none is lost."""
+    """With more particles than the initial capacity none is lost."""
     vent = Vent((150.0, 300.0), 500.0, radius=50.0)
     simulation = eruption(device, vent, spacing=3.0, thickness=1.0, longest_step=100.0)
     simulation.advance(150.0)
@@ -136,7 +136,7 @@ def test_replacing_the_terrain_keeps_the_lava_in_place(device):
 
 
 def test_lava_on_a_hole_leaves(device):
-    """Cells without data swallow what reaches them, and it is counted."""
+    """Lava that reaches cells without data leaves, and is counted."""
     terrain = hillside()
     elevation = terrain.elevation.copy()
     elevation[:, 25:27] = np.nan
@@ -150,7 +150,7 @@ def test_lava_on_a_hole_leaves(device):
 
 
 def test_refused_changes_leave_the_simulation_as_it_was():
-    """A vent off the map, a terrain that lacks a vent: an error, and everything goes on."""
+    """A vent off the map, a terrain that lacks a vent: an error, and the simulation continues."""
     simulation = eruption()
     simulation.advance(60.0)
     scene, volume = simulation.scene, simulation.budget()
@@ -218,7 +218,7 @@ def test_runs_are_identical_to_the_bit(device, deterministic):
     [
         ({'precision': 'float32'}, {'precision': 'float64'}, 2e-3),
         ({'device': 'cpu'}, {}, 2e-3),
-        # the deterministic order gives the same sums but for rounding
+        # the deterministic order gives the same sums except for rounding
         (EXACT, {**EXACT, 'deterministic': True}, 1e-6),
     ],
     ids=['precision', 'device', 'order'],
@@ -244,7 +244,7 @@ def test_nothing_to_do_is_no_error(device):
 
 
 def test_effects_change_while_lava_flows(device):
-    """Forced effects and the horizon choose anew; the flow, its volume and time go on."""
+    """Forced effects and the horizon renew the choice; flow, volume and time continue."""
     simulation = eruption(device)
     simulation.advance(300.0)
     held = simulation.budget().held
@@ -263,7 +263,7 @@ def test_effects_change_while_lava_flows(device):
 
 
 def test_refused_effects_leave_those_that_are_on():
-    """Neither the effects nor what they are chosen by changes."""
+    """Neither the effects nor the inputs of their choice change."""
     simulation = eruption(effects={'steep': False})
     before = simulation.effects
     for forced, options in (
@@ -279,7 +279,7 @@ def test_refused_effects_leave_those_that_are_on():
 
 @pytest.mark.parametrize('fails', [False, True])
 def test_what_warp_writes_is_logged(fails, monkeypatch, caplog, capfd):
-    """Its library writes to stderr, why it fails too; what others write there stays there."""
+    """Output of its library to stderr is logged, also if it fails; other output stays there."""
 
     def start():
         os.write(2, b'Warp CUDA warning: no driver\n[INFO] [lava]: of another thread\n')

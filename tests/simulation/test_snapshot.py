@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a simulation shows: the account of its volume, snapshots on their way, and their flaws.
+"""Outputs of a simulation: volume budget, snapshots in progress, and their flaws.
 
-The account is complete, the same to diagnostics and back, and plain to people. Snapshots that are
-copied while the next steps run are of one moment, and the caller's alone. What is no number any
-more shows as a flaw, never as dry ground.
+The budget is complete, survives diagnostics unchanged, and is plain to people. Snapshots that are
+copied while the next steps run show one moment, and belong to the caller alone. NaN shows as a
+flaw, never as dry ground.
 """
 
 from dataclasses import replace
@@ -26,7 +26,7 @@ from lava_ros.simulation.diagnostics import FlowDiagnostics, moment_of
 from lava_ros.simulation.snapshot import Snapshot, StepReport
 from solver import incline, only, simulated
 
-#: A hole that has taken most of an eruption, as it is at its end.
+#: Budget after a hole has taken most of an eruption.
 SWALLOWED = VolumeBudget(324_000.0, 18_398.0, 0.4, 305_602.0, in_holes=305_500.0)
 
 VENTS = (Vent((60.0, 155.0), 20.0), Vent((160.0, 155.0), 5.0))
@@ -35,13 +35,13 @@ COLUMNS = {'x': 0, 'y': 1, 'volume': 2, 'temperature': 3}
 
 
 def valley():
-    """A plane with a valley along its middle, shape [30, 40]."""
+    """Return a plane with a valley along its middle, shape [30, 40]."""
     y, x = np.mgrid[0:30, 0:40]
     return 500.0 - x + 0.05 * (y - 15.0) ** 2
 
 
 def test_parts_add_up_to_what_was_emitted():
-    """Each cubic metre is told in one place, late ones in two."""
+    """Each cubic metre counts in one place, overdue ones in two."""
     budget = VolumeBudget(100.0, 40.0, 10.0, 25.0, frozen=35.0, late=8.0, in_holes=20.0)
     told = {name: value.removesuffix(' m3') for name, value in budget.rows()}
     assert told == {
@@ -59,7 +59,7 @@ def test_parts_add_up_to_what_was_emitted():
 
 
 def test_lava_that_is_gone_is_told_and_warned_of():
-    """An error of 0 says that it is accounted for, not that it is on the map."""
+    """An error of 0 means that lava is accounted for, not that it is on the map."""
     assert SWALLOWED.error == 0.0
     assert 'left into cells without data 305,500.0 m3' in SWALLOWED.text()
     (warning,) = SWALLOWED.warnings()
@@ -79,13 +79,13 @@ def test_lava_that_is_gone_is_told_and_warned_of():
     ],
 )
 def test_warnings(budget, phrase):
-    """Each thing that a reader has to know is one phrase."""
+    """Each warning is one phrase."""
     (warning,) = budget.warnings()
     assert warning.startswith(phrase)
 
 
 def test_there_and_back():
-    """What diagnostics say is read as it was; what an older recording lacks counts as nothing."""
+    """Values from diagnostics are read unchanged; missing ones in older recordings count as 0."""
     assert VolumeBudget.from_texts(SWALLOWED.texts()) == SWALLOWED
     old = {f'volume_{name}_m3': '1.0' for name in ('emitted', 'held', 'left')}
     assert VolumeBudget.from_texts(old) == VolumeBudget(1.0, 1.0, 0.0, 1.0)
@@ -94,12 +94,12 @@ def test_there_and_back():
 
 
 def test_a_flow_of_any_size_is_told():
-    """On a table it is litres."""
+    """Laboratory flows are given in litres."""
     assert VolumeBudget(8.17e-4, 8.17e-4, 0.0, 0.0).rows()[1] == ('flowing', '0.000817 m3')
 
 
 def flow(device):
-    """Lava that comes down a valley with a hole in it, the same to the bit each time."""
+    """Return lava in a valley with a hole in it, bitwise identical each time."""
     ground = valley()
     ground[3:6, 20:30] = np.nan
     scene = Scene(Terrain(ground, 10.0), VENTS, lava=Lava())
@@ -108,14 +108,14 @@ def flow(device):
 
 
 def as_bytes(snapshot):
-    """All that a snapshot says."""
+    """Return all values of a snapshot."""
     grids = (snapshot.thickness, snapshot.temperature, snapshot.frozen)
     numbers = (snapshot.time, snapshot.budget, snapshot.particle_count, snapshot.steps)
     return [grid.tobytes() for grid in grids], numbers
 
 
 def test_a_begun_snapshot_is_of_its_moment(device):
-    """It is what a snapshot would have been; what comes before its result does not show."""
+    """It equals a direct snapshot; later changes before its result do not show."""
     one, other = flow(device), flow(device)
     for time in (60.0, 120.0):
         one.advance(time)
@@ -133,7 +133,7 @@ def test_a_begun_snapshot_is_of_its_moment(device):
 
 
 def test_snapshots_that_are_kept_stay_as_they_are(device):
-    """However many there are: memory is used again only when nobody has an array of it."""
+    """For any number of them: memory is reused only when no array refers to it."""
     simulation = flow(device)
     kept, copies = [], []
     for number in range(6):
@@ -153,7 +153,7 @@ def test_snapshots_that_are_kept_stay_as_they_are(device):
 
 
 def test_memory_is_used_again(device):
-    """In the long run a GPU's copies come to the same places, and few of them are page-locked."""
+    """In the long run a GPU's copies reuse the same memory, and few of them are page-locked."""
     array = wp.array(np.arange(8.0), dtype=wp.float64, device=device)
     reader, places = Reader(array.device), []
     for number in range(20 if array.device.is_cuda else 2):
@@ -172,7 +172,7 @@ def test_memory_is_used_again(device):
 
 
 def test_launches_under_way_change_nothing(monkeypatch):
-    """One that is launched before the last one is looked at: the same times, steps and lava.
+    """Launches made before the previous ones are read: the same times, steps and lava.
 
     There is more lava than there was room for at the start, and it comes far. Cells are laid
     around it at other stages, but before it is there.
@@ -203,7 +203,7 @@ def test_launches_under_way_change_nothing(monkeypatch):
 
 
 def test_volumes_are_summed_where_they_are(device):
-    """The sum is that of the particles that there are, of all numbers from none on."""
+    """The sum is that of the existing particles, for any number of them including 0."""
     simulation = flow(device)
     for time in (0.0, 60.0, 600.0):
         simulation.advance(time)
@@ -221,7 +221,7 @@ def test_volumes_are_summed_where_they_are(device):
 
 @pytest.fixture
 def sound(device):
-    """Lava that has come a little way."""
+    """Return lava that has flowed a little way."""
     simulation = simulated(Terrain(valley(), 10.0), Lava(), VENTS[0], device=device)
     simulation.advance(120.0)
     assert simulation.snapshot().flaw() == ''
@@ -229,7 +229,7 @@ def sound(device):
 
 
 def spoil(simulation, column, value):
-    """Give a particle another number in a column."""
+    """Replace a value of a particle."""
     rows = simulation._state.particle.numpy()
     rows[3, column] = value
     simulation._state.particle.assign(rows)
@@ -238,7 +238,7 @@ def spoil(simulation, column, value):
 @pytest.mark.parametrize('value', [np.nan, np.inf])
 @pytest.mark.parametrize('name', COLUMNS)
 def test_a_broken_particle_shows(sound, name, value):
-    """One particle that is no number any more spoils the snapshot, at once and later on."""
+    """One particle with NaN spoils the snapshot, at once and later on."""
     spoil(sound, COLUMNS[name], value)
     assert sound.snapshot().flaw()
     sound.advance(150.0, wall_limit=5.0)
@@ -246,7 +246,7 @@ def test_a_broken_particle_shows(sound, name, value):
 
 
 def test_a_particle_flung_far_away_has_left(sound):
-    """Far away is a place: what is there has left, its volume is accounted for, nothing is odd."""
+    """Such a particle has left, its volume is accounted for, and there is no flaw."""
     spoil(sound, COLUMNS['x'], 1e30)
     sound.advance(150.0, wall_limit=5.0)
     assert sound.snapshot().flaw() == ''
@@ -254,7 +254,7 @@ def test_a_particle_flung_far_away_has_left(sound):
 
 
 def test_lava_around_a_broken_particle_is_not_dry(sound):
-    """Cells whose sum is no number are no number on the map, not 0."""
+    """Cells whose sum is NaN are NaN on the map, not 0."""
     before = sound.snapshot().thickness
     spoil(sound, COLUMNS['volume'], np.nan)
     after = sound.snapshot().thickness
@@ -263,7 +263,7 @@ def test_lava_around_a_broken_particle_is_not_dry(sound):
 
 
 def snapshot():
-    """A snapshot without lava, with one cell without data."""
+    """Return a snapshot without lava, with one cell without data."""
     elevation = np.zeros((4, 5))
     elevation[0, 0] = np.nan
     thickness = np.zeros((4, 5), np.float32)
@@ -280,7 +280,7 @@ def snapshot():
 
 
 def spoilt(**cells):
-    """The same with values put into cell (1, 2) of its arrays."""
+    """Return that snapshot with values put into cell (1, 2) of its arrays."""
     good = snapshot()
     arrays = {name: getattr(good, name).copy() for name in cells}
     for name, value in cells.items():
@@ -289,7 +289,7 @@ def spoilt(**cells):
 
 
 def test_a_sound_snapshot_has_no_flaw():
-    """Unknown ground and dry cells without temperature are as they should be."""
+    """Unknown ground and dry cells without temperature are not flaws."""
     assert snapshot().flaw() == ''
     assert spoilt(thickness=0.5, temperature=1300.0).flaw() == ''
 
@@ -309,5 +309,5 @@ def test_a_sound_snapshot_has_no_flaw():
     ],
 )
 def test_flaws_are_named(broken, words):
-    """Each says what is wrong and in how many cells."""
+    """Each flaw states its kind and the number of cells."""
     assert words in broken().flaw()

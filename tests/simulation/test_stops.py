@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""However often a flow is looked at on its way, its last bit is the same."""
+"""However often a flow is observed on its way, its result is bitwise identical."""
 
 from dataclasses import asdict, replace
 from functools import lru_cache
@@ -36,7 +36,7 @@ SCENES = {
     'merging': (COOLING, Effects(merging=True, solidification=True)),
 }
 
-#: The second one opens later and higher up, on lava that may have frozen.
+#: The second one opens later and higher up, on lava that may have solidified.
 VENTS = (
     Vent((95.0, 150.0), ((0.0, 30.0), (100.0, 5.0), (300.0, 60.0)), radius=12.0),
     Vent((60.0, 140.0), ((210.0, 8.0),), end=(80.0, 170.0), radius=4.0),
@@ -44,7 +44,7 @@ VENTS = (
 
 
 def hill(rise=0.0):
-    """A rough slope towards +x that lava runs off, with a hole that it falls into."""
+    """Return a rough slope towards +x with a hole, down which lava runs off the map."""
     x, y = np.meshgrid(np.arange(28) * 10.0, np.arange(30) * 10.0)
     height = 900.0 - 0.25 * x + 3.0 * np.sin(x / 17.0) * np.cos(y / 23.0) + rise * (y > 160.0)
     height[14:16, 16:18] = np.nan
@@ -52,7 +52,7 @@ def hill(rise=0.0):
 
 
 def begun(name, device):
-    """An eruption before its first step."""
+    """Return an eruption before its first step."""
     lava, effects = SCENES[name]
     return Simulation(
         Scene(hill(), VENTS, lava),
@@ -63,8 +63,8 @@ def begun(name, device):
 
 
 def result_of(simulation):
-    """Everything that later steps and maps depend on, by name, without what idle stages write."""
-    # whoever has left or frozen is dropped, and all are in the order of their cells
+    """Return everything that later steps and maps depend on, by name."""
+    # drops particles that have left or solidified, and sorts the rest by their cells
     simulation.sample()
     clock, counts = simulation._state.read_clock()
     checkpoint = simulation.checkpoint()
@@ -80,19 +80,19 @@ def result_of(simulation):
 
 @lru_cache
 def without_stops(name, device):
-    """The same of a run that is not stopped."""
+    """Return those values of a run that is not stopped."""
     simulation = begun(name, device)
     simulation.advance(END)
     return result_of(simulation)
 
 
 def stops(count):
-    """So many times up to the end, evenly."""
+    """Return evenly spaced times up to the end."""
     return [END * (number / count) for number in range(1, count + 1)]
 
 
 def looked_at(simulation, count):
-    """Take looks as a forecast does, in parts that end wherever they do."""
+    """Observe as a forecast does, in parts that end anywhere."""
     looking = Looking(simulation, stops(count), threshold=0.1, max_particles=None)
     while not looking.is_done:
         looking.advance(wall_limit=0.01)
@@ -100,7 +100,7 @@ def looked_at(simulation, count):
 
 
 def looked_at_in_a_batch(simulation, count):
-    """Take looks as the members of an ensemble do."""
+    """Observe as the members of an ensemble do."""
     looking = Looking(simulation, stops(count), threshold=0.1, max_particles=None)
 
     def route():
@@ -112,12 +112,12 @@ def looked_at_in_a_batch(simulation, count):
 
 
 def resumed(simulation):
-    """The simulation of a checkpoint's bytes."""
+    """Return the simulation of a checkpoint's bytes."""
     data = simulation.checkpoint().to_bytes()
     return Simulation.resume(from_bytes(data), device=simulation.device)
 
 
-#: What is done at a stop.
+#: Actions at a stop.
 READINGS = {
     'snapshots': lambda simulation: simulation.snapshot(),
     'pending snapshots': lambda simulation: simulation.begin_snapshot().result(),
@@ -140,7 +140,7 @@ def read_out(simulation, count, reading):
 
 
 def assert_same(found, expected):
-    """Fail on the names of what is not the same to the bit."""
+    """Fail with the names of values that are not bitwise identical."""
     assert found.keys() == expected.keys()
     assert [name for name in expected if found[name].tobytes() != expected[name].tobytes()] == []
 
@@ -160,7 +160,7 @@ def kinds_of_stops():
 
 @pytest.mark.parametrize(('name', 'kind'), list(kinds_of_stops()))
 def test_stops_do_not_change_the_flow(name, kind, device):
-    """Particles, what has frozen and when lava came are those of a run without a stop."""
+    """Particles, solidified lava and arrival times equal those of a run without a stop."""
     ways = {'looks': looked_at, 'looks in a batch': looked_at_in_a_batch}
     expected = without_stops(name, device)
     for count in OUTPUTS:
@@ -176,7 +176,7 @@ def test_stops_do_not_change_the_flow(name, kind, device):
 
 @pytest.mark.parametrize('name', SCENES)
 def test_maps_do_not_change_the_flow(name, device, tmp_path):
-    """Nor do those of a hindcast, of which the ground changes and which is interrupted."""
+    """The same holds for maps of a hindcast whose ground changes and which is interrupted."""
     lava, effects = SCENES[name]
     case = Case(
         name='hill', title='', source='', scene=Scene(hill(), VENTS, lava), material=None,
@@ -214,7 +214,7 @@ def test_a_step_may_not_pass_its_limit():
 
 
 def test_a_vent_that_opens_later_counts_as_without_stops(device):
-    """The bound on the fall of lava has its ground before lava froze there, also when resumed."""
+    """The bound on the fall of lava has the ground from before lava solidified, also resumed."""
     vents = Vent((150.0, 150.0), 30.0, radius=12.0), Vent((170.0, 150.0), ((350.0, 8.0),))
     simulation = Simulation(
         Scene(Terrain(np.zeros((30, 30)), 10.0), vents, replace(COOLING, convection=1000.0)),

@@ -21,7 +21,7 @@ GROUND = Terrain(np.tile(-0.5 * np.arange(140.0), (180, 1)), 5.0)
 
 LAVA = Lava(viscosity=1e5, emissivity=0.0, convection=0.0)
 
-#: Particles that come out in a run: the half is under way when it ends.
+#: Number of particles emitted in a run: half of them are still moving at the end.
 COUNT = 200.5
 
 MIDDLE = Vent((205.0, 455.0), 1.0, temperature=1400.0, radius=20.0)

@@ -21,7 +21,7 @@ CELLS, COUNT, LEFT = 12, 40, 5
 
 
 def sampled(terrain, points, device='cpu', *, of='gradient_at', kind=wp.vec2d):
-    """Gradients, or another function of the ground, at points given relative to its centre."""
+    """Return gradients, or another function of the ground, at points relative to its centre."""
     staggered = StaggeredTerrain(terrain, 'float64', device)
     function = getattr(terrain_functions(wp.float64), of)
 
@@ -44,14 +44,14 @@ def sampled(terrain, points, device='cpu', *, of='gradient_at', kind=wp.vec2d):
 
 
 def plane(rows=6, columns=9, resolution=4.0):
-    """Z = 0.3 x - 0.2 y on cells of 4 m."""
+    """Return z = 0.3 x - 0.2 y on cells of 4 m."""
     x = (np.arange(columns) + 0.5) * resolution
     y = (np.arange(rows) + 0.5) * resolution
     return Terrain(0.3 * x[None, :] - 0.2 * y[:, None], resolution)
 
 
 def places_on(terrain, count=200, seed=1):
-    """Random places on a terrain, relative to its centre."""
+    """Return random places on a terrain, relative to its centre."""
     x0, y0, x1, y1 = terrain.extent
     half = 0.5 * np.array([x1 - x0, y1 - y0])
     return np.random.default_rng(seed).uniform(-half, half, (count, 2))
@@ -128,7 +128,7 @@ def test_bend_is_the_largest_curvature_of_the_surface(device):
 
 
 def ordered(device, real, cell, rank, *, again):
-    """Volumes of particles 1, 2, ... as they are ordered, and how many there are said to be."""
+    """Return volumes of particles 1, 2, ... in their order, and the stated number of them."""
     *_, order_particles, _, list_members = _kernels(
         real, False, False, False, False, again
     )
@@ -137,7 +137,7 @@ def ordered(device, real, cell, rank, *, again):
     starts = np.concatenate([[0], np.cumsum(sizes)])
     rows = np.ones((count + SPARE, 4))
     rows[:count, 2] = 1 + np.arange(count)
-    # what has left may be no number any more
+    # a particle that has left may be NaN
     rows[:count][cell == CELLS] = np.nan
     way, cells = arguments_type(real)(), cell_frame(real)()
     cells.rows, cells.columns = 1, CELLS
@@ -166,7 +166,7 @@ def ordered(device, real, cell, rank, *, again):
 
 
 def test_members_whose_lava_freezes_share_the_ground_below(device):
-    """Each has heights of its own on top; what was there before is on the device once."""
+    """Each has its own heights on top; the ground below is on the device once."""
     terrain = plane()
     one, other = (StaggeredTerrain.shared(terrain, 'float32', device).own() for _ in range(2))
     assert one.bare is other.bare
@@ -175,7 +175,7 @@ def test_members_whose_lava_freezes_share_the_ground_below(device):
 
 
 def some_cells(seed):
-    """Cells of particles, some of which have left, and ranks in them in any order."""
+    """Return cells of particles, some of which have left, and ranks in them in any order."""
     random = np.random.default_rng(seed)
     cell = random.integers(0, CELLS, COUNT)
     cell[random.permutation(COUNT)[:LEFT]] = CELLS
@@ -188,7 +188,7 @@ def some_cells(seed):
 
 @pytest.mark.parametrize('real', REAL.values(), ids=REAL)
 def test_particles_rank_by_their_numbers(device, real):
-    """However they came into their cells, in a deterministic run on a GPU."""
+    """In a deterministic run on a GPU, the order of arrival in a cell does not matter."""
     for seed in range(10):
         cell, rank = some_cells(seed)
         volumes, count = ordered(device, real, cell, rank, again=True)
@@ -198,7 +198,7 @@ def test_particles_rank_by_their_numbers(device, real):
 
 
 def test_what_has_left_leaves_no_numbers_behind(device):
-    """Sums go on over the end of the last row: there are zeros, whatever was there."""
+    """Sums read past the end of the last row, which must contain zeros."""
     for again in (False, True):
         cell, rank = some_cells(3)
         volumes, count = ordered(device, wp.float32, cell, rank, again=again)

@@ -23,7 +23,7 @@ VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
 
 
 def flow(*vents: Vent, **accuracy: object) -> Simulation:
-    """Vents on level ground, particles of 1 m3."""
+    """Return vents on level ground, with particles of 1 m3."""
     scene = Scene(Terrain(np.zeros((50, 50)), 2.0), vents, Lava(viscosity=1e4, arrhenius=0.0))
     knobs = Accuracy(spacing=1.0, thickness=1.0, **accuracy)
     return Simulation(scene, accuracy=knobs, device='cpu')
@@ -32,7 +32,7 @@ def flow(*vents: Vent, **accuracy: object) -> Simulation:
 def vent_set(
     *vents: Vent, slope: float = 0.0, spacing: float = 1.0, symmetric: bool = False
 ) -> VentSet:
-    """Lay out vents on ground that rises to the east, particles of 1 m3."""
+    """Return vents on ground that rises to the east, with particles of 1 m3."""
     ground = Terrain(np.tile(slope * 2.0 * np.arange(50.0), (50, 1)), 2.0)
     accuracy = Accuracy(spacing=spacing, thickness=1.0, symmetric=symmetric)
     before = Emission.of_new_vents(len(vents))
@@ -40,10 +40,10 @@ def vent_set(
 
 
 def test_parts_of_a_stage_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lava comes out whole however short the parts are, each of them one stage."""
+    """All lava is emitted even if each part is one stage."""
     monkeypatch.setattr(simulation_module, '_FIRST_CAPACITY', 64)
     ticks = count()
-    # a second goes by between two looks at the clock
+    # a second passes between two readbacks of the clock
     clock = SimpleNamespace(monotonic=lambda: float(next(ticks)))
     monkeypatch.setattr(simulation_module, 'wall_clock', clock)
     simulation = flow(VENT)
@@ -57,7 +57,7 @@ def test_parts_of_a_stage_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_lava_that_finds_no_room_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The budget says so: nothing is unaccounted for."""
+    """The budget shows it, and nothing is unaccounted for."""
     monkeypatch.setattr(simulation_module, '_FIRST_CAPACITY', 64)
     simulation = flow(VENT)
     monkeypatch.setattr(Simulation, '_make_room', lambda self, counts: None)
@@ -83,7 +83,7 @@ def test_a_discharge_of_too_many_particles_is_refused(discharges: tuple[float, .
 
 
 def test_a_strong_vent_comes_out_in_many_steps() -> None:
-    """What a step brings is bounded, and so is the memory that is asked for."""
+    """The emission in a step is limited, and so is the allocated memory."""
     simulation = flow(Vent((50.0, 50.0), 0.9 * MOST_A_SECOND, radius=1e5))
     simulation.advance(2.0)
     budget = simulation.budget()
@@ -157,7 +157,7 @@ NARROW = {
 def test_lava_comes_out_where_it_could_have_flowed(name: str, symmetric: bool) -> None:
     """Not beyond the map, on a hole, behind a ridge or on a cliff, however wide a particle is."""
     terrain, vent, most = NARROW[name]
-    # lava that does not move stays where it has come out
+    # lava that does not move stays where it was emitted
     lava = Lava(viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
     simulation = Simulation(
         Scene(terrain, (vent,), lava), effects=Effects(), device='cpu',
@@ -170,7 +170,7 @@ def test_lava_comes_out_where_it_could_have_flowed(name: str, symmetric: bool) -
     assert budget.left == 0.0 and budget.error < 1e-6 and budget.pending < 1e-3
     assert terrain.covered(sample.position).all()
     assert sample.position[:, 0].max() <= most
-    # still spread over the ground that there is
+    # still spread over the available ground
     assert np.ptp(sample.position, axis=0).max() > 5.0
     assert len(np.unique(sample.position, axis=0)) > 50
 
@@ -189,7 +189,7 @@ def test_a_long_discharge_series_becomes_a_table() -> None:
     """Of 300,000 points: to integrate up to each one from the first would take hours."""
     count = 300_000
     vent = Vent((0.0, 0.0), 1.0)
-    # what is validated point by point takes seconds
+    # point by point validation takes seconds
     series = tuple((float(time), float(time % 7)) for time in range(count))
     object.__setattr__(vent, 'discharge', series)
     ground, accuracy = Terrain(np.zeros((3, 3)), 1.0), Accuracy(spacing=1.0)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lateral conduction of heat: what it is on the host. See ``device.py``."""
+"""Lateral conduction of heat, the declaration. See ``device.py`` for the equations."""
 
 import math
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def _reach(scales: 'Scales') -> float:
-    """Distance that heat goes up to the horizon over the distance of particles."""
+    """Return the distance that heat diffuses up to the horizon over the particle spacing."""
     lava = scales.lava
     diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
     return math.sqrt(diffusivity * scales.duration) / scales.spacing
@@ -33,7 +33,7 @@ EFFECT = Effect(
         # rate at which each ordered particle exchanges heat [1/s], its temperature before [K]
         'exchange': Array('real'),
         'warmth': Array('real'),
-        # time since the last exchange, and that of the one at hand, 0 for none [s]
+        # time since the last exchange, and duration of the current one, 0 for none [s]
         'waited': Array('float64', 2, is_saved=True),
     },
     benchmark={'conductivity': 2.0},

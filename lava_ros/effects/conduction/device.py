@@ -4,23 +4,23 @@
 
 """Lateral conduction of heat, rho c h DT/Dt = div(k h grad T).
 
-Over a step that is the screened Poisson equation (1 - kappa dt lap) T = T*, whose Green's
-function is K0(r / sqrt(kappa dt)). A mean weighted by K0, as green.py takes for the velocity,
-fails here: in a step heat comes some millimetres far, and where neighbours are metres apart K0 is
-0 between them. So the equation is taken on the particles, where in almost every scene one Jacobi
-sweep solves it: kappa dt is a millionth of the squared spacing. With the SPH Laplacian of
-Brookshaw (1985), F = -2 W'(r) / r,
+Over a step this is the screened Poisson equation (1 - kappa dt lap) T = T*, whose Green's function
+is K0(r / sqrt(kappa dt)). A mean weighted by K0, as green.py uses for the velocity, fails here: in
+a step heat diffuses some millimetres, and where neighbours are metres apart K0 is 0 between them.
+So the equation is discretized on the particles, where in almost every scene one Jacobi sweep
+solves it: kappa dt is a millionth of the squared spacing. With the SPH Laplacian of Brookshaw
+(1985), F = -2 W'(r) / r,
 
     V_i dT_i/dt = kappa sum_j A_i h_ij A_j F_ij (T_j - T_i),
     A_i h_ij A_j = 2 V_i V_j / (h_i + h_j),
 
-h_ij the harmonic mean. It is the same for j and i, so what one gains the other loses. A step is
-cut into as many sweeps as the longest one calls for; where the sum of a particle's rates r_i is
-larger still, each pair's part is divided by the largest of 1, dt r_i and dt r_j. So a particle's
-new temperature is a mean of its own and its neighbours', for any step.
+h_ij the harmonic mean. It is symmetric in i and j, so heat is conserved. A step is divided into
+the number of sweeps that the longest step requires; where the sum of a particle's rates r_i is
+larger still, each pair's exchange is divided by the largest of 1, dt r_i and dt r_j. So a
+particle's new temperature is a mean of its own and its neighbours', for any step.
 
-In most scenes nothing is exchanged in a step that a float would keep: steps are put together until
-a particle would exchange ``LEAST_SHARE`` of its heat, and only then are the neighbours visited.
+In most scenes the exchange in one step is below rounding: steps are combined until a particle
+would exchange ``MIN_HEAT_FRACTION`` of its heat, and only then are the neighbours visited.
 """
 
 from functools import lru_cache, partial
@@ -41,15 +41,15 @@ from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
-#: Exchange rate of a particle over kappa / l^2 up to which sweeps are counted: an even layer has
-#: 28 with Wendland C2, the integral of F.
+#: Maximum exchange rate of a particle, over kappa / l^2, for the number of sweeps: an even layer
+#: has 28 with Wendland C2, the integral of F.
 LARGEST_RATE = 60.0
 
-#: Share of its heat that a particle would exchange from which it does.
-LEAST_SHARE = 0.01
+#: Minimum fraction of its heat that a particle must exchange for an exchange to take place.
+MIN_HEAT_FRACTION = 0.01
 
-#: Most sweeps in a step; beyond, the exchange is less than the step asks for.
-MOST_SWEEPS = 64
+#: Maximum number of sweeps in a step; beyond it, less heat is exchanged than the step requires.
+MAX_SWEEPS = 64
 
 
 @lru_cache
@@ -65,11 +65,11 @@ def _kernels(
 
     @quick_kernel
     def wait(thread: int, m: arguments_type(real), rate: wp.float64):
-        """Add a step to what has been waited; when that is enough it is the time to exchange."""
+        """Accumulate time; when it suffices, it becomes the duration of an exchange."""
         m.waited[1] = wp.float64(0.0)
         if m.counts[IS_LAST] == 1:
             m.waited[0] = m.waited[0] + m.clock[STEP]
-            if m.waited[0] * rate >= wp.float64(wp.static(LEAST_SHARE)):
+            if m.waited[0] * rate >= wp.float64(wp.static(MIN_HEAT_FRACTION)):
                 m.waited[1] = m.waited[0]
                 m.waited[0] = wp.float64(0.0)
 
@@ -98,7 +98,7 @@ def _kernels(
 
     @quick_kernel
     def exchange_heat(thread: int, m: arguments_type(real), factor: real, share: wp.float64):
-        """Exchange heat over a share of the step."""
+        """Exchange heat over a fraction of the duration."""
         if m.waited[1] == wp.float64(0.0):
             return
         for i in range(thread, m.counts[PARTICLES], threads):
@@ -143,7 +143,7 @@ class AfterStep:
     def __init__(
         self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
     ) -> None:
-        """Prepare for the scene's conductivity and the longest step there can be."""
+        """Prepare for the scene's conductivity and the longest possible step."""
         assert accuracy.spacing is not None
         lava = scene.lava
         square = (accuracy.ratio * accuracy.spacing) ** 2
@@ -152,12 +152,12 @@ class AfterStep:
             _kernels, state.real, accuracy.kernel, accuracy.ratio, state.effects
         )
         norm = smoothing_kernel(accuracy.kernel, state.real, accuracy.ratio).norm
-        # of V_j slope / (h_i + h_j) in the exchange rate with j
+        # factor of V_j slope / (h_i + h_j) in the exchange rate with j
         self._factor = -4.0 * norm * diffusivity / (square * square)
         longest = accuracy.fixed_step or accuracy.longest_step
         self._rate = LARGEST_RATE * diffusivity / square
-        self._sweeps = min(MOST_SWEEPS, max(1, math.ceil(longest * self._rate)))
-        # launches are known by their arguments: a new number would be another launch
+        self._sweeps = min(MAX_SWEEPS, max(1, math.ceil(longest * self._rate)))
+        # launches are cached by their arguments: a new float would be another launch
         self._share = 1.0 / self._sweeps
 
     def apply(self, state: State, way: Any) -> None:

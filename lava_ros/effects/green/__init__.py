@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lateral viscous stress by the Green's function: what it is on the host. See ``device.py``."""
+"""Lateral viscous stress by the Green's function, the declaration. See ``device.py``."""
 
 import math
 

@@ -5,7 +5,7 @@
 
 With u' = h^3 u the depth-averaged balance is lap u' - k^2 u' = b, and its Green's function in the
 plane is -K0(k r) / (2 pi). The velocity is the K0-weighted mean of the driving term b.
-Where the paper's print is inconsistent this is what is computed:
+Where the paper's print is inconsistent, this is computed:
 
 * k = sqrt(5/2) / h (``LATERAL_DRAG``): from 3.37, whose k is sqrt(3/2) / h, with the isotropic
   Newtonian stress tau = 2 mu eps in place of the paper's tau = mu eps and the parabolic profile.
@@ -54,21 +54,22 @@ from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.timestep import pace_type
 
-#: The squared distance within which K0 is that at it, over the area of a particle's own disc: the
-#: mean of ln r over the disc is there. As K0 is convex in ln r, its own mean is no less, and a
+#: The squared distance within which K0 is constant, over the area of a particle's own disc: the
+#: value there is the mean of ln r over the disc. As K0 is convex in ln r, its mean is no less, and
+#: a
 #: neighbour, however near, counts no more than the particle itself: two push each other apart.
 _NEAR = math.exp(-1.0) / math.pi
 
-#: Fewest particles that are worth a part on the CPU: K0 takes as long as three other kernels.
-_LEAST_PART = LEAST_SUMS // 2
+#: Minimum number of particles per part on the CPU: K0 takes as long as three other kernels.
+_MIN_PARTICLES_PER_PART = LEAST_SUMS // 2
 
 
 @lru_cache
 def _sums_function(real: Any, parts: int, is_short: bool) -> Any:
     """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
-    Its first argument is the number of a part, as that of ``sums.sums_function``.
-    Distances are in the units of ``K0Within``, ``least`` the least square of one, ``powers`` what
+    Its first argument is the index of a part, as for ``cells.sums_function``. Distances are in
+    the units of ``K0Within``, ``least`` is the minimum square of one, ``powers`` the values that
     K0 needs of k.
     """
     vec3 = wp.types.vector(3, real)
@@ -115,7 +116,7 @@ def _sums_function(real: Any, parts: int, is_short: bool) -> Any:
                 for n in range(at_once):
                     other = load(source, j + n)
                     size = load_number(area, j + n)
-                    # what comes after the last is of the next row, or nothing
+                    # items after the last belong to the next row, or are past the end
                     sums = added(sums, p, other, size, powers, least, j + n < near[1])
                 j += at_once * unseen_one()
             near = following
@@ -126,7 +127,7 @@ def _sums_function(real: Any, parts: int, is_short: bool) -> Any:
 
 @lru_cache
 def _wide_sums_function() -> Any:
-    """Return the same device function of float32 for a CPU."""
+    """Return the float32 device function of the same sums for a CPU."""
     k0_powers = k0_within(wp.float32).powers
 
     @wp.func_native(
@@ -162,10 +163,10 @@ def _wide_sums_function() -> Any:
 def _velocity_function(
     real: Any, lanes: int, parts: int, is_short: bool, is_wide: bool
 ) -> Any:
-    """Return the device function from a particle's local velocity to its velocity.
+    """Return the device function that computes a particle's velocity from the local ones.
 
     A particle has as many threads as lanes, and only the first one's result counts; its neighbours
-    are summed up in parts.
+    are summed in parts.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
@@ -178,18 +179,18 @@ def _velocity_function(
 
     @wp.func
     def velocity_of(lane: int, here: vec4, p: vec4, own: real, m: arguments_type(real)) -> vec3:
-        """Thickness and velocity."""
+        """Return thickness and velocity."""
         support = m.constants.radius
         height = here[2] / own
         k = real(wp.static(math.sqrt(LATERAL_DRAG))) / height
         powers = powers_of(k * support)
-        # inside its own disc K0 is level
+        # inside the particle's own disc K0 is constant
         unit = real(wp.static(math.sqrt(SQUARED_SUPPORT))) / support
         least = wp.max(own * real(_NEAR) * unit * unit, real(LEAST_SQUARED))
         box = cells_around(m.cells, here[0], here[1], support)
         sums = sums_around(lane, m.source, m.area, m.cells, box, p, powers, least)
         if wp.static(parts > lanes):
-            # in the order in which threads would add up theirs
+            # in the order in which threads would add their sums
             odd = sums_around(1, m.source, m.area, m.cells, box, p, powers, least)
             sums += sums_around(2, m.source, m.area, m.cells, box, p, powers, least)
             sums += odd + sums_around(3, m.source, m.area, m.cells, box, p, powers, least)
@@ -198,7 +199,7 @@ def _velocity_function(
         y = sum_up(sums[2])
         # k times the radius of the disc of area V / h
         ka = k * wp.sqrt(own / real(wp.pi))
-        # in place of what it counted as its own neighbour
+        # replaces the weight that it had as its own neighbour
         weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(powers, least)
         weight = wp.max(weight, real(0.0))
         total += weight * own
@@ -267,7 +268,7 @@ def _motion_kernel(
             return
         if wp.static(choose_and_emit is not None):
             wait_for(pace.chosen)
-        # read again: it would take registers from the sums
+        # read again: keeping it would take registers from the sums
         p = load(m.ordered, i)
         u = fallen(vec2(f[1], f[2]), f[0], vec2(p[0], p[1]), m)
         motion(i, p, vec3(f[0], u[0], u[1]), m)
@@ -280,7 +281,7 @@ def move_particles(
 ) -> None:
     """Move the ordered particles over the stage by the Green's function's velocity.
 
-    ``source`` and ``area`` of the state are filled; ``choice`` is chosen and emitted meanwhile.
+    ``source`` and ``area`` of the state must be filled; ``choice`` runs at the same time.
     """
     kernel = _motion_kernel(
         state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion_of(state),
@@ -288,7 +289,8 @@ def move_particles(
     )
     arguments = [choice.pace, choice.outlets, way]
     launch_over(
-        state, kernel, arguments, least=_LEAST_PART, lanes=state.lanes, ahead=choice.threads
+        state, kernel, arguments, least=_MIN_PARTICLES_PER_PART, lanes=state.lanes,
+        ahead=choice.threads,
     )
     neighbors.is_binned = state.bins_in_motion
 
@@ -296,9 +298,9 @@ def move_particles(
 def spread_velocity(state: State, way: Any) -> None:
     """Replace the local velocity in ``state.flow`` by the Green's function's.
 
-    ``source`` and ``area`` of the state are filled; at the kernel's radius it is cut off.
+    ``source`` and ``area`` of the state must be filled; the kernel radius cuts the function off.
     """
     kernel = _velocity_kernel(
         state.real, state.lanes, state.parts, state.is_short, state.is_wide
     )
-    launch_over(state, kernel, [way], least=_LEAST_PART, lanes=state.lanes)
+    launch_over(state, kernel, [way], least=_MIN_PARTICLES_PER_PART, lanes=state.lanes)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lateral viscous stress, solved for: what it is on the host. See ``device.py``."""
+"""Lateral viscous stress by solving an equation, the declaration. See ``device.py``."""
 
 from lava_ros.effects.effect import Array, Effect, footprint_change
 

@@ -6,11 +6,12 @@
 3 mu u / h - 6/5 div(mu h grad u) = -rho g h grad S, or d u / h - div(h grad u) = d u_local / h
 with d = 5/2 (``LATERAL_DRAG``), for a viscosity that varies little over a thickness. On a uniform
 layer its response to sin(q x) is 1 / (1 + q^2 / k^2), k^2 = d / h^2, which the Green's function
-approximates; its natural boundary is free of stress, as the edge of a flow is.
+approximates; its natural boundary is free of stress, like the edge of a flow.
 
-On ``steep`` ground u_local is cos^4 b of what the level gives, so the drag on u is 1 / cos^4 b of
-d / h too: the same weight drives lava. The work of the weight is then that of a positive definite
-matrix, and the energy never grows; with the level's drag neighbours pushed lava up walls.
+On ``steep`` ground u_local is cos^4 b of its value for level ground, so the drag on u is d / h
+over cos^4 b: the driving weight is the same. The work of the weight is then that of a positive
+definite matrix, and the energy never grows; with the drag of level ground neighbours pushed lava
+up walls.
 
 The Laplacian is the SPH one of Brookshaw (1985): with F = -2 W'(r) / r the sum over neighbours of
 A_j h_ij F_ij (u_i - u_j), h_ij the mean thickness. The matrix is symmetric and diagonally
@@ -48,21 +49,21 @@ from lava_ros.simulation.terrain import terrain_functions
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
 
-#: Threads of a block, and blocks that a processor of a GPU must have registers for: a sweep waits
-#: for memory, and the more threads the less.
+#: Threads per block, and blocks for which a GPU processor must have registers: a sweep waits for
+#: memory, and more threads hide the latency.
 _MANY_THREADS = 256, 6
 
-#: The diagonal's share of a row, times this, bounds the eigenvalues from above (Gershgorin).
+#: Upper bound of the eigenvalues of the matrix over its diagonal (Gershgorin).
 LARGEST_EIGENVALUE = 2.0
 
 
 @lru_cache
 def _sums_function(real: Any, kernel: SmoothingKernel, parts: int) -> Any:
-    """Return the device function of the sums over the neighbours of A_j h_ij F_ij and its pull.
+    """Return the device function of the neighbour sums of A_j h_ij F_ij and of its pull.
 
-    Its first argument is the number of a part, as that of ``sums.sums_function``.
-    F is left over ``norm``, ``factor`` and l^4, the pull is that of the velocities u_j - u_i. The
-    particle itself is a neighbour of its own.
+    Its first argument is the index of a part, as for ``cells.sums_function``. F is without
+    ``norm``, ``factor`` and l^4; the pull is the sum weighted by u_j - u_i. The particle is its
+    own neighbour.
     """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
@@ -102,7 +103,7 @@ def _sums_function(real: Any, kernel: SmoothingKernel, parts: int) -> Any:
 
 @lru_cache
 def _wide_sums_function(wide_terms: str) -> Any:
-    """Return the same device function of float32 for a CPU."""
+    """Return the float32 device function of the same sums for a CPU."""
 
     @wp.func_native(
         over_neighbors(f"""
@@ -162,7 +163,7 @@ def _kernels(
 
     @quick_kernel
     def start(i: int, m: arguments_type(real)):
-        """Begin with the local velocity; what a sweep needs of a neighbour lies together."""
+        """Start from the local velocity; store the values that a sweep reads contiguously."""
         if i < m.counts[PARTICLES]:
             p = load(m.ordered, i)
             f = m.flow[i]
@@ -170,7 +171,7 @@ def _kernels(
             m.solution[i] = vec2(f[1], f[2])
             m.correction[i] = vec2()
             if wp.static(is_steep):
-                # the drag of the sweeps is LATERAL_DRAG over this
+                # the drag of the sweeps is LATERAL_DRAG divided by this
                 drags = f[0] * steep(gradient_at(m.ground, p[0], p[1]))
                 m.flow[i] = vec3(drags, f[1], f[2])
 
@@ -183,7 +184,7 @@ def _kernels(
         solution: wp.array(dtype=vec2),
         next_solution: wp.array(dtype=vec2),
     ):
-        """One Chebyshev sweep: the residual over the diagonal, and the momentum of the last."""
+        """Run one Chebyshev sweep: the residual over the diagonal, plus momentum."""
         i = thread // lanes
         lane = thread % lanes
         if i >= m.counts[PARTICLES]:
@@ -194,7 +195,7 @@ def _kernels(
         box = cells_around(m.cells, p[0], p[1], m.constants.radius)
         sums = sums_around(lane, m.layer, solution, m.cells, box, p, u, inverse)
         if wp.static(parts > lanes):
-            # in the order in which threads would add up theirs
+            # in the order in which threads would add their sums
             odd = sums_around(1, m.layer, solution, m.cells, box, p, u, inverse)
             sums += sums_around(2, m.layer, solution, m.cells, box, p, u, inverse)
             sums += odd + sums_around(3, m.layer, solution, m.cells, box, p, u, inverse)
@@ -205,7 +206,7 @@ def _kernels(
         f = m.flow[i]
         scale = real(wp.static(factor)) * inverse * inverse * inverse * inverse
         drag = real(wp.static(LATERAL_DRAG)) / f[0]
-        # it counted as a neighbour of its own
+        # remove its own weight as its own neighbour
         own = terms(p[2] * (p[3] + p[3]), real(0.0), inverse)[1]
         diagonal = drag + scale * (diagonal - own)
         pull = drag * (vec2(f[1], f[2]) - u) + scale * pull
@@ -226,11 +227,11 @@ def _kernels(
 
 @lru_cache
 def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
-    """Momentum and relaxation of each sweep, for thickness and radius [m].
+    """Return momentum and relaxation of each sweep, for thickness and radius [m].
 
     The neighbours' sum over the drag d / h is 28 h^2 / (d l^2) for Wendland C2: the integral of
     F is 28 / l^2. The smallest eigenvalue of the preconditioned matrix is one over one plus that.
-    So many Chebyshev sweeps reduce the error by ``REDUCTION``.
+    The number of Chebyshev sweeps reduces the error by ``REDUCTION``.
     """
     stress_over_drag = 28.0 * thickness**2 / (LATERAL_DRAG * radius**2)
     condition = LARGEST_EIGENVALUE * (1.0 + stress_over_drag)
@@ -250,8 +251,8 @@ def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
 def solve_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
     """Replace the local velocity in ``state.flow`` by the solution of the balance.
 
-    ``state.rates`` is raised to what that velocity allows. Up to ``THICKEST`` times the expected
-    thickness the sweeps converge as far as ``REDUCTION`` says.
+    It raises ``state.rates`` to the limit of that velocity. Up to ``THICKEST`` times the expected
+    thickness the sweeps reduce the error by ``REDUCTION``.
     """
     assert accuracy.spacing is not None and accuracy.thickness is not None
     start, sweep, finish = _kernels(

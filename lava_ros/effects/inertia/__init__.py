@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inertia: what it is on the host. See ``device.py``."""
+"""Inertia, the declaration. See ``device.py`` for the equations."""
 
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _relaxation(scales: 'Scales') -> 'np.ndarray':
-    """Relaxation time rho h^2 / (3 mu) of the speed over the time u covers the run-out h / s."""
+    """Return the relaxation time rho h^2 / (3 mu) over the time to cover h / slope at speed u."""
     columns = scales.columns
     momentum = scales.lava.density * columns.speed * columns.thickness
     return momentum * columns.slope / (3.0 * scales.viscosity)

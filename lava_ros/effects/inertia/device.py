@@ -1,35 +1,36 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inertia: lava has momentum and takes time to reach the speed its weight can drive.
+"""Inertia: lava has momentum and takes time to reach the speed that balances its weight.
 
 Du/Dt = -g grad S - gamma u, gamma = 3 mu / (rho h^2) for Newtonian lava (MODEL.md, section 4).
 
-* Drag. A layer that moves at the speed u bears the stress rho g h s of the slope s on which that
-  speed is the local balance's, u = M(s) s, whatever the law of flow (``rheology.py``). It is taken
-  at the end of a kick of length k: u' = M s with |u'| + k g s = |u + k a|, solved for s. That is
-  u' = (u + k a) / (1 + k gamma) for Newtonian lava; any steady state is the local balance's; and
-  lava with a strength stops, exactly, where k tau_y / (rho h) >= |u + k a|.
-* Time. Velocities are those of the middle of a step (leapfrog, in other words forward-backward: a
-  is -g grad S at the new positions): a kick takes half of the former step and half of this one.
-  What is reported is half a step further, where the positions are. A wave of number q is stable
-  for dt^2 g h q^2 <= 4 + 2 gamma dt, and the largest q^2 W^(q) is the kernel's stiffness. With
-  gamma dt large that is the explicit viscous limit: the drag, though implicit, does not lift it.
+* Drag. A layer that moves at the speed u bears the stress rho g h s of the slope s for which u is
+  the speed of the local balance, u = M(s) s, for any law of flow (``laws.py``). It is evaluated at
+  the end of a kick of length k: u' = M s with |u'| + k g s = |u + k a|, solved for s. This is
+  u' = (u + k a) / (1 + k gamma) for Newtonian lava; any steady state is the local balance; and
+  lava with a yield strength stops, exactly, where k tau_y / (rho h) >= |u + k a|.
+* Time. Velocities belong to the middle of a step (leapfrog, in other words forward-backward: a
+  is -g grad S at the new positions): a kick consists of half of the previous step and half of this
+  one. Reported velocities are half a step later, at the time of the positions. A wave of number q
+  is stable for dt^2 g h q^2 <= 4 + 2 gamma dt, and the largest q^2 W^(q) is the kernel's
+  stiffness. For large gamma dt that is the explicit viscous limit: the implicit drag does not lift
+  it.
 * Bores. Two particles that approach at v = -u_ij . e_ij > 0 exchange momentum as over a wave
   between them, with the limiter of Zhang, Hu & Adams (2017, J. Comput. Phys. 335):
   du_i/dt = -sum_j V_j P_ij grad W_ij, P_ij = v min(``STRENGTH`` v, c) / h, c and h their means of
-  wave speed and thickness. It takes out energy, never momentum; it is of second order in the
-  spacing where the flow is smooth, and nothing where lava spreads.
+  wave speed and thickness. It removes energy, never momentum; it is of second order in the
+  spacing where the flow is smooth, and 0 where lava spreads.
 * Pressure. The energy sum V_i h_i / 2 has a gradient of sum V_j grad W_ij where h is the kernel's
-  sum s; h is that without its excess e = c (V / (s l^2))^p, which makes a term
-  (1 + (p - 1) (e_i + e_j) / 2) of each. Where lava thins out waves would else be too slow.
-* Energy. So the force is the gradient of what is counted as energy, and what is left is that of
-  leapfrog: it conserves an energy that differs from it by parts of (w dt)^2 / 8, w the motion's
-  frequency, and with it the energy swings to and fro. Reported velocities leave out the term of e
-  for the last half of a step: they are exact where that is short.
+  sum s; h is that without its excess e = c (V / (s l^2))^p, which multiplies each term by
+  (1 + (p - 1) (e_i + e_j) / 2). Otherwise waves in thinning lava would be too slow.
+* Energy. So the force is the gradient of the reported energy, and the remaining error is that of
+  leapfrog: it conserves an energy that differs from it by fractions of (w dt)^2 / 8, w the
+  frequency of the motion, with which the reported energy oscillates. Reported velocities omit the
+  term of e for the last half of a step: they are exact where that is short.
 * Steep slopes. On a map the acceleration down a slope b is g tan b cos^2 b: along a wall lava
-  takes as long as its fall does. The drag is that of the layer in ``steep.py``, that
-  of lava which climbs a wall that of a layer as steep as it.
+  takes as long as in free fall. The drag is that of the layer in ``steep.py``; for lava that
+  climbs a wall it is that of a layer as steep as the wall.
 """
 
 from functools import lru_cache
@@ -57,13 +58,13 @@ from lava_ros.simulation.state import (
 )
 from lava_ros.simulation.terrain import terrain_functions
 
-#: Wave speed of the dissipation over the speed of approach, until it reaches c.
+#: Wave speed of the dissipation over the speed of approach, limited by c.
 STRENGTH = 3.0
 
-#: The slope of the drag is solved for to this part of it, in so many iterations at most.
+#: Relative tolerance of the slope of the drag, and maximum number of iterations.
 _CHANGE, _ITERATIONS = 1e-6, 40
 
-#: The excess of a kernel's sum (``kernels.py``) goes with this power of V / (h l^2).
+#: The excess of a kernel's sum (``kernels.py``) is proportional to this power of V / (h l^2).
 _EXCESS_POWERS = {'wendland': 2.5, 'spiky': 1.5}
 
 
@@ -85,7 +86,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
         ground: vec2,
         m: arguments_type(real),
     ) -> vec2:
-        """The velocity after the time in which a slope of 1 changes it by ``fall`` [m/s]."""
+        """Return the velocity after a time in which a slope of 1 changes it by ``fall`` [m/s]."""
         pace = wp.length(velocity)
         weight = m.constants.weight
         if pace == real(0.0) or fall == real(0.0):
@@ -98,7 +99,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
         if wp.static(speed is None):
             mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(m.law, temperature))
         else:
-            # Newton's method from above: the bound of du/ds keeps it there
+            # Newton's method from above: the bound of du/ds keeps it above
             slope = pace / fall
             response = speed(m.law, weight, layer[0], layer[1] * slope, temperature)
             for _ in range(_ITERATIONS):
@@ -131,7 +132,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
 
     @wp.func
     def of_sum(e: real) -> real:
-        """The excess at the sum s, from that at h = s (1 - e_s): e_s = e (1 - e_s)^p."""
+        """Return the excess at the sum s, from that at h = s (1 - e_s): e_s = e (1 - e_s)^p."""
         rest = real(1.0) - e / (real(1.0) + real(power) * e)
         if wp.static(power == 2.5):
             return e * rest * rest * wp.sqrt(rest)
@@ -141,14 +142,14 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
 
     @wp.func
     def share_of(ground: vec2) -> real:
-        """The part of g that acts on a map, cos^2 b."""
+        """Return the fraction of g that acts on a map, cos^2 b."""
         if wp.static(steep):
             return real(1.0) / (real(1.0) + wp.dot(ground, ground))
         return real(1.0)
 
     @quick_kernel
     def synchronize(i: int, m: arguments_type(real), number: real):
-        """Acceleration from the slope, the velocity half a step after the stored one, limits."""
+        """Compute the acceleration, the velocity half a step after the stored one, and limits."""
         if i >= m.counts[PARTICLES]:
             return
         p = load(m.ordered, i)
@@ -218,12 +219,12 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         new = slowed(free, fall, f[0], p[3], ground, m)
         m.velocity[i] = new
         if wp.static(heats):
-            # the slope that the drag takes up: what heats is its work, not the weight's
+            # the slope that balances the drag: its work is the heat, not that of the weight
             m.slope[i] = vec2()
             if fall > real(0.0):
                 m.slope[i] = (new - free) / fall
-                # and no more than weight and motion give: speeds on the map do not know that
-                # lava which runs from level ground into a wall has to turn
+                # limited by the energy from weight and motion: speeds on the map do not account
+                # for the turn of lava that runs from level ground into a wall
                 way = step * new
                 surface = -m.kick[i] / (g * share_of(ground))
                 given = height_at(m.ground, p[0], p[1])
@@ -246,7 +247,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
 def synchronize(state: State, way: Any, accuracy: Accuracy) -> None:
     """Turn the slopes in ``state.flow`` into velocities at the particles' time.
 
-    ``state.kick`` gets the accelerations, ``state.rates`` is raised.
+    It stores the accelerations in ``state.kick`` and raises ``state.rates``.
     """
     kernel = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)[0]
     # 2 at the limit of stability
@@ -254,7 +255,7 @@ def synchronize(state: State, way: Any, accuracy: Accuracy) -> None:
 
 
 def accelerate(state: State, way: Any, accuracy: Accuracy) -> None:
-    """Bring the velocities to the middle of the step that was chosen."""
+    """Advance the velocities to the middle of the chosen step."""
     _, kick, adopt = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)
     launch_over(state, kick, [way])
     launch_over(state, adopt, [way], least=LEAST_MOVES)

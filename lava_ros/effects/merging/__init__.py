@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Merging and splitting of particles: what it is on the host. See ``device.py``."""
+"""Merging and splitting of particles, the declaration. See ``device.py``."""
 
 from lava_ros.effects.effect import Array, Effect
 
@@ -9,7 +9,7 @@ EFFECT = Effect(
     rank=180,
     title='particles that have come together merge, stretched ones split',
     arrays={
-        # who each particle merges with, whether it splits, and how many before it do
+        # merge partner of each particle, whether it splits, and number of splitting ones before it
         'partner': Array('int32'),
         'births': Array('int32'),
         'slots': Array('int32'),

@@ -3,15 +3,15 @@
 
 """Merging and splitting: as many particles as the kernel needs, wherever the lava is.
 
-A particle of volume V stands for the area V / h. Where lava is thicker than expected, that is less
-than the square of the spacing: a kernel holds more neighbours than it needs. There two particles,
-each the other's nearest, become one, if it still stands for no more than the square of the
-spacing. Where lava has thinned out again a particle splits into halves, which go apart across the
+A particle of volume V represents the area V / h. Where lava is thicker than expected, that is less
+than the square of the spacing: a kernel holds more neighbours than necessary. There two particles,
+each the other's nearest, merge into one, if it still represents no more than the square of the
+spacing. Where lava has thinned again, a particle splits into halves, which are placed across the
 line to the nearest neighbour, down to the volume that vents emit.
 
-Volume is exact to the last bit: particles merge only where the sum of their volumes has no
-rounding, as that of equal ones has none, and halves have none. The sums of V x, V T and, with
-inertia, V u are kept to rounding, and so is that of V times age.
+Volume is conserved bitwise: particles merge only where the sum of their volumes has no rounding,
+as for equal volumes, and halving has none. The sums of V x, V T, V times age and, with inertia,
+V u are conserved to rounding.
 """
 
 from functools import lru_cache
@@ -29,13 +29,13 @@ from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
-#: Displacement of the fastest particle, over the longest in a step, from one pass to the next.
+#: Displacement of the fastest particle between two passes, over the largest in one step.
 EVERY = 1.5
 
 #: Distance over the spacing around two particles below which they merge.
 CLOSE = 1.1
 
-#: Area of a merged particle over the squared spacing, at most.
+#: Maximum area of a merged particle over the squared spacing.
 WIDEST = 1.6
 
 #: Area of a particle over the squared spacing above which it splits.
@@ -54,7 +54,7 @@ def _kernels(
 
     @quick_kernel
     def wait(thread: int, m: arguments_type(real), every: wp.float64):
-        """Add up how far the fastest particle goes; ``moved[1]`` is 1 when it is far enough."""
+        """Add up the displacement of the fastest particle; ``moved[1]`` is 1 if it suffices."""
         m.moved[1] = wp.float64(0.0)
         m.slots[0] = 0
         if m.counts[IS_LAST] == 1 and m.clock[STEP] > wp.float64(0.0):
@@ -65,7 +65,7 @@ def _kernels(
 
     @wp.func
     def seek(i: int, m: arguments_type(real), area: real, least: real):
-        """Find who a particle would merge with, or, to split, its nearest neighbour."""
+        """Find a particle's merge partner or, if it splits, its nearest neighbour."""
         m.births[i] = 0
         m.partner[i] = -1
         if i >= m.counts[PARTICLES]:
@@ -104,7 +104,7 @@ def _kernels(
                         shortest = square
         if splits:
             m.births[i] = 1
-            # below -1: not to merge with
+            # a number below -1 is not a merge partner
             m.partner[i] = -2 - wp.where(nearest < 0, i, nearest)
         else:
             m.partner[i] = nearest
@@ -117,7 +117,7 @@ def _kernels(
 
     @wp.func
     def unite(i: int, j: int, m: arguments_type(real)):
-        """Make one of two; the other is left without volume."""
+        """Merge two particles; the second is left without volume."""
         p = m.particle[i]
         o = m.particle[j]
         both = p[2] + o[2]
@@ -144,24 +144,24 @@ def _kernels(
 
     @quick_kernel
     def merge(thread: int, m: arguments_type(real)):
-        """Unite those that chose each other."""
+        """Merge particles that chose each other."""
         if m.moved[1] > wp.float64(0.0):
             for i in range(thread, m.counts[PARTICLES], threads):
                 j = m.partner[i]
-                # no index below 0 is read
+                # never read an index below 0
                 if j > i and m.partner[wp.max(j, 0)] == i:
                     unite(i, j, m)
 
     @wp.func
     def halve(i: int, m: arguments_type(real)):
-        """Halve a particle; the second half goes behind the particles there are."""
+        """Halve a particle; the second half is appended to the particles."""
         slot = m.counts[PARTICLES]
         if wp.static(is_ordered):
             slot += m.slots[i]
         else:
             slot += wp.atomic_add(m.slots, 0, 1)
         if slot >= m.particle.shape[0]:
-            # it splits when the host has made room
+            # it splits when the host has enlarged the capacity
             m.counts[FULL] = 1
             return
         p = m.particle[i]
@@ -209,14 +209,14 @@ class AfterStep:
     def __init__(
         self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
     ) -> None:
-        """Take the spacing and the volume that particles are meant to have."""
+        """Store the intended spacing and volume of particles."""
         assert accuracy.spacing is not None and accuracy.thickness is not None
         self._area = accuracy.spacing**2
         self._least = float(np.float32(self._area * accuracy.thickness))
         self._scan: Scan | None = None
 
     def apply(self, state: State, way: Any) -> None:
-        """Merge what has come together and split what has been stretched."""
+        """Merge particles that have converged and split those that have been stretched."""
         threads = state.rare_threads
         wait, choose, merge, split, count = _kernels(
             state.real, state.has_velocity, state.has_age, state.is_deterministic, threads

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Solidification: what it is on the host. See ``device.py``."""
+"""Solidification, the declaration. See ``device.py`` for the equations."""
 
 from lava_ros.effects.effect import Array, Effect
 from lava_ros.effects.scales import FREEZES
@@ -17,9 +17,9 @@ EFFECT = Effect(
     source='column at rest',
     exists=lambda lava: lava.solidus > 0.0,
     arrays={
-        # 1 when a particle got colder than the solidus in this step
+        # 1 if a particle became colder than the solidus in this step
         'cold': Array('int32', 1),
-        # volume that has frozen [m3]
+        # solidified volume [m3]
         'frozen': Array('float64', 1, is_total=True),
     },
     leaves_empty=True,

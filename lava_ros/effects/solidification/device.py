@@ -7,20 +7,21 @@ At the end of a step the volume V of such a column is spread onto the staggered 
 
     raise_c = V w_c / (A sum w),    w_c = B((x_c - x) / d) B((y_c - y) / d),
 
-A the area of a cell, B the quadratic B-spline that the surface is made of, and the sum over the
-cells with data, so that the raised cells hold V wherever the column is. The width d is the side of
-the column's own area, sqrt(V / h): an even layer freezes into an even one. It is at least a cell,
-or the surface would show the column's place in the cell, and 0.65 of what reaches as far as the
-kernel did, or columns that lie at random would freeze into bumps that their neighbours had never
-seen, and which of them freezes first would decide where the lava after them turns; it reaches at
-most the kernel radius. The column leaves the set of particles; what froze is summed in
-``State.frozen``.
+A the area of a cell, B the quadratic B-spline of the surface, and the sum over the cells with
+data, so that the raised cells hold V wherever the column is. The width d is the side of the
+column's own area, sqrt(V / h): an even layer solidifies into an even layer. It is at least a cell,
+or the surface would depend on the column's place within the cell. It is also at least 0.65 of the
+width that extends as far as the kernel: otherwise irregularly spaced columns would solidify into
+bumps that their neighbours' sums had smoothed out, and the order in which they solidify would
+decide where later lava turns. It extends at most to the kernel radius. The column is removed from
+the particles; the solidified volume is summed in ``State.frozen``.
 
-Maps show the column by the same weights, but on cells that lava has reached alone
-(``own_ground.py``): no lava is shown on ground that none has reached.
+Maps show the column by the same weights, but only on cells that lava has reached
+(``own_ground.py``): no lava is shown on ground that lava has not reached.
 
-What has frozen is kept apart from the ground in whole parts of 2^-44 m: sums of integers have no
-order, so runs are the same to the bit, and a float32 of the elevation does not wear off deposits.
+Solidified lava is stored separately from the ground in integer multiples of 2^-44 m: sums of
+integers do not depend on their order, so runs are bitwise identical, and deposits are not lost to
+the rounding of a float32 elevation.
 """
 
 from collections.abc import Mapping
@@ -41,11 +42,11 @@ from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import BORDER, HOLES, PARTICLES, State
 from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
 
-#: Least width over the largest: wider smooths what freezes by more than the bounds of its case
-#: allow, narrower runs that differ in their last digits part sooner.
-_LEAST = 0.65
+#: Minimum width over the maximum: wider ones smooth the deposit by more than the bounds of its
+#: verification case allow; with narrower ones, runs that differ in rounding diverge sooner.
+_MIN_WIDTH_RATIO = 0.65
 
-#: What the frozen lava's thickness is counted in [m]; its largest thickness is 2^63 of them.
+#: Unit of the solidified lava's thickness [m]; the maximum thickness is 2^63 units.
 _PART = 2.0**-44
 
 
@@ -59,7 +60,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         volume: real, thickness: real, frame: ground_type(wp.float64), widest: wp.float64
     ):
         side = wp.sqrt(wp.float64(volume) / wp.float64(thickness))
-        least = wp.max(wp.float64(_LEAST) * widest, frame.resolution)
+        least = wp.max(wp.float64(_MIN_WIDTH_RATIO) * widest, frame.resolution)
         return wp.max(wp.min(side, widest), least)
 
     @wp.func
@@ -74,7 +75,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     def weight_of(
         frame: ground_type(wp.float64), x: real, y: real, width: wp.float64, i: int, j: int
     ):
-        """Weight of cell [i, j]; the ring around the grid is at -1 and past the last."""
+        """Return the weight of cell [i, j]; the ring is at -1 and past the last."""
         half = wp.float64(0.5)
         cell_x = frame.x0 + (wp.float64(j) + half) * frame.resolution
         cell_y = frame.y0 + (wp.float64(i) + half) * frame.resolution
@@ -84,7 +85,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     def patch_of(
         frame: ground_type(wp.float64), x: real, y: real, width: wp.float64
     ) -> wp.vec4i:
-        """First column and the one after the last, first row and the one after the last."""
+        """Return the first column and the one after the last, then the same for rows."""
         reach = wp.float64(1.5) * width
         one = wp.float64(1.0)
         west = (wp.float64(x) - reach - frame.x0) / frame.resolution
@@ -109,7 +110,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         p: vec4, m: arguments_type(real), frame: ground_type(wp.float64), width: wp.float64,
         is_reached: bool,
     ) -> wp.float64:
-        """Sum of the weights of the cells with data, or of those of them that are reached."""
+        """Sum the weights of the cells with data, or of those that are also reached."""
         patch = patch_of(frame, p[0], p[1], width)
         total = wp.float64(0.0)
         for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
@@ -134,13 +135,13 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         volume /= wp.float64(wp.static(_PART))
         total = total_of(p, m, frame, width, False)
         parts = volume / total
-        # cells without data and the ring are raised as well, lest the deposit end in a cliff there
+        # cells without data and the ring are raised too, so that the deposit has no cliff there
         for row in range(patch[2], patch[3]):
             for column in range(patch[0], patch[1]):
                 share = parts * weight_of(frame, p[0], p[1], width, row, column)
                 wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(share)))
         reached = total_of(p, m, frame, width, True)
-        # lava that was too thin to reach any of the cells is in all of them
+        # lava too thin to reach any of the cells is placed in all of them
         is_reached = reached > wp.float64(0.0)
         parts = volume / wp.where(is_reached, reached, total)
         for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
@@ -161,12 +162,12 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         deposit: wp.array2d(dtype=wp.int64),
         placed: wp.array2d(dtype=wp.int64),
     ):
-        """Lay down what is colder than the solidus; its volume turns negative until it is seen."""
+        """Deposit columns below the solidus; their volume is negative until the next pass."""
         if m.cold[0] == 0:
             return
         for i in range(thread, m.counts[PARTICLES], threads):
             p = m.particle[i]
-            # what is off the terrain has left
+            # lava off the terrain has left
             if wp.float64(p[3]) < solidus and is_known(m.ground, p[0], p[1]):
                 lay_down(i, p, m, widest, frame, deposit, placed)
 
@@ -179,7 +180,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         deposit: wp.array2d(dtype=wp.int64),
         bare: wp.array2d(dtype=real),
     ):
-        """Renew the heights under what has just frozen, and empty it."""
+        """Update the heights under newly solidified columns, and set their volume to 0."""
         if m.cold[0] == 0:
             return
         for i in range(thread, m.counts[PARTICLES], threads):
@@ -207,7 +208,7 @@ def _show(
     temperature: wp.array2d(dtype=wp.float32),
     frozen: wp.array2d(dtype=wp.float32),
 ):
-    """Add what has frozen to a map; where all has, it has the solidus."""
+    """Add solidified lava to a map; where all lava has solidified, it has the solidus."""
     i = thread // known.shape[1]
     j = thread % known.shape[1]
     if known[i, j] == wp.uint8(0):
@@ -222,12 +223,12 @@ def _show(
 
 
 class AfterStep:
-    """The frozen lava on a terrain, and the pass that adds to it."""
+    """Solidified lava on a terrain, and the pass that adds to it."""
 
     def __init__(
         self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
     ) -> None:
-        """Begin with a terrain on which nothing has frozen."""
+        """Initialize without solidified lava."""
         assert accuracy.spacing is not None
         self._solidus = scene.lava.solidus
         self._widest = accuracy.ratio * accuracy.spacing / 1.5
@@ -237,7 +238,7 @@ class AfterStep:
         self._placed = wp.zeros(terrain.known.shape, dtype=wp.int64, device=state.device)
 
     def apply(self, state: State, way: Any) -> None:
-        """Turn the columns that are colder than the solidus into terrain."""
+        """Turn columns that are colder than the solidus into terrain."""
         threads = state.rare_threads
         freeze, raise_ground = _kernels(state.real, threads)
         laid = [self._widest, self._terrain.exact_ground, self._deposit]
@@ -245,32 +246,32 @@ class AfterStep:
         state.launches(raise_ground, [way, *laid, self._terrain.bare], dim=threads)
 
     def show(self, state: State, grids: Any) -> None:
-        """Add the frozen lava to a map.
+        """Add the solidified lava to a map.
 
         The ``grids`` are thickness [m] and temperature [K] of the fluid lava, which become those
-        of all lava, and the thickness of what has frozen [m]; float32, on the device.
+        of all lava, and the thickness of solidified lava [m]; float32, on the device.
         """
         maps = [grids[n] for n in range(3)]
         arguments = [self._placed, self._terrain.known, self._solidus, *maps]
         launch_over(state, _show, arguments, count=maps[0].size)
 
     def thickness(self) -> np.ndarray:
-        """Thickness of the frozen lava as maps show it [m], float64, shape [rows, columns]."""
+        """Return the solidified thickness as maps show it [m], float64, shape [rows, columns]."""
         parts: np.ndarray = read(self._placed)
         return parts * _PART
 
     def take_over(self, former: 'AfterStep', state: State) -> None:
-        """Lay the frozen lava of the terrain before onto this one.
+        """Transfer the solidified lava of the previous terrain to this one.
 
-        Cells that do not coincide share by the area they have in common. What lies outside this
-        terrain or on cells without data has left.
+        Cells that do not coincide are weighted by their common area. Lava outside this terrain or
+        on cells without data counts as having left.
         """
         terrain, before = self._scene_terrain, former._scene_terrain
 
         def moved(thickness: np.ndarray) -> np.ndarray:
             for axis in (0, 1):
                 thickness = _shared(thickness, before, terrain, axis)
-            # sums of equal maps are equal in equal order
+            # makes sums of equal maps independent of the memory layout
             return np.ascontiguousarray(thickness)
 
         frozen = former.thickness()
@@ -280,7 +281,7 @@ class AfterStep:
         lost[BORDER] = frozen.sum() * before.resolution**2 - on_map
         lost[HOLES] = thickness[~terrain.has_data].sum() * terrain.resolution**2
         total, left = state.frozen.numpy(), state.left.numpy()
-        # less is rounding
+        # smaller differences are rounding
         if abs(lost.sum()) > 1e-9 * total[0]:
             state.frozen.assign(total - lost.sum())
             state.left.assign(left + lost)
@@ -292,19 +293,19 @@ class AfterStep:
         self._lay(_counted(np.pad(raised, 1, mode='edge')))
 
     def save(self) -> dict[str, np.ndarray]:
-        """Copy what has frozen."""
+        """Copy the solidified lava."""
         return {'deposit': self._deposit.numpy().copy(), 'placed': self._placed.numpy().copy()}
 
     def load(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Lay what ``save`` has copied onto a terrain on which nothing has frozen.
+        """Restore a copy of ``save`` to a terrain without solidified lava.
 
         Raises:
-            LavaError: It is not of this terrain.
+            LavaError: If the copy belongs to another terrain.
         """
         named = {'deposit': self._deposit, 'placed': self._placed}
         found = {name: arrays.get(name) for name in named}
         if found['placed'] is None and found['deposit'] is not None:
-            # what was written before there were two is shown as wide as it raises the ground
+            # older files have one array, which is shown as wide as it raises the ground
             inner = found['deposit'][1:-1, 1:-1]
             found['placed'] = np.where(self._scene_terrain.has_data, inner, 0)
         deposit, placed = (
@@ -320,17 +321,17 @@ class AfterStep:
 
 
 def _counted(thickness: np.ndarray) -> np.ndarray:
-    """Thickness [m] in whole parts."""
+    """Return a thickness [m] in integer units."""
     return np.rint(thickness / _PART).astype(np.int64)
 
 
 def _shared(values: np.ndarray, before: Terrain, after: Terrain, axis: int) -> np.ndarray:
-    """Means of a terrain's cells over another's, along rows (axis 0) or columns."""
+    """Return means of a terrain's cells over those of another, along rows (axis 0) or columns."""
     side = 1 - axis
     offset = (after.origin[side] - before.origin[side]) / before.resolution
     ratio = after.resolution / before.resolution
     edges = offset + ratio * np.arange(after.shape[axis] + 1)
-    # cells that coincide but for rounding do
+    # cells that coincide except for rounding
     edges = np.where(np.abs(edges - np.rint(edges)) < 1e-6, np.rint(edges), edges)
     values = np.moveaxis(values, axis, 0)
     start, end = edges[:-1], edges[1:]

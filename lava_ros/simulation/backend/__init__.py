@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What Warp lacks: graphs, threads and SIMD on CPUs, scans, read-back; the only C++ and PTX."""
+"""Features that Warp lacks: graphs, threads and SIMD on CPUs, scans, readback, C++ and PTX."""

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The same launches of many members, each of them in one launch.
+"""Launches that serve all members of a batch at once.
 
-What a member launches is taken down (graph.py), and its arguments are kept in a row of a table on
-the device. One launch serves all: each block of its threads belongs to one member, and finds the
-arguments in that member's row (``compiled.quick_kernel``). Members may differ in size: a list says
-of each block which member it belongs to.
+The launches of each member are recorded (graph.py), and their arguments are kept in one row of a
+table on the device. One launch serves all members: each block of threads belongs to one member
+and reads the arguments from that member's row (``compiled.quick_kernel``). Members may differ in
+size: a list maps each block to its member.
 """
 
 from collections.abc import Sequence
@@ -21,27 +21,27 @@ from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.programmatic_launch import overlap
 from lava_ros.simulation.backend.streams import capture_lock
 
-#: Threads of a block where a launch does not say, and where it has one thread.
+#: Default number of threads per block: for launches of many threads, and of a single one.
 BLOCK, _WARP = 192, 32
 
-#: Times that a graph makes all launches: to capture one takes as long as to launch it many times,
-#: and members that grow need another one often.
+#: Repetitions of all launches in one graph. Capturing takes as long as launching many times, and
+#: a member that grows often needs a new graph.
 _CAPTURED = 4
 
-#: Bytes between two structs in a row are a multiple of it.
+#: Alignment of the structs in a row [bytes].
 _ALIGNED = 16
 
-#: Lists of blocks, and graphs, that are kept: one for each number of blocks, rounded up.
-_MOST = 64
+#: Maximum number of cached block lists and graphs: one for each rounded number of blocks.
+_MAX_CACHED = 64
 
 
 def kind_of(launches: Sequence[Launch]) -> tuple[Any, ...]:
-    """What launches must have in common with others to be made together."""
+    """Return the key that launches must share to be batched together."""
     return tuple((one.kernel, one.block_dim, one.is_over_particles) for one in launches)
 
 
 def _rounded(count: int) -> int:
-    """A number that is no less, by a half at most, of which there are few."""
+    """Round up, by at most a half, to one of few numbers."""
     step = 1 << max(count.bit_length() - 2, 0)
     return -(-count // step) * step
 
@@ -61,14 +61,14 @@ def _blocks_of(rows: np.ndarray, size: int, blocks: bytes, threads: bytes) -> np
 
 
 class BatchedLaunches:
-    """Launches of members that go through the same kernels."""
+    """Batched launches of members that run the same kernels."""
 
     def __init__(self, launches: Sequence[Launch], rows: int, device: Any) -> None:
-        """Make tables.
+        """Allocate the tables.
 
         Args:
-            launches: Those of one member, to see the kernels.
-            rows: Members there is room for.
+            launches: The launches of one member, which define the kernels.
+            rows: Maximum number of members.
             device: Warp device.
         """
         self._device = device
@@ -77,7 +77,7 @@ class BatchedLaunches:
         for one in launches:
             self._tables.append(_Table(one, rows, length))
             length = self._tables[-1].end
-        # a member's arguments lie side by side: one copy takes all of them to the device
+        # a member's arguments are contiguous: a single copy takes all of them to the device
         self._length = length
         self._there = wp.zeros(rows * length, dtype=wp.uint8, device=device)
         self._here = wp.zeros(rows * length, dtype=wp.uint8, device='cpu')
@@ -88,13 +88,13 @@ class BatchedLaunches:
         self._made: dict[tuple[int, ...], _Ready] = {}
 
     def put(self, row: int, launches: Sequence[Launch]) -> None:
-        """Let a row be a member with these launches, once ``select`` is called again."""
+        """Assign a row to a member with these launches, effective at the next ``select``."""
         for table, one in zip(self._tables, launches, strict=True):
             table.put(row, one)
         self._is_new[row] = True
 
     def _send(self) -> None:
-        """Copy what was put into rows to the device."""
+        """Copy the rows that changed to the device."""
         rows = np.flatnonzero(self._is_new)
         if not len(rows):
             return
@@ -103,13 +103,13 @@ class BatchedLaunches:
         self._is_new[:] = False
 
     def select(self, rows: np.ndarray, particles: np.ndarray) -> None:
-        """Let some members take part from now on, and no others.
+        """Select the members that take part from now on.
 
         Args:
             rows: Their rows, int.
-            particles: How many each of them is expected to have; more take longer.
+            particles: Expected number of particles of each member; more than that takes longer.
         """
-        # tables with as many threads share a list
+        # tables with equal numbers of threads share a list
         lists: dict[tuple[int, bytes, bytes], int] = {}
         numbers = [
             lists.setdefault(table.blocks_of(rows, particles), len(lists))
@@ -120,7 +120,7 @@ class BatchedLaunches:
         key = (*numbers, *room)
         ends = np.cumsum(room)
         if key not in self._made:
-            if len(self._made) >= _MOST:
+            if len(self._made) >= _MAX_CACHED:
                 self._made.clear()
             empty = wp.empty(sum(room), dtype=wp.vec3i, device=self._device)
             parts = [empty[end - size : end] for end, size in zip(ends, room, strict=True)]
@@ -133,7 +133,7 @@ class BatchedLaunches:
         self._send()
 
     def launch(self, times: int = 1) -> None:
-        """Make all launches some times, on a GPU as a graph."""
+        """Repeat all launches a number of times, on a GPU as a graph."""
         assert self._ready is not None
         if not self._device.is_cuda:
             self._launch(times)
@@ -160,9 +160,9 @@ class _Ready(NamedTuple):
     """Lists of blocks on the device: row, first thread and end of the threads of each.
 
     Attributes:
-        blocks: All of them.
-        of_tables: The part of each table.
-        graphs: Graphs of the launches with them, by how often.
+        blocks: All lists in one array.
+        of_tables: The list of each table.
+        graphs: Graphs of the launches with these lists, by number of repetitions.
     """
 
     blocks: Any
@@ -175,18 +175,18 @@ class _Table:
 
     Attributes:
         kernel: The kernel.
-        first, end: Bytes of a member's row before its arguments, and up to their end.
+        first, end: Start and end of the arguments within a member's row [bytes].
     """
 
     def __init__(self, launch: Launch, rows: int, first: int) -> None:
         self._size = launch.block_dim or (BLOCK if launch.dim > 1 else _WARP)
-        # blocks are fewer where the last threads have no particle yet
+        # fewer blocks are needed while the last threads have no particle yet
         self._takes_turns = launch.is_over_particles and launch.block_dim is None
         self._arguments, self.kernel = launch.kernel.for_many(self._size, self._takes_turns)
         self.first, size = first, ctypes.sizeof(self._arguments.ctype)
         self.end = first + _ALIGNED * -(-size // _ALIGNED)
         self._threads = np.zeros(rows, dtype=np.int64)
-        # the arrays must live as long as they may be launched with
+        # the arrays must live as long as they may be used in a launch
         self._kept: list[Any] = [None] * rows
 
     def lay_out(self, here: Any, there: Any, length: int) -> None:
@@ -196,7 +196,7 @@ class _Table:
             ptr=there.ptr + self.first, dtype=self._arguments, shape=(count,), strides=(length,),
             device=there.device,
         )
-        # Warp looks at each field of what it packs, which takes a hundred times as long
+        # packing by Warp checks each field, which takes a hundred times as long
         self._packed = [
             self._arguments.ctype.from_address(here.ptr + row * length + self.first)
             for row in range(count)
@@ -212,7 +212,7 @@ class _Table:
         self._threads[row] = launch.dim
 
     def blocks_of(self, rows: np.ndarray, particles: np.ndarray) -> tuple[int, bytes, bytes]:
-        """Threads to a block; blocks and threads of each of some rows, as bytes of int64."""
+        """Return threads per block, and blocks and threads of each row, as bytes of int64."""
         threads = self._threads[rows]
         needed = np.minimum(particles, threads) if self._takes_turns else threads
         blocks = np.maximum(-(-needed // self._size), 1)
@@ -228,5 +228,5 @@ class _Table:
         )
 
     def load(self) -> None:
-        """Load the kernel, which cannot be done while a graph is captured."""
+        """Load the kernel, which is impossible while a graph is captured."""
         self.kernel.module.load(self._device, self._size)

@@ -1,23 +1,23 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the kernels of a stage are compiled, and the few words that only the hardware knows.
+"""Compilation of the kernels of a stage, and device functions that use features of the hardware.
 
-What is done, why, and what it gains is in docs/PERFORMANCE.md:
+docs/PERFORMANCE.md describes each technique, its reason and its gain:
 
 * ``quick_kernel``: no loop over the grid (a thread has one particle, or its own loop), no adjoint,
-  and on CUDA the hardware's own division, root and exponential in float32. Those are good to 2e-7,
-  as is float32; a float64 is not touched by it, so the reference is not either.
-* ``load4``, ``store4``: Warp knows no alignment and reads a vec4 as four numbers; here it is one
-  access to 16 bytes. Reads go through the read-only cache: never read so what the kernel writes.
-* ``after_the_former``: a kernel may begin before the one that it comes after has ended.
-* ``unseen_one``: a step of a loop that no compiler unrolls further, for threads of a warp whose
-  loops have different ends: what is left over of an unrolled one takes as long as the rest.
-* ``announce``, ``wait_for``: what one thread does with what all have found needs no launch of its
-  own, and is done while the others are at work that does not need it yet.
+  and on CUDA the hardware's own division, root and exponential in float32. Those are accurate to
+  2e-7, as is float32; float64, and with it the reference, is not affected.
+* ``load4``, ``store4``: Warp reads a vec4 as four numbers without alignment; here it is one
+  access to 16 bytes. Reads use the read-only cache: never read this way what the kernel writes.
+* ``after_the_former``: a kernel may start before its predecessor has ended.
+* ``unseen_one``: loop increment that prevents further unrolling, for threads of a warp whose loops
+  have different ends: the remainder of an unrolled loop would take as long as the rest.
+* ``announce``, ``wait_for``: one thread can process the results of all threads without a launch of
+  its own, while the other threads do work that does not depend on it.
 * ``cos_pi``, ``sin_pi``: of a float64 in half turns, which needs no table for large angles.
-* ``raise_to``: a maximum over all particles. Each thread comparing and swapping one address is
-  slower than the rest of the kernel; a warp of 32 finds its own maximum and asks once.
+* ``raise_to``: a maximum over all particles. Atomic updates of one address by each thread would be
+  slower than the rest of the kernel; a warp of 32 finds its own maximum and updates it once.
 """
 
 from collections.abc import Callable, Mapping
@@ -31,14 +31,14 @@ import warp as wp
 # Warp reports every kernel it loads on stdout, where commands print their results.
 wp.config.log_level = wp.LOG_WARNING
 
-#: CUDA's type for some numbers that are read or written at once, and how often a vector has it.
+#: CUDA's type for several numbers that are accessed together, and how many of it make a vector.
 _WIDE = {
     (wp.float32, 2): ('float2', 1),
     (wp.float32, 4): ('float4', 1),
     (wp.float64, 2): ('double2', 1),
     (wp.float64, 4): ('double2', 2),
 }
-#: Strides of a 2-D array are bytes.
+#: Strides of a 2-D array are in bytes.
 _PATCH = """
     wp::mat_t<3, 3, NUMBER> patch;
     for (int n = 0; n < 3; ++n) {
@@ -54,7 +54,7 @@ _PATCH = """
     }
     return patch;
 """
-#: The threads of a particle are neighbours in a warp, and all of them are there.
+#: All threads of a particle are active, and adjacent in a warp.
 _SUM = """
 #if defined(__CUDA_ARCH__)
     const unsigned mask = ((1u << LANES) - 1u) << (threadIdx.x & 31u & ~(LANES - 1u));
@@ -63,7 +63,7 @@ _SUM = """
 #endif
     return value;
 """
-#: The hardware cuts a sum off at 0 and 1, which the compiler does not see.
+#: The hardware clamps a sum to the range 0 to 1; the compiler does not make use of it.
 _ONE_LESS = """
     float left;
     asm("fma.rn.ftz.sat.f32 %0, %1, %2, %3;" : "=f"(left) : "f"(-a), "f"(b), "f"(1.0f));
@@ -73,8 +73,8 @@ _PAST_THE_CACHE = """
     asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(v) : "l"(values.data + i));
     return v;
 """
-#: Of the first block, which is started before any that waits for it. The fence also empties the
-#: cache that it shares with others.
+#: Runs in the first block, which starts before any block that waits for it. The fence also
+#: invalidates the cache that it shares with other blocks.
 _ANNOUNCE = """
 #if defined(__CUDA_ARCH__)
     if (threadIdx.x == 0) {
@@ -93,13 +93,14 @@ _WAIT_FOR = """
     while (!is_there);
 #endif
 """
-#: What those before have written can be read after it; only later GPUs begin before.
+#: Makes all writes of the preceding kernels visible; only GPUs of compute capability 9.0 and later
+#: start early.
 _WAIT = """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
     asm volatile("griddepcontrol.wait;" ::: "memory");
 #endif
 """
-#: What is no number raises nothing: positive floats are in the order of their bits.
+#: NaN raises nothing: positive floats are in the order of their bits.
 _RAISE = {
     wp.float32: """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
@@ -123,7 +124,7 @@ _RAISE = {
 #endif
 """,
 }
-#: Warp's own is none for the threads of a CPU (threads.py).
+#: Warp's own is not atomic for the threads of a CPU (threads.py).
 _RAISE_ON_CPU = """
     auto most = values.data[i];
     __atomic_load(values.data + i, &most, __ATOMIC_RELAXED);
@@ -132,8 +133,8 @@ _RAISE_ON_CPU = """
 """
 
 
-#: Threads of a block, and how many blocks a processor has to hold of kernels of few threads. The
-#: compiler would spare registers for more of them, and wait for each load before the next.
+#: Threads per block, and blocks that a processor must hold, for kernels of few threads. With its
+#: own bounds the compiler would save registers and wait for each load before the next.
 FEW_THREADS = 256, 4
 
 
@@ -143,11 +144,11 @@ def quick_kernel(
     bounds: tuple[int, int] | None = None,
     fast_math: bool = True,
 ) -> Any:
-    """Make a kernel of a function of the thread's number and more arguments; a decorator.
+    """Make a kernel of a function of the thread's number and further arguments; a decorator.
 
-    The kernel takes the number of its first thread on a CPU (threads.py) as one more, the last.
-    ``bounds`` are the threads of a block, and the blocks that a processor of a GPU must have
-    registers for; ``fast_math`` lets CUDA compute float32 by the hardware's own functions.
+    The kernel takes one more, last argument: the number of its first thread on a CPU
+    (threads.py). ``bounds`` are the threads per block, and the blocks per GPU processor for which
+    registers must suffice; ``fast_math`` makes CUDA use the hardware's float32 functions.
     """
     if function is None:
         return partial(quick_kernel, bounds=bounds, fast_math=fast_math)
@@ -170,10 +171,10 @@ def _for_many(
 ) -> tuple[Any, Any]:
     """Return the Warp struct of a member's arguments, and the kernel for many members at once.
 
-    The kernel takes an array of them, and for each block of ``size`` threads the number of its
-    member, its first thread and the end of its threads, each -1 where there is none. Where it
-    ``takes_turns`` a block may have more threads than these: a large function needs more registers
-    then.
+    The kernel takes an array of them, and for each block of ``size`` threads the index of its
+    member, its first thread and the end of its threads, each -1 for none. With ``takes_turns`` a
+    block may serve more threads than it has, one after the other; a large function then needs
+    more registers.
     """
     kind = type(function.__name__, (), {
         '__annotations__': dict(types), '__module__': function.__module__,
@@ -185,13 +186,13 @@ def _for_many(
         f'block = blocks[block_number({size}, wp.tid())]',
         f'thread = block[1] + number_in_block({size}, wp.tid())',
         'after_the_former()',
-        # no thread is before the end where there is no member
+        # without a member, no thread is before the end
         f'{"while" if takes_turns else "if"} thread < block[2]:',
         '    member = members[block[0]]',
         f'    body(thread, {", ".join(f"member.{name}" for name in types)})',
         f'    thread += {size}',
     )
-    # one that was compiled before with the same code has a struct of its own
+    # a kernel compiled earlier from the same code has its own struct
     return kernel.adj.args[0].type.dtype, kernel
 
 
@@ -203,11 +204,11 @@ def _kernel_of(
     types: Mapping[str, Any],
     *lines: str,
 ) -> Any:
-    """Write a kernel of a function: what it takes, by name, and the lines that call it."""
+    """Write a kernel of a function: arguments by name, and the lines that call the function."""
     heading = ', '.join(f'{name}: types["{name}"]' for name in types)
     source = '\n    '.join((f'def {function.__name__}({heading}):', *lines)) + '\n'
     file = f'<{function.__qualname__}: {source}>'
-    # Warp reads the source of what it compiles
+    # Warp reads the source of the functions that it compiles
     linecache.cache[file] = len(source), None, source.splitlines(True), file
     found = globals() | {'types': types, 'body': body, '__name__': function.__module__}
     exec(compile(source, file, 'exec'), found)
@@ -227,7 +228,7 @@ def _on_cuda(snippet: str, otherwise: str) -> str:
 
 @wp.func_native(_WAIT)
 def after_the_former():
-    """Wait for the kernels that this one comes after, and for what they have written."""
+    """Wait for the preceding kernels, until their writes are visible."""
 
 
 @lru_cache
@@ -260,7 +261,7 @@ def _access(real: Any, length: int) -> tuple[Any, Any]:
 
 
 def load4(real: Any) -> Any:
-    """Return the device function that reads item i of an array of vec4, which nothing writes."""
+    """Return the device function that reads item i of a read-only array of vec4."""
     return _access(real, 4)[0]
 
 
@@ -270,7 +271,7 @@ def store4(real: Any) -> Any:
 
 
 def load2(real: Any) -> Any:
-    """Return the device function that reads item i of an array of vec2, which nothing writes."""
+    """Return the device function that reads item i of a read-only array of vec2."""
     return _access(real, 2)[0]
 
 
@@ -281,7 +282,7 @@ def store2(real: Any) -> Any:
 
 @lru_cache
 def load1(kind: Any) -> Any:
-    """Return the device function that reads item i >= 0 of an array, which nothing writes."""
+    """Return the device function that reads item i >= 0 of a read-only array."""
 
     @wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
     def load(values: wp.array(dtype=kind), i: int) -> kind: ...
@@ -289,15 +290,15 @@ def load1(kind: Any) -> Any:
     return load
 
 
-#: That of integers.
+#: Device function that reads item i >= 0 of a read-only array of integers.
 load_int = load1(wp.int32)
 
 
 @wp.func_native(_on_cuda(_PAST_THE_CACHE, 'return values.data[i];'))
 def past_the_cache(values: wp.array(dtype=wp.int32), i: int) -> int:
-    """Read item i >= 0 of an array whose items others may change meanwhile; a device function.
+    """Read item i >= 0 of an array that other threads may change; a device function.
 
-    What lies beside it is not kept in the cache as it is now.
+    It bypasses the cache, which could otherwise keep outdated values of adjacent items.
     """
 
 
@@ -305,37 +306,37 @@ def past_the_cache(values: wp.array(dtype=wp.int32), i: int) -> int:
     _on_cuda('return blockIdx.x * blockDim.x + threadIdx.x;', 'return first + i;')
 )
 def counted_from(first: int, i: int) -> int:
-    """Return the number of the thread i, on the CPU in a launch from ``first`` on (threads.py).
+    """Return the number of thread i, which on the CPU counts from ``first`` (threads.py).
 
-    On CUDA it counts itself: Warp's number is looked up as that of an array of any shape.
+    CUDA computes it directly: Warp's own number takes a look-up for arrays of any shape.
     """
 
 
 @wp.func_native(_on_cuda('return blockIdx.x;', 'return i / size;'))
 def block_number(size: int, i: int) -> int:
-    """Return the number of the block of the thread i, of blocks of a size."""
+    """Return the number of the block that contains thread i, for blocks of a size."""
 
 
 @wp.func_native(_on_cuda('return threadIdx.x;', 'return i % size;'))
 def number_in_block(size: int, i: int) -> int:
-    """Return the number of the thread i in its block."""
+    """Return the number of thread i within its block."""
 
 
 @wp.func_native(_on_cuda('return blockDim.y;', 'return 1;'))
 def unseen_one() -> int:
-    """Return 1, which the compiler cannot know: it would unroll what is unrolled already."""
+    """Return 1 in a way that the compiler cannot see, to prevent unrolling a loop twice."""
 
 
 @wp.func_native(_on_cuda('return true;', 'return false;'))
 def can_count() -> bool:
-    """Whether many threads may count together: on the CPU Warp's atomics are none."""
+    """Return True if many threads may count together: on the CPU Warp's atomics are not atomic."""
 
 
 @wp.func_native(_on_cuda('return __syncthreads_or(value);', 'return value;'))
 def any_in_block(value: bool) -> bool:
-    """Wait for all threads of a block, and say whether a value is true in any; a device function.
+    """Wait for all threads of a block; return True if a value is true in any; a device function.
 
-    What they have written before can be read then. On the CPU a block is one thread.
+    All their earlier writes are visible afterwards. On the CPU a block is one thread.
     """
     ...
 
@@ -353,9 +354,9 @@ def load9(real: Any) -> Any:
 
 @wp.func_native(_ANNOUNCE)
 def announce(flag: wp.array(dtype=wp.int32)):
-    """Let all threads of a CUDA kernel see what the first one has written.
+    """Publish the writes of the first thread to all threads of a CUDA kernel.
 
-    All threads of the first block have to come here. ``flag`` is 0 before and 1 after.
+    All threads of the first block must call it. ``flag`` is 0 before and 1 after.
     """
 
 
@@ -363,7 +364,7 @@ def announce(flag: wp.array(dtype=wp.int32)):
 def wait_for(flag: wp.array(dtype=wp.int32)):
     """Wait for ``announce``.
 
-    What was announced must not have been read before but by ``past_the_cache``.
+    Before it, the announced values may be read only with ``past_the_cache``.
     """
 
 
@@ -379,7 +380,7 @@ def sin_pi(x: wp.float64) -> wp.float64:
 
 @lru_cache
 def one_less(real: Any) -> Any:
-    """Return the device function max(1 - a b, 0), of a and b >= 0: one instruction of float32."""
+    """Return the device function max(1 - a b, 0), a and b >= 0: one instruction in float32."""
     plain = 'return a * b < 1 ? 1 - a * b : 0;'
 
     @wp.func_native(_on_cuda(_ONE_LESS, plain) if real is wp.float32 else plain)
@@ -416,7 +417,7 @@ def sum_over(real: Any, lanes: int) -> Any:
 
 @lru_cache
 def raise_to(real: Any) -> Any:
-    """Return the device function that raises item i of an array to a value, if that is larger."""
+    """Return the device function that raises item i of an array to a value, if it is larger."""
 
     @wp.func_native(_RAISE[real].replace('RAISE_ON_CPU', _RAISE_ON_CPU))
     def raised(values: wp.array(dtype=real), i: int, value: real): ...

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launches that are made again and again with the same arguments.
+"""Launches that are repeated with the same arguments.
 
-Warp takes 40 microseconds to look at the arguments of a launch and to pack them, longer than a CPU
-takes for what some hundred particles do in it. Packed once, a launch takes 15. What a stage
-launches can be taken down whole and made again: a GPU has its graphs for that, and on a CPU it is
-a list of compiled functions, each called with what was packed for it, in less than 1.
+Warp takes 40 microseconds to check and pack the arguments of a launch, longer than a CPU takes to
+process some hundred particles. With packed arguments a launch takes 15. All launches of a stage
+can be recorded and replayed: on a GPU as a CUDA graph, on a CPU as a list of compiled functions,
+each called with its packed arguments in less than 1 microsecond.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,12 +19,12 @@ import warp as wp
 from lava_ros.simulation.backend.programmatic_launch import overlap
 from lava_ros.simulation.backend.streams import capture_lock
 
-#: Packed launches that are kept; they keep their arrays too.
+#: Maximum number of cached packed launches; they keep their arrays alive.
 MOST = 256
 
 
 class Launch(NamedTuple):
-    """A launch of a ``compiled.quick_kernel``, as ``Launches`` takes it."""
+    """One launch of a ``compiled.quick_kernel``, with the parameters of ``Launches``."""
 
     kernel: Any
     dim: int
@@ -34,18 +34,17 @@ class Launch(NamedTuple):
 
 
 class Launches:
-    """The launches of a device. On a CPU they are kept as they were packed.
+    """The launches of a device. On a CPU they are cached in packed form.
 
-    Arguments are told by what they are, not by what is in them: a struct that was launched with
-    must not be changed afterwards.
+    Arguments are cached by identity, not by value. Do not modify a struct after launching with it.
 
     Attributes:
-        extent: Particles that what was captured takes.
-        forgotten: How often ``forget`` was called: what was taken down before is of no use.
+        extent: Maximum number of particles that the captured launches process.
+        forgotten: Number of calls of ``forget``; anything recorded before the last one is invalid.
     """
 
     def __init__(self, device: Any) -> None:
-        """Begin without any."""
+        """Initialize without any recorded launch."""
         self._device = device
         self._kept: dict[tuple[int, ...], list[Any]] = {}
         self._again: Callable[[], None] | None = None
@@ -55,18 +54,18 @@ class Launches:
 
     @property
     def is_capturing(self) -> bool:
-        """Whether launches on a CPU are taken down, for as many particles as ``extent`` says."""
+        """Return True while CPU launches are recorded, for ``extent`` particles."""
         return self._taken_down is not None
 
     def can_replay(self, extent: int) -> bool:
-        """Whether there is something for ``replay``, and it takes as many particles."""
+        """Return True if ``replay`` has launches for this number of particles."""
         return self._again is not None and extent <= self.extent
 
     def capture(self, launch: Callable[[], None], extent: int) -> None:
-        """Take down what a function launches, in place of launching it, for ``replay``.
+        """Record what a function launches, without launching it, for ``replay``.
 
-        On a GPU that is all that it does there, on a CPU all that goes through here. It takes
-        ``extent`` particles at most.
+        On a GPU this records all its launches, on a CPU those through this object. They process at
+        most ``extent`` particles.
         """
         self._again, self.extent = None, extent
         if self._device.is_cuda:
@@ -83,7 +82,7 @@ class Launches:
         ])
 
     def taken_down(self, launch: Callable[[], None], extent: int) -> list[Launch]:
-        """What a function launches through here for ``extent`` particles, and is not launched."""
+        """Return what a function launches through here for ``extent`` particles, unlaunched."""
         taken_down = self._taken_down = list[Launch]()
         self.extent = extent
         try:
@@ -93,7 +92,7 @@ class Launches:
         return taken_down
 
     def replay(self) -> None:
-        """Launch what was captured."""
+        """Launch what ``capture`` has recorded."""
         assert self._again is not None
         self._again()
 
@@ -106,10 +105,10 @@ class Launches:
         block_dim: int | None = None,
         is_over_particles: bool = False,
     ) -> None:
-        """Launch some threads of a ``compiled.quick_kernel``, from its first one on.
+        """Launch the first ``dim`` threads of a ``compiled.quick_kernel``.
 
-        ``block_dim`` is the threads to a block of a GPU, Warp's own number when left out.
-        ``is_over_particles`` says that the last threads have no particle yet, and nothing to do.
+        ``block_dim`` is the number of threads per GPU block, by default Warp's own.
+        ``is_over_particles`` means that the last threads may have no particle yet, and no work.
         """
         if self._taken_down is not None:
             launch = Launch(kernel, dim, block_dim, is_over_particles, [*arguments])
@@ -121,13 +120,13 @@ class Launches:
             self.packed(kernel, [*arguments, 0], dim=dim).launch()
 
     def packed(self, kernel: Any, arguments: list[Any], *, dim: int) -> Any:
-        """A launch of some threads on the CPU that is made by its ``launch()``."""
+        """Return a packed CPU launch; its ``launch()`` runs it."""
         key = (id(kernel), *map(id, arguments))
         kept = self._kept.get(key)
         if kept is None:
             if len(self._kept) >= MOST:
                 self._kept.clear()
-            # as long as they are here nothing else has their numbers
+            # as long as they are kept alive no other object can have their ids
             kept = [dim, self._record(kernel, dim, arguments), kernel, arguments]
             self._kept[key] = kept
         if kept[0] != dim:
@@ -136,7 +135,7 @@ class Launches:
         return kept[1]
 
     def forget(self) -> None:
-        """Keep none any more, nor their arrays: those that are there now may be others."""
+        """Drop all cached launches and their arrays, which may have been replaced."""
         self._kept.clear()
         self._again = None
         self.forgotten += 1
@@ -147,15 +146,15 @@ class Launches:
 
 @lru_cache
 def _arguments(*types: Any) -> Any:
-    """The structure in which a compiled function takes arguments of some ctypes."""
+    """Return the structure in which a compiled function takes arguments of these ctypes."""
     fields = [(f'argument_{n}', one) for n, one in enumerate(types)]
     return type('Arguments', (ctypes.Structure,), {'_fields_': fields})
 
 
 def _compiled(command: Any) -> tuple[Any, tuple[Any, ...], Any]:
-    """What a launch on the CPU calls, with what, and what has to be kept for that.
+    """Return the function that a CPU launch calls, its arguments, and an object to keep alive.
 
-    It is what Warp's own ``launch()`` calls, which packs the arguments anew each time.
+    Warp's own ``launch()`` calls the same function but packs the arguments again each time.
     """
     try:
         bounds, *values = command.params
@@ -164,7 +163,7 @@ def _compiled(command: Any) -> tuple[Any, tuple[Any, ...], Any]:
             setattr(arguments, f'argument_{n}', value)
         return command.hooks.forward, (ctypes.byref(bounds), ctypes.byref(arguments)), command
     except (AttributeError, TypeError):
-        # a Warp that packs in another way
+        # this version of Warp packs in another way
         return command.launch, (), command
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many arrays from one allocation; and what a GPU that had no memory left leaves behind."""
+"""Allocation of many arrays at once, and recovery from an allocation that failed on a GPU."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -9,23 +9,23 @@ from typing import Any
 
 import warp as wp
 
-#: Arrays begin at multiples of its size: an array has no more than 2^31 items, of whatever type.
+#: Alignment of arrays in units of this type: a Warp array has at most 2^31 items of any type.
 _PIECE = wp.mat44d
 
 
 def zeros(items: Mapping[str, tuple[Any, int]], device: Any, *, spare: int = 0) -> dict[str, Any]:
-    """Arrays of zeros in one piece of memory: one by one they take three times as long.
+    """Allocate arrays of zeros in one block of memory, three times as fast as one by one.
 
     Args:
         items: Type and number of items of each array, by name.
         device: The Warp device.
-        spare: Items behind the last of each array that may be read.
+        spare: Extra items after the end of each array that may be read.
 
     Returns:
         The arrays, by name; the memory lives as long as any of them.
 
     Raises:
-        RuntimeError: There is no memory for them.
+        RuntimeError: If memory is insufficient.
     """
     size = wp.types.type_size_in_bytes
     starts, end = {}, 0
@@ -43,11 +43,11 @@ def zeros(items: Mapping[str, tuple[Any, int]], device: Any, *, spare: int = 0) 
 
 
 def forget_failure(device: Any) -> None:
-    """Take away the error of an allocation that failed, which a GPU keeps for whoever asks next.
+    """Clear the sticky CUDA error left by a failed allocation.
 
-    Warp raises for the allocation and leaves the error with the CUDA runtime. The next scan or
-    sort finds it there and fails in its place ("invalid device ordinal"): that of the simulation
-    which still has all it needs, or of the new one after a reset. A scan of one number takes it.
+    Warp raises for the allocation but leaves the error in the CUDA runtime. The next scan or sort
+    would report it ("invalid device ordinal"), even in a simulation that has all it needs or in
+    a new one after a reset. A scan of a single number clears the error.
 
     Args:
         device: The Warp device; nothing is done on the CPU.

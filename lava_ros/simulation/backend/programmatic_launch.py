@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Kernels of a graph that begin before those they come after have ended.
+"""Kernels of a graph that start before their predecessors have ended.
 
-Between two kernels a GPU is idle for a microsecond: the first one's results are written, the next
-one's threads are started. With few particles a stage is little else. NVIDIA's programmatic
-dependent launch lets the next one start where the first one's threads leave room, and wait there
-(``compiled.after_the_former``) until all that is written can be read. In a graph that is a kind
-of edge between two nodes, which Warp does not make: here the edges to kernels that wait are
-replaced by such. Graphs that allocate memory cannot be changed and stay as they are.
+Between two kernels a GPU is idle for a microsecond while the results of the first are written and
+the threads of the second are started. With few particles, most of a stage is such idle time.
+NVIDIA's programmatic dependent launch starts the second kernel where threads of the first have
+finished, and lets it wait there (``compiled.after_the_former``) until all results are readable. In
+a graph this is a type of edge between two nodes, which Warp does not create: here the edges to
+kernels that can wait are replaced. Graphs that allocate memory cannot be changed and stay as is.
 """
 
 from collections.abc import Collection
@@ -17,16 +17,16 @@ from functools import lru_cache
 from itertools import chain
 from typing import Any
 
-#: Compute capability from which on GPUs know it.
-_LEAST_ARCH = 90
+#: Minimum compute capability of a GPU that supports it.
+_MIN_ARCH = 90
 
-#: Numbers of the driver: success, a kernel among the nodes of a graph, and
-#: the port and the type of an edge for programmatic launches.
+#: Constants of the driver: success, a kernel among the nodes of a graph, and the port and type of
+#: an edge for programmatic launches.
 _SUCCESS = 0
 _KERNEL_NODE = 0
 _PROGRAMMATIC = 1
 
-#: What Warp appends to a kernel's name.
+#: Suffix that Warp appends to a kernel's name.
 _ENDING = '_cuda_kernel_forward'
 
 
@@ -55,19 +55,19 @@ class _KernelParams(ctypes.Structure):
 
 
 def overlap(graph: Any, kernels: Collection[Any]) -> int:
-    """Let kernels of a captured graph start before those that they come after have ended.
+    """Let kernels of a captured graph start before their predecessors have ended.
 
-    They are those of ``compiled.quick_kernel``; others wait for the end of what is before them.
-    Warp's ``graph`` has not been launched yet.
+    Only those in ``kernels`` (of ``compiled.quick_kernel``) do; other nodes wait until all
+    predecessors have ended. Call this before Warp's ``graph`` is first launched.
 
     Returns:
-        How many edges of the graph were replaced; 0 where the GPU or its driver cannot do it.
+        Number of replaced edges of the graph; 0 if the GPU or its driver does not support it.
 
     Raises:
-        RuntimeError: The driver leaves an edge neither as it was nor as it should be.
+        RuntimeError: If the driver removes an edge and can neither replace nor restore it.
     """
     driver = _driver()
-    if driver is None or graph.device.arch < _LEAST_ARCH:
+    if driver is None or graph.device.arch < _MIN_ARCH:
         return 0
     names = {kernel.get_mangled_name() for kernel in kernels}
     edges, replaced = _edges(driver, graph.graph), 0
@@ -89,7 +89,7 @@ def overlap(graph: Any, kernels: Collection[Any]) -> int:
 
 @lru_cache
 def _driver() -> Any:
-    """CUDA's driver, if it knows graphs with such edges."""
+    """Return CUDA's driver library, or None if it does not support such edges."""
     try:
         driver = ctypes.CDLL('libcuda.so.1')
         for name in ('GraphGetEdges_v2', 'GraphAddDependencies_v2', 'FuncGetName'):
@@ -100,7 +100,7 @@ def _driver() -> Any:
 
 
 def _edges(driver: Any, graph: Any) -> list[tuple[int, int]]:
-    """Nodes at both ends of each edge; none where the driver does not say."""
+    """Return the nodes at both ends of each edge; empty if the driver does not report them."""
     count = ctypes.c_size_t(0)
     if driver.cuGraphGetEdges_v2(graph, None, None, None, ctypes.byref(count)) != _SUCCESS:
         return []
@@ -108,7 +108,7 @@ def _edges(driver: Any, graph: Any) -> list[tuple[int, int]]:
     data = (_EdgeData * count.value)()
     if driver.cuGraphGetEdges_v2(graph, *nodes, data, ctypes.byref(count)) != _SUCCESS:
         return []
-    # what is more than an order already stays
+    # edges that already do more than order two nodes are not changed
     return [
         (before, after)
         for before, after, one in zip(*nodes, data, strict=True)
@@ -117,7 +117,7 @@ def _edges(driver: Any, graph: Any) -> list[tuple[int, int]]:
 
 
 def _kernel_name(driver: Any, node: int) -> str | None:
-    """Name of a node's kernel; None for other nodes."""
+    """Return the name of a node's kernel; None for other nodes."""
     kind = ctypes.c_int(-1)
     driver.cuGraphNodeGetType(ctypes.c_void_p(node), ctypes.byref(kind))
     if kind.value != _KERNEL_NODE:
@@ -130,7 +130,7 @@ def _kernel_name(driver: Any, node: int) -> str | None:
 
 
 def _change(driver: Any, what: str, graph: Any, before: int, after: int, data: _EdgeData) -> bool:
-    """Add or remove an edge, if the driver does."""
+    """Add or remove an edge; return True if the driver accepted."""
     ends = [(ctypes.c_void_p * 1)(node) for node in (before, after)]
     function = getattr(driver, f'cuGraph{what}Dependencies_v2')
     code = function(graph, *ends, ctypes.byref(data), ctypes.c_size_t(1))

@@ -4,9 +4,9 @@
 """Exclusive sums over an array of integers, in one launch.
 
 On a GPU this is the decoupled look-back of Merrill & Garland (2016, Single-pass Parallel Prefix
-Scan with Decoupled Look-back, NVIDIA): a block of threads sums up a tile, tells the others, and
-finds what comes before it from those it can see. Blocks start in the order of their numbers, so
-none waits for one that has no room.
+Scan with Decoupled Look-back, NVIDIA): a block of threads sums a tile, publishes the sum, and
+derives the sum of all earlier tiles from those already published. Blocks start in order of their
+numbers, so none waits for a block that cannot start.
 """
 
 from functools import lru_cache
@@ -21,17 +21,17 @@ from lava_ros.simulation.backend.graph import Launches
 #: Threads of a block.
 _THREADS = 1024
 
-#: Fours of items that a thread takes, by the most items: with few of them many blocks are quicker,
-#: with many the way back over their tiles is long.
+#: Groups of four items per thread, by maximum number of items. With few items many blocks are
+#: faster; with many items the look-back over their tiles is long.
 _FOURS = ((1 << 19, 1), (1 << 21, 2), (math.inf, 8))
 
-#: The same of the scans of a batch, which have tiles enough together.
+#: Groups of four items per thread in a batch, whose scans together have enough tiles.
 _FOURS_TOGETHER = 4
 
-#: A tile's word says what it knows: (1, its sum), then (2, the sum up to its end), in every other
-#: scan (3, ...) and (4, ...): so no word has to be cleared when all have read it. Which scan it
-#: is stands in the word after the last tile's. The last tile, which comes to its end when all
-#: others have read that, changes it.
+#: A tile's word holds its state: (1, its sum), then (2, the sum up to its end), and in every
+#: second scan (3, ...) and (4, ...), so that no word has to be cleared between scans. The word
+#: after the last tile holds the parity of the scan. The last tile flips it: it ends only after
+#: all others have read it.
 _SCAN = """
 #if defined(__CUDA_ARCH__)
     __shared__ int sums[32];
@@ -136,20 +136,20 @@ def _kernel(fours: int) -> Any:
         starts: wp.array(dtype=wp.int32),
         tiles: wp.array(dtype=wp.uint64),
     ):
-        """Sum up what is before each item; on the CPU in one thread."""
+        """Sum all items before each item; on the CPU in one thread."""
         sum_up(thread, sizes, starts, tiles)
 
     return scan
 
 
 class Scan:
-    """Sums what is before each item of arrays of one ``length``."""
+    """Exclusive sums of arrays of one ``length``."""
 
     def __init__(self, length: int, device: Any) -> None:
-        """Make ready for arrays of a length, which is a multiple of 4."""
+        """Prepare for arrays of this length, a multiple of 4."""
         self.length, self._device = length, device
         self._fours = next(fours for most, fours in _FOURS if length < most)
-        #: Words of the tiles by fours to a thread.
+        #: Words of the tiles, by groups of four per thread.
         self._words: dict[int, Any] = {}
 
     def __call__(self, launches: Launches, sizes: Any, starts: Any) -> None:

@@ -3,14 +3,14 @@
 
 """Sums over neighbours on a CPU, eight neighbours at a time.
 
-A GPU has 32 threads take a neighbour each. A core of a CPU adds eight numbers at once too, but
-compilers do not see that it could in rows of some seven neighbours. Here is the C++ of device
-functions that do, with vectors as Clang has them: on a processor without any as wide they become
-several narrower ones. Products and sums are fused where the processor has that, in an order that
-depends on nothing but the particle.
+A GPU assigns one neighbour to each of 32 threads. A CPU core can also add eight numbers at once,
+but compilers do not vectorize loops over rows of about seven neighbours. This module generates the
+C++ of device functions with Clang's vector types; on a processor with narrower vectors, each is
+split into several. Products and sums are fused where the processor supports it, in an order that
+depends only on the particle.
 """
 
-#: Neighbours at a time. Arrays that are read so have at least as many items.
+#: Neighbours per step. Arrays read this way have at least as many items.
 WIDTH = 8
 
 _AROUND = """{
@@ -51,13 +51,13 @@ _AROUND = """{
 
 
 def over_neighbors(each: str) -> str:
-    """Return the C++ of a device function of float32 that makes three sums over neighbours.
+    """Return the C++ of a float32 device function that computes three sums over neighbours.
 
-    It has among its arguments ``values``, an array of vec4, and ``cells`` and ``box`` as of
-    ``cells.cell_functions``, and returns a vec3. ``each`` is C++ that adds to ``sum_0``, ``sum_1``
-    and ``sum_2`` what eight neighbours have. ``other_0`` to ``other_3`` are the components of
-    their values, ``place`` is the first one's place in the array and ``is_in`` says which of them
-    count; what the others have is any number or none. ``wide`` is a vector of eight floats,
-    ``whole`` of integers, ``none`` is 0.
+    Its arguments include ``values``, an array of vec4, and ``cells`` and ``box`` as in
+    ``cells.cell_functions``; it returns a vec3. ``each`` is C++ that adds the contributions of
+    eight neighbours to ``sum_0``, ``sum_1`` and ``sum_2``. ``other_0`` to ``other_3`` are the
+    components of their values, ``place`` is the index of the first of them, and ``is_in`` marks
+    those that count; the values of the rest are arbitrary, even NaN. ``wide`` is a vector of
+    eight floats, ``whole`` of integers, ``none`` is 0.
     """
     return _AROUND.replace('EACH', each)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading back from a GPU what others need not wait for."""
+"""Asynchronous readback from a GPU."""
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
@@ -12,19 +12,20 @@ import weakref
 import numpy as np
 import warp as wp
 
-#: Page-locked arrays of a kind that a reader has at most: one under way, the latest, and those
-#: that layers of two rates have published last. They are scarce, and slow to make.
-_MOST_LOCKED = 4
+#: Maximum number of page-locked arrays of each shape and type per reader: one in transfer, the
+#: latest, and the last ones published by layers of two rates. They are scarce and slow to
+#: allocate.
+_MAX_PINNED_ARRAYS = 4
 
-#: Held while a graph is captured, and while a thread waits for an event: Warp refuses to wait
-#: during a capture, whosever it is.
+#: Held while a graph is captured and while a thread waits for an event: Warp refuses to wait
+#: during a capture, even by another thread.
 capture_lock = threading.Lock()
 
 
 def read(array: Any) -> np.ndarray:
-    """Copy an array to the host as soon as what is launched before on the same stream is done.
+    """Copy an array to the host after all earlier launches on the same stream.
 
-    ``array.numpy()`` waits for all streams, and all streams wait for it.
+    ``array.numpy()`` would wait for all streams and block them.
     """
     if not array.device.is_cuda:
         copied: np.ndarray = array.numpy().copy()
@@ -37,10 +38,10 @@ def read(array: Any) -> np.ndarray:
 
 
 class Readback:
-    """Copies of two small arrays, when what is launched before on the same stream is done."""
+    """Copies of two small arrays, taken after all earlier launches on the same stream."""
 
     def __init__(self, arrays: tuple[Any, Any]) -> None:
-        """Make room for one look at a time."""
+        """Allocate the host copies, for one readback at a time."""
         device = arrays[0].device
         self._arrays = self._copies = arrays
         self._event = None
@@ -50,7 +51,7 @@ class Readback:
         self._seen = [one.numpy() for one in self._copies]
 
     def begin(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
-        """Begin to copy, and return what waits for the copies and gives them."""
+        """Start the copies; return a function that waits for them and returns them."""
         if self._event is None:
             now = self._seen[0].copy(), self._seen[1].copy()
             return lambda: now
@@ -65,7 +66,7 @@ class Readback:
 
 
 class _Lent:
-    """Memory of an array, which is not used again as long as a numpy array made of it lives."""
+    """Host memory that is not reused while a numpy array made of it lives."""
 
     def __init__(self, host: Any) -> None:
         self.host = host
@@ -73,14 +74,14 @@ class _Lent:
 
 
 class Reader:
-    """Copies arrays of a GPU to the host beside all that is launched later, on its own stream.
+    """Reader that copies GPU arrays to the host, in parallel with later launches.
 
-    What it copies to is page-locked and used again once nobody holds an array of it any more: in
-    the long run nothing is allocated.
+    The host memory is page-locked and reused when no array refers to it any more: in the long
+    run nothing is allocated.
     """
 
     def __init__(self, device: Any) -> None:
-        """Make nothing yet."""
+        """Initialize without allocating."""
         self._device = device
         self._stream: Any = None
         self._copied: Any = None
@@ -88,19 +89,19 @@ class Reader:
         self._free: dict[Any, list[Any]] = defaultdict(list)
 
     def before_writing(self) -> None:
-        """Let what is launched from now on wait until the latest copies are made."""
+        """Let later launches wait until the latest copies are complete."""
         if self._copied is not None:
             wp.get_stream(self._device).wait_event(self._copied)
 
     def begin(self, arrays: Sequence[Any], *, beside: bool) -> Callable[[], list[np.ndarray]]:
-        """Begin to copy arrays, as they are when what is launched so far is done.
+        """Start to copy arrays, with their contents after all launches so far.
 
         Args:
-            arrays: The arrays. Before they are written to again ``before_writing`` is called.
-            beside: Whether others go on meanwhile; on the CPU, and without, they are copied now.
+            arrays: The arrays. Call ``before_writing`` before writing to them again.
+            beside: If True, copy in parallel with later launches on a GPU; otherwise copy now.
 
         Returns:
-            What waits for the copies and gives them, in any thread.
+            Function that waits for the copies and returns them, callable from any thread.
         """
         if not (beside and self._device.is_cuda):
             copies = [read(array) for array in arrays]
@@ -119,11 +120,11 @@ class Reader:
         return finish
 
     def _copied_to(self, array: Any) -> Any:
-        """Memory that an array is being copied to: free, or new as long as there is little."""
+        """Start to copy an array; return its host memory, reused where possible."""
         kind = (array.shape, array.dtype)
         free = self._free[kind]
         if not free:
-            is_locked = self._made[kind] < _MOST_LOCKED
+            is_locked = self._made[kind] < _MAX_PINNED_ARRAYS
             self._made[kind] += is_locked
             host = wp.empty_like(array, device='cpu', pinned=is_locked)
         else:
@@ -131,6 +132,6 @@ class Reader:
         wp.copy(host, array, stream=self._stream)
         lent = _Lent(host)
         if host.pinned:
-            # the next copy to it comes after this one, on the same stream
+            # the next copy into it is queued after this one, on the same stream
             weakref.finalize(lent, free.append, host).atexit = False
         return lent

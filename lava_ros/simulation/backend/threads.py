@@ -3,15 +3,14 @@
 
 """Launches on all cores of a CPU.
 
-Warp computes a launch on the CPU in the thread that asks for it, and lets other threads of Python
-run meanwhile. So a launch over many particles is cut into parts, which the caller and some helpers
-take one by one. A kernel that is launched so takes as its last argument the first particle of the
-part, and counts from it (``compiled.counted_from``); it writes nothing but what is its particle's,
-a maximum (``compiled.raise_to``), or a mark. Then the result is the same to the bit in however
-many parts.
+Warp runs a CPU launch in the calling thread and releases Python's global lock. A launch over many
+particles is therefore split into parts, which the caller and some helper threads take one by one.
+Such a kernel takes as its last argument the first particle of the part and counts from it
+(``compiled.counted_from``). It writes only values of its own particle, a maximum
+(``compiled.raise_to``), or a mark. The result is then bitwise identical for any number of parts.
 
-The helpers are as many as the cores that the process may use, less one for the caller;
-``LAVA_THREADS`` in the environment says otherwise. Programs that keep the cores busy with
+There is one thread for each core that the process may use, including the caller's;
+``LAVA_THREADS`` in the environment overrides this. Programs that keep the cores busy with
 processes give each of them one thread: ``use_threads``.
 """
 
@@ -32,30 +31,30 @@ from lava_ros.errors import LavaError
 if TYPE_CHECKING:
     from lava_ros.simulation.state import State
 
-#: Environment variable that says how many threads compute.
+#: Environment variable with the number of computing threads.
 VARIABLE = 'LAVA_THREADS'
 
-#: Fewest particles that are worth a part: about 0.3 ms of sums over their neighbours, or of what
-#: is done to each of them alone. A helper that is called begins after 0.1 ms, and a stage of one
-#: thread is captured.
+#: Minimum number of particles per part: about 0.3 ms of sums over neighbours, or of work on single
+#: particles. A helper starts 0.1 ms after it is called, and only the launches of a single-threaded
+#: stage are captured.
 LEAST_SUMS, LEAST_MOVES = 2048, 16384
 
-#: Parts to a thread: who is done early takes from the others, and each part costs 0.02 ms.
+#: Parts per thread: a thread that is done early takes more, and each part costs 0.02 ms.
 PARTS = 4
 
 _ROOT = Path('/')
 
-#: Where version 2 and version 1 keep a group's time and the period that it is of.
+#: Files with a control group's quota and period, of cgroup versions 2 and 1.
 _FILES = (('cpu.max',), ('cpu.cfs_quota_us', 'cpu.cfs_period_us'))
 
 _asked: int | None = None
 
 
 def use_threads(count: int | None) -> None:
-    """Let launches on the CPU use some threads from now on, or as many as there are cores.
+    """Set the number of threads for CPU launches; None uses one per core.
 
     Raises:
-        LavaError: The number is not at least 1.
+        LavaError: If the number is below 1.
     """
     global _asked
     if count is not None and count < 1:
@@ -64,10 +63,10 @@ def use_threads(count: int | None) -> None:
 
 
 def threads() -> int:
-    """Threads that a launch on the CPU uses.
+    """Return the number of threads that a CPU launch uses.
 
     Raises:
-        LavaError: ``LAVA_THREADS`` is not a number of threads.
+        LavaError: If ``LAVA_THREADS`` is not a number of threads.
     """
     return _asked or _default(os.environ.get(VARIABLE, ''))
 
@@ -82,12 +81,12 @@ def _default(text: str) -> int:
 
 
 def usable_cores(root: Path = _ROOT) -> int:
-    """Count the cores that this process may use: those it is bound to, or its group's share.
+    """Count the cores that this process may use, by its affinity and the quota of its group.
 
-    A container started with ``--cpus=2`` sees all cores of its host, and is stopped for the rest
-    of each tenth of a second in which it has used them. Linux keeps such a share in control groups
+    A container started with ``--cpus=2`` lists all cores of its host, and is stopped for the rest
+    of each 0.1 s in which it has used up its quota. Linux keeps the quota in control groups
     (``cpu.max`` of version 2, ``cpu.cfs_quota_us`` of version 1). Part of a core counts as one.
-    ``root`` has /proc and /sys.
+    ``root`` is the folder with /proc and /sys.
     """
     has_affinity = hasattr(os, 'sched_getaffinity')
     cores = len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
@@ -95,20 +94,20 @@ def usable_cores(root: Path = _ROOT) -> int:
 
 
 def _shares(root: Path) -> Iterator[float]:
-    """Cores of each control group that holds this process and has a share [1]."""
+    """Yield the quota of each control group that holds this process and has one [cores]."""
     for folder, names in product(_groups(root), _FILES):
         try:
             texts = [(folder / name).read_text(encoding='ascii') for name in names]
             quota, period = ' '.join(texts).split()
         except (OSError, ValueError):
             continue
-        # 'max', or -1, is as many as there are
+        # 'max' and -1 mean no limit
         if quota.isdecimal() and period.isdecimal() and int(quota) > 0 and int(period) > 0:
             yield int(quota) / int(period)
 
 
 def _groups(root: Path) -> Iterator[Path]:
-    """The groups of this process and those above them, of both versions."""
+    """Yield the control groups of this process and their parents, of both versions."""
     mounted = root / 'sys/fs/cgroup'
     try:
         lines = (root / 'proc/self/cgroup').read_text(encoding='utf-8').splitlines()
@@ -135,14 +134,15 @@ def launch_over(
 ) -> None:
     """Launch a kernel over the particles of a state, or ``count`` other items, such as cells.
 
-    ``least`` is the fewest particles that are worth a part, ``lanes`` the threads that share a
-    particle, and ``ahead`` those before the particles', on a GPU only, which are a block.
+    ``least`` is the minimum number of particles per part, ``lanes`` the number of threads that
+    share a particle, and ``ahead`` the number of threads before those of the particles: one
+    block, on a GPU only.
     """
     is_over_particles = count is None
     if count is None:
-        # the first one does what is done once, even if it has no particle
+        # the first thread does the work that is done once, even if it has no particle
         count = ahead + max(1, state.extent) * lanes
-    # what is captured is one thread's, and a GPU has its own
+    # captured launches run in one thread, and a GPU schedules its own
     is_whole = state.launches.is_capturing or state.device.is_cuda
     workers = 1 if is_whole else min(threads(), count // (least * lanes))
     if workers < 2:
@@ -158,15 +158,15 @@ def launch_over(
 
 
 def is_alone(state: 'State') -> bool:
-    """Whether one thread does all of a stage: what it launches can be captured."""
+    """Return True if one thread runs a whole stage, so that its launches can be captured."""
     return state.device.is_cuda or state.extent < 2 * LEAST_SUMS or threads() < 2
 
 
 class _Job:
-    """A launch in parts that threads take one by one."""
+    """A launch in parts, which threads take one by one."""
 
     def __init__(self, record: Callable[[], Any], parts: Iterable[tuple[int, int]]) -> None:
-        """Take what records the launch, and the first item and the end of each of its parts."""
+        """Store a function that records the launch, and the first item and end of each part."""
         self._record: Any = record
         self._whole: Any = None
         self._parts = deque(parts)
@@ -178,14 +178,14 @@ class _Job:
         self._error: BaseException | None = None
 
     def compute(self, helpers: int) -> None:
-        """Compute parts until there are no more, and wait for those that helpers have taken.
+        """Compute parts until none is left, and wait for those that helpers have taken.
 
         Raises:
-            BaseException: What a part has raised; then not all have been computed.
+            BaseException: If a part raises; then not all parts have been computed.
         """
         try:
             with self._lock:
-                # they are on their way while the launch is recorded
+                # helpers start while the launch is recorded
                 _helpers().call(helpers, self)
                 self._whole = self._record()
                 self._is_open = True
@@ -197,13 +197,13 @@ class _Job:
                 waits = self._inside > 0
             if waits:
                 self._wait()
-            # who comes late keeps none of the arrays
+            # a late helper must not keep the arrays alive
             self._whole = self._record = None
         if self._error is not None:
             raise self._error
 
     def help(self) -> None:
-        """Compute parts until there are no more; return at once when the job is done."""
+        """Compute parts until none is left; return at once if the job is done."""
         with self._lock:
             if not self._is_open:
                 return
@@ -220,7 +220,7 @@ class _Job:
                     self._is_left.release()
 
     def _wait(self) -> None:
-        """Wait for the helpers; whoever is interrupted waits too, or they would write on."""
+        """Wait for the helpers, even if interrupted: otherwise they would continue to write."""
         try:
             self._is_left.acquire()
         except BaseException:
@@ -243,14 +243,14 @@ class _Job:
 
 
 class _Helpers:
-    """Threads that wait for jobs, and end with the process."""
+    """Threads that wait for jobs until the process ends."""
 
     def __init__(self) -> None:
         self._jobs: SimpleQueue[_Job] = SimpleQueue()
         self._count = 0
 
     def call(self, count: int, job: _Job) -> None:
-        """Ask some of them to help with a job."""
+        """Queue a job for some helpers; start threads as needed."""
         while self._count < count:
             self._count += 1
             name = f'lava helper {self._count}'
@@ -260,7 +260,7 @@ class _Helpers:
 
     def _work(self) -> None:
         while True:
-            # a name for it would keep its arrays until the next one
+            # a local variable would keep the job's arrays alive until the next job
             self._jobs.get().help()
 
 
@@ -270,5 +270,5 @@ def _helpers() -> _Helpers:
 
 
 if hasattr(os, 'register_at_fork'):
-    # a child has none of the threads
+    # a forked child has no helper threads
     os.register_at_fork(after_in_child=_helpers.cache_clear)

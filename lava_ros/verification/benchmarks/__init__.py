@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Benchmarks: how fast a step is, what effects cost, and what the choice of them gains."""
+"""Benchmarks: time of a step, cost of effects, and benefit of their selection."""

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""How footprints depend on the resolution: scenes at presets from coarse to fine.
+"""Dependence of inundated areas on the resolution: scenes at presets from coarse to fine.
 
-A footprint is what at least half of several runs cover, turned and mirrored
-(hindcast/replicates.py). Decimetres decide where a flow forks, so a single run's choice is chance.
-The agreement of the footprints of two halves of the runs shows how far footprints of the same
-resolution differ by chance. The expected error of a single run (hindcast/expected_error.py)
-stands beside its difference from a run with much finer particles, the actual error.
+The footprint of a scene is the area that at least half of several rotated and mirrored runs
+inundate (hindcast/replicates.py). Decimetres decide where a flow branches, so a single run's
+choice is chance. The agreement of the footprints of two halves of the runs shows how far
+footprints of the same resolution differ by chance. The expected error of a single run
+(hindcast/expected_error.py) is listed with its difference from a run with much finer particles,
+the actual error.
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,10 +42,10 @@ LADDER = ('draft', 'standard', 'fine')
 #: Refinement of the runs that single runs are compared with.
 FINEST = 2.83
 
-#: Scenes of the choice of effects by the names that they have here, where those are taken.
+#: Names of scenes of the choice of effects in this benchmark, where their own are taken.
 _NAMES = {'valley': 'melt_valley', 'ridge': 'basalt_ridge'}
 
-#: Sides of the cells that the demo's terrain is averaged over, for cells as SRTM's [m].
+#: Side of the cells over which the demo's terrain is averaged, like those of SRTM [m].
 COARSE = 90.0
 
 _LAVA = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
@@ -54,7 +55,7 @@ _CREST, _TONGUES = Vent((4110.0, 5580.0), 40.0, radius=20.0), Lava(viscosity=5e4
 
 
 def scenes() -> tuple[Case, ...]:
-    """A ridge, the same on coarse cells, shapes of the ground, and the scenes of the effects."""
+    """Return a ridge, the same on coarse cells, shapes of the ground, and scenes of effects."""
     demo, falling = ridge_terrain(), math.tan(math.radians(5.0))
     # cells like those of SRTM, with maps on finer ones
     size = round(COARSE / demo.resolution)
@@ -94,7 +95,7 @@ def scenes() -> tuple[Case, ...]:
 
 
 def case_of(name: str, scene: Scene, horizon: float) -> Case:
-    """A scene that nobody has mapped."""
+    """Return a case without a mapped flow field."""
     volume = sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
     nothing = np.zeros(scene.terrain.shape, dtype=bool)
     return Case(name, name, '', scene, None, nothing, 0.0, horizon, volume)
@@ -103,9 +104,9 @@ def case_of(name: str, scene: Scene, horizon: float) -> Case:
 def _footprint(
     case: Case, preset: str, device: str, runs: int, finest: Result
 ) -> tuple[np.ndarray, np.ndarray, Score, dict[str, Any]]:
-    """Cells inundated by each run at a preset, their majority footprint, its score, and the cost.
+    """Return cells inundated by each run at a preset, majority footprint, score, and costs.
 
-    The cost stands beside the expected and the actual error of a single run.
+    The costs include the expected and the actual error of a single run.
     """
     settings = Settings(preset, device=device, maps=1)
     results = run_replicates(case, settings, runs)
@@ -116,11 +117,11 @@ def _footprint(
     each = np.array([result.snapshot.inundated for result in results])
     majority = each.mean(axis=0) >= 0.5
     cost = {
-        # of a single run, with kernels compiled beforehand
+        # for a single run, with kernels compiled beforehand
         'seconds': alone.wall_time,
         'particles': max(result.most_particles for result in results),
         'evaluations': alone.snapshot.steps.evaluations,
-        # before the run, and with a pilot beside it
+        # before the run, and with an additional pilot run
         'predicted_particles': alone.resolution.particle_error,
         'expected_particles': expected.particles,
         'expected_cells': expected.cells,
@@ -134,7 +135,7 @@ def _footprint(
 def measure(
     device: str, *, cases: Sequence[Case], runs: int, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:
-    """Run each scene ``runs`` times at each preset; ``cases`` replace the usual scenes."""
+    """Run each scene ``runs`` times at each preset; ``cases`` replace the default scenes."""
     items = tuple(cases) or scenes()
     for index, case in enumerate(items):
         on_progress(case.name, index / len(items))
@@ -142,7 +143,7 @@ def measure(
 
 
 def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
-    """Run a case at each preset, turned and mirrored."""
+    """Run a case at each preset, rotated and mirrored."""
     standard = resolution_of(case.scene, PRESETS['standard'].accuracy, horizon=case.duration)
     finest_run = simulate(
         case, Settings('standard', standard.spacing / FINEST, device, maps=1)

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an effect costs: the time of a step with it over that of the bare step.
+"""Cost of effects: the time of a step with an effect over that of the bare step.
 
-Every step is one stage of fixed length, so that the passes which effects make at a step's end are
-paid in full in each of them, and no effect changes how many steps there are.
+Every step is one stage of fixed length, so each includes the full cost of the passes at the end of
+a step, and no effect changes the number of steps.
 """
 
 from __future__ import annotations
@@ -23,35 +23,35 @@ from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.rows import OnProgress, row_of
 
-#: Particles by default: on a GPU, where fewer do not fill it, and on a CPU.
+#: Default number of particles: on a GPU, which fewer do not fill, and on a CPU.
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
 
-#: Least time that is measured at once [s].
+#: Minimum time of one measurement [s].
 LEAST = 0.5
 
-#: Steps that a GPU takes at once: those past the last one would be idle, and measured.
+#: Steps that a GPU takes at once: idle ones past the last would be measured.
 _AT_ONCE = 16
 
-#: Distance between particles and thickness of the lava [m].
+#: Particle spacing and thickness of the lava [m].
 SPACING, THICKNESS = 2.0, 2.0
 
-#: Kernel radius over the distance between particles: 28 neighbours.
+#: Kernel radius over the particle spacing: 28 neighbours.
 RATIO = 3.0
 
 #: Length of a step [s]: nothing moves far, so every set of effects steps the same lava.
 STEP = 1e-3
 
-#: Lava that has every constant, hot enough not to freeze.
+#: Lava that has every constant, hot enough not to solidify.
 _NUMBERS = {key: value for one in EFFECTS.values() for key, value in one.benchmark.items()}
 _AROUND = {key: _NUMBERS.pop(key) for one in EFFECTS.values() for key in one.environment}
 LAVA = Lava(viscosity=1e5, liquidus=1500.0, **_NUMBERS)
 
-#: What does not go with everything else: another form of an effect, or of the motion.
+#: Effects that cannot be combined with the rest: another form of an effect, or of the motion.
 APART = ('arrhenius', 'cooling', 'cover', 'helmholtz', 'inertia')
 
 
 def effect_sets() -> dict[str, Effects]:
-    """The sets of effects that are measured, by name: none, each alone, and those that combine."""
+    """Return the measured sets of effects, by name: none, each alone, and combinations."""
     off = dict.fromkeys(EFFECTS, False)
     sets = {'bare': Effects(**off)}
     sets |= {name: Effects(**{**off, name: True}) for name in EFFECTS}
@@ -65,7 +65,7 @@ def lava_field(
     particles: int, effects: Effects, device: str, *, cells: int | None = None,
     ratio: float = RATIO,
 ) -> Simulation:
-    """A field of about ``particles`` particles of lava on rough ground, with a vent in its middle.
+    """Return a field of about ``particles`` particles on rough ground, with a vent in its middle.
 
     ``cells`` is the number of the ground's cells along a side; by default a cell is two spacings
     wide. ``ratio`` is the kernel radius over the spacing; a particle has pi ratio^2 neighbours.
@@ -99,7 +99,7 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """Time a step with each set of effects.
 
-    ``particles`` is the number of particles, None for the usual one of the device.
+    ``particles`` is the number of particles, None for the device's default.
     """
     if particles is None:
         particles = PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']
@@ -115,11 +115,11 @@ def measure(
 
 
 def step_times(simulation: Simulation, repetitions: int, least: float) -> tuple[list[float], int]:
-    """Wall times per step and particle [ns] of ``repetitions`` intervals, and the particles.
+    """Return wall times per step and particle [ns] of intervals, and the particles.
 
-    An interval is at least ``least`` [s].
+    An interval is at least ``least`` long [s].
     """
-    # compiles, captures and settles
+    # compiles, captures and reaches a steady state
     _elapsed(simulation, 2 * _AT_ONCE)
     steps = _AT_ONCE
     while (elapsed := _elapsed(simulation, steps)) < least and steps < 1 << 20:
@@ -130,14 +130,14 @@ def step_times(simulation: Simulation, repetitions: int, least: float) -> tuple[
 
 
 def _elapsed(simulation: Simulation, steps: int) -> float:
-    """Wall time of some steps [s]."""
+    """Return the wall time of some steps [s]."""
     before, until = simulation.steps, simulation.time + steps * STEP
     elapsed = timed(simulation.device, lambda: simulation.advance(until))
     return elapsed * steps / max(1, simulation.steps - before)
 
 
 def timed(device: str, action: Callable[[], object]) -> float:
-    """Wall time of an action with all that it launches on a device [s]."""
+    """Return the wall time of an action including all its launches on a device [s]."""
     wp.synchronize_device(device)
     start = wall_clock.perf_counter()
     action()

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How fast members of an ensemble are in a batch, from one to many.
+"""Speed of ensemble members in a batch, from one to many.
 
 The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage.
 """
@@ -20,31 +20,32 @@ from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, ST
 from lava_ros.verification.benchmarks.steps import memory_of, used_memory
 from lava_ros.verification.rows import OnProgress, row_of
 
-#: Particles of a member by default, members, and most particles of all of them, by the device.
+#: Default particles per member, numbers of members by device, and maximum particles of all
+#: members.
 PARTICLES = (300, 1_000, 10_000)
 MEMBERS = {'cuda': (1, 4, 16, 32, 64, 256, 1024), 'cpu': (1, 4)}
-MOST = 3_000_000
+MAX_PARTICLES = 3_000_000
 
 #: Sets of effects, by their names in ``effect_sets``.
 SETS = ('bare', 'green')
 
-#: Steps of a member that are measured at once, and most of all particles: to begin with a member
-#: takes as long as some.
-MOST_STEPS = 1e10
+#: Maximum number of particle-steps and number of steps in one measurement: starting a member takes
+#: as long as some steps.
+MAX_STEPS = 1e10
 STEPS = {'cuda': 16_384, 'cpu': 64}
 
 
 def measure(
     device: str, *, particles: Sequence[int] | None, repetitions: int, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:
-    """Time steps of members, by their number and by their particles, None for the usual ones."""
+    """Time steps of members, by their number and particles; None uses the default particles."""
     kind = 'cuda' if wp.get_device(device).is_cuda else 'cpu'
     cases = [
         (name, number, members)
         for name in SETS
         for number in particles or PARTICLES
         for members in MEMBERS[kind]
-        if number * members <= MOST
+        if number * members <= MAX_PARTICLES
     ]
     for index, (name, number, members) in enumerate(cases):
         on_progress(f'{name}: {members} members of {number} particles', index / len(cases))
@@ -52,18 +53,18 @@ def measure(
         simulations = [lava_field(number, effect_sets()[name], device) for _ in range(members)]
         count = sum(item.particle_count for item in simulations)
         what = f'{name}: {members} members'
-        steps = min(STEPS[kind], int(MOST_STEPS / count))
+        steps = min(STEPS[kind], int(MAX_STEPS / count))
         rates = [_rate(simulations, steps, device) for _ in range(repetitions + 1)]
         # the first one compiles and captures
         yield row_of(what, number, rates[1:], 'M particle-steps/s')
         memory = memory_of(simulations, device, before) / count
         yield row_of(f'{what}: memory', number, [memory], 'B per particle')
-        # what they have is not to be given back while the next ones are measured
+        # frees memory now, not while the next members are measured
         del simulations
 
 
 def _rate(simulations: Sequence[Simulation], steps: int, device: str) -> float:
-    """Particle-steps a second of all members [1e6/s]; vents emit more particles meanwhile."""
+    """Return particle-steps per second of all members [1e6/s]; vents add particles."""
 
     def taken() -> np.ndarray:
         return np.array([(item.steps, item.particle_count) for item in simulations])

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bare step written down plainly, to measure gains by.
+"""A plain implementation of the bare step, as a baseline for speed.
 
-It is what one would write first: Warp's hash grid, with cells as wide as the kernel's radius,
-finds the neighbours; thickness, slope and motion are kernels of their own, launched one after the
-other; particles stay in the order they came in. The equations are those of the product, whose
-smoothing kernel and ground it takes. Nothing but the benchmark uses it.
+It is the obvious way to write it: Warp's hash grid, with cells as wide as the kernel radius, finds
+the neighbours; thickness, slope and motion are separate kernels, launched one after the other;
+particles keep their original order. Equations, smoothing kernel and ground are those of the
+product. Only the benchmark uses it.
 """
 
 # mypy: disable-error-code="valid-type, no-untyped-def"

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Small scenes that call for different effects, to measure the choice of effects by.
+"""Small scenes that require different effects, for measuring the choice of effects.
 
-Every material has more constants than its scene calls for: what is left out is left out by its
-number, not because there is none.
+Every material has more constants than its scene requires: an effect is omitted by its number, not
+because the material lacks it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ class BenchScene:
     Attributes:
         name: Its name.
         scene: Terrain, vents and lava.
-        horizon: Horizon that is assumed when its effects are chosen [s].
-        duration: Time that is simulated [s].
+        horizon: Assumed horizon for choosing the effects [s].
+        duration: Simulated time [s].
     """
 
     name: str
@@ -37,10 +37,10 @@ class BenchScene:
     duration: float
 
 
-#: Table 3.1 of the paper, with the heat that goes into the ground and from column to column.
+#: Table 3.1 of the paper, with heat conduction into the ground and from column to column.
 FLUID = Lava(conductivity=1.5, ground_conductivity=2.0)
 
-#: A basalt of the field: stiffens tenfold in 58 K, has hardly any strength, freezes.
+#: A natural basalt: stiffens tenfold in 58 K, has hardly any strength, solidifies.
 BASALT = Lava(
     density=2600.0, viscosity=1000.0, arrhenius=0.04, yield_strength=5.0, solidus=1223.0,
     latent_heat=3.5e5, conductivity=1.5, ground_conductivity=2.0,
@@ -54,7 +54,7 @@ MELT = Lava(
 )
 
 
-#: Where most vents are, off the lattice of the cells [m].
+#: Position of most vents, off the lattice of the cells [m].
 VENT = (0.3, 0.2)
 
 
@@ -136,7 +136,7 @@ def bench_scene(
     name: str, horizon: float, terrain: Terrain, lava: Lava, *vents: Vent,
     duration: float | None = None, wind_speed: float = 0.0,
 ) -> BenchScene:
-    """Put a scene together; it is simulated for its horizon [s] or another ``duration`` [s]."""
+    """Build a scene; it is simulated for its horizon [s] or another ``duration`` [s]."""
     scene = Scene(terrain, vents, lava, wind_speed=wind_speed)
     return BenchScene(name, scene, horizon, horizon if duration is None else duration)
 
@@ -144,7 +144,7 @@ def bench_scene(
 def ground(
     x_range: tuple[float, float], y_range: tuple[float, float], resolution: float, surface: Surface
 ) -> Terrain:
-    """Terrain of a surface z(x, y) over a rectangle [m]."""
+    """Return the terrain of a surface z(x, y) over a rectangle [m]."""
     x, y = (
         np.arange(first + 0.5 * resolution, last, resolution) for first, last in (x_range, y_range)
     )

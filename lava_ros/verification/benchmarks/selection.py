@@ -1,19 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether the choice of effects is right: each scene as it is chosen, and with more effects on.
+"""Test of the choice of effects: each scene with the chosen effects, and with more effects on.
 
-Of every effect that exists in a scene and is off to the end of the run, a row compares the run
-with one in which this effect is forced on. A last row compares it with all effects. Where the
-effect excludes another that is on, both runs are without that one.
+For every effect that exists in a scene and is off to the end of the run, a row compares the run
+with one in which this effect is forced on. A last row compares it with all effects. If the effect
+excludes another one that is on, both runs are without that one.
 
-What lava covers is compared in parts of cells. Where a flow splits, where its particles happen to
-lie decides: so each footprint is that of many runs, turned and mirrored, with vents moved by parts
-of a cell, and counts what lava covers in most of them. The runs go side by side, each on its own
-copy of the terrain with cells without data between, in one simulation: particles of one are never
-neighbours of another's, and all take the shortest of their steps. How much of a difference still
-says nothing is measured too: a half of the runs against the other half, which differ by a factor
-of sqrt(2) more than two sets of all runs do. Time is that of a run of its own.
+Inundated areas are compared in parts of cells. Where a flow branches, the random positions of its
+particles decide. Each footprint is therefore that of many runs, rotated and mirrored, with vents
+moved by parts of a cell, and contains the area that most of them inundate. The runs are simulated
+side by side, each on its own copy of the terrain with cells without data between them: particles
+of different runs are never neighbours, and all runs take the shortest of their steps. The
+insignificant part of a difference is measured too: one half of the runs against the other half,
+which differ by a factor of sqrt(2) more than two sets of all runs do. The time is that of a
+separate run.
 """
 
 from __future__ import annotations
@@ -37,19 +38,19 @@ from lava_ros.verification.benchmarks.effects import timed
 from lava_ros.verification.benchmarks.scenes import BenchScene, scenes
 from lava_ros.verification.rows import OnProgress
 
-#: How far the vents are moved from one run to the next, in cells, along x and along y.
+#: Shift of the vents from one run to the next, in cells, along x and along y.
 SHIFT = 0.01
 
-#: How much more they give, as a fraction: on a plane a flow that is moved is the same flow, and
-#: one that is turned by a half nearly so.
+#: Relative increase of their discharge: on a plane a shifted flow is the same flow, and one that
+#: is rotated by half a turn nearly so.
 GAIN = 5e-4
 
-#: Thickness from which a cell counts as covered, as a fraction of that of the flow, if it is less
+#: Thickness above which a cell counts as covered, as a fraction of that of the flow, if it is less
 #: than ``COVERED``.
 THIN = 0.2
 
-#: Parts of a cell, along a side, that a footprint tells apart: a front that lies along a row of
-#: cells would else cover all of them or none.
+#: Parts of a cell, along a side, that a footprint distinguishes: otherwise a front along a row of
+#: cells would cover all of them or none.
 PARTS = 4
 
 #: Cells without data between two copies of a terrain.
@@ -58,19 +59,19 @@ GAP = 16
 #: Name of the row with all effects.
 ALL = 'all'
 
-#: What a run is to have on or off: everything, or some effects by name whatever is chosen.
+#: Effects of a run: all of them, or some by name that override the choice.
 Switches = Effects | Mapping[str, bool]
 
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """Runs of a scene side by side.
+    """Results of runs of a scene side by side.
 
     Attributes:
-        cells: The parts of cells (``PARTS``) that lava covers in each at the end, bool, shape
+        cells: The parts of cells (``PARTS``) that lava covers in each run at the end, bool, shape
             [runs, rows, columns].
         effects: The effects that were on at the end.
-        decisions: What decided about each effect.
+        decisions: The decision about each effect.
     """
 
     cells: np.ndarray
@@ -87,10 +88,10 @@ def left_off(decisions: Sequence[Decision]) -> list[Decision]:
 
 
 def everything(decisions: Sequence[Decision]) -> dict[str, bool]:
-    """Return switches that force on every effect that the scene has and that goes together.
+    """Return switches that force on every effect that the scene has, as far as compatible.
 
-    Of inertia and lateral stress, which do not, it is the one that is on; where neither is, it is
-    the one whose number comes nearer to its threshold.
+    Of inertia and lateral stress, which exclude each other, the one that is on is kept; if neither
+    is on, the one whose number is closer to its threshold.
     """
     found = {item.name: item for item in decisions}
     forced = {
@@ -107,16 +108,16 @@ def everything(decisions: Sequence[Decision]) -> dict[str, bool]:
 
 
 def directions(count: int) -> list[tuple[int, int]]:
-    """Signs of x and y of each run: as it is, mirrored in x, half a turn, mirrored in y; again."""
+    """Return signs of x and y of each run: as is, mirrored in x, rotated, mirrored in y."""
     return [((1, 1), (-1, 1), (-1, -1), (1, -1))[number % 4] for number in range(count)]
 
 
 def copies(scene: Scene, count: int, shift: float = SHIFT) -> Scene:
-    """A scene ``count`` times, side by side.
+    """Return ``count`` copies of a scene, side by side.
 
-    Each is turned or mirrored (``directions``) about the middle of its terrain. Then its vents are
-    moved ``shift`` cells further along x and y than those of the one before, and give ``GAIN``
-    more.
+    Each is rotated or mirrored (``directions``) about the middle of its terrain. Its vents are
+    moved ``shift`` cells further along x and y than those of the previous one, with a discharge
+    larger by ``GAIN``.
     """
     terrain = scene.terrain
     rows, columns = (side + GAP for side in terrain.elevation.shape)
@@ -154,11 +155,11 @@ def run_copies(
     Args:
         scene: The scene.
         count: Number of runs.
-        switches: The effects; a mapping leaves those to the choice that it does not name.
+        switches: The effects; effects that a mapping does not name are chosen.
         accuracy: The resolution.
-        horizon: Horizon that is assumed [s].
+        horizon: Assumed horizon [s].
         device: Name of the Warp device.
-        duration: Time that is simulated [s], by default the horizon.
+        duration: Simulated time [s], by default the horizon.
     """
     accuracy = resolved_accuracy(accuracy, scene, horizon=horizon)
     wide = copies(scene, count)
@@ -195,10 +196,10 @@ def cost(
     scene: Scene, switches: Switches, *, accuracy: Accuracy, horizon: float, device: str,
     duration: float | None = None,
 ) -> tuple[int, int, float]:
-    """Particles at the end, velocity evaluations and time [s] of a run (``run_copies``).
+    """Return particles at the end, velocity evaluations and time [s] of a run (``run_copies``).
 
     Kernels are compiled beforehand. The time is wall time on a GPU and processor time on a CPU,
-    which other programs change little.
+    which other programs hardly affect.
     """
     accuracy = resolved_accuracy(accuracy, scene, horizon=horizon)
     warm, simulation = (
@@ -215,23 +216,23 @@ def cost(
 
 
 def jaccard(one: np.ndarray, other: np.ndarray) -> float:
-    """Cells in both over cells in either; NaN, which is within no bound, where there are none."""
+    """Return cells in both over cells in either; NaN, which no bound admits, if there are none."""
     either = np.count_nonzero(one | other)
     return np.count_nonzero(one & other) / either if either else math.nan
 
 
 def footprint(runs: np.ndarray) -> np.ndarray:
-    """Cells that lava covers in most of the runs [runs, rows, columns]."""
+    """Return the cells that lava covers in most of the runs [runs, rows, columns]."""
     return runs.mean(axis=0) > 0.5
 
 
 def noise(runs: np.ndarray) -> float:
-    """How far the footprints of both halves of the runs agree: every other one in each."""
+    """Return the agreement of the footprints of odd and even runs."""
     return jaccard(footprint(runs[::2]), footprint(runs[1::2]))
 
 
 def accuracy_with(item: BenchScene, preset: str, particles: int | None) -> Accuracy:
-    """Resolve a preset in a scene, with no more than a number of particles."""
+    """Resolve a preset in a scene, limited to a number of particles."""
     accuracy = resolved_accuracy(preset_accuracy(preset), item.scene, horizon=item.horizon)
     assert accuracy.spacing is not None and accuracy.thickness is not None
     emitted = sum(vent.volume_between(0.0, item.duration) for vent in item.scene.vents)
@@ -240,7 +241,7 @@ def accuracy_with(item: BenchScene, preset: str, particles: int | None) -> Accur
 
 
 def front(cells: np.ndarray, scene: Scene) -> float:
-    """Distance [m] of the farthest covered part of a cell from the first vent."""
+    """Return the distance [m] of the farthest covered part of a cell from the first vent."""
     row, column = np.nonzero(cells)
     terrain = scene.terrain
     places = (np.column_stack([column, row]) + 0.5) * (terrain.resolution / PARTS)
@@ -251,7 +252,7 @@ def front(cells: np.ndarray, scene: Scene) -> float:
 def measure(
     device: str, *, preset: str, runs: int, particles: int | None = None, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:
-    """Compare the choice of effects on every scene with more effects (``compare``)."""
+    """Compare the choice of effects with more effects on every scene (``compare``)."""
     items = scenes()
     for index, item in enumerate(items):
         on_progress(item.name, index / len(items))
@@ -261,14 +262,14 @@ def measure(
 def compare(
     item: BenchScene, *, device: str, preset: str, runs: int, particles: int | None = None
 ) -> Iterator[dict[str, Any]]:
-    """Compare runs of a scene as it is chosen with each effect that is off, and with all of them.
+    """Compare runs with the chosen effects with each effect that is off, and with all of them.
 
     Args:
         item: The scene.
         device: Name of the Warp device.
         preset: Name of the resolution.
         runs: Number of runs of a footprint.
-        particles: Largest number of particles of a run, which makes a finer preset coarser.
+        particles: Maximum number of particles of a run, which makes a finer preset coarser.
 
     Yields:
         A row for each effect that is off to the end, and one with all effects.
@@ -292,12 +293,12 @@ def compare(
     chosen, _ = base({})
     off = left_off(chosen.decisions)
     for name in (decision.name for decision in off):
-        # both without what the effect excludes: the difference is then of this effect alone
+        # both without the excluded effects: the difference is then due to this effect alone
         without = {other: False for other in chosen.effects if excluded_by(other, name)}
         one, time = base(without)
         (decision,) = (each for each in one.decisions if each.name == name)
         if decision.is_on:
-            # it is only off because the other is on
+            # it is only off because the excluded one is on
             continue
         switches = {**without, decision.name: True}
         other = run_copies(item.scene, runs, switches, **common)
@@ -335,7 +336,7 @@ def compare(
 def _difference(scene: Scene, one: Runs, other: Runs) -> dict[str, float]:
     """Compare the majority footprints and fronts of runs with one choice and with another.
 
-    What chance leaves is that of the choice whose halves agree less.
+    ``chance`` is that of the choice whose halves agree less.
     """
     fronts = [front(footprint(each.cells), scene) for each in (one, other)]
     return {
@@ -343,13 +344,13 @@ def _difference(scene: Scene, one: Runs, other: Runs) -> dict[str, float]:
         'chance': 1.0 - min(noise(one.cells), noise(other.cells)),
         'front_m': fronts[0],
         'front_changed': abs(fronts[1] / fronts[0] - 1.0) if fronts[0] else math.nan,
-        # of the majority footprint as it is chosen
+        # area of the majority footprint with the chosen effects
         'area_m2': np.count_nonzero(footprint(one.cells)) * (scene.terrain.resolution / PARTS)**2,
     }
 
 
 def _times(one: tuple[int, int, float], other: tuple[int, int, float]) -> dict[str, float]:
-    """Compare a run as it is chosen with another."""
+    """Compare the cost of a run with the chosen effects with that of another."""
     return {
         'particles': one[0],
         'evaluations': one[1],

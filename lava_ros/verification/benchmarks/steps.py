@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How fast a step is, from few particles to many, and what else a user waits for.
+"""Time of a step, from few particles to many, and of other operations that a user waits for.
 
 The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage. A plain step
-(``benchmarks/reference.py``) is measured beside it, so that a gain is a ratio in one run.
+(``benchmarks/reference.py``) is measured in the same run, so that a gain is a ratio of two of its
+times.
 """
 
 from __future__ import annotations
@@ -33,26 +34,26 @@ from lava_ros.verification.benchmarks.effects import (
 from lava_ros.verification.benchmarks.reference import Reference
 from lava_ros.verification.rows import OnProgress, row_of
 
-#: Particles by default: on a GPU, and on a CPU.
+#: Default numbers of particles: on a GPU, and on a CPU.
 PARTICLES = {'cuda': (10_000, 100_000, 1_000_000, 10_000_000), 'cpu': (10_000, 100_000)}
 
-#: Sets of effects, by their names in ``effect_sets``, each adding to those before it.
+#: Sets of effects, by their names in ``effect_sets``, each including the previous one.
 SETS = ('bare', 'green', 'everything with green')
 
-#: A smaller kernel, over the distance between particles, and sets that are measured with it too.
+#: A smaller kernel, over the particle spacing, and sets that are also measured with it.
 FEWER, FEWER_SETS = 2.6, ('bare', 'green')
 
-#: Least time that is measured at once [s].
+#: Minimum time of one measurement [s].
 LEAST = 0.25
 
-#: Cells along a side of the grids that are published, and particles that cover them.
+#: Cells along a side of the published grids, and particles that cover them.
 GRIDS, COVERED_BY = (500, 1000, 2000), 100_000
 
-#: What a process of its own does up to the first grid, with every effect, and its particles.
+#: Command of a new process that takes a first snapshot with every effect, and its particles.
 _FIRST = f'from {__name__} import first_snapshot; first_snapshot({{device!r}})'
 _FIRST_PARTICLES = 10_000
 
-#: Longest that a process may take to its first grid [s]: it may have to compile.
+#: Maximum time of a process to its first snapshot [s]: it may have to compile.
 _PATIENCE = 300.0
 
 
@@ -61,7 +62,7 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """Time steps, snapshots, and the start of a process to its first snapshot.
 
-    ``particles`` are the numbers of particles to step, None for the usual ones of the device.
+    ``particles`` are the numbers of particles, None for the device's defaults.
     """
     if particles is None:
         particles = PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']
@@ -92,7 +93,7 @@ def _steps(
     simulation = lava_field(number, sets[SETS[0]], device)
     for index, name in enumerate(SETS):
         show(name, index / (len(SETS) + 1))
-        # the same lava: to make ten million particles takes longer than to measure them
+        # reuse the lava: creating ten million particles takes longer than measuring them
         if index:
             simulation.set_effects(asdict(sets[name]))
         if simulation.effects != sets[name]:
@@ -125,7 +126,7 @@ def _pace(what: str, count: int, each: Sequence[float]) -> Iterator[dict[str, An
 
 
 def _reference_times(simulation: Simulation, repetitions: int) -> list[float]:
-    """Times of a plain step over the particles [ns]."""
+    """Return times of a plain step over the particles [ns]."""
     reference = Reference(simulation, STEP)
 
     def elapsed(steps: int) -> float:
@@ -137,7 +138,7 @@ def _reference_times(simulation: Simulation, repetitions: int) -> list[float]:
 
 
 def _snapshots(cells: int, device: str, repetitions: int) -> tuple[list[float], int]:
-    """Times of a snapshot [ms] of which lava covers nearly every cell, and the particles."""
+    """Return times of a snapshot [ms] with lava on nearly every cell, and the particles."""
     simulation = lava_field(COVERED_BY, effect_sets()['bare'], device, cells=cells)
     simulation.snapshot()
     times = [1e3 * timed(device, simulation.snapshot) for _ in range(repetitions)]
@@ -145,19 +146,19 @@ def _snapshots(cells: int, device: str, repetitions: int) -> tuple[list[float], 
 
 
 def first_snapshot(device: str) -> None:
-    """Take a step and a snapshot, with every effect: what a process begins with."""
+    """Run a step and a snapshot with every effect, as the start of a process."""
     simulation = lava_field(_FIRST_PARTICLES, effect_sets()[SETS[-1]], device)
     simulation.advance(STEP)
     simulation.snapshot()
 
 
 def _starts(device: str, repetitions: int) -> list[float]:
-    """Time from the start of a process to its first snapshot [s], over several processes.
+    """Return times from the start of a process to its first snapshot [s], for several processes.
 
     The first process fills the kernel cache and is not counted.
 
     Raises:
-        LavaError: A process fails.
+        LavaError: If a process fails.
     """
     times = []
     command = [sys.executable, '-c', _FIRST.format(device=device)]
@@ -174,7 +175,7 @@ def _starts(device: str, repetitions: int) -> list[float]:
 
 
 def used_memory(device: str) -> int:
-    """Memory that a GPU's pool has given out [B], 0 where there is no pool."""
+    """Return the memory that a GPU's pool has handed out [B], 0 without a pool."""
     found = wp.get_device(device)
     if not found.is_mempool_enabled:
         return 0
@@ -184,14 +185,14 @@ def used_memory(device: str) -> int:
 
 
 def memory_of(root: Any, device: str, before: int) -> int:
-    """Device memory of simulations [B]: what the pool gave out since, or all their arrays."""
+    """Return device memory of simulations [B]: growth of the pool, or the sum of their arrays."""
     if wp.get_device(device).is_mempool_enabled:
         return used_memory(device) - before
     return sum(_arrays(root).values())
 
 
 def _arrays(root: Any) -> dict[int, int]:
-    """Bytes of the arrays that an object of this package holds, by their addresses."""
+    """Return the sizes [B] of the arrays that an object of this package holds, by address."""
     found: dict[int, int] = {}
     seen: set[int] = set()
     open_ones = [root]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a case is and measures, how a run is timed, and where on a grid a front is."""
+"""Definition of a case and its measurements, timing of runs, and location of fronts on grids."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -24,10 +24,10 @@ ISOTHERMAL = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, 
 #: Its kinematic viscosity [m2/s].
 NU = ISOTHERMAL.viscosity / ISOTHERMAL.density
 
-#: That of a scene that does not say it [m/s2].
+#: Gravity of scenes that do not set it [m/s2].
 GRAVITY = 9.81
 
-#: Where the thickness falls below this, a flow of about 1 m has its front [m].
+#: Thickness threshold of the front, for flows about 1 m thick [m].
 FRONT = 0.1
 
 FLAT = Effects(arrhenius=False, cooling=False, steep=False)
@@ -41,7 +41,7 @@ Window = tuple[float, float, float, float]
 class Measurement:
     """A measured value and the exact one, both in ``unit``.
 
-    The error is their difference over ``scale``, by default the exact value.
+    The error is their difference over ``scale``, by default over the exact value.
     """
 
     quantity: str
@@ -52,16 +52,16 @@ class Measurement:
 
     @property
     def error(self) -> float:
-        """Relative difference; NaN, which is within no bound, when nothing was measured."""
+        """Relative difference; NaN, which no bound admits, if nothing was measured."""
         return float(abs(self.measured - self.exact) / abs(self.scale or self.exact))
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a case, by its name: what was compared, and what it took.
+    """One run of a case, by its name: comparisons, and cost.
 
-    ``particles`` are those at the end, ``evaluations`` those of the velocity. Times are in
-    seconds; ``wall_time`` is without compiling the kernels and without measuring.
+    ``particles`` is their number at the end, ``evaluations`` that of velocity evaluations. Times
+    are in seconds; ``wall_time`` excludes compiling the kernels and measuring.
     """
 
     case: str
@@ -92,7 +92,7 @@ class Case:
     measure: Callable[[Accuracy, str], Run]
 
     def run(self, accuracy: Accuracy, device: str) -> Run:
-        """Run the case, and name the result after it."""
+        """Run the case, and set its name in the result."""
         return replace(self.measure(accuracy, device), case=self.name)
 
 
@@ -109,16 +109,16 @@ class Field:
 
     @property
     def x(self) -> np.ndarray:
-        """Places of the columns' middles [m]."""
+        """Coordinates of the middles of the columns [m]."""
         return self.origin[0] + (np.arange(self.thickness.shape[1]) + 0.5) * self.cell
 
     @property
     def y(self) -> np.ndarray:
-        """Places of the rows' middles [m]."""
+        """Coordinates of the middles of the rows [m]."""
         return self.origin[1] + (np.arange(self.thickness.shape[0]) + 0.5) * self.cell
 
     def at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Thickness [m] at places inside the grid [m], bilinear."""
+        """Return the thickness [m] at places inside the grid [m], bilinear."""
         rows, columns = self.thickness.shape
         column = np.clip((x - self.origin[0]) / self.cell - 0.5, 0.0, columns - 1.0)
         row = np.clip((y - self.origin[1]) / self.cell - 0.5, 0.0, rows - 1.0)
@@ -131,11 +131,11 @@ class Field:
         return (1.0 - t) * low + t * high
 
     def along_x(self, half_width: float) -> np.ndarray:
-        """Mean thickness over the rows within ``half_width`` [m] of y = 0, shape [columns]."""
+        """Return the mean thickness of each column within ``half_width`` [m] of y = 0."""
         return self.thickness[np.abs(self.y) <= max(half_width, self.cell)].mean(axis=0)
 
     def mean_radius(self, threshold: float, reach: float) -> float:
-        """Mean distance [m] from (0, 0) at which the field gets thinner than ``threshold`` [m].
+        """Return the mean distance [m] from (0, 0) of the front at a ``threshold`` [m].
 
         The mean is over 32 directions, each sampled up to ``reach`` [m].
         """
@@ -148,7 +148,7 @@ class Field:
 
 
 def front(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
-    """Largest place at which the thickness crosses ``threshold`` [m], interpolated [m].
+    """Return the largest place at which the thickness crosses ``threshold`` [m], interpolated.
 
     ``place`` is ascending [m], ``thickness`` the thickness there [m]. The result is NaN if no
     thickness exceeds the threshold, or if the last one still does.
@@ -162,29 +162,29 @@ def front(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
 
 
 def half_width(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
-    """Mean distance of the outermost fronts on both sides from 0 [m], as ``front`` has them."""
+    """Return the mean distance of the outermost fronts on both sides from 0 [m] (``front``)."""
     above, below = (place, thickness), (-place[::-1], thickness[::-1])
     return 0.5 * (front(*above, threshold) + front(*below, threshold))
 
 
 def slope_of(x: np.ndarray, y: np.ndarray) -> float:
-    """Slope of a straight line by least squares, NaN when one of its places is."""
+    """Return the slope of a straight line by least squares, NaN if one of its places is."""
     offset = x - np.mean(x)
     return float(offset @ (y - np.mean(y)) / (offset @ offset))
 
 
 class Trial:
-    """A simulation whose progress is timed, its kernels compiled beforehand."""
+    """A simulation whose progress is timed, with kernels compiled beforehand."""
 
     def __init__(
         self, scene: Scene, accuracy: Accuracy, device: str, *, effects: Effects = FLAT,
         particles: Particles | None = None, **knobs: Any,
     ) -> None:
-        """Compile the kernels, create the simulation; ``knobs`` replace those of ``accuracy``."""
+        """Compile the kernels, create the simulation; ``knobs`` replace fields of ``accuracy``."""
         simulation = partial(
             Simulation, scene, effects=effects, accuracy=replace(accuracy, **knobs), device=device
         )
-        # the kernels are compiled for the effects and the accuracy, whatever the scene
+        # the kernels depend on the effects and the accuracy, not on the scene
         few = particles and _chosen(particles, slice(2))
         simulation(particles=few).advance(1e-3)
         self.simulation = simulation(particles=particles)
@@ -198,17 +198,17 @@ class Trial:
         self._wall_time += wall_clock.perf_counter() - start
 
     def sample(self) -> ParticleSample:
-        """The particles with thickness and velocity."""
+        """Return the particles with thickness and velocity."""
         return self.simulation.sample()
 
     def field(self, window: Window) -> Field:
-        """The thickness [m] in a window, as in the output grid, on cells of half a spacing."""
+        """Return the thickness [m] in a window, as in output grids, on cells of half a spacing."""
         simulation = self.simulation
         assert simulation.accuracy.spacing is not None
         cell = 0.5 * simulation.accuracy.spacing
         x0, y0, x1, y1 = window
         rows, columns = int(np.ceil((y1 - y0) / cell)), int(np.ceil((x1 - x0) / cell))
-        # what lies beyond the window has its part in the thickness of what lies in it
+        # lava beyond the window contributes to the thickness inside it
         beyond = int(np.ceil(2.0 * simulation.radius / cell))
         fine = Terrain(
             np.zeros((rows + 2 * beyond, columns + 2 * beyond)), cell,
@@ -225,7 +225,7 @@ class Trial:
         return Field(thickness[beyond:-beyond, beyond:-beyond], cell, (x0, y0))
 
     def middle(self, quantity: str, half: float) -> np.ndarray:
-        """An attribute of the particles in a square of side 2 ``half`` [m] around (0, 0)."""
+        """Return an attribute of the particles within ``half`` [m] of (0, 0) in x and y."""
         sample = self.sample()
         values: np.ndarray = getattr(sample, quantity)
         return values[np.abs(sample.position).max(axis=1) < half]
@@ -234,19 +234,19 @@ class Trial:
         self, quantity: str, measured: SupportsFloat, exact: SupportsFloat, unit: str,
         scale: float | None = None,
     ) -> None:
-        """Keep a measurement for the result."""
+        """Add a measurement to the result."""
         found = Measurement(quantity, float(measured), float(exact), unit, scale)
         self._measurements.append(found)
 
     def compare_mean(
         self, measured: np.ndarray, expected: np.ndarray, quantity: str = 'profile'
     ) -> None:
-        """Keep the mean of |h - exact| over the mean of the exact thickness [m]."""
+        """Add the mean of |h - exact| over the mean of the exact thickness [m]."""
         difference = np.abs(measured - expected).mean()
         self.compare(quantity, difference, 0.0, 'm', scale=float(expected.mean()))
 
     def run(self, *measurements: Measurement) -> Run:
-        """End the trial; the result has what was compared, but no name of a case yet."""
+        """End the trial; return the result, without the name of a case."""
         snapshot = self.simulation.snapshot()
         return Run(
             case='', measurements=(*self._measurements, *measurements),
@@ -262,7 +262,7 @@ def _chosen(lava: Particles | ParticleSample, which: slice | np.ndarray) -> Part
 
 
 def joined(runs: Iterable[Run]) -> Run:
-    """Make one run of several simulations of a case: particles of the largest, sums else."""
+    """Combine runs of several simulations of a case: largest particle number, sums of the rest."""
     runs = tuple(runs)
     sums = ('steps', 'evaluations', 'simulated_time', 'wall_time')
     return Run(
@@ -273,17 +273,17 @@ def joined(runs: Iterable[Run]) -> Run:
 
 
 def square(half: float) -> Window:
-    """Smallest x, smallest y, largest x, largest y [m] of a square around (0, 0)."""
+    """Return smallest x, smallest y, largest x, largest y [m] of a square around (0, 0)."""
     return (-half, -half, half, half)
 
 
 def places(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """All points (x, y) of some columns and rows [m], shape [count, 2]."""
+    """Return all points (x, y) of some columns and rows [m], shape [count, 2]."""
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def lattice(columns: int, rows: int, spacing: float) -> np.ndarray:
-    """Points of a square lattice around (0, 0) [m], shape [count, 2]."""
+    """Return points of a square lattice around (0, 0) [m], shape [count, 2]."""
     x, y = ((np.arange(count) - 0.5 * (count - 1)) * spacing for count in (columns, rows))
     return places(x, y)
 
@@ -320,7 +320,7 @@ def plane(window: Window, cell: float, slope: float = 0.0) -> Terrain:
 
 
 def strip(width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Shares along and places across [m] of points even over a rectangle of a width [m].
+    """Return fractions along and places across [m] of even points on a rectangle of a width [m].
 
     The points, (i + 1/2) / count along it and i times the golden ratio across from its middle,
     stay evenly spaced however the rectangle is stretched.
@@ -331,6 +331,6 @@ def strip(width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def distributed(share: np.ndarray, place: np.ndarray, density: np.ndarray) -> np.ndarray:
-    """Places up to which lies a share of what is distributed with a density, by trapezoids."""
+    """Return the places below which given fractions of a distribution lie, by trapezoids."""
     held = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
     return np.interp(share, held / held[-1], place)

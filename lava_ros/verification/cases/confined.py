@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lava between walls: what lateral stress does in a channel, and rest in a rough bowl."""
+"""Lava between walls: lateral stress in a channel, and rest in a rough bowl."""
 
 from dataclasses import replace
 import math
@@ -17,10 +17,10 @@ from lava_ros.verification import exact
 from lava_ros.verification.cases import case
 from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, NU
 
-#: Widths of the channel over the thickness, and particles across half of it, for the solve.
+#: Widths of the channel over the thickness, and particles across half of it, for helmholtz.
 WIDTHS = {1.0: 10, 2.5: 15, 5.0: 15}
 
-#: The same for the Green's function, and its support over 1 / k: as many spacings as there may be.
+#: Width and particles for green, and its support over 1 / k, in as many spacings as possible.
 GREEN_WIDTH, GREEN_PARTICLES, GREEN_SUPPORT = 6.0, 9, 6.25
 
 #: Slope of the channel's floor.
@@ -38,8 +38,8 @@ LEVEL = 3.0
 #: Lava thicker than this counts as deep [m].
 DEEP = 1.0
 
-#: The pond is looked at an hour after it was filled; and, when it has come to rest, for an hour.
-#: Films that run off the shores slow down as one over the time, whatever their viscosity.
+#: Times of measuring the pond [s]: an hour after filling, and an hour of rest later on. Films that
+#: run off the shores slow down as one over the time, whatever their viscosity.
 HOUR, REST = 3600.0, 30.0 * 3600.0
 
 #: Waves that make the bowl rough, the height of each [m], and the shortest and longest [m].
@@ -49,7 +49,7 @@ WAVES, WAVE_HEIGHT, WAVELENGTHS = 16, 0.06, (14.0, 40.0)
 def channel_velocity(
     width: float, *, effect: str, accuracy: Accuracy, device: str = 'cpu'
 ) -> tuple[case.Trial, case.Measurement]:
-    """Mean over local velocity in a channel of lava 1 m thick, with ``effect`` green or helmholtz.
+    """Return mean over local velocity in a channel of lava 1 m thick, by green or helmholtz.
 
     The channel lies between mirror images with the opposite slope. The flow is odd about the
     walls, so it vanishes there, as on a wall without slip. ``width`` [m] must be an even multiple
@@ -80,7 +80,7 @@ def channel_velocity(
 
 
 def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
-    """The solve in three channels, and the Green's function in a wide one.
+    """Compare the solve in three channels, and the Green's function in a wide one.
 
     The model's own limit is the parabolic profile: full Stokes flow has means of 0.1715, 0.5152,
     0.7481 and 0.7896 at W/h 1, 2.5, 5 and 6 where its equation has 0.1668, 0.5131, 0.7472 and
@@ -90,7 +90,7 @@ def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
     def run(width: float, effect: str, across_half: float, **knobs: Any) -> case.Run:
         spacing = 0.5 * width / max(2, round(across_half))
         if effect == 'green':
-            # the support is the kernel's radius: with it given, finer is more neighbours
+            # the support is the kernel radius: if it is fixed, finer means more neighbours
             knobs['ratio'] = GREEN_SUPPORT / math.sqrt(LATERAL_DRAG) / spacing
         finer = replace(accuracy, spacing=spacing, **knobs)
         trial, found = channel_velocity(width, effect=effect, accuracy=finer, device=device)
@@ -104,7 +104,7 @@ def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def rough_bowl() -> Terrain:
-    """A paraboloid with bumps of a few decimetres.
+    """Return a paraboloid with bumps of a few decimetres.
 
     Wavelengths, directions and phases of the bumps are even over their ranges, in no order:
     multiples of irrational numbers, modulo 1.
@@ -124,7 +124,7 @@ def rough_bowl() -> Terrain:
 
 
 def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
-    """Elevation [m] of the surface whose gradient drives the lava: the quadratic B-spline.
+    """Return the elevation [m] of the quadratic B-spline whose gradient drives the lava.
 
     ``position`` [m], shape [count, 2], must be at least two cells away from the terrain's border.
     """
@@ -140,7 +140,7 @@ def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
 
 
 def pond(accuracy: Accuracy, device: str = 'cpu') -> case.Trial:
-    """Lava filled into the rough bowl up to a level; spacing and thickness are set here."""
+    """Return lava filled into the rough bowl up to a level; this sets spacing and thickness."""
     terrain = rough_bowl()
     spacing = 2.0 / accuracy.refinement
     # off the grid of the terrain's cells
@@ -158,7 +158,7 @@ def pond(accuracy: Accuracy, device: str = 'cpu') -> case.Trial:
 def stillness(
     trial: case.Trial, when: str = ''
 ) -> tuple[case.Measurement, case.Measurement]:
-    """How far a pond is from rest: speed of its fastest particle, and scatter of its surface.
+    """Return speed of the fastest particle and scatter of the surface of a pond.
 
     The speed is relative to that of a fall from the surface to the bottom, the scatter of the
     surface relative to the largest depth. ``when`` is appended to the names of the quantities.
@@ -174,7 +174,7 @@ def stillness(
 
 
 def _run_pond(accuracy: Accuracy, device: str) -> case.Run:
-    # nothing but the limits of stability bounds the steps of a pond at rest
+    # only the limits of stability bound the steps of a pond at rest
     trial = pond(replace(accuracy, longest_step=HOUR), device)
     trial.advance(HOUR)
     filled = stillness(trial, ' after an hour')

@@ -16,16 +16,16 @@ from lava_ros.verification import exact
 from lava_ros.verification.cases import case
 from lava_ros.verification.cases.case import FLAT, FRONT, GRAVITY, SLOPING
 
-#: Its viscosity is 20 times as large after 100 K.
+#: Lava whose viscosity is 20 times as large after cooling by 100 K.
 STIFFENING = Lava(
     density=2600.0, viscosity=1e4, specific_heat=1150.0, arrhenius=0.03, emissivity=0.9,
     convection=50.0, reference_temperature=1360.0,
 )
 
-#: The same with a strength of three tenths of the stress at its base, and more as it cools.
+#: That lava with a yield strength of 0.3 times its basal stress, increasing as it cools.
 STRONG = replace(STIFFENING, yield_strength=700.0, yield_rate=0.01)
 
-#: What lava does beside flowing down the ground's slope.
+#: Effects in addition to flow down the slope of the ground.
 COOLING = replace(FLAT, arrhenius=True, cooling=True)
 
 #: Temperatures of vents and of the air [K], and the slope [rad].
@@ -34,22 +34,22 @@ HOT, COLD, SLOPE = 1360.0, 300.0, math.radians(6.0)
 #: Flux of the sheets [m2/s], their width and length [m].
 FLUX, WIDTH, LENGTH = 0.1, 180.0, 130.0
 
-#: When the steady sheets are looked at [s].
+#: Times at which the steady sheets are sampled [s].
 MOMENTS = (400.0, 600.0, 800.0, 1000.0)
 
-#: Half of the length along the slope over which lava comes out [m].
+#: Half of the length along the slope over which lava is emitted [m].
 REACH = 2.5
 
 #: Spacing of the sheets' particles at a refinement of 1 [m].
 SPACING = 2.0
 
-#: When the front of a sheet is looked at [s], and the side of the cells of its reference [m].
+#: Time at which the front of a sheet is measured [s], and side of the cells of its reference [m].
 FRONT_TIME, CELL = 2000.0, 1.25
 
-#: Length of the bands whose means are compared [m]: particles in one place differ.
+#: Length of the bands whose means are compared [m]: particles at one place differ.
 BAND = 5.0
 
-#: Discharge of the point source [m3/s], its radius [m], and when its flow is looked at [s].
+#: Discharge of the point source [m3/s], its radius [m], and time of measuring its flow [s].
 DISCHARGE, RADIUS, END = 5.0, 10.0, 7200.0
 
 #: Smallest x, smallest y, largest x, largest y of that flow's ground, and its cells [m].
@@ -60,7 +60,7 @@ def _fissure(
     lava: Lava, effects: Effects, accuracy: Accuracy, device: str, *, length: float,
     thickness: float, particles: Particles | None = None,
 ) -> case.Trial:
-    """A fissure across the slope, below a wall that keeps lava from flowing back.
+    """Return a fissure across the slope, below a wall that keeps lava from flowing back.
 
     The ground is ``length`` long below it [m], and the flow is expected to be ``thickness`` thick
     [m].
@@ -79,7 +79,7 @@ def _fissure(
 def _steady(
     solution: exact.CoolingSheet, lava: Lava, accuracy: Accuracy, device: str
 ) -> case.Trial:
-    """The steady sheet below such a fissure, in particles."""
+    """Return particles of the steady sheet below such a fissure."""
     place = np.linspace(-REACH, LENGTH, 4001)
     profile = solution.thickness(place + REACH)
     section = float(np.trapezoid(profile, place))
@@ -98,7 +98,7 @@ def _steady(
 
 
 def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
-    """Thickness and temperature along the middle while half of the sheet comes out anew.
+    """Compare thickness and temperature along the middle while half of the sheet is replaced.
 
     They are means over some moments, and over bands across the sheet.
     """
@@ -132,12 +132,12 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _in_bands(x: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Sums of values at places over the bands between edges."""
+    """Return the sums of values at places over the bands between edges."""
     return np.histogram(x, edges, weights=values)[0]
 
 
 def _run_front(accuracy: Accuracy, device: str) -> case.Run:
-    """Front and thickness of a sheet on its way, in the middle of a wide fissure."""
+    """Compare front and thickness of an advancing sheet, in the middle of a wide fissure."""
     trial = _fissure(STIFFENING, COOLING, accuracy, device, length=220.0, thickness=1.5)
     trial.advance(FRONT_TIME)
     x = np.arange(-REACH, 220.0, CELL) + 0.5 * CELL
@@ -155,9 +155,9 @@ def _run_front(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
-    """Footprint and front of a point source's flow, where it is thicker than 0.1 m."""
+    """Compare area and front of a point source's flow where it is thicker than 0.1 m."""
     vent = Vent((0.0, 0.0), DISCHARGE, radius=RADIUS, temperature=HOT)
-    # in symmetric groups the particles of a point source keep its axes, and the front falls behind
+    # groups of symmetric particles would stay on the axes, and the front would fall behind
     accuracy = replace(accuracy, symmetric=False)
     trial = case.Trial(
         Scene(case.plane(WINDOW, MAP, SLOPE), (vent,), STIFFENING, ambient_temperature=COLD),

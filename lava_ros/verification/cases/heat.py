@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""Cases of lava that gains and loses heat, and freezes.
+"""Cases of lava that gains and loses heat, and solidifies.
 
-Errors of temperatures are relative to what the lava has cooled or warmed by.
+Errors of temperatures are relative to the change of temperature.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,42 +21,42 @@ from lava_ros.verification import exact
 from lava_ros.verification.cases import case
 from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, NU, SLOPING
 
-#: Too viscous to move, and losing nothing unless a case says so.
+#: Lava too viscous to move, which loses no heat unless a case changes that.
 STILL = Lava(density=2500.0, viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
 #: Temperatures of vents and of the air [K], and the thickness of sheets [m].
 HOT, COLD, THICKNESS = 1423.0, 300.0, 2.0
 
-#: Moments at which a sheet's temperature is read [h].
+#: Times at which a sheet's temperature is read [h].
 HOURS = (1.0, 10.0, 100.0)
 
-#: Too stiff to flow, it cools by convection alone and freezes.
+#: Lava too stiff to flow, which cools by convection alone and solidifies.
 FREEZING = Lava(
     density=2600.0, viscosity=1e9, arrhenius=0.0, emissivity=0.0, convection=25.0, solidus=1300.0
 )
 
-#: Half the side of the freezing lens's terrain [m], and shares of the time until all is frozen at
-#: which the frozen lava is measured.
+#: Half the side of the freezing lens's terrain [m], and fractions of the time until all is solid
+#: at which the solidified lava is measured.
 HALF, SHARES = 90.0, (0.3, 0.6, 0.9)
 
-#: Silicone oil that comes out [m3/s], through a hole of a radius [m] (2 to 4 mm).
+#: Discharge of silicone oil [m3/s], and radius of the hole [m] (2 to 4 mm).
 DISCHARGE, HOLE = 2.2e-8, 0.003
 
 #: Its kinematic viscosity [m2/s], density [kg/m3] and specific heat [J/(kg K)].
 VISCOSITY, DENSITY, SPECIFIC_HEAT = 3.56e-3, 954.0, 1500.0
 
-#: Temperatures of the oil as it comes out and of the room [K], and emissivity.
+#: Temperatures of the oil at the source and of the room [K], and emissivity.
 OIL, ROOM, EMISSIVITY = 315.0, 293.0, 0.96
 
-#: Its convection by the article: between the first and the last [W/(m2 K)].
+#: Heat transfer coefficient of the article: between these two values [W/(m2 K)].
 CONVECTION = (1.0, 2.0, 3.0)
 
-#: Radiation and convection in the middle of that range over the difference [W/(m2 K)]: radiation
-#: falls from 6.1 to 5.5 of it as the oil cools.
+#: Radiation and convection at the middle of that range over the excess temperature [W/(m2 K)]:
+#: radiation contributes 6.1 to 5.5 of it as the oil cools.
 LOSS = 5.8 + CONVECTION[1]
 
-#: What stands for oil and room: a vent has no lava as cold. With the loss as the difference, and a
-#: viscosity that does not change, the scale of temperatures is free.
+#: Temperatures that replace those of oil and room, because vents have no lava as cold [K]. With a
+#: loss proportional to the difference, and constant viscosity, the scale of temperatures is free.
 STAND_INS = (700.0, 600.0)
 
 
@@ -64,7 +64,7 @@ def _sheet(
     name: str, title: str, source: str, solution: Callable[..., float], lava: Lava,
     hours: Sequence[float] = HOURS, is_of_loss: bool = True, **switched: bool,
 ) -> case.Case:
-    """The case of temperatures in the middle of a sheet at rest, beside the solution.
+    """Return the case of temperatures in the middle of a sheet at rest.
 
     Errors are relative to the loss of temperature if ``is_of_loss``, else to the temperature.
     """
@@ -98,7 +98,7 @@ def _run_viscous(accuracy: Accuracy, device: str) -> case.Run:
     warmed = float(sheet.middle('temperature', 24.0).mean()) - HOT
     speed = exact.sheet_velocity(thickness * math.cos(slope), slope, NU, GRAVITY)
     sheet.compare('warming', warmed, warming(speed * math.sin(slope) * duration), 'K')
-    # heat of a fixed volume that spreads, beside the potential energy that it loses
+    # heat of a fixed volume that spreads, and the potential energy that it loses
     volume, count = 1e5, round(2000 * accuracy.refinement**2)
     solution = exact.FixedVolumeSpread(volume, lava.viscosity / lava.density, GRAVITY)
     start, end = solution.time_of_radius(100.0), solution.time_of_radius(160.0)
@@ -118,7 +118,7 @@ def _run_viscous(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_conduction(accuracy: Accuracy, device: str) -> case.Run:
-    # conducts so well that a front of temperature is wider than the kernel
+    # conducts so well that a temperature front is wider than the kernel
     lava = replace(STILL, density=1000.0, specific_heat=1000.0, conductivity=1000.0)
     diffusivity, time = 1e-3, 1.6e4
     length, width = 60.0, 14.0
@@ -149,7 +149,7 @@ def _run_current(accuracy: Accuracy, device: str) -> case.Run:
     lava = replace(ISOTHERMAL, emissivity=0.9, convection=50.0)
     discharge = 1.0
     solution = exact.CoolingCurrent(lava, initial=HOT, ambient=COLD, discharge=discharge)
-    # until the radius is four thermal radii: what is stored then grows by 2 % of the supply
+    # until the radius is four thermal radii: the stored heat then grows by 2 % of the supply
     spread = exact.ConstantFluxSpread(discharge, lava.viscosity / lava.density, GRAVITY)
     ground = case.plane(case.square(4.5 * solution.thermal_radius), 10.0)
     vent = Vent((0.0, 0.0), discharge, radius=5.0, temperature=HOT)
@@ -203,20 +203,20 @@ def _run_freezing(accuracy: Accuracy, device: str) -> case.Run:
     deposit = trial.simulation.snapshot().frozen
     assert deposit is not None
     trial.compare_mean(deposit, lens.thickness(np.hypot(x, y)), 'deposit')
-    # all has frozen, no particle is left
+    # all lava is solid, no particle is left
     return replace(trial.run(), particles=int(wet.sum()))
 
 
 def _run_oil(accuracy: Accuracy, device: str) -> case.Run:
-    """Front, heat that the surface loses, and its temperature, as the front goes on.
+    """Compare front, heat loss of the surface, and its temperature, as the front advances.
 
     The constants are those of Garel, Kaminski, Tait & Limare 2012 (J. Geophys. Res. 117),
     experiment C14, the third benchmark (BM3) of Cordonnier, Lev & Garel 2015, as in the public
     case of interThermalRadConvFoam (github.com/BiElisa/interThermalRadConvFoam, run/BM3), which
-    took them from the article. What the experiment measured was not at hand: this compares with
-    the exact solution of the balance that the paper is about, advection against the loss of the
-    surface, for an isoviscous current of one temperature to a column. The loss to the plate is
-    left out.
+    took them from the article. The measurements of the experiment were not available: this
+    compares with the exact solution of the paper's balance, advection against the heat loss of the
+    surface, for an isoviscous current with one temperature per column. The loss to the plate is
+    omitted.
     """
     hot, cold = STAND_INS
     capacity = DENSITY * SPECIFIC_HEAT

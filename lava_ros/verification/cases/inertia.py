@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cases of lava with inertia: a sheet that is let go, dam breaks, an oscillation in a bowl."""
+"""Cases of lava with inertia: release of a sheet, dam breaks, an oscillation in a bowl."""
 
 from dataclasses import dataclass, replace
 import math
@@ -20,16 +20,16 @@ from lava_ros.verification.cases.confined import ground_at
 #: Momentum and drag alone.
 INERTIAL = Effects(arrhenius=False, cooling=False, steep=False, inertia=True)
 
-#: Lava without any drag to speak of.
+#: Lava with negligible drag.
 THIN = Lava(density=2600.0, viscosity=1e-6, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
-#: How far a fan reaches back from a dam when it is looked at, and the thickness behind it [m].
+#: Length of a fan behind a dam when it is measured, and the thickness behind it [m].
 REACH, HEIGHT = 10.0, 1.0
 
-#: Half of the width of the band in the middle that is looked at [m].
+#: Half of the width of the measured band in the middle [m].
 BAND = 1.0
 
-#: Least number of steps in a period of the bowl.
+#: Minimum number of steps in a period of the bowl.
 STEPS = 400
 
 #: Particles of a dam break and of a bowl at a refinement of 1.
@@ -37,13 +37,13 @@ PARTICLES = 20_000
 
 
 def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
-    """Speed of the middle of a sheet after a half, one and three relaxation times."""
+    """Compare the speed of the middle of a sheet after 0.5, 1 and 3 relaxation times."""
     thickness, slope = 2.0, math.radians(10.0)
     lava = replace(THIN, viscosity=1e3)
     sheet = exact.AcceleratingSheet(thickness, slope, lava.viscosity / lava.density, GRAVITY)
     spacing = 2.0 / accuracy.refinement
     times = np.array([0.5, 1.0, 3.0]) / sheet.rate
-    # what the border feels comes in at the wave speed
+    # disturbances from the border travel at the wave speed
     pace = math.sqrt(GRAVITY * thickness)
     half = 1.5 * pace * times[-1] + 5.0 * spacing
     ticks = np.arange(-half, half, spacing)
@@ -133,7 +133,7 @@ def _run_stoker(accuracy: Accuracy, device: str) -> case.Run:
 
 @dataclass(frozen=True)
 class Swing:
-    """An oscillation in a bowl, its exact solution, and what was sampled at ``times`` [s].
+    """An oscillation in a bowl, its exact solution, and samples at ``times`` [s].
 
     ``spread`` is the mean of r^2 [m2]; ``energy`` is the kinetic and potential energy over the
     density, relative to rest [m5/s2].
@@ -147,7 +147,7 @@ class Swing:
 
     @property
     def period(self) -> float:
-        """The period that fits best [s]: the spread is a cosine, which may die away."""
+        """The best fitting period [s]: the spread is a cosine, possibly damped."""
 
         def misfit(period: float) -> float:
             phase = 2.0 * math.pi * self.times / period
@@ -162,13 +162,13 @@ class Swing:
 
     @property
     def damping(self) -> float:
-        """Part of the energy above that at rest that is lost in a period."""
+        """Fraction of the energy above that at rest that is lost in a period."""
         lasted = self.times[-1] / self.solution.period
         return 1.0 - float(self.energy[-1] / self.energy[0]) ** (1.0 / lasted)
 
     @property
     def growth(self) -> float:
-        """Largest rise of the energy from one look to a later one, over the first energy."""
+        """Largest increase of the energy between two samples, over the first energy."""
         return float((self.energy - np.minimum.accumulate(self.energy)).max() / self.energy[0])
 
 
@@ -201,7 +201,7 @@ def swing(
         longest_step=solution.period / STEPS,
     )
     times = solution.period * np.arange(1 + round(periods * looks)) / looks
-    # velocities are those of the middle of a step: what is looked at comes after a very short one
+    # velocities belong to the middle of a step, so each sample follows a very short step
     instant = 1e-5 * solution.period
     spread, energy = [], []
     # a paraboloid of liquid at rest: its centre of mass is at 2/3 of its depth above the bottom

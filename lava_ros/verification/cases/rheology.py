@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cases of lava that is not Newtonian, and of what temperature and crystals do to viscosity."""
+"""Cases of non-Newtonian lava, and of the effects of temperature and crystals on viscosity."""
 
 from dataclasses import replace
 import math
@@ -19,16 +19,16 @@ from lava_ros.verification.cases.sheets import MIDDLE, sheet_speed
 #: Weight of a volume [N/m3].
 WEIGHT = ISOTHERMAL.density * GRAVITY
 
-#: A slope [rad] that most sheets are on.
+#: Slope of most sheets [rad].
 SLOPE = math.radians(10.0)
 
 #: Strength over the stress at the base of the sheets that flow.
 STRENGTH = 0.4
 
-#: Temperature that strength and viscosity hold at [K].
+#: Temperature at which strength and viscosity are given [K].
 REFERENCE = ISOTHERMAL.reference_temperature
 
-#: What sheets are made of: quantity, effects, exponent.
+#: Materials of the sheets: quantity, effects, exponent.
 SHEETS = (
     ('speed, Bingham', {'yielding': True}, 1.0),
     ('speed, power law, n 0.5', {'power_law': True}, 0.5),
@@ -43,10 +43,10 @@ VFT = (-4.55, 5700.0, 600.0)
 #: Exponent of each crystals' law.
 CRYSTAL_EXPONENTS = {'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
 
-#: Slumps are looked at after so many times mu / tau_y: what is left of their way falls as 1 / t.
+#: Time of measuring slumps, in mu / tau_y: the remainder of their motion falls as 1 / t.
 SLUMP = 1e4
 
-#: Radius, or half-width, that slumps start from, over the last: all of the lava moves at first.
+#: Initial radius, or half-width, of slumps over the final one: all of the lava moves at first.
 SQUEEZE = 0.7
 
 
@@ -65,7 +65,7 @@ def _run_sheets(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_critical(accuracy: Accuracy, device: str) -> case.Run:
-    """The thickness at which a sheet starts to move, and how far a thinner one creeps."""
+    """Compare the thickness at which a sheet starts to move, and the creep of a thinner one."""
     runs = []
 
     def sheet(thickness: float, slope: float) -> case.Trial:
@@ -104,7 +104,7 @@ def _run_critical(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_dome(accuracy: Accuracy, device: str) -> case.Run:
-    """A volume that spreads until it can no more.
+    """Compare the final shape of a volume that spreads until it stops.
 
     It starts as a dome of the same shape, so that the stress exceeds the strength everywhere by
     the same factor.
@@ -137,7 +137,7 @@ def _run_dome(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_ridge(accuracy: Accuracy, device: str) -> case.Run:
-    """A narrow strip down a slope that widens until it rests, twelve half-widths long."""
+    """Compare a narrow strip down a slope that widens until it stops, twelve half-widths long."""
     slope = math.radians(15.0)
     strength = 2.0 * WEIGHT * math.sin(slope)
     lava = replace(ISOTHERMAL, yield_strength=strength)
@@ -170,9 +170,9 @@ def _run_ridge(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_laws(accuracy: Accuracy, device: str) -> case.Run:
-    """Sheets at several temperatures, whose speed says what viscosity and strength are there."""
+    """Compare sheets at several temperatures, whose speed reflects viscosity and strength."""
     molten = replace(ISOTHERMAL, vft_a=VFT[0], vft_b=VFT[1], vft_c=VFT[2])
-    # quantity, lava, temperature, and the viscosity and the strength that it has there
+    # quantity, lava, temperature, and its viscosity and strength there
     sheets: list[tuple[str, Lava, float, float, float]] = [
         (f'VFT, {hot:g} K', molten, hot, exact.vft_viscosity(hot, *VFT), 0.0)
         for hot in (1400.0, 1200.0)

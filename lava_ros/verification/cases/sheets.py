@@ -66,8 +66,8 @@ MARGIN = 3.0
 #: Number of velocity evaluations that are timed.
 EVALUATIONS = 5
 
-#: Largest slope of the driving terrain along y. Across it is as much more as a place is away from
-#: the middle, over a wave: it has to be small for a layer of thousands of rows.
+#: Maximum slope of the driving terrain along y. Across it is larger by the distance from the
+#: middle over a wavelength, so it must be small for a layer of thousands of rows.
 DRIVE = 1e-3
 
 
@@ -76,7 +76,7 @@ def sheet_speed(
     viscosity: float | None = None, strength: float = 0.0, duration: float | None = 4.0,
     temperature: float = ISOTHERMAL.reference_temperature, effects: Effects = SLOPING,
 ) -> case.Run:
-    """Measure the speed of a sheet 1 m thick along a slope [rad], and call it ``quantity``.
+    """Measure the speed of a sheet 1 m thick along a slope [rad] as ``quantity``.
 
     ``viscosity`` [Pa s], by default the lava's own, and ``strength`` [Pa] are those at the
     temperature [K]. A ``duration`` [s] of None is the time to move by one thickness.
@@ -155,7 +155,7 @@ def response(
 
 
 def _waves(sides: tuple[float, float], q: float, spacing: float) -> Terrain:
-    """Ground that falls along y by cos(q x), under a layer of given sides [m] and more."""
+    """Return ground that falls along y by cos(q x), larger than a layer of given sides [m]."""
     x, y = (0.5 * side + 2.0 * spacing for side in sides)
     # a fortieth of a wave resolves its slope; cells smaller than the spacing add nothing
     cell = min(2.0 * math.pi / q / 40.0, max(spacing, 0.1))
@@ -168,7 +168,7 @@ def _waves(sides: tuple[float, float], q: float, spacing: float) -> Terrain:
 
 
 def _evaluation_time(simulation: Simulation) -> float:
-    """Median time of a velocity evaluation [s], as a graph on a GPU, as in a time step."""
+    """Return the median time of a velocity evaluation [s], on a GPU as a graph as in a step."""
     device = wp.get_device(simulation.device)
     evaluate = simulation.evaluate
     evaluate()
@@ -181,7 +181,7 @@ def _evaluation_time(simulation: Simulation) -> float:
 
 
 def _run_green(accuracy: Accuracy, device: str) -> case.Run:
-    # the support is the kernel's radius: with it given, finer is more neighbours
+    # the support is the kernel radius: if it is fixed, finer means more neighbours
     ratio = min(12.0, max(1.5, accuracy.ratio * accuracy.refinement))
     accuracy = replace(accuracy, ratio=ratio)
     return case.joined(

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cases of lava that flows down an even slope, and when it arrives, said long before.
+"""Cases of lava that flows down an even slope, and forecasts of its arrival.
 
 Solutions are along the slope, the simulation in plan: x = x_plan / cos b, h = h_vertical cos b.
 """
@@ -22,7 +22,7 @@ from lava_ros.verification.cases.case import GRAVITY, ISOTHERMAL, NU, SLOPING
 #: Discharge of the point sources [m3/s].
 DISCHARGE = 10.0
 
-#: Times of Lister's flow that are compared, over its time scale.
+#: Compared times of Lister's flow, over its time scale.
 LISTER_TIMES = (20.0, 50.0, 100.0)
 
 #: Slope of the strip and of the fissure [rad], and its cosine.
@@ -31,7 +31,7 @@ COSINE = math.cos(SLOPE)
 
 
 def _run_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
-    """A strip on 20 degrees, sixty run-outs h cot b long at the end, measured along its middle."""
+    """Compare a strip on 20 degrees, finally sixty run-outs h cot b long, along its middle."""
     thickness = 1.0
     run_out = thickness / math.tan(SLOPE)
     last = 60.0 * run_out
@@ -60,7 +60,7 @@ def _run_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _fissure(accuracy: Accuracy, device: str) -> tuple[exact.SlopeFlux, case.Window, case.Trial]:
-    """A fissure across 20 degrees, on ground down to past 10 run-outs h cot b below it."""
+    """Return a fissure across 20 degrees, on ground to more than 10 run-outs h cot b below."""
     flux = 0.5
     solution = exact.SlopeFlux(flux, SLOPE, NU, GRAVITY)
     run_out = solution.run_out
@@ -76,7 +76,7 @@ def _fissure(accuracy: Accuracy, device: str) -> tuple[exact.SlopeFlux, case.Win
 
 
 def _run_flux(accuracy: Accuracy, device: str) -> case.Run:
-    """When the front of a fissure's flow arrives 10 run-outs h cot b below it."""
+    """Compare the arrival of the front of a fissure's flow 10 run-outs h cot b below it."""
     solution, window, trial = _fissure(accuracy, device)
     gauge, threshold = 10.0 * solution.run_out, 0.1 * solution.thickness
     arrival = solution.arrival(gauge, threshold)
@@ -87,7 +87,7 @@ def _run_flux(accuracy: Accuracy, device: str) -> case.Run:
         grid = trial.field(window)
         line = grid.along_x(4.0 * solution.run_out) * COSINE
         fronts.append(case.front(grid.x, line, threshold) / COSINE)
-    # NaN, an error, when the front is not between the first and the last
+    # NaN, an error, if the front is not between the first and the last
     measured = np.interp(gauge, fronts, times, left=math.nan, right=math.nan)
     trial.compare('arrival', measured, arrival, 's')
     trial.compare('speed', case.slope_of(times, np.array(fronts)), solution.speed, 'm/s')
@@ -95,10 +95,10 @@ def _run_flux(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_ahead(accuracy: Accuracy, device: str) -> case.Run:
-    """A fissure across 20 degrees, forked when the front is 3 of 10 run-outs h cot b below it.
+    """Compare arrivals below a fissure on 20 degrees with those of a fork.
 
-    Compared are the cells from 5 to 10 run-outs down, in a band whose distance from the fissure's
-    ends is 8.
+    The fork starts when the front is 3 of 10 run-outs h cot b below the fissure. Compared are the
+    cells from 5 to 10 run-outs down, in a band whose distance from the fissure's ends is 8.
     """
     solution, _, trial = _fissure(accuracy, device)
     run_out = solution.run_out
@@ -144,10 +144,10 @@ def _run_ahead(accuracy: Accuracy, device: str) -> case.Run:
 def _source(
     slope: float, window: case.Window, accuracy: Accuracy, device: str, **sizes: float
 ) -> tuple[exact.ListerScales, case.Window, case.Trial]:
-    """A small round source at (0, 0) on a slope.
+    """Return a small round source at (0, 0) on a slope.
 
-    Lengths are over Lister's scale L: of the window that is returned in metres, and of ``sizes``,
-    which are ``spacing``, ``radius`` of the vent and ``cell``.
+    Lengths are over Lister's scale L: ``window``, which is returned in metres, and ``sizes``,
+    namely ``spacing``, ``radius`` of the vent and ``cell``.
     """
     scales = exact.ListerScales(DISCHARGE, slope, NU, GRAVITY)
     x0, y0, x1, y1 = (scales.length * place for place in window)
@@ -162,7 +162,7 @@ def _source(
 
 
 def _run_lister(accuracy: Accuracy, device: str) -> case.Run:
-    """Front and half-width on 5 degrees where the flow is thicker than 0.02 h0."""
+    """Compare front and half-width on 5 degrees where the flow is thicker than 0.02 h0."""
     slope = math.radians(5.0)
     cosine = math.cos(slope)
     scales, window, trial = _source(
@@ -182,17 +182,17 @@ def _run_lister(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_smith(accuracy: Accuracy, device: str) -> case.Run:
-    """The steady flow eighteen run-outs below a source; the lower border swallows it soon after.
+    """Compare the steady flow eighteen run-outs below a source; it leaves the map soon after.
 
     The outer tenth of the width carries 4e-4 of the flux, a particle in more than a hundred T,
     so the half-width is taken where the flow is half as thick as on its axis.
 
-    By a finite-volume solution of Lister's equation, what Smith's leaves out and a source of
-    radius 0.5 L in place of a point make this half-width 0.2 % larger here at last, the spread
+    By a finite-volume solution of Lister's equation, the terms that Smith neglects and a source of
+    radius 0.5 L instead of a point make this half-width finally 0.2 % larger here, the spread
     0.8 % larger and the axis 0.2 % thinner; twelve run-outs down it is twice as much. The
-    half-width has that value from 600 T on. The spread, which counts the creeping edges, is 4 %
-    short of it at 350 T, 1.2 % at 800 T and 0.6 % at 1200 T. The mean of moments between the last
-    two is what is compared.
+    half-width has that value after 600 T. The spread, which includes the creeping edges, is 4 %
+    below it at 350 T, 1.2 % at 800 T and 0.6 % at 1200 T. The mean over samples between the last
+    two is compared.
     """
     slope, station = math.radians(10.0), 18.0
     cosine = math.cos(slope)
@@ -214,7 +214,7 @@ def _run_smith(accuracy: Accuracy, device: str) -> case.Run:
         axes.append(across[np.abs(grid.y) < 0.5 * unit].mean())
         position = trial.sample().position
         here = position[np.abs(position[:, 0] / cosine - x) < 2.0 * unit]
-        # over the width at their own distance: the band is wider below
+        # over the width at their own distance: the band is wider further down
         shares = [y / solution.half_width(down / cosine) for down, y in here]
         squares.append(np.mean(np.square(shares)))
     trial.compare('half-width', np.mean(halves), solution.half_width(x, threshold), 'm')

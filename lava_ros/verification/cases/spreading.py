@@ -58,7 +58,7 @@ def _run_fixed_volume(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_constant_flux(accuracy: Accuracy, device: str) -> case.Run:
-    """The radius after an hour, and the law it follows from a quarter of an hour on."""
+    """Compare the radius after an hour, and its power law after the first quarter of an hour."""
     discharge, end = 10.0, 3600.0
     solution = exact.ConstantFluxSpread(discharge, NU, GRAVITY)
     half = 1.3 * solution.radius(end)
@@ -75,7 +75,7 @@ def _run_constant_flux(accuracy: Accuracy, device: str) -> case.Run:
     edge = solution.radius_of_thickness(FRONT, end)
     trial.compare('radius', radii[-1], edge, 'm')
     trial.compare('exponent', case.slope_of(np.log(times), np.log(radii)), 0.5, '1')
-    # the threshold's own part of the radius is in neither coefficient
+    # neither coefficient includes the effect of the threshold on the radius
     coefficient = math.exp(np.mean(np.log(radii) - 0.5 * np.log(times)))
     coefficient *= solution.radius(end) / edge
     trial.compare('coefficient', coefficient, solution.coefficient, 'm/s^(1/2)')
@@ -83,7 +83,7 @@ def _run_constant_flux(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
-    """A strip 3.5 times as wide as its end is far, measured along its middle."""
+    """Compare a strip 3.5 times as wide as its end is far, along its middle."""
     area, first, growth = 100.0, 100.0, 1.3
     solution = exact.PlaneFixedArea(area, NU, GRAVITY)
     start = solution.time_of_length(first)
@@ -115,7 +115,7 @@ def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_dam_break(accuracy: Accuracy, device: str) -> case.Run:
-    """A block whose two long ends collapse, until what they feel has come half-way to the middle.
+    """Compare a block whose long ends collapse, until disturbances have come half-way.
 
     Its sides are as far from the middle line as its ends are from the middle.
     """

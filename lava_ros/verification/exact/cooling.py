@@ -63,15 +63,15 @@ class CoolingSheet:
         self._thickness = heights[::-1, 0]
 
     def temperature(self, x: np.ndarray) -> np.ndarray:
-        """T [K] at distances from the upper edge of the source [m], seen from above."""
+        """Return T [K] at map distances from the upper edge of the source [m]."""
         return np.interp(x, self._x, self._temperature)
 
     def thickness(self, x: np.ndarray) -> np.ndarray:
-        """Vertical thickness h [m] at these distances [m]."""
+        """Return the vertical thickness h [m] at these distances [m]."""
         return np.interp(x, self._x, self._thickness)
 
     def _law(self, temperature: float) -> tuple[float, float]:
-        """Viscosity [Pa s] and yield strength [Pa]."""
+        """Return viscosity [Pa s] and yield strength [Pa]."""
         cooler = self._lava.reference_temperature - temperature
         viscosity = self._lava.viscosity * math.exp(self._lava.arrhenius * cooler)
         return viscosity, self._lava.yield_strength * math.exp(self._lava.yield_rate * cooler)
@@ -92,7 +92,7 @@ class CoolingSheet:
         return slope
 
     def _even_thickness(self, temperature: float) -> float:
-        """The thickness whose surface is parallel to the ground."""
+        """Return the thickness whose surface is parallel to the ground."""
         low, high = 1e-3, 1e3
         for _ in range(60):
             middle = math.sqrt(low * high)
@@ -119,12 +119,12 @@ def cooling_flow(
     left out.
 
     Args:
-        lava: Arrhenius law, heat capacity and heat loss; the yield strength is left out.
-        source: What comes out [m/s], shape [rows, columns]; the ground falls along a row.
+        lava: Arrhenius law, heat capacity and heat loss; the yield strength is ignored.
+        source: Emission [m/s], shape [rows, columns]; the ground falls along a row.
         cell: Side of a cell [m].
         slope: tan b.
         until: The end [s].
-        initial: Temperature of what comes out [K].
+        initial: Temperature of emitted lava [K].
         ambient: Temperature of the air [K].
         gravity: g [m/s2].
     """
@@ -186,7 +186,7 @@ def _exchange(fields: list[np.ndarray], fall: float, ratio: float, cell: float) 
 
 
 def _limited(field: np.ndarray) -> np.ndarray:
-    """Difference across a cell along the first axis, by van Leer's limiter; 0 at the borders."""
+    """Return the difference across a cell along axis 0 by van Leer's limiter; 0 at borders."""
     found = np.zeros_like(field)
     before, after = field[1:-1] - field[:-2], field[2:] - field[1:-1]
     product, total = before * after, before + after

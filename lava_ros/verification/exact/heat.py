@@ -12,7 +12,7 @@ from lava_ros.scene import Lava
 from lava_ros.verification.exact.slopes import bisection
 from lava_ros.verification.exact.spreading import ConstantFluxSpread, runge_kutta
 
-#: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018), apart from the solver's on purpose.
+#: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018), deliberately separate from the solver's.
 STEFAN_BOLTZMANN = 5.670374419e-8
 
 
@@ -143,28 +143,28 @@ class CoolingCurrent:
         self.thermal_radius = math.sqrt(float(np.interp(1.0, -logs, self._squares)))
 
     def flux(self, temperature: np.ndarray) -> np.ndarray:
-        """Loss of the surface [W/m2] at temperatures [K]."""
+        """Return the heat loss of the surface [W/m2] at temperatures [K]."""
         return surface_loss(self._lava, temperature, self._ambient)
 
     def temperature(self, distance: np.ndarray) -> np.ndarray:
-        """T [K] at distances from the source [m]."""
+        """Return T [K] at distances from the source [m]."""
         logs = np.interp(np.asarray(distance) ** 2, self._squares, self._logs)
         return self._ambient + (self._initial - self._ambient) * np.exp(logs)
 
 
 class CoolingSpread:
-    """A constant flux that spreads on a plane and loses lambda (T - Ta) as it goes.
+    """A constant flux that spreads on a plane and loses lambda (T - Ta) on its way.
 
-    The isoviscous current of Garel et al. 2012 (J. Geophys. Res. 117), with one temperature to a
+    The isoviscous current of Garel et al. 2012 (J. Geophys. Res. 117), with one temperature per
     column and no loss to the ground. The flow is Huppert's (``ConstantFluxSpread``), whatever the
-    temperature. What came out at t0 is at r(t) with dr/dt = q / (2 pi r h), q what flows through
-    its circle, and its difference to the ambient falls at lambda / (rho c h). In x = r / R(t) and
-    s = t / t0 that is one curve for all: d(x^2 s)/ds = q / (pi (R^2 / t) h), and the logarithm of
-    the difference falls by lambda t0 / (rho c) int_1^s ds / h. So near the source the temperature
-    becomes that of ``CoolingCurrent``, while the front goes on.
+    temperature. Lava emitted at t0 is at r(t) with dr/dt = q / (2 pi r h), q the flux through its
+    circle, and its excess temperature falls at lambda / (rho c h). In x = r / R(t) and s = t / t0
+    that is one curve for all: d(x^2 s)/ds = q / (pi (R^2 / t) h), and the logarithm of the excess
+    falls by lambda t0 / (rho c) int_1^s ds / h. So near the source the temperature approaches that
+    of ``CoolingCurrent``, while the front advances.
     """
 
-    #: Largest t / t0: what came out before is in the last thousandth of the radius.
+    #: Maximum t / t0: earlier lava is in the last thousandth of the radius.
     OLDEST = 1e7
 
     def __init__(self, spread: ConstantFluxSpread, *, loss: float, capacity: float) -> None:
@@ -188,14 +188,14 @@ class CoolingSpread:
         self._shares = np.sqrt(squares / self._ages)
 
     def difference(self, distance: np.ndarray, time: float) -> np.ndarray:
-        """T - Ta over that of the source, at distances [m] and a time [s]."""
+        """Return T - Ta over that of the source, at distances [m] and a time [s]."""
         share = np.asarray(distance) / self._spread.radius(time)
         ages = np.interp(share, self._shares, self._ages)
         falls = np.interp(ages, self._ages, self._falls)
         return np.exp(-self._rate * time / ages * falls)
 
     def power(self, time: float) -> float:
-        """Loss of the whole surface over the heat that the source supplies, at a time [s]."""
+        """Return the loss of the whole surface over the heat of the source, at a time [s]."""
         distance = self._shares * self._spread.radius(time)
         height = self._spread.thickness(distance, time)
         born = time / self._ages
@@ -232,17 +232,17 @@ class FreezingLens:
 
     @property
     def end(self) -> float:
-        """Time at which the middle freezes, the last to do so [s]."""
+        """Time at which the middle solidifies, the last to do so [s]."""
         span = math.log((self.first - self.ambient) / (self.lava.solidus - self.ambient))
         capacity = self.lava.density * self.lava.specific_heat
         return capacity * self.depth / self.lava.convection * span
 
     def thickness(self, r: np.ndarray) -> np.ndarray:
-        """Thickness at a distance from the axis [m]."""
+        """Return the thickness at a distance from the axis [m]."""
         return self.depth * np.maximum(1.0 - (r / self.radius) ** 2, 0.0)
 
     def frozen_share(self, time: float) -> float:
-        """Share of the volume that is frozen at a time [s]."""
+        """Return the fraction of the volume that has solidified at a time [s]."""
         return min(1.0, time / self.end) ** 2
 
 

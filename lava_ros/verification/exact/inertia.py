@@ -16,7 +16,7 @@ from lava_ros.verification.exact.slopes import bisection
 
 @dataclass(frozen=True)
 class AcceleratingSheet:
-    """A uniform sheet that is let go on a slope, at rest.
+    """A uniform sheet that is released from rest on a slope.
 
     h du/dt = g h tan(b) cos^2(b) - gamma h u with gamma = 3 nu / (h cos b)^2, all on the map: from
     rest u = u_eq (1 - exp(-gamma t)), u_eq = g h^2 tan(b) cos^4(b) / (3 nu). A sheet without
@@ -39,11 +39,11 @@ class AcceleratingSheet:
         return self.gravity * math.tan(self.slope) * math.cos(self.slope) ** 2 / self.rate
 
     def speed(self, time: float) -> float:
-        """Speed u [m/s]."""
+        """Return the speed u [m/s]."""
         return self.final_speed * -math.expm1(-self.rate * time)
 
     def lag(self, time: float) -> float:
-        """How far a sheet without inertia is ahead [m]."""
+        """Return the lead of a sheet without inertia [m]."""
         return self.speed(time) / self.rate
 
 
@@ -60,7 +60,7 @@ class RitterDamBreak:
     gravity: float
 
     def thickness(self, x: np.ndarray, time: float) -> np.ndarray:
-        """Thickness [m] at places x [m]."""
+        """Return the thickness [m] at places x [m]."""
         pace = math.sqrt(self.gravity * self.height)
         return np.clip((2.0 * pace - x / time) / 3.0, 0.0, pace) ** 2 / self.gravity
 
@@ -69,7 +69,7 @@ class StokerDamBreak:
     """A dam at x = 0 breaks onto a layer at rest, without drag (Stoker 1957, section 10.8).
 
     A fan as Ritter's ends at x / t = u_m - c_m with u_m = 2 (c0 - c_m). A plateau h_m follows up
-    to the bore at x / t = s. What flows into the bore balances, h_m (s - u_m) = h_1 s, and so does
+    to the bore at x / t = s. The flux into the bore balances, h_m (s - u_m) = h_1 s, and so does
     momentum, s^2 = g h_m (h_m + h_1) / (2 h_1). The two give u_m = s (1 - h_1 / h_m), an equation
     for h_m whose left side falls and whose right side rises.
 
@@ -93,7 +93,7 @@ class StokerDamBreak:
         self.bore = bore(self.plateau)
 
     def thickness(self, x: np.ndarray, time: float) -> np.ndarray:
-        """Thickness [m] at places x [m]."""
+        """Return the thickness [m] at places x [m]."""
         fan = self._fan.thickness(x, time)
         return np.where(x > self.bore * time, self._bed, np.maximum(fan, self.plateau))
 
@@ -125,6 +125,6 @@ class OscillatingBowl:
         return math.sqrt(1.0 - self.swing**2) / (1.0 - self.swing * math.cos(phase))
 
     def thickness(self, distance: np.ndarray, time: float) -> np.ndarray:
-        """Thickness [m] at distances from the middle [m]."""
+        """Return the thickness [m] at distances from the middle [m]."""
         q = self.narrowness(time)
         return np.maximum(0.0, self.depth * (q - (q * distance / self.radius) ** 2))

@@ -50,12 +50,12 @@ def vft_viscosity(temperature: float, a: float, b: float, c: float) -> float:
 
 
 def crystal_factor(fraction: float, packing: float, exponent: float) -> float:
-    """What crystals of a volume fraction multiply viscosity by, (1 - phi / phi_m)^-e."""
+    """Return the viscosity factor of a volume fraction of crystals, (1 - phi / phi_m)^-e."""
     return math.pow(1.0 - fraction / packing, -exponent)
 
 
 class BinghamDome:
-    """What a volume that spread on a plane leaves behind.
+    """The final dome of a volume that spread on a plane.
 
     It rests where rho g h |dh/dr| = tau_y everywhere: h^2 = k^2 (R - r), k^2 = 2 tau_y / (rho g),
     and the volume is 2 pi k times the integral of r (R - r)^(1/2), 8 pi k R^(5/2) / 15.
@@ -72,17 +72,17 @@ class BinghamDome:
         self.rms_radius = self.radius * math.sqrt(8.0 / 21.0)
 
     def thickness(self, distance: np.ndarray) -> np.ndarray:
-        """Thickness [m] at distances from the middle [m]."""
+        """Return the thickness [m] at distances from the middle [m]."""
         return self._k * np.sqrt(np.maximum(self.radius - distance, 0.0))
 
     def radius_of_thickness(self, thickness: float) -> float:
-        """Distance from the middle [m] at which the thickness is this [m]."""
+        """Return the distance from the middle [m] at which the dome has a thickness [m]."""
         return self.radius - (thickness / self._k) ** 2
 
     def particles(self, count: int, radius: float) -> np.ndarray:
-        """Positions of particles of equal volume in a dome of this shape [m], shape [count, 2].
+        """Return positions of equal volumes in a dome of this shape [m], shape [count, 2].
 
-        The share of the volume beyond r is u^(3/2) (5 - 3 u) / 2 with u = 1 - r / R. Azimuths
+        The fraction of the volume beyond r is u^(3/2) (5 - 3 u) / 2 with u = 1 - r / R. Azimuths
         follow the golden angle. ``radius`` is R [m], which may differ from that of this dome.
         """
         u = np.linspace(0.0, 1.0, 20001)
@@ -92,7 +92,7 @@ class BinghamDome:
 
 
 class Ridge:
-    """What is left of a strip of lava that runs straight down a slope: a levee on each side.
+    """The remainder of a strip of lava that runs straight down a slope: a levee on each side.
 
     Uniform down the slope, the stress has the parts rho g d sin b down it and rho g d cos b d'
     across it. It equals tau_y where d d' = tan b (dc^2 - d^2)^(1/2), dc = tau_y / (rho g sin b).
@@ -110,7 +110,7 @@ class Ridge:
     """
 
     def __init__(self, fullness: float, strength: float, slope: float, weight: float) -> None:
-        """Set Thickness in the middle over dc, at most 1, tau_y [Pa], b [rad] and rho g [N/m3]."""
+        """Set thickness in the middle over dc, at most 1, tau_y [Pa], b [rad], rho g [N/m3]."""
         self._tan, angle = math.tan(slope), math.asin(fullness)
         self.critical = strength / (weight * math.sin(slope))
         self.half_width = self.critical * (1.0 - math.cos(angle)) / self._tan
@@ -118,11 +118,11 @@ class Ridge:
         self.section = self.critical**2 * share / self._tan
 
     def thickness(self, distance: np.ndarray) -> np.ndarray:
-        """Thickness normal to the slope [m] at distances from the middle [m]."""
+        """Return the thickness normal to the slope [m] at distances from the middle [m]."""
         rest = self.critical - np.maximum(self.half_width - distance, 0.0) * self._tan
         return np.sqrt(np.maximum(self.critical**2 - rest**2, 0.0))
 
     def distance_of_thickness(self, thickness: float) -> float:
-        """Distance from the middle [m] at which the thickness normal to the slope is this [m]."""
+        """Return the distance from the middle [m] at which the normal thickness is this [m]."""
         rest = math.sqrt(self.critical**2 - thickness**2)
         return self.half_width - (self.critical - rest) / self._tan

@@ -19,8 +19,8 @@ class SlopeFixedArea:
 
     Long after the release h_x is small against tan b: h_t + (g sin b / nu) h^2 h_x = 0. From a
     point, each h travels at g sin b h^2 / nu, so h = [nu x / (g sin b t)]^(1/2), and
-    A = int_0^(x_N) h dx puts the front at x_N = [9 A^2 g sin b t / (4 nu)]^(1/3). What is left
-    out is of the order h_N cot b / x_N.
+    A = int_0^(x_N) h dx puts the front at x_N = [9 A^2 g sin b t / (4 nu)]^(1/3). Neglected
+    terms are of the order h_N cot b / x_N.
     """
 
     def __init__(self, area: float, slope: float, nu: float, gravity: float) -> None:
@@ -29,15 +29,15 @@ class SlopeFixedArea:
         self._rate = gravity * math.sin(slope) / nu
 
     def length(self, time: float) -> float:
-        """x_N [m] at a time [s] after the release from a line."""
+        """Return x_N [m] at a time [s] after the release from a line."""
         return float(np.cbrt(2.25 * self.area**2 * self._rate * time))
 
     def time_of_length(self, length: float) -> float:
-        """Time [s] at which the front is at a distance [m]."""
+        """Return the time [s] at which the front is at a distance [m]."""
         return length**3 / (2.25 * self.area**2 * self._rate)
 
     def thickness(self, distance: np.ndarray, time: float) -> np.ndarray:
-        """Thickness [m] at distances from the line [m]."""
+        """Return the thickness [m] at distances from the line [m]."""
         x = np.asarray(distance)
         wet = (x >= 0.0) & (x <= self.length(time))
         return np.where(wet, np.sqrt(np.clip(x, 0.0, None) / (self._rate * time)), 0.0)
@@ -65,12 +65,12 @@ class SlopeFlux:
         self.run_out = self.thickness / math.tan(slope)
 
     def behind_toe(self, thickness: float) -> float:
-        """Distance from the toe [m] at which the front has a thickness [m]."""
+        """Return the distance from the toe [m] at which the front has a thickness [m]."""
         ratio = thickness / self.thickness
         return self.run_out * (math.atanh(ratio) - ratio)
 
     def arrival(self, distance: float, thickness: float) -> float:
-        """Time [s] at which a thickness [m] arrives at a distance from the source [m]."""
+        """Return the time [s] at which a thickness [m] arrives at a distance [m]."""
         lag = (1.0 - math.log(2.0)) * self.run_out + self.behind_toe(thickness)
         return (distance + lag) / self.speed
 
@@ -84,7 +84,7 @@ class SteadySource:
     second, int_-1^1 (1 - s^2)^3 ds = 32/35, gives
     K^7 = (105 / 32) (14 / 3)^3 nu Q cos^3 b / (g sin^4 b): a half-width of
     2.29317 [nu Q cos^3 b / (g sin^4 b)]^(1/7) x^(3/7) and on the axis
-    1.12685 tan b [same]^(2/7) x^(-1/7). What is left out is of the order of the source's run-out
+    1.12685 tan b [same]^(2/7) x^(-1/7). Neglected terms are of the order of the source's run-out
     over x.
     """
 
@@ -98,12 +98,12 @@ class SteadySource:
         self._scale = (nu * discharge * math.cos(slope) ** 3 / pull) ** (1.0 / 7.0)
 
     def half_width(self, distance: float, thickness: float = 0.0) -> float:
-        """Half of the width over which the flow is thicker than a value [m]."""
+        """Return half of the width over which the flow is thicker than a value [m]."""
         width = self.WIDTH * self._scale * distance ** (3.0 / 7.0)
         return width * math.sqrt(1.0 - thickness / self.axis(distance))
 
     def axis(self, distance: float) -> float:
-        """Thickness on the axis [m] at a distance from the source [m]."""
+        """Return the thickness on the axis [m] at a distance from the source [m]."""
         return self.HEIGHT * self._tangent * self._scale**2 * distance ** (-1.0 / 7.0)
 
 

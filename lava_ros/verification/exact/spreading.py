@@ -6,7 +6,7 @@
 h_t = alpha div(h^3 grad h), alpha = g / (3 nu). Each is a similarity solution h ~ f(eta) with
 f = 0 at the front eta_N, near which f^2 f' is minus the front's own speed in similarity
 variables. The coefficients are eigenvalues of ordinary differential equations, which the tests
-integrate anew.
+integrate again.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ def runge_kutta(
 
 
 def spiral(distance: np.ndarray) -> np.ndarray:
-    """Places [m], shape [count, 2], at distances from (0, 0) that turn by the golden angle."""
+    """Return places [m], shape [count, 2], at distances from (0, 0) by the golden angle."""
     angle = np.arange(len(distance)) * math.pi * (3.0 - math.sqrt(5.0))
     return np.column_stack([distance * np.cos(angle), distance * np.sin(angle)])
 
@@ -63,26 +63,26 @@ class FixedVolumeSpread:
         self.volume, self.nu, self.gravity = volume, nu, gravity
 
     def radius(self, time: float) -> float:
-        """R [m] at a time [s] after the release from a point."""
+        """Return R [m] at a time [s] after the release from a point."""
         scale = self.gravity * self.volume**3 * time / (3.0 * self.nu)
         return self.RADIUS * scale**0.125
 
     def time_of_radius(self, radius: float) -> float:
-        """Time [s] at which the radius [m] is reached."""
+        """Return the time [s] at which the radius [m] is reached."""
         scale = 3.0 * self.nu / (self.gravity * self.volume**3)
         return (radius / self.RADIUS) ** 8 * scale
 
     def centre(self, time: float) -> float:
-        """Thickness in the middle h0 [m] at a time [s]."""
+        """Return the thickness in the middle h0 [m] at a time [s]."""
         return self.HEIGHT * (3.0 * self.nu * self.volume / (self.gravity * time)) ** 0.25
 
     def thickness(self, distance: np.ndarray, time: float) -> np.ndarray:
-        """Thickness [m] at distances from the centre [m]."""
+        """Return the thickness [m] at distances from the centre [m]."""
         ratio = np.asarray(distance) / self.radius(time)
         return self.centre(time) * np.cbrt(np.clip(1.0 - ratio**2, 0.0, None))
 
     def radius_of_thickness(self, thickness: float, time: float) -> float:
-        """Distance [m] at which the profile has a thickness [m]."""
+        """Return the distance [m] at which the profile has a thickness [m]."""
         return self.radius(time) * math.sqrt(1.0 - (thickness / self.centre(time)) ** 3)
 
     def rms_radius(self, time: float) -> float:
@@ -90,9 +90,9 @@ class FixedVolumeSpread:
         return self.radius(time) * math.sqrt(3.0 / 7.0)
 
     def particles(self, count: int, time: float) -> np.ndarray:
-        """Positions [m], shape [count, 2], of equal volumes that have the profile at a time.
+        """Return positions [m], shape [count, 2], of equal volumes with the profile at a time.
 
-        The radius that holds a share s of the volume is R sqrt(1 - (1 - s)^(3/4)); the angles
+        The radius that holds a fraction s of the volume is R sqrt(1 - (1 - s)^(3/4)); the angles
         follow the golden angle.
         """
         share = (np.arange(count) + 0.5) / count
@@ -110,7 +110,7 @@ class ConstantFluxSpread:
 
     RADIUS = 0.71502
 
-    #: Smallest distance over R at which the thickness is given: in the middle it has no bound.
+    #: Minimum distance over R at which the thickness is defined: in the middle it is infinite.
     INNERMOST = 1e-3
 
     def __init__(self, discharge: float, nu: float, gravity: float) -> None:
@@ -125,21 +125,21 @@ class ConstantFluxSpread:
         return self.RADIUS * self._length
 
     def radius(self, time: float) -> float:
-        """R [m] at a time [s] after the flux began."""
+        """Return R [m] at a time [s] after the flux began."""
         return self.coefficient * math.sqrt(time)
 
     def radius_of_thickness(self, thickness: float, time: float) -> float:
-        """Distance [m] at which the profile's front has a thickness [m]."""
+        """Return the distance [m] at which the profile's front has a thickness [m]."""
         behind = (thickness / self._height) ** 3 / (1.5 * self.RADIUS)
         return (self.RADIUS - behind) * self._length * math.sqrt(time)
 
     def thickness(self, distance: np.ndarray, time: float) -> np.ndarray:
-        """Thickness [m] at distances from the source [m], 0 beyond the front."""
+        """Return the thickness [m] at distances from the source [m], 0 beyond the front."""
         places, heights, _ = self._profile
         return self._height * np.interp(self._place(distance, time), places, heights, right=0.0)
 
     def flux(self, distance: np.ndarray, time: float) -> np.ndarray:
-        """What flows through circles of radii [m], -2 pi r alpha h^3 dh/dr [m3/s]."""
+        """Return the flux through circles of radii [m], -2 pi r alpha h^3 dh/dr [m3/s]."""
         places, _, fluxes = self._profile
         return self._discharge * np.interp(self._place(distance, time), places, fluxes, right=0.0)
 
@@ -148,7 +148,7 @@ class ConstantFluxSpread:
 
     @cached_property
     def _profile(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rising eta / eta_N, f and -2 pi eta f^3 f' there, integrated inwards."""
+        """Return rising eta / eta_N, f and -2 pi eta f^3 f' there, integrated inwards."""
         behind = np.concatenate(
             [np.geomspace(1e-6, 0.5, 1000), 1.0 - np.geomspace(0.5, self.INNERMOST, 1000)[1:]]
         )
@@ -183,11 +183,11 @@ class PlaneFixedArea:
         self._scale = gravity * area**3 / (3.0 * nu)
 
     def length(self, time: float) -> float:
-        """x_N [m] at a time [s] after the release from a line."""
+        """Return x_N [m] at a time [s] after the release from a line."""
         return self.LENGTH * (self._scale * time) ** 0.2
 
     def time_of_length(self, length: float) -> float:
-        """Time [s] at which the front is at a distance [m]."""
+        """Return the time [s] at which the front is at a distance [m]."""
         return (length / self.LENGTH) ** 5 / self._scale
 
     def centre(self, time: float) -> float:
@@ -195,12 +195,12 @@ class PlaneFixedArea:
         return self.area / (self.SHAPE * self.length(time))
 
     def thickness(self, distance: np.ndarray, time: float) -> np.ndarray:
-        """Thickness [m] at distances from the line [m]."""
+        """Return the thickness [m] at distances from the line [m]."""
         ratio = np.asarray(distance) / self.length(time)
         return self.centre(time) * np.cbrt(np.clip(1.0 - ratio**2, 0.0, None))
 
     def length_of_thickness(self, thickness: float, time: float) -> float:
-        """Distance [m] at which the profile has a thickness [m]."""
+        """Return the distance [m] at which the profile has a thickness [m]."""
         return self.length(time) * math.sqrt(1.0 - (thickness / self.centre(time)) ** 3)
 
 
@@ -226,7 +226,7 @@ class DamBreak:
         return reach**2 / self._diffusivity
 
     def front_of_thickness(self, thickness: float, time: float) -> float:
-        """Distance from the dam [m] at which the front has a thickness [m]: 0 at x_f."""
+        """Return the distance from the dam [m] at which the front has a thickness [m]."""
         behind = (thickness / self.height) ** 3 / (1.5 * self.FRONT)
         return (self.FRONT - behind) * math.sqrt(self._diffusivity * time)
 

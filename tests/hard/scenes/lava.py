@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Viscosity from 1 to 1e11 Pa s, jumps of a million within a cell; 1 mm to 200 m; heat, strength.
+"""Hard scenes of lava: viscosity from 1 to 1e11 Pa s, thickness from 1 mm to 200 m, heat.
 
-Lava freezes at the vent, is reheated, is as cold as the air, or holds. Particles are in one
-place, one, none, of volumes far apart, or leave the map. Vents are on ridges, in pits, at borders
-and over each other; weak, strong and flickering ones.
+Viscosity jumps by a million within a cell. Lava solidifies at the vent, is reheated, is as cold as
+the air, or is held by its strength. Particles coincide, are single, are absent, differ vastly in
+volume, or leave the map. Vents are on ridges, in pits, at borders and on each other; they are
+weak, strong and flickering.
 """
 
 from dataclasses import replace
@@ -17,14 +18,14 @@ from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Particles
 
-#: Arrhenius rate with which 345 K are a factor of a million.
+#: Arrhenius rate for which 345 K change the viscosity by a factor of a million.
 MILLION = 0.04
 
 HOT, COLD = 1423.0, 1078.0
 
 
 def _hollow(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Level ground between slopes of 79 degrees, 60 m from the middle."""
+    """Return level ground between slopes of 79 degrees, 60 m from the middle."""
     return 5.0 * np.maximum(np.maximum(np.abs(x), np.abs(y)) - 60.0, 0.0)
 
 
@@ -33,7 +34,7 @@ def _halves(places: np.ndarray) -> np.ndarray:
 
 
 def _mixed(places: np.ndarray) -> np.ndarray:
-    """Every particle hot or cold by chance."""
+    """Return lava whose particles are hot or cold at random."""
     return np.where(np.random.default_rng(3).random(len(places)) < 0.5, HOT, COLD)
 
 
@@ -70,7 +71,7 @@ VISCOSITY = (
               scene(plane(0.05), (vent(0.0, 10.0, 3.0), vent(0.0, 10.0, 3.0, temperature=COLD)),
                     material(viscosity=100.0, arrhenius=MILLION)), 200.0, mirrored=True),
     HardScene('viscosity_without_end',
-              'lava as stiff as the law can say, more than a float32 holds',
+              'lava as stiff as the law allows, beyond the range of float32',
               scene(plane(0.3), (), material(viscosity=1e15, arrhenius=1.0)), 1e3,
               lava=block(40.0, 40.0, 20.0, temperature=701.0), thickness=20.0, mirrored=True),
 )
@@ -111,7 +112,7 @@ THICKNESS = (
               thickness=50.0, mirrored=True, longest_step=2e4),
 )
 
-#: A basalt that freezes, with a crust and ground that takes heat.
+#: A basalt that solidifies, with a crust and conduction into the ground.
 BASALT = Lava(
     density=2600.0, viscosity=1000.0, arrhenius=0.04, solidus=1223.0, latent_heat=3.5e5,
     conductivity=1.5, ground_conductivity=2.0, crust=True,
@@ -185,19 +186,19 @@ def _in_one_place(count: int, volume: float):
 
 
 def _pairs(spacing: float) -> Particles:
-    """A block, each of its particles twice."""
+    """Return a block, each of its particles twice."""
     lava = block(40.0, 40.0, 1.0)(spacing)
     return Particles(np.repeat(lava.position, 2, axis=0), np.repeat(lava.volume, 2), 1423.0)
 
 
 def _in_a_row(spacing: float) -> Particles:
-    """Particles along a line: across it there is no slope to be had."""
+    """Return particles along a line: the slope across it is undefined."""
     x = np.linspace(-40.0, 40.0, 41)
     return Particles(np.stack([x, np.zeros_like(x)], axis=1), spacing * spacing, 1423.0)
 
 
 def _far_apart(spacing: float) -> Particles:
-    """Volumes from a millionth of the usual one to a hundred times it."""
+    """Return volumes from a millionth of the usual one to a hundred times it."""
     lava = block(50.0, 50.0, 1.0)(spacing)
     exponents = np.random.default_rng(2).uniform(-6.0, 2.0, len(lava.volume))
     return Particles(lava.position, lava.volume * 10.0**exponents, 1423.0)
@@ -231,7 +232,8 @@ PARTICLES = (
               'a pile fifty times as thick as was expected, with lateral stress', scene(), 10.0,
               'lateral', lava=block(10.0, 10.0, 50.0), thickness=1.0,
               dry=lambda places: np.hypot(*places.T) > 60.0, mirrored=True, mirrored_until=0.4),
-    HardScene('piled_higher_lateral', 'a pile a thousand times as thick as was expected, likewise',
+    HardScene('piled_higher_lateral',
+              'a pile a thousand times as thick as was expected, with lateral stress',
               scene(None, (), material(viscosity=1e8)), 3e5, 'lateral',
               lava=block(30.0, 30.0, 100.0), thickness=0.1, mirrored=True, mirrored_until=3e4,
               most_steps={'fine': 90}, longest_step=1e5),
@@ -268,7 +270,7 @@ PARTICLES = (
               lava=block(40.0, 40.0, 1.0, centre=(0.0, -40.0)), thickness=1.0, halved=False),
 )
 
-#: On and off, each for a second.
+#: On and off, for one second each.
 FLICKER = tuple((float(second), 10.0 if second % 2 == 0 else 0.0) for second in range(40))
 
 VENTS = (

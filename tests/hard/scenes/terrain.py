@@ -16,42 +16,42 @@ from lava_ros.simulation import Simulation
 
 
 def _cliff(drop: float) -> Surface:
-    """A gentle slope that ends in a cliff at y = 0, level below."""
+    """Return a gentle slope that ends in a cliff at y = 0, level below."""
     return lambda x, y: np.where(y > 0.0, drop + 0.1 * y, 0.0)
 
 
 def _caldera(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A slope that goes on 1,000 m lower, as inside a caldera's wall."""
+    """Return a slope that continues 1,000 m lower, as inside a caldera's wall."""
     return 0.1 * y + np.where(y > 0.0, 1000.0, 0.0)
 
 
 def _single(height: float) -> Surface:
-    """A slope with one row of cells two wide, raised or dug, in the way of the flow."""
+    """Return a slope with one row of cells, two wide, raised or lowered, across the flow."""
     return lambda x, y: 0.1 * y + np.where((np.abs(x) < CELL) & (np.abs(y) < CELL), height, 0.0)
 
 
 def _deep(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A pit ten cells wide and 50 m deep."""
+    """Return a pit ten cells wide and 50 m deep."""
     return np.where(np.maximum(np.abs(x), np.abs(y)) < 50.0, 0.0, 50.0)
 
 
 def _canyon(depth: float) -> Surface:
-    """A canyon of one cell's width down a slope."""
+    """Return a canyon of one cell's width down a slope."""
     return lambda x, y: 0.1 * y - depth * (np.abs(x - 0.5 * CELL) < 0.5 * CELL)
 
 
 def _knife(height: float) -> Surface:
-    """A ridge as sharp as the grid can show, along x, on a slope."""
+    """Return a ridge on a slope along x, as sharp as the grid allows."""
     return lambda x, y: 0.02 * y + np.where(np.abs(y + 0.5 * CELL) < 0.5 * CELL, height, 0.0)
 
 
 def _gorge(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A level shelf, a gorge 200 m deep at y = 0, and a wall of 500 m beyond it."""
+    """Return a level shelf, a gorge 200 m deep at y = 0, and a wall of 500 m beyond it."""
     return np.where(y > 0.0, 200.0 + 0.01 * y, np.where(y > -20.0, 0.0, 500.0))
 
 
 def _brink(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A level shelf 200 m over a level floor, with walls all around."""
+    """Return a level shelf 200 m above a level floor, with walls all around."""
     walls = (np.abs(x) > 70.0) | (np.abs(y) > 70.0)
     return np.where(y > 0.0, 200.0 + 0.01 * y, 0.0) + 300.0 * walls
 
@@ -70,7 +70,7 @@ def _noise(height: float) -> Surface:
 
 
 def _behind(places: np.ndarray) -> np.ndarray:
-    """Beyond the wall and the radius in which a sum over neighbours cannot tell."""
+    """Return True beyond the wall and the radius of a sum over neighbours."""
     return places[:, 1] < -CELL
 
 
@@ -170,18 +170,18 @@ def _far_map() -> Terrain:
 
 
 def _raise_a_dam(simulation: Simulation) -> None:
-    """A dam of 50 m rises in the middle of the flow."""
+    """Raise a dam of 50 m in the middle of the flow."""
     simulation.set_terrain(terrain(lambda x, y: 0.1 * y + np.where(np.abs(y) < 5.0, 50.0, 0.0)))
 
 
 def _drop_the_ground(simulation: Simulation) -> None:
-    """The ground under the flow falls by 100 m, cell by cell at random."""
+    """Lower the ground under the flow by 100 m in random cells."""
     drop = np.random.default_rng(4).uniform(0.0, 100.0, (32, 32))
     simulation.set_terrain(terrain(lambda x, y: 0.1 * y - drop))
 
 
 def _tilt(simulation: Simulation) -> None:
-    """The slope turns around."""
+    """Reverse the slope."""
     simulation.set_terrain(terrain(plane(0.1, towards=(0.0, 1.0))))
 
 
@@ -190,7 +190,7 @@ def _tilt_back(simulation: Simulation) -> None:
 
 
 def _coarser_and_shifted(simulation: Simulation) -> None:
-    """Cells twice as large, half of the flow off the new map."""
+    """Use cells twice as large, with half of the flow off the new map."""
     simulation.set_terrain(
         terrain(lambda x, y: 0.1 * (y - 40.0), cell=10.0, side=16, origin=(-80.0, -40.0))
     )

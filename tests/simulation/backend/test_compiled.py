@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the compiler makes of a stage's kernels, without a GPU; most of it in ``make nightly``.
+"""Compiled code of a stage's kernels, checked without a GPU; most tests in ``make nightly``.
 
 An access that is no longer 16 bytes wide, an array that no longer fits the registers or a division
 that is no longer the hardware's changes no result, and takes up to twice the time.
@@ -26,67 +26,67 @@ from lava_ros.simulation.fused_stage import BOUNDS
 from lava_ros.simulation.state import State
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
-#: Sets of effects, by the names in the benchmark: one in every run, all of them nightly.
+#: Sets of effects, by their names in the benchmark: one in every run, all of them nightly.
 GREEN_SETS = tuple(
     pytest.param(name, marks=pytest.mark.nightly) for name in ('green', 'everything with green')
 )
 SETS = ('bare', *GREEN_SETS)
 
-#: Kernels that sum over neighbours in every step, and those that only carry particles.
+#: Kernels that sum over neighbours in every step, and kernels that only move data of particles.
 SUMS = ('thickness_and_velocity', 'elevate', 'velocity_of_differences', 'green_motion')
 CARRIERS = ('order_particles', 'move', 'green_motion')
 
-#: Carriers in a stage.
+#: The latter in a stage.
 CARRIED_BY = 2
 
-#: Loads that a neighbour takes at most.
-MOST_LOADS = 3
+#: Maximum number of loads per neighbour.
+MAX_LOADS = 3
 
-#: Bytes of a thread's stack that the first block of many particles' motion may keep numbers in.
+#: Stack of a thread in the first block of the motion of many particles [B].
 DIRECTORS_STACK, MEMBERS_STACK = 80, 256
 
-#: Registers that four neighbours take which are loaded at once, with all else that is in use.
+#: Registers for loading four neighbours at once, with everything else in use.
 FOUR_AT_ONCE = 40
 
-#: Attributes in a cubin's .nv.info: a kernel's least stack, and its registers.
+#: Attributes in a cubin's .nv.info: a kernel's minimum stack, and its registers.
 _STACK, _REGISTERS = 0x12, 0x2F
 
 
 class Code:
-    """A kernel as it is compiled for an architecture, as far as anyone asks."""
+    """A kernel as compiled for an architecture, with the properties that tests check."""
 
     def __init__(self, kernel, arch, folder):
-        """Take the kernel."""
+        """Store the kernel."""
         self.name = kernel.key.rpartition('__')[2]
         options = {'arch': arch, 'module_dir': folder}
         self._compile = partial(wp.compile_aot_module, kernel.module, **options)
 
     @cached_property
     def text(self):
-        """Its PTX."""
+        """PTX of the kernel."""
         ptx = self._compile(use_ptx=True)[0].read_text(encoding='latin-1')
         return ptx[ptx.index('.entry') :]
 
     @cached_property
     def needs(self):
-        """Bytes of a thread's stack, what registers are spilled to included; its registers."""
+        """Stack of a thread including spilled registers [B], and number of registers."""
         return needs_of(self._compile(use_ptx=False)[0].read_bytes())
 
     @property
     def loops(self) -> list[str]:
-        """PTX of the loops without a branch."""
+        """PTX of the loops without branches."""
         blocks = re.findall(r'(\$L__BB\w+):(.*?)(?=\n\$L__BB\w+:|\Z)', self.text, re.DOTALL)
         return [text for label, text in blocks if re.search(rf'\sbra\S*\s+\{label};', text)]
 
 
 def opcodes(text):
-    """Count the opcodes of some PTX, .ftz left out."""
+    """Count the opcodes of some PTX, ignoring .ftz."""
     found = re.findall(r'^\s*(?:@\S+\s+)?([a-z][a-z0-9_]*\.[a-z0-9_.:]+)\s', text, re.MULTILINE)
     return Counter(opcode.replace('.ftz', '') for opcode in found)
 
 
 def needs_of(cubin):
-    """Read the stack and the registers of a cubin's only kernel: the ELF's .nv.info names them."""
+    """Return stack and registers of a cubin's only kernel, from the ELF's .nv.info."""
     (table,) = struct.unpack_from('<Q', cubin, 0x28)
     count, names = struct.unpack_from('<HH', cubin, 0x3C)
     sections = [struct.unpack_from('<IIQQQQ', cubin, table + 64 * n) for n in range(count)]
@@ -108,9 +108,10 @@ def needs_of(cubin):
 
 
 def launched(name, lanes=1, integrator='euler', is_short=None, directs=None, parts=None):
-    """Kernels that a stage launches, none of which runs; with lanes those for few particles.
+    """Return the kernels that a stage launches, unlaunched; with lanes those for few particles.
 
-    Sums are in as many parts as there are lanes, but for members of a batch: one lane, four parts.
+    Sums have as many parts as there are lanes, except for members of a batch: one lane, four
+    parts.
     """
     is_short = lanes > 1 if is_short is None else is_short
     directs = is_short if directs is None else directs
@@ -145,7 +146,7 @@ def launched(name, lanes=1, integrator='euler', is_short=None, directs=None, par
 
 @pytest.fixture(scope='module')
 def compiled(tmp_path_factory):
-    """Compiles kernels, all or those of some names, for an architecture."""
+    """Compile kernels, all or the named ones, for an architecture."""
     folder = tmp_path_factory.mktemp('compiled')
 
     def of(kernels, names=None, arch=90):
@@ -157,17 +158,17 @@ def compiled(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def stage(compiled):
-    """The kernels of a stage, compiled for sm_90, those of a set once."""
+    """Return the kernels of a stage, compiled once for sm_90 for each set."""
     return lru_cache(lambda name: compiled(launched(name)))
 
 
 def check_sum(code):
-    """A neighbour, a root or a logarithm, takes few loads: read-only, most of them wide."""
+    """Check that a neighbour (a root or a logarithm) takes few, read-only, mostly wide loads."""
     loops = []
     for loop in code.loops:
         counts = opcodes(loop)
         neighbours = counts['sqrt.approx.f32'] + counts['lg2.approx.f32']
-        # others are of the first block (fused_stage.py), or wait for it
+        # other loads belong to the first block (fused_stage.py), or wait for it
         if neighbours and not any(name.startswith('ld.relaxed') for name in counts):
             loops.append((neighbours, counts))
     assert loops, f'{code.name} has no loop over neighbours without a branch'
@@ -176,11 +177,11 @@ def check_sum(code):
         wide = sum(n for name, n in loads.items() if re.search(r'\.v[24]\.f32$', name))
         assert all(name.startswith('ld.global.nc.') for name in loads), f'{code.name}: {loads}'
         assert wide >= neighbours, f'{code.name}: {loads}'
-        assert sum(loads.values()) <= MOST_LOADS * neighbours, f'{code.name}: {loads}'
+        assert sum(loads.values()) <= MAX_LOADS * neighbours, f'{code.name}: {loads}'
 
 
 def check_carrier(code, wide):
-    """Particles are read and written 16 bytes at once, what their positions lack 8 bytes."""
+    """Check that particles are accessed 16 bytes at a time, position remainders 8 bytes."""
     counts = opcodes(code.text)
     for access in ('ld.global.nc', 'st.global'):
         assert counts[f'{access}.v4.f32'] >= wide, code.name
@@ -188,13 +189,13 @@ def check_carrier(code, wide):
 
 
 def check_local(code):
-    """Nothing is kept, or spilled, outside the registers."""
+    """Check that nothing is kept, or spilled, outside the registers."""
     assert '.local' not in code.text, code.name
     assert code.needs[0] == 0, f'{code.name}: {code.needs[0]} bytes'
 
 
 def check_arithmetic(code):
-    """No float32 takes the subroutines that are right to the last bit."""
+    """Check that float32 never uses the subroutines with exact rounding."""
     counts = opcodes(code.text)
     slow = [name for name in counts if re.fullmatch(r'(div|sqrt|rcp)\.r.\.f32', name)]
     assert not slow, f'{code.name}: {slow}'
@@ -202,7 +203,7 @@ def check_arithmetic(code):
 
 
 def check_wait(code):
-    """Nothing is read or written before the kernels that this one comes after have ended."""
+    """Check that no memory is accessed before the preceding kernels have ended."""
     before, wait, after = code.text.partition('griddepcontrol.wait;')
     assert wait, f'{code.name} does not wait'
     access = re.compile(r'^\s*(@\S+\s+)?(ld|st|atom|red)\.(global|volatile|relaxed)', re.M)
@@ -230,7 +231,7 @@ def test_particles_are_carried_at_once(stage, name):
 
 @pytest.mark.nightly
 def test_stages_are_carried_at_once(compiled):
-    """So are the start and the displacement of a step of several stages."""
+    """Start and displacement of a step of several stages are also accessed 16 bytes at a time."""
     codes = compiled(launched('bare', integrator='rkl2'), CARRIERS)
     assert len(codes) == CARRIED_BY
     for code in codes:
@@ -243,7 +244,7 @@ def test_stages_are_carried_at_once(compiled):
 @pytest.mark.parametrize('name', SETS)
 @pytest.mark.parametrize('check', [check_local, check_arithmetic, check_wait])
 def test_every_kernel_of_a_stage(stage, name, check):
-    """None spills registers, divides slowly, or reads before those that it comes after end."""
+    """No kernel spills registers, divides slowly, or reads before its predecessors end."""
     for code in stage(name):
         check(code)
 
@@ -254,7 +255,7 @@ def test_k0_is_one_logarithm_and_power(stage, name):
     (code,) = [code for code in stage(name) if code.name == 'green_motion']
     (loop,) = code.loops
     counts = opcodes(loop)
-    # the loop is unrolled, and each neighbour is kept off its own disc once
+    # the loop is unrolled, and each neighbour is limited to its own disc once
     neighbours = counts['max.f32']
     assert neighbours >= 1
     for opcode in ('lg2.approx.f32', 'ex2.approx.f32'):
@@ -266,7 +267,7 @@ def test_k0_is_one_logarithm_and_power(stage, name):
 @pytest.mark.nightly
 @pytest.mark.parametrize(('arch', 'lanes'), [(80, 1), (80, 4), (90, 4)])
 def test_sums_on_other_hardware_and_shared(compiled, arch, lanes):
-    """The same holds for the former architecture, and for threads that share a particle."""
+    """The same holds for the previous architecture, and for threads that share a particle."""
     codes = compiled(launched('green', lanes=lanes), SUMS, arch)
     assert len(codes) == 2
     for code in codes:
@@ -278,7 +279,7 @@ def test_sums_on_other_hardware_and_shared(compiled, arch, lanes):
 
 @pytest.mark.nightly
 def test_sums_of_differences(compiled):
-    """The other gradient's two sums are as lean."""
+    """Both sums of the other gradient are as efficient."""
     effects = effect_sets()['everything with green']
     for code in compiled(flow.flow_kernels(wp.float32, 'wendland', 3.0, 'balanced', effects)):
         check_sum(code)
@@ -288,7 +289,7 @@ def test_sums_of_differences(compiled):
 
 @pytest.mark.nightly
 def test_deterministic_order(compiled):
-    """What only a deterministic run on a GPU launches is as lean."""
+    """Kernels of deterministic runs on a GPU are as efficient."""
     kernels = neighbors._kernels(wp.float32, True, False, True, False, True)
     order, members = compiled(kernels, ('order_particles', 'list_members'))
     check_local(order)
@@ -300,7 +301,7 @@ def test_deterministic_order(compiled):
 @pytest.mark.parametrize('lanes', [1, 4])
 @pytest.mark.parametrize('name', SETS)
 def test_few_particles_are_loaded_at_once(compiled, name, lanes):
-    """With few particles the compiler spares no registers, and does not wait for each load."""
+    """With few particles the compiler uses many registers, and does not wait for each load."""
     codes = compiled(launched(name, lanes=lanes, is_short=True), (*SUMS, 'move'))
     assert len(codes) == 2
     for code in codes:
@@ -311,7 +312,7 @@ def test_few_particles_are_loaded_at_once(compiled, name, lanes):
 @pytest.mark.nightly
 @pytest.mark.parametrize('name', SETS)
 def test_members_of_a_batch_fill_a_processor(compiled, name):
-    """Blocks have registers; what lies in memory is the first block's: more blocks are slower."""
+    """Blocks have enough registers; only the first block uses memory: more blocks are slower."""
     for kernel in launched(name, parts=4, directs='green' in name):
         what = kernel.key.rpartition('__')[2]
         if what in (*SUMS, 'move'):
@@ -327,7 +328,7 @@ def test_members_of_a_batch_fill_a_processor(compiled, name):
 @pytest.mark.nightly
 @pytest.mark.parametrize('name', ['green', 'everything with green'])
 def test_what_directs_takes_no_registers_of_others(compiled, name):
-    """Only the first block keeps numbers in memory: without it the same registers are enough."""
+    """Only the first block keeps numbers in memory: without it, the registers suffice."""
     motions = [
         next(kernel for kernel in kernels if kernel.key.endswith('green_motion'))
         for kernels in (launched(name), launched(name, directs=True))
@@ -344,7 +345,7 @@ def test_what_directs_takes_no_registers_of_others(compiled, name):
 @pytest.mark.nightly
 @pytest.mark.parametrize('is_short', [False, True])
 def test_effects_compile_without_local_memory(compiled, is_short):
-    """No effect, alone or with others, makes a kernel spill on the hardware with least room."""
+    """No effect, alone or with others, makes a kernel spill, even with the fewest registers."""
     kernels = {
         kernel.module.name: kernel
         for name in effect_sets()
@@ -399,7 +400,7 @@ def test_checks_see_plain_reads(compiled, monkeypatch):
         for width in (1, 2, 4):
             if hasattr(module, f'load{width}'):
                 monkeypatch.setattr(module, f'load{width}', plain_load(width))
-    # none that was made with the others
+    # none that was compiled with the other loads
     monkeypatch.setattr(flow, 'sums_function', cells.sums_function.__wrapped__)
     monkeypatch.setattr(green, '_sums_function', green._sums_function.__wrapped__)
     monkeypatch.setattr(green, '_velocity_function', green._velocity_function.__wrapped__)

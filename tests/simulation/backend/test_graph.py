@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launches that are made again: packed once, and never with what they were not given.
+"""Repeated launches: packed once, and only with their own arguments.
 
 On a GPU they are a graph, whose kernels begin before those they come after have ended.
 """
@@ -25,7 +25,7 @@ from lava_ros.simulation.backend.graph import Launches, MOST
 from lava_ros.simulation.backend.programmatic_launch import overlap
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
-#: The set of effects that goes through most kernels.
+#: The set of effects that uses the most kernels.
 ALL = 'everything with green'
 
 
@@ -36,24 +36,24 @@ def add(i: int, by: float, values: wp.array(dtype=float)):
 
 
 def zeros(count=6):
-    """Values that nothing has been added to."""
+    """Return values to which nothing has been added."""
     return wp.zeros(count, dtype=float, device='cpu')
 
 
 def and_nightly(*names):
-    """A set of effects for every run, and others for nightly ones."""
+    """Return a set of effects for every run, and others for nightly ones."""
     nightly = (pytest.param(name, marks=pytest.mark.nightly) for name in names if name != ALL)
     return pytest.mark.parametrize('name', [ALL, *nightly])
 
 
 @pytest.fixture
 def launches():
-    """Launches on the CPU."""
+    """Return the launches of the CPU."""
     return Launches(wp.get_device('cpu'))
 
 
 def test_each_launch_has_its_own_arguments(launches):
-    """Other arrays, numbers and sizes are told from those of before, and from each other."""
+    """Launches with other arrays, numbers and sizes are distinguished."""
     one, other = zeros(), zeros()
     for array, by, dim in (
         (one, 1.0, 6), (one, 1.0, 2), (other, 1.0, 3), (one, 10.0, 1), (one, 1.0, 6), (one, 1.0, 0)
@@ -65,7 +65,7 @@ def test_each_launch_has_its_own_arguments(launches):
 
 @pytest.mark.parametrize('captures', [False, True])
 def test_arrays_are_kept_until_they_are_forgotten(launches, captures):
-    """What lies where an array was is not found by what was launched with that, or captured."""
+    """A new array at the address of an old one is not used by launches with the old one."""
     arrays = [zeros()]
     gone = weakref.ref(arrays[0])
 
@@ -85,7 +85,7 @@ def test_arrays_are_kept_until_they_are_forgotten(launches, captures):
 
 
 def test_launches_that_never_come_again_do_not_pile_up(launches):
-    """Their arrays are given back, and those that do come again go on."""
+    """Their arrays are freed, and launches that are repeated still work."""
     kept, gone = zeros(), []
     for _ in range(2 * MOST):
         array = zeros()
@@ -112,7 +112,7 @@ def test_a_step_packs_nothing_anew(monkeypatch, name):
     monkeypatch.setattr(wp, 'launch', launch)
     simulation.advance(simulation.time + 20.0 * STEP)
     assert not packed
-    # room for more particles: all arrays are others
+    # more capacity: all arrays are replaced
     simulation._state.grow(2 * simulation._state.capacity)
     simulation.advance(simulation.time + 5.0 * STEP)
     assert packed
@@ -122,7 +122,7 @@ def test_a_step_packs_nothing_anew(monkeypatch, name):
 
 
 def test_a_terrain_that_is_replaced_is_given_back():
-    """However often that is: a large one would soon fill the memory."""
+    """However often it is replaced: a large terrain would soon fill the memory."""
     simulation = lava_field(100, effect_sets()['solidification'], 'cpu')
     simulation.advance(5.0 * STEP)
     for _ in range(3):
@@ -136,7 +136,7 @@ def test_a_terrain_that_is_replaced_is_given_back():
 
 
 def test_captured_launches_wait_for_their_replay(launches):
-    """They are not made when they are taken down, and all together each time after that."""
+    """Launches are not made while they are recorded, and all together at each replay."""
     one, other = zeros(), zeros()
 
     def launch():
@@ -150,7 +150,7 @@ def test_captured_launches_wait_for_their_replay(launches):
     assert launches.can_replay(5) and not launches.can_replay(6) and not launches.is_capturing
     assert not one.numpy().any()
     launches.replay()
-    # what is packed for others changes nothing
+    # packing for other launches changes nothing
     launches(add, [1.0, other], dim=1)
     launches.replay()
     np.testing.assert_array_equal(one.numpy(), [22.0, 22.0, 2.0, 2.0, 2.0, 2.0])
@@ -158,7 +158,7 @@ def test_captured_launches_wait_for_their_replay(launches):
 
 
 def test_a_capture_that_fails_leaves_nothing(launches):
-    """Launches are made again as before."""
+    """Launches are made directly again."""
     values = zeros()
 
     def launch():
@@ -173,7 +173,7 @@ def test_a_capture_that_fails_leaves_nothing(launches):
 
 
 def test_the_compiled_functions_are_called_at_once(monkeypatch, launches):
-    """What a launch has is not public: without it, in another Warp, a replay is slower."""
+    """Attributes of a launch are not public: without them, in another Warp, a replay is slower."""
     values = zeros()
 
     def capture():
@@ -195,7 +195,7 @@ def test_the_compiled_functions_are_called_at_once(monkeypatch, launches):
 @pytest.mark.parametrize('is_deterministic', [False, True])
 @and_nightly(*effect_sets())
 def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
-    """The same bits as launch by launch: nothing of a stage goes another way."""
+    """A replayed stage gives bitwise identical results: nothing bypasses the recording."""
     ends = []
     for is_alone in (True, False):
         monkeypatch.setattr(simulation_module, 'is_alone', lambda _, value=is_alone: value)
@@ -214,42 +214,42 @@ def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
 
 KERNEL, COPY = 0, 1
 
-#: What the driver answers to a graph that cannot be changed, and to an edge it does not take.
+#: Errors of the driver for a graph that cannot be changed, and for an edge that it rejects.
 NOT_SUPPORTED, INVALID = 801, 1
 
 
 def named(name):
-    """A kernel of that name."""
+    """A kernel with a name."""
     return SimpleNamespace(get_mangled_name=lambda: name)
 
 
 class Driver:
-    """A driver with one graph, of numbered nodes, that knows as much as is asked of it."""
+    """A fake driver with one graph of numbered nodes and the functions that are used."""
 
     def __init__(self, nodes, edges):
-        """Take kinds and names of the nodes, and the edges with their types."""
+        """Store kinds and names of the nodes, and the edges with their types."""
         self.nodes, self.edges = nodes, dict(edges)
         self.refuses_to_remove = self.refuses_to_add = False
 
     def cuGraphGetEdges_v2(self, graph, before, after, data, count):  # noqa: N802
-        """Say how many edges there are, or which."""
+        """Return the number of edges, or the edges."""
         count._obj.value = len(self.edges)
         for n, ((one, other), kind) in enumerate(self.edges.items() if before else ()):
             before[n], after[n], data[n].type = one, other, kind
         return 0
 
     def cuGraphNodeGetType(self, node, kind):  # noqa: N802
-        """Say what a node is."""
+        """Return the kind of a node."""
         kind._obj.value = self.nodes[node.value][0]
         return 0
 
     def cuGraphKernelNodeGetParams_v2(self, node, params):  # noqa: N802
-        """Say what a node launches: here it is the node itself."""
+        """Return the function that a node launches: here the node itself."""
         params._obj.function = node.value
         return 0
 
     def cuFuncGetName(self, name, function):  # noqa: N802
-        """Say what that is called."""
+        """Return the name of a function."""
         name._obj.value = f'{self.nodes[function.value][1]}_cuda_kernel_forward'.encode()
         return 0
 
@@ -278,7 +278,7 @@ WAITING = [named('first'), named('second')]
 
 @pytest.fixture
 def driver(monkeypatch):
-    """A driver in place of CUDA's."""
+    """Replace CUDA's driver."""
     driver = Driver(NODES, EDGES)
     monkeypatch.setattr(programmatic_launch, '_driver', lambda: driver)
     return driver
@@ -290,14 +290,14 @@ def graph(arch=90):
 
 
 def test_kernels_that_wait_may_begin_early(driver):
-    """Those that do not wait, and what comes after a copy, wait for the end of all before."""
+    """Kernels that cannot wait, and nodes after a copy, start after all predecessors."""
     assert overlap(graph(), WAITING) == 2
     assert driver.edges == {(1, 2): 1, (3, 1): 1, (2, 3): 0, (4, 2): 0, (2, 4): 0}
     assert overlap(graph(), WAITING) == 0
 
 
 def test_where_it_is_unknown_the_graph_stays(driver, monkeypatch):
-    """An older GPU, an older driver, a graph that cannot be changed, an edge that is refused."""
+    """With an older GPU or driver, an unchangeable graph or a rejected edge, nothing changes."""
     assert overlap(graph(arch=80), WAITING) == 0
     driver.refuses_to_remove = True
     assert overlap(graph(), WAITING) == 0
@@ -309,7 +309,7 @@ def test_where_it_is_unknown_the_graph_stays(driver, monkeypatch):
 
 
 def test_an_edge_that_is_lost_is_said(driver, monkeypatch):
-    """A graph without an edge would give wrong results."""
+    """An error is raised: a graph without an edge would give wrong results."""
     monkeypatch.setattr(driver, 'cuGraphAddDependencies_v2', lambda *_: INVALID)
     with pytest.raises(RuntimeError, match='an edge of a CUDA graph is lost'):
         overlap(graph(), WAITING)
@@ -317,9 +317,9 @@ def test_an_edge_that_is_lost_is_said(driver, monkeypatch):
 
 @pytest.mark.parametrize('name', ['bare', 'green', 'everything with green'])
 def test_a_run_with_it_is_one_without(device, name, monkeypatch):
-    """What is read early would be what was there a step ago."""
+    """Values read too early would be those of the previous step."""
     found = []
-    # a CPU has no graph in which a kernel could begin early
+    # a CPU has no graph in which a kernel could start early
     particles, steps = (3000, 400) if wp.get_device(device).is_cuda else (100, 4)
     for is_on in (True, False):
         counts = []

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A device without memory for more lava: a clear error, and the state of before."""
+"""A device without memory for more lava: a clear error, and an unchanged state."""
 
 from contextlib import contextmanager
 
@@ -13,14 +13,14 @@ from lava_ros.scene import Lava, Vent
 from lava_ros.simulation.state import SPARE
 from solver import incline, only, simulated
 
-#: More particles than any GPU has room for: an array of them takes up to 34 GB, and there are ten.
+#: More particles than fit on any GPU: an array of them takes up to 34 GB, and there are ten.
 TOO_MANY = 2**31 - 1 - SPARE
 
 NO_ROOM = f'room for {TOO_MANY} particles: Failed to allocate'
 
 
 def flow(device):
-    """Lava that has come a little way down a plane."""
+    """Return lava that has flowed a little way down a plane."""
     ground, vent = incline(0.2, 30, 40, 10.0, top=500.0), Vent((60.0, 155.0), 20.0)
     knobs = {'spacing': 5.0, 'deterministic': True}
     simulation = simulated(ground, Lava(), vent, effects=only('inertia'), device=device, **knobs)
@@ -30,7 +30,7 @@ def flow(device):
 
 @contextmanager
 def scarce(simulation):
-    """Leave no memory: a GPU really has none, on the CPU an allocation says so as Warp does."""
+    """Leave no memory: on a GPU really, on the CPU with an allocation that fails like Warp's."""
     state, zeros, given = simulation._state, wp.zeros, []
 
     def refuse(shape, *arguments, **options):
@@ -46,7 +46,7 @@ def scarce(simulation):
 
 
 def test_a_device_without_memory_keeps_its_lava(device):
-    """The error says what was wanted; afterwards the flow goes on as if nothing had been."""
+    """The error names the requested capacity; afterwards the flow continues unaffected."""
     simulation, other = flow(device), flow(device)
     before, capacity = simulation.checkpoint().to_bytes(), simulation._state.capacity
     with scarce(simulation), pytest.raises(RuntimeError, match=NO_ROOM) as caught:
@@ -62,7 +62,7 @@ def test_a_device_without_memory_keeps_its_lava(device):
 
 
 def test_a_new_simulation_after_an_allocation_that_failed(device):
-    """A GPU keeps the error of an allocation that failed for who comes next: it is taken away."""
+    """The error that a GPU keeps of a failed allocation is cleared."""
     simulation = flow(device)
     if simulation._state.device.is_cuda:
         blocks = []

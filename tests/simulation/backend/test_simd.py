@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sums that take eight neighbours at a time on a CPU, against those that take one; and a scan."""
+"""Sums over eight neighbours at a time on a CPU, compared with single ones; and a scan."""
 
 import numpy as np
 import pytest
@@ -16,15 +16,15 @@ from lava_ros.simulation.cells import cell_frame, sums_function, wide_sums_funct
 from lava_ros.simulation.kernels import k0_within, smoothing_kernel
 from lava_ros.simulation.state import SPARE
 
-#: Rows and columns of cells that lie in a row of the grid before, in and after the box.
+#: Rows and columns of cells in the grid: before, in and after the box.
 ROWS, COLUMNS = 5, 9
 BOX = (1, 4, 2, 7)
 RADIUS = 3.0
 
 WENDLAND = smoothing_kernel('wendland', wp.float32)
 
-#: Sums of the flow and of two effects, in float32: one neighbour after the other, two and four of
-#: them at once, and eight.
+#: Sums of the flow and of two effects, in float32: one neighbour after the other, two or four at a
+#: time, and eight.
 FLOW = (
     sums_function(wp.float32, WENDLAND, 1, False),
     sums_function(wp.float32, WENDLAND, 1, True),
@@ -42,7 +42,7 @@ HELMHOLTZ = (
 
 
 def kernel_of(name, sums):
-    """A kernel of some sums around one place; to green, lava is half as thick as wide."""
+    """Return a kernel of some sums around one place; to green, lava is half as thick as wide."""
     powers_of = k0_within(wp.float32).powers_of
 
     @wp.kernel(module='unique')
@@ -73,7 +73,7 @@ KERNELS = {
 
 
 def sums_of(kernel, sizes, seed=0, outside=np.nan, room=0):
-    """What a kernel makes of cells with so many particles each.
+    """Return the sums of a kernel over cells with given numbers of particles.
 
     All others have one value, and there is room for some of them behind the last.
     """
@@ -113,7 +113,7 @@ def sums_of(kernel, sizes, seed=0, outside=np.nan, room=0):
 
 
 def plain_sums(kernels, sizes, seed=0):
-    """What the sums without vectors make of it, which take any numbers from outside times 0."""
+    """Return the sums without vectors, which take any numbers from outside times 0."""
     first, *others = (sums_of(one, sizes, seed, outside=7.0, room=SPARE) for one in kernels)
     for other in others:
         assert other == pytest.approx(first, abs=1e-5 * max(float(np.abs(first).max()), 1.0))
@@ -123,13 +123,13 @@ def plain_sums(kernels, sizes, seed=0):
 @pytest.mark.parametrize('name', KERNELS)
 @pytest.mark.parametrize('most', [1, 2, 3, 5, 40])
 def test_wide_sums_are_those_of_one_after_the_other(name, most):
-    """Whatever is in a row, and wherever in the arrays that is, what is outside does not count."""
+    """Values outside the box do not count, whatever they are and wherever the box is."""
     random = np.random.default_rng(most)
     *plain, wide = KERNELS[name]
     for seed in range(20):
         sizes = random.integers(0, most + 1, (ROWS, COLUMNS))
         if seed % 2:
-            # the box's last particles are the array's
+            # the last particles of the box are the last of the array
             sizes[BOX[1] - 1, BOX[3] :] = sizes[BOX[1] :] = 0
         expected = plain_sums(plain, sizes, seed)
         scale = 1e-5 * max(float(np.abs(expected).max()), 1.0)
@@ -139,7 +139,7 @@ def test_wide_sums_are_those_of_one_after_the_other(name, most):
 
 @pytest.mark.parametrize('name', KERNELS)
 def test_wide_sums_over_nothing(name):
-    """An empty box, and an array with no more than is read at a time."""
+    """The box is empty, or the array has no more items than are read at a time."""
     *plain, wide = KERNELS[name]
     sizes = np.zeros((ROWS, COLUMNS), int)
     assert (sums_of(wide, sizes) == 0.0).all()
@@ -151,7 +151,7 @@ def test_wide_sums_over_nothing(name):
 
 @pytest.mark.parametrize('length', [4, 4096, 4100, 100_000, 600_000, 3_000_000])
 def test_what_is_before_each_item(device, length):
-    """Of one tile and of many, and again with the same words."""
+    """The scan is correct for one tile and for many, and again with the same words."""
     rng = np.random.default_rng(length)
     starts = wp.full(length, -1, dtype=wp.int32, device=device)
     scan, launches = Scan(length, wp.get_device(device)), Launches(wp.get_device(device))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launches in parts on the cores of a CPU: the same to the bit, no part is lost; which cores."""
+"""CPU launches in parts: bitwise identical results, no lost part; number of cores."""
 
 import os
 import subprocess
@@ -21,10 +21,10 @@ from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.threads import usable_cores
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
-#: Sets of effects: in them every kernel that is launched in parts has a part.
+#: Sets of effects that together use every kernel that is launched in parts.
 SETS = ('green', 'helmholtz', 'inertia', 'solidification', 'everything with green')
 
-#: Launches with helpers, in the process and in a fork of it, and ends while they wait.
+#: Program: launches with helpers, in the process and in a fork of it, which end while they wait.
 ENDS = """
 import os, sys
 import numpy as np, warp as wp
@@ -45,7 +45,7 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 @pytest.fixture(autouse=True)
 def as_before():
-    """What a test says about threads holds for it alone."""
+    """Restore the number of threads after each test."""
     before = threads._asked
     yield
     threads.use_threads(before)
@@ -67,7 +67,7 @@ def count_visits(
 
 
 def state_of(count):
-    """What a launch asks of a state."""
+    """The parts of a state that a launch reads."""
     device = wp.get_device('cpu')
     return SimpleNamespace(device=device, extent=count, launches=Launches(device))
 
@@ -85,7 +85,7 @@ def visited(count, parts, least=1):
 @pytest.mark.parametrize('count', [1, 2, 7, 1000])
 @pytest.mark.parametrize('parts', [1, 2, 5])
 def test_every_item_is_visited_once(count, parts):
-    """However many threads there are, and items to a thread."""
+    """However many threads there are, and items per thread."""
     visits, most, largest = visited(count, parts)
     assert (visits == 1).all()
     assert most == largest
@@ -93,7 +93,7 @@ def test_every_item_is_visited_once(count, parts):
 
 @pytest.mark.parametrize('name', SETS)
 def test_threads_change_no_bit(monkeypatch, name):
-    """Particles, volumes and grids are the same with one thread and with three."""
+    """Particles, volumes and grids are identical with one thread and with three."""
     for module in (motion, neighbors):
         monkeypatch.setattr(module, 'LEAST_MOVES', 100)
 
@@ -112,24 +112,24 @@ def test_threads_change_no_bit(monkeypatch, name):
 
 
 def test_few_items_are_launched_in_one_go(monkeypatch):
-    """Nobody is called for what one thread has done before they would be there."""
+    """No helper is called for work that one thread finishes before a helper would start."""
     monkeypatch.setattr(threads, '_helpers', lambda: pytest.fail('a helper was called'))
     visits, *_ = visited(1000, 4, least=501)
     assert (visits == 1).all()
 
 
 class Recorded:
-    """Stands in for a recorded launch: each part calls a function with its first item."""
+    """Fake of a recorded launch: each part calls a function with its first item."""
 
     def __init__(self, function):
-        """Take the function."""
+        """Store the function."""
         self.function, self.params, self.fwd_args = function, [], [0]
 
     def set_dim(self, dim):
-        """Take any number of items."""
+        """Accept any number of items."""
 
     def set_param_at_index(self, index, value):
-        """Take the first item."""
+        """Store the first item."""
         self.first = value
 
     def launch(self):
@@ -138,7 +138,7 @@ class Recorded:
 
 
 def test_what_a_helper_raises_reaches_the_caller():
-    """And the caller leaves only when the helper is done; then both can go on."""
+    """The caller returns only when the helper is done; then both can continue."""
     caller, entered, done = threading.get_ident(), threading.Event(), threading.Event()
 
     def part(first):
@@ -158,7 +158,7 @@ def test_what_a_helper_raises_reaches_the_caller():
 
 
 def test_what_the_caller_raises_ends_the_job():
-    """No helper begins with another part of it."""
+    """No helper starts another part of it."""
     job = threads._Job(lambda: Recorded(lambda _: 1 / 0), [(0, 1), (1, 2)])
     with pytest.raises(ZeroDivisionError):
         job.compute(0)
@@ -167,7 +167,7 @@ def test_what_the_caller_raises_ends_the_job():
 
 
 def test_a_launch_that_cannot_be_recorded():
-    """The helpers that were called find nothing to do, and the next launch is as any other."""
+    """Called helpers find no work, and the next launch is unaffected."""
     threads.use_threads(2)
     with pytest.raises(RuntimeError, match='requires 4'):
         threads.launch_over(state_of(1000), count_visits, [], least=1)
@@ -175,7 +175,7 @@ def test_a_launch_that_cannot_be_recorded():
 
 
 def test_a_process_ends_with_helpers_and_forks():
-    """Helpers keep no process from its end, and a fork has its own."""
+    """Helpers do not keep a process from ending, and a fork has its own."""
     run = subprocess.run(
         [sys.executable, '-c', ENDS], capture_output=True, text=True, timeout=120, check=False
     )
@@ -183,7 +183,7 @@ def test_a_process_ends_with_helpers_and_forks():
 
 
 def test_the_number_of_threads(monkeypatch):
-    """As many as cores that may be used, or as the environment or the program says."""
+    """It is the number of usable cores, or that set by the environment or the program."""
     threads.use_threads(None)
     monkeypatch.delenv(threads.VARIABLE, raising=False)
     assert threads.threads() == usable_cores()
@@ -195,7 +195,7 @@ def test_the_number_of_threads(monkeypatch):
 
 @pytest.mark.parametrize('text', ['0', '-1', 'two', '1.5'])
 def test_a_number_of_threads_that_is_none(monkeypatch, text):
-    """It is refused by name."""
+    """The error names the variable."""
     threads.use_threads(None)
     monkeypatch.setenv(threads.VARIABLE, text)
     with pytest.raises(LavaError, match=threads.VARIABLE):
@@ -205,17 +205,17 @@ def test_a_number_of_threads_that_is_none(monkeypatch, text):
 
 
 def test_here():
-    """At least one, and no more than the process is bound to."""
+    """It is at least one, and no more than the process is bound to."""
     assert 1 <= usable_cores() <= len(os.sched_getaffinity(0))
 
 
 def share(quota):
-    """A container's files (``docker run --cpus``): of its group it sees the top."""
+    """Return a container's files (``docker run --cpus``), which show its group as the top."""
     return {'proc/self/cgroup': '0::/\n', f'{GROUPS}/cpu.max': f'{quota} 100000\n'}
 
 
 def first_version(quota):
-    """Its files: of its controllers that of the CPU counts; a container's path is its host's."""
+    """Return version 1 files: the CPU controller counts; a container's path is its host's."""
     return {
         'proc/self/cgroup': '5:memory:/docker/1f\n4:cpu,cpuacct:/docker/1f\n0::/\n',
         f'{GROUPS}/cpu,cpuacct/cpu.cfs_quota_us': f'{quota}\n',
@@ -223,7 +223,7 @@ def first_version(quota):
     }
 
 
-#: Where control groups are.
+#: Folder of the control groups.
 GROUPS = 'sys/fs/cgroup'
 
 #: A service in a slice, which has no more than the slice.
@@ -234,7 +234,7 @@ SLICE = {
     f'{GROUPS}/other.slice/cpu.max': '100000 100000\n',
 }
 
-#: Half a file, and no text at all.
+#: A truncated file, and an empty one.
 HALF = {'proc/self/cgroup': '0::/\nnonsense\n', f'{GROUPS}/cpu.max': '100000\n'}
 BYTES = {**HALF, 'proc/self/cgroup': b'\xff\xfe'}
 
@@ -257,7 +257,7 @@ BYTES = {**HALF, 'proc/self/cgroup': b'\xff\xfe'}
     ],
 )
 def test_cores_of_control_groups(monkeypatch, tmp_path, files, expected):
-    """The least share of all groups of a host of 64 cores; what cannot be read says nothing."""
+    """The smallest quota of all groups on a host with 64 cores counts; unreadable files do not."""
     monkeypatch.setattr(os, 'sched_getaffinity', lambda _: set(range(64)), raising=False)
     for name, text in files.items():
         path = tmp_path / name
