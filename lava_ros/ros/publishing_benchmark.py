@@ -1,17 +1,15 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What grids cost that are taken while the lava is being stepped, and how much memory all takes.
+"""Benchmark of the cost of publishing grids during a simulation, and of its memory.
 
-The node's own worker (``lava_ros.ros.worker``) runs a field of lava as fast as it can, in steps of
-fixed length, and is asked for a snapshot ten times a second or not at all. Each snapshot becomes
-the bytes of one occupancy grid in another thread of the process, as in the node; no message is
-sent. Lava covers nearly every cell. Spans of time with and without grids take turns; slower is
-against those before and after.
+The node's worker (``lava_ros.ros.worker``) simulates a field of lava as fast as possible in steps
+of fixed length, with ten snapshots per second or none. Another thread serialises each snapshot as
+one occupancy grid, as in the node, but no message is sent. Lava covers nearly every cell.
+Intervals with and without grids alternate; each slowdown is relative to those before and after.
 
-Memory is measured in a process of its own: what Warp's memory pool has given out on the device at
-most, and what the driver says is in use there, with the context, the kernels, and whatever else
-uses the device.
+Memory is measured in a separate process: the maximum in Warp's memory pool, and the memory that
+the driver reports as used on the device, including context, kernels and other processes.
 """
 
 from __future__ import annotations
@@ -37,25 +35,25 @@ from lava_ros.simulation import Simulation
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 from lava_ros.verification.rows import OnProgress, row_of
 
-#: Particles by default: on a GPU, and on a CPU.
+#: Default number of particles by kind of device.
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
 
-#: Cells along a side of the grids.
+#: Numbers of cells along a side of the grids.
 GRIDS = (500, 1000, 2000)
 
-#: Time between two grids, and wall time of one measurement [s].
+#: Interval between two grids, and wall time of one measurement [s].
 PERIOD, SPAN = 0.1, 2.0
 
-#: Effects by their names in ``effect_sets``; the default layer that is made of each snapshot.
+#: Name of the set of effects in ``effect_sets``, and name of the serialised default layer.
 EFFECTS, LAYER = 'green', 'height'
 
-#: Simulated time that the worker is asked for each second [s]: more than there can be.
+#: Simulated time per second of the clock [s/s]: more than the worker can reach.
 _ENDLESS = 1e6
 
-#: Particles and cells along a side of what memory is measured of.
+#: Numbers of particles and of cells along a side for the measurement of memory.
 LARGE = {'cuda': (10_000_000, 4000), 'cpu': (100_000, 400)}
 
-#: What a process of its own does, and how long it may take [s].
+#: Program of the separate process, and its maximum duration [s].
 _HOLD = f'from {__name__} import hold; hold({{device!r}}, {{particles}}, {{cells}})'
 _PATIENCE = 600.0
 
@@ -65,8 +63,8 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """Time steps with and without publishing grids, and measure the memory of a large simulation.
 
-    ``particles`` are stepped, None for the usual number of the device; ``on_progress`` gets the
-    name of the next measurement and the share of the work done.
+    ``particles`` is the number of particles, None for the default of the device; ``on_progress``
+    gets the name of the next measurement and the completed fraction of the work.
     """
     kind = 'cuda' if wp.get_device(device).is_cuda else 'cpu'
     parts = len(GRIDS) + 1
@@ -74,7 +72,7 @@ def measure(
         grids = f'grids of {cells} x {cells}'
         on_progress(grids, index / parts)
         stepping = Stepping(particles or PARTICLES[kind], cells, device)
-        # turn about: steps get slower as the lava flows on, and other work comes and goes
+        # alternate, because steps slow down as the lava spreads and the load of the machine varies
         alone, beside = [stepping.run(with_grids=False)[0]], []
         for _ in range(repetitions):
             beside.append(stepping.run(with_grids=True))
@@ -94,10 +92,10 @@ def measure(
 
 
 class Stepping:
-    """A worker that steps a field of lava, of so many particles, as fast as it can."""
+    """A worker that simulates a field of lava as fast as possible."""
 
     def __init__(self, particles: int, cells: int, device: str) -> None:
-        """Start it, and wait until all is compiled."""
+        """Start the worker, and wait until all kernels are compiled."""
         layers = load_layers(share_path('msg_configs/default.yaml'))
         (self._layer,) = (layer for layer in layers if layer.name == LAYER)
         self._shown = threading.Event()
@@ -116,11 +114,14 @@ class Stepping:
         self.run(with_grids=True)
 
     def run(self, *, with_grids: bool) -> tuple[float, float, float]:
-        """Let it step for a while; LavaError where the simulation fails.
+        """Simulate for ``SPAN`` seconds.
 
         Returns:
-            Steps a second, grids a second, and the median time that the bytes of a grid take to
-            make from a snapshot [ms], 0 without grids.
+            Steps per second, grids per second, and the median time to serialise a grid from a
+            snapshot [ms], 0 without grids.
+
+        Raises:
+            LavaError: If the simulation fails.
         """
         times, is_over, self._watched.marks = [], threading.Event(), []
 
@@ -130,7 +131,7 @@ class Stepping:
                     self._shown.clear()
                     start, snapshot = wall_clock.perf_counter(), self.worker.latest
                     assert snapshot is not None
-                    # as in the node, and without rclpy
+                    # as in the node, but without rclpy
                     array('b').frombytes(self._layer.grid_values(snapshot).data.cast('B'))
                     times.append(wall_clock.perf_counter() - start)
 
@@ -150,7 +151,7 @@ class Stepping:
 
 
 class _Watched:
-    """A simulation, and when it has reached which time (``marks``)."""
+    """A simulation that records when it reached each time (``marks``)."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
@@ -165,13 +166,13 @@ class _Watched:
         return reached
 
     def rate(self) -> float:
-        """Steps a second."""
+        """Return the number of steps per second."""
         (first, begin), (last, reached) = self.marks[0], self.marks[-1]
         return (reached - begin) / STEP / (last - first)
 
 
 def hold(device: str, particles: int, cells: int) -> None:
-    """Step much lava on a large map, show it, and print what memory it takes [B]."""
+    """Simulate many particles on a large map, make a snapshot, and print the memory used [B]."""
     found = wp.get_device(device)
     simulation = lava_field(particles, effect_sets()[EFFECTS], device, cells=cells)
     for _ in range(2):
@@ -188,7 +189,7 @@ def hold(device: str, particles: int, cells: int) -> None:
 
 
 def held(device: str, particles: int, cells: int) -> Iterator[tuple[str, int, float, str]]:
-    """Name, particles, size and unit of what a process of its own holds, nothing on a CPU."""
+    """Yield name, particles, size and unit of a separate process's memory; nothing on a CPU."""
     call = _HOLD.format(device=device, particles=particles, cells=cells)
     try:
         done = subprocess.run(
