@@ -52,7 +52,7 @@ PACKAGES = (
 #: Free space below which a recording soon fails, and below which a long one may fail [bytes].
 SCARCE, LITTLE = 10**9, 10**10
 
-#: Stamps of several machines disagree at or above this error of the clock [s].
+#: Maximum error of the clock at which stamps of several machines agree [s].
 CLOCK_ERROR = 0.5
 
 # adjtimex(2): the kernel's state of the clock.
@@ -83,7 +83,7 @@ CONSUMERS = (
 #: Maximum duration of a round trip, including discovery [s].
 PROBE_TIMEOUT = 30.0
 
-#: A round trip on one machine is slow at or above this time [ms].
+#: A round trip on one machine is slow above this time [ms].
 SLOW = 50.0
 
 _WAY_TO_ROS = "source a ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"

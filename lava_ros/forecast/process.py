@@ -59,7 +59,7 @@ class Forecasting:
         self._next_slice = self._reported = 0.0
 
     def turn(self) -> None:
-        """Wait for a request until the next slice is due, and execute it."""
+        """Execute the next request, or a slice if that is due first."""
         wait = max(0.0, self._next_slice - time.monotonic())
         is_idle = self._ahead is None and not self._ensembles.is_busy
         try:

@@ -34,7 +34,7 @@ THINNEST, THICKEST = 0.1, 100.0
 #: Maximum distance of a vent from the mapped outline that needs no check [cells].
 NEAR = 10.0
 
-#: Vents and outline do not belong together at or above this distance over the outline's size.
+#: Maximum distance of vents from the outline they belong to, over the outline's size.
 FAR = 0.5
 
 #: The outline counts as upside down if flipping brings it closer by this factor.
