@@ -69,7 +69,7 @@ def create_services(
         return f'saved in {active.save()}'
 
     def pause(request: Any) -> str:
-        text = 'pausing' if request.data else 'going on'
+        text = 'pausing' if request.data else 'resuming'
         return commanded('pause', active.pause(request.data), text)
 
     def record(request: Any) -> str:
