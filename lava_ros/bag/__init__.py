@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""rosbag2 bags in MCAP files: writing, reading and the timing of a replay. Nothing imports ROS."""
+"""rosbag2 bags in MCAP files: writing, reading and the timing of a replay. Without ROS."""
 
 from lava_ros.bag.qos import LATCHED, QosProfile
 from lava_ros.bag.reader import BagMessage, BagReader, Topic

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Attachments of MCAP files, finished or not, and the checkpoints among them.
+"""Checkpoints and other attachments of MCAP files, finished or not.
 
-A finished file has an index of its attachments. In a file whose writer was killed they are found
-by going from record to record, which reads a few bytes of each. Damaged ones are found, too, and
-refuse to be read.
+A finished file has an index of its attachments. In a file whose writer was killed, they are found
+by stepping through the records, which reads a few bytes of each. Damaged attachments are listed
+too, but reading one raises an error.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -26,18 +26,18 @@ from lava_ros.simulation.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, s
 
 Parsed = TypeVar('Parsed')
 
-#: Name of the attachments.
+#: Name of the attachments that are checkpoints.
 NAME = 'lava checkpoint'
 
-#: Name of what is too damaged to tell its own.
+#: Stands for the name of an attachment whose name is damaged.
 UNREADABLE = 'without a readable name'
 
 
 @dataclass(frozen=True)
 class Attachment:
-    """An attachment: when it was recorded [ns], size of its data [bytes], and where it is.
+    """An attachment: log time [ns], size of its data [bytes], and position in the file.
 
-    ``offset`` and ``length`` [bytes] are those of its record's content in the file.
+    ``offset`` and ``length`` [bytes] refer to the content of its record.
     """
 
     name: str
@@ -49,7 +49,11 @@ class Attachment:
     length: int
 
     def read(self) -> bytes:
-        """Read its data; LavaError where they are damaged, too large or unreadable."""
+        """Read the data.
+
+        Raises:
+            LavaError: If the data are damaged, too large or unreadable.
+        """
         label = f'attachment {self.name} at byte {self.offset} of {self.path}'
         if self.length > MAX_RECORD_SIZE:
             raise LavaError(label, f'{self.length} bytes', f'at most {MAX_RECORD_SIZE}')
@@ -67,35 +71,43 @@ class Attachment:
 
 
 def attachments_of(bag: str | Path) -> list[Attachment]:
-    """All attachments of a bag or an .mcap file in order; LavaError where one is unreadable."""
+    """Return the attachments of a bag or an .mcap file in file order.
+
+    Raises:
+        LavaError: If a file is unreadable.
+    """
     return [item for file in mcap_files(Path(bag)) for item in attachments_in(file)]
 
 
 def attachments_in(path: Path) -> list[Attachment]:
-    """Those of a file, damaged ones included, in its order; LavaError if it is unreadable."""
+    """Return the attachments of one file in file order, including damaged ones.
+
+    Raises:
+        LavaError: If the file is unreadable.
+    """
     if path.is_file() and not has_begun(path):
-        # cut off before it began
+        # truncated before its first record
         return []
     with mapped(path) as data:
         return [_attachment(path, data, *place) for place in _places(data)]
 
 
 def _places(data: mmap.mmap) -> Iterator[tuple[int, int]]:
-    """Where their contents start and end."""
+    """Yield the start and the end of the content of each attachment [bytes]."""
     summary = read_summary(data)
     if summary is not None:
         for index in sorted(summary.attachment_indexes, key=lambda item: item.offset):
             yield index.offset + FRAME.size, index.offset + index.length
         return
     for opcode, start, end in walk(data):
-        # what was cut off while it was written is no attachment yet
+        # an attachment that was truncated while it was written does not count
         is_cut = opcode == CUT and data[start] == Opcode.ATTACHMENT
         if opcode in (Opcode.ATTACHMENT, BROKEN) or is_cut:
             yield start, end
 
 
 def _attachment(path: Path, data: mmap.mmap, offset: int, end: int) -> Attachment:
-    # log and create time, two texts with their lengths, the data's length
+    # log time, create time, two strings with their lengths, length of the data
     try:
         (log_time,) = struct.unpack_from('<Q', data, offset)
         texts, place = [], offset + 16
@@ -112,7 +124,7 @@ def _attachment(path: Path, data: mmap.mmap, offset: int, end: int) -> Attachmen
 
 
 class StoredCheckpoint(NamedTuple):
-    """A checkpoint in a list: simulated time [s], ROS time [ns], particles, size [bytes]."""
+    """A checkpoint: simulated time [s], ROS time [ns], number of particles, size [bytes]."""
 
     time: float
     log_time_ns: int
@@ -121,7 +133,7 @@ class StoredCheckpoint(NamedTuple):
 
 
 class FoundCheckpoint(NamedTuple):
-    """The newest readable checkpoint, its ROS time [ns], and why newer ones are unreadable."""
+    """The newest readable checkpoint, its ROS time [ns], and the errors of newer ones."""
 
     checkpoint: Checkpoint
     log_time_ns: int
@@ -133,8 +145,11 @@ def checkpoints_of(
 ) -> list[StoredCheckpoint]:
     """List the checkpoints of a bag, finished or not, oldest first, without unpacking their state.
 
-    ``on_refused`` is called with the error of each attachment that is damaged or has a later
-    format version. LavaError where the bag does not exist, or cannot be read.
+    ``on_refused`` is called with the error of each attachment that is damaged or has a newer
+    format version.
+
+    Raises:
+        LavaError: If the bag does not exist or cannot be read.
     """
     return [
         StoredCheckpoint(summary.time, item.log_time_ns, summary.particle_count, item.size)
@@ -143,7 +158,11 @@ def checkpoints_of(
 
 
 def newest_checkpoint(bag: str | Path) -> FoundCheckpoint:
-    """Read the newest undamaged checkpoint of a bag, finished or not; LavaError without any."""
+    """Read the newest undamaged checkpoint of a bag, finished or not.
+
+    Raises:
+        LavaError: If there is none.
+    """
     refused: list[LavaError] = []
     newest_first = reversed(attachments_of(bag))
     for item, checkpoint in _parsed(newest_first, from_bytes, refused.append):
@@ -158,11 +177,11 @@ def _parsed(
     parse: Callable[[bytes], Parsed],
     on_refused: Callable[[LavaError], object],
 ) -> Iterator[tuple[Attachment, Parsed]]:
-    """The checkpoints among attachments."""
+    """Yield the checkpoints among attachments."""
     for item in items:
         try:
             data = item.read()
-            # a damaged one may no longer say that it is a checkpoint
+            # the name of a damaged checkpoint may be unreadable
             if item.media_type == MEDIA_TYPE:
                 yield item, parse(data)
         except LavaError as error:

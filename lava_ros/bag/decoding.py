@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages, of a bag or not, as objects and arrays; what a simulation said of itself over time."""
+"""Decoding of messages to objects and arrays, and the simulated times of a bag."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,21 +16,24 @@ from lava_ros.bag.reader import BagMessage, BagReader
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 
-# A list of a fixed length takes memory for as many values as its definition asks for, whatever the
-# message holds.
+# A fixed-length array takes memory for the length in its definition, whatever a message contains.
 _FIXED = re.compile(rb'^\s*[^#\s]+\[\d', re.MULTILINE)
 
 _CDR_HEADER = 4
 
-#: Largest simulated time of a bag that means anything [s]: 30,000 years.
-MOST_TIME = 1e12
+#: Maximum plausible simulated time in a bag [s]: 30,000 years.
+MAX_TIME = 1e12
 
 
 class Decoder:
-    """Turns the messages of one bag into objects with the fields of their type."""
+    """Decodes the messages of one bag to objects with the fields of their type."""
 
     def __init__(self, bag: BagReader) -> None:
-        """Take the definitions of a bag; LavaError where mcap-ros2-support is not installed."""
+        """Initialize with the definitions in a bag.
+
+        Raises:
+            LavaError: If mcap-ros2-support is not installed.
+        """
         require('mcap_ros2.decoder', 'bag', str(bag.path))
         from mcap.records import Schema
         from mcap_ros2.decoder import DecoderFactory
@@ -42,9 +45,10 @@ class Decoder:
         }
 
     def decode(self, message: BagMessage, take: Callable[[Any], Any] = lambda item: item) -> Any:
-        """Decode a message, and return what ``take`` makes of it, or itself.
+        """Decode a message and return ``take(message)``, by default the message itself.
 
-        LavaError where it is not what its definition says, or lacks what ``take`` looks for.
+        Raises:
+            LavaError: If the data do not match their definition, or ``take`` fails.
         """
         schema = self._schemas[message.topic]
         if _FIXED.search(schema.data):
@@ -56,14 +60,14 @@ class Decoder:
             return take(decode(message.data))
         except LavaError:
             raise
-        # a definition from anywhere is parsed by a library, and its fields are of any type
+        # a library parses the untrusted definition, and its fields can be of any type
         except Exception as error:
             right = f'a {schema.name} ({type(error).__name__}: {error})'
             raise _wrong(message, right) from error
 
 
 class Grid(NamedTuple):
-    """A nav_msgs/OccupancyGrid: side of a cell [m], place of the corner [m], cells in int8."""
+    """A nav_msgs/OccupancyGrid: side of a cell [m], position of the corner [m], int8 cells."""
 
     resolution: float
     origin: tuple[float, float]
@@ -71,17 +75,18 @@ class Grid(NamedTuple):
 
 
 def read_grid(message: BagMessage) -> Grid:
-    """Read the grid that a message carries, without the Python number a cell that decoders make.
+    """Read an occupancy grid directly from CDR; a decoder would make a Python int per cell.
 
-    LavaError where the message is cut off or is not such a grid.
+    Raises:
+        LavaError: If the message is truncated or is not an occupancy grid.
     """
     body = memoryview(message.data)[_CDR_HEADER:]
     try:
         order = '<' if message.data[1] & 1 else '>'
-        # The header: a stamp of 8 bytes, the length of the frame's name and the name.
+        # Header: a stamp of 8 bytes, the length of the frame's name, and the name.
         (length,) = struct.unpack_from(f'{order}I', body, 8)
         start = _aligned(12 + length, 4)
-        # Its load time, 8 bytes, comes before the rest of the description.
+        # The map's load time, 8 bytes, precedes its resolution.
         resolution, columns, rows = struct.unpack_from(f'{order}f2I', body, start + 8)
         pose = _aligned(start + 20, 8)
         x, y = struct.unpack_from(f'{order}2d', body, pose)
@@ -103,15 +108,17 @@ def _wrong(message: BagMessage, right: str) -> LavaError:
 #: numpy type of each sensor_msgs/PointField datatype: INT8 is 1, FLOAT64 is 8.
 POINT_TYPES = dict(enumerate(('i1', 'u1', 'i2', 'u2', 'i4', 'u4', 'f4', 'f8'), start=1))
 
-#: numpy type of each image encoding a terrain may have.
+#: numpy type of each image encoding that terrain may have.
 IMAGE_TYPES = {'32FC1': 'f4', '16UC1': 'u2'}
 
 
 def image_array(image: Any, name: str) -> np.ndarray:
-    """A view of an image's pixels, shape [height, width], in the type of its encoding.
+    """Return a view of an image's pixels, shape [height, width], in the type of its encoding.
 
-    Errors name the message by ``name``. LavaError where the encoding is not one of
-    ``IMAGE_TYPES``, or size, step and data disagree.
+    Errors refer to the message as ``name``.
+
+    Raises:
+        LavaError: If the encoding is not in ``IMAGE_TYPES``, or size, step and data disagree.
     """
     if image.encoding not in IMAGE_TYPES:
         raise LavaError(f'{name}.encoding', image.encoding, f'one of {", ".join(IMAGE_TYPES)}')
@@ -132,10 +139,14 @@ def cloud_columns(
 ) -> dict[str, np.ndarray]:
     """Read fields of a point cloud, organised or not, in any order, type and padding.
 
-    Returns values by field name, float64, shape [height x width], of the required fields and of
-    the optional ones present. A cloud without points has empty arrays of the required fields.
-    Errors name the message by ``name``. LavaError where a field is missing or malformed, or size,
-    steps and data disagree.
+    Errors refer to the message as ``name``.
+
+    Returns:
+        Values by field name, float64, shape [height x width], of the required fields and of the
+        optional ones present. A cloud without points has empty arrays of the required fields.
+
+    Raises:
+        LavaError: If a field is missing or malformed, or size, steps and data disagree.
     """
     rows, columns = cloud.height, cloud.width
     if rows == 0 or columns == 0:
@@ -161,14 +172,14 @@ def cloud_columns(
             raise LavaError(f'{where}.offset', item.offset, right)
         steps = (cloud.row_step, cloud.point_step)
         view = np.ndarray((rows, columns), dtype, cloud.data, item.offset, steps)
-        # Any bit pattern may come, signalling NaN too.
+        # The data may have any bit pattern, also a signalling NaN.
         with np.errstate(invalid='ignore'):
             result[key] = view.astype(np.float64).ravel()
     return result
 
 
 def _check_rows(message: Any, name: str, field: str, least: int, right: str) -> None:
-    """Check that rows have at least some bytes, and that the data are as many rows."""
+    """Check that a row has at least ``least`` bytes, and that the data are complete."""
     step = getattr(message, field)
     if step < least:
         raise LavaError(f'{name}.{field}', step, right)
@@ -182,9 +193,9 @@ DIAGNOSTICS = '/diagnostics'
 
 @dataclass(frozen=True)
 class Moment:
-    """The diagnostics at one frame: its ROS time [ns] and simulated time [s], and texts by name.
+    """The diagnostics of one frame: ROS time [ns], simulated time [s], and texts by name.
 
-    A name of ``values`` is ``volume_held_m3``, for example.
+    An example of a name in ``values`` is ``volume_held_m3``.
     """
 
     stamp_ns: int
@@ -192,7 +203,7 @@ class Moment:
     values: Mapping[str, str]
 
     def number(self, name: str) -> float:
-        """A value as a number, NaN where there is none."""
+        """Return a value as a number, NaN if it is missing or not a number."""
         try:
             return float(self.values.get(name, 'nan'))
         except ValueError:
@@ -200,14 +211,14 @@ class Moment:
 
 
 class Timeline:
-    """The moments of a bag, and which simulated time was shown when.
+    """The diagnostics of a bag over time, which relate simulated times to stamps.
 
     Attributes:
-        moments: The newest diagnostics of every frame they speak of, in the order of stamps.
+        moments: The newest diagnostics of each frame, in the order of stamps.
     """
 
     def __init__(self, bag: BagReader, decoder: Decoder) -> None:
-        """Read the diagnostics of a bag; without any there are no moments."""
+        """Read the diagnostics of a bag, if there are any."""
         known: dict[int, Moment] = {
             moment.stamp_ns: moment
             for message in bag.messages([DIAGNOSTICS])
@@ -217,29 +228,29 @@ class Timeline:
 
     @property
     def last_run(self) -> tuple[Moment, ...]:
-        """The moments since the simulation was last set back to an earlier time."""
+        """Return the moments since simulated time last went back."""
         pairs = enumerate(pairwise(self.moments), start=1)
         starts = [index for index, (before, after) in pairs if after.time < before.time]
         return self.moments[max(starts, default=0) :]
 
     def stamp_at(self, time: float | None) -> int | None:
-        """Stamp of the newest frame up to a simulated time [s], None for the newest of all."""
+        """Return the stamp of the newest frame at or before a simulated time [s], None: of all."""
         newest_first = reversed(self.moments)
         return next((m.stamp_ns for m in newest_first if time is None or m.time <= time), None)
 
     def time_at(self, stamp_ns: int) -> float | None:
-        """Simulated time [s] at a stamp, None where nothing is known."""
+        """Return the simulated time at a stamp [s], None if it is unknown."""
         moments = self.moments
         if not moments or not moments[0].stamp_ns <= stamp_ns <= moments[-1].stamp_ns:
             return None
-        # Nanoseconds since 1970 have more digits than a float64.
+        # A float64 cannot represent nanoseconds since 1970 exactly.
         since_first = [moment.stamp_ns - moments[0].stamp_ns for moment in moments]
         times = [moment.time for moment in moments]
         return float(np.interp(stamp_ns - moments[0].stamp_ns, since_first, times))
 
     @property
     def span(self) -> str:
-        """The simulated times there are, for errors."""
+        """Return the range of simulated times as a text for errors."""
         times = [moment.time for moment in self.moments]
         if not times:
             return 'absent: the bag does not say its simulated time'
@@ -247,7 +258,7 @@ class Timeline:
 
 
 def last_moment(bag: BagReader, decoder: Decoder) -> Moment | None:
-    """The newest moment of a bag, None where it says nothing; quick where the node was alone."""
+    """Return the newest moment of a bag, None without diagnostics; fast for a single node."""
     for message in bag.newest([DIAGNOSTICS], (bag.end_ns or 0) + 1):
         found: list[Moment] = decoder.decode(message, _moments)
         if found:
@@ -261,12 +272,12 @@ def _moments(message: Any) -> list[Moment]:
 
 
 def moment_of(status: Any) -> Moment | None:
-    """What the status of a simulation says of its newest frame; None for another status."""
+    """Read the moment of the newest frame from a simulation's status; None for other statuses."""
     values = {item.key: item.value for item in status.values}
     try:
         stamp, time = int(values['frame_stamp_ns']), float(values['simulated_time_s'])
     except (KeyError, ValueError):
-        # the status of something else
+        # not the status of a simulation
         return None
-    is_usable = abs(time) <= MOST_TIME and 0 <= stamp < 2**63
+    is_usable = abs(time) <= MAX_TIME and 0 <= stamp < 2**63
     return Moment(stamp, time, values) if is_usable else None

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The metadata.yaml of a bag, as rosbag2 of Jazzy writes it."""
+"""The metadata.yaml of a bag, in the format of rosbag2 in ROS 2 Jazzy."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,28 +19,28 @@ from lava_ros.validation import whole
 
 FILE_NAME = 'metadata.yaml'
 
-#: Version of rosbag2's metadata: the first with QoS policies as words and as a list.
+#: Version of rosbag2's metadata: the first in which QoS profiles are a list with named policies.
 VERSION = 9
 
 ROS_DISTRO = 'jazzy'
 
-#: Name of the MCAP metadata record that holds what metadata.yaml says.
+#: Name of the MCAP metadata record with the content of metadata.yaml.
 RECORD = 'rosbag2'
 
-#: Key of a checksum over that record: MCAP itself has none.
+#: Key of a checksum of that record: MCAP itself has none.
 CHECKSUM = 'crc32'
 
 _TEXT = 'serialized_metadata'
 
 _ROOT = 'rosbag2_bagfile_information'
 
-# Start of a bag without messages, as rosbag2 has it.
+# rosbag2's start time for a bag without messages.
 _NEVER = 2**63 - 1
 
 
 @dataclass
 class TopicRecord:
-    """A topic of a bag: ``qos`` is what its publisher offered, the hash is RIHS01."""
+    """A topic of a bag: ``qos`` is the profile its publisher offered, the hash is RIHS01."""
 
     name: str
     message_type: str
@@ -51,7 +51,7 @@ class TopicRecord:
 
 @dataclass
 class FileRecord:
-    """A file of a bag: its name, and the log times [ns] of its first and last message."""
+    """A file of a bag: its name, and the log times of its first and last message [ns]."""
 
     path: str
     start_ns: int | None = None
@@ -62,7 +62,7 @@ class FileRecord:
 def describe(
     files: Sequence[FileRecord], topics: Iterable[TopicRecord], custom_data: Mapping[str, str]
 ) -> dict[str, Any]:
-    """Metadata without the root key, keys in rosbag2's order; files are oldest first."""
+    """Return metadata without the root key, keys in rosbag2's order; files are oldest first."""
     starts = [item.start_ns for item in files if item.start_ns is not None]
     ends = [item.end_ns for item in files if item.end_ns is not None]
     span = _time_span(min(starts, default=None), max(ends, default=None))
@@ -102,30 +102,30 @@ def describe(
 
 
 def to_record(data: Mapping[str, Any]) -> dict[str, str]:
-    """Metadata as the content of a file's ``rosbag2`` record, with a checksum."""
+    """Convert metadata to the content of a file's ``rosbag2`` record, with a checksum."""
     text = _dump(data)
     return {_TEXT: text, CHECKSUM: _checksum(RECORD, text)}
 
 
 def to_text(data: Mapping[str, Any]) -> str:
-    """Metadata as the content of metadata.yaml."""
+    """Convert metadata to the content of metadata.yaml."""
     return _dump({_ROOT: data})
 
 
 def is_whole(name: str, record: Mapping[str, str]) -> bool:
-    """Whether an MCAP metadata record fits its checksum, where it has one."""
+    """Return True if an MCAP metadata record matches its checksum or has none."""
     if CHECKSUM in record:
         return record[CHECKSUM] == _checksum(name, record.get(_TEXT, ''))
     return name != RECORD or _TEXT in record
 
 
 class StoredMetadata(NamedTuple):
-    """What a reader needs of metadata of any version.
+    """The part of metadata of any version that a reader needs.
 
     Attributes:
         files: Names of the files, oldest first.
         custom_data: Free text by name.
-        counts: Number of messages by topic; empty where the metadata do not list topics.
+        counts: Number of messages by topic; empty if the metadata do not list topics.
     """
 
     files: tuple[str, ...]
@@ -134,7 +134,11 @@ class StoredMetadata(NamedTuple):
 
 
 def read_metadata(path: Path) -> StoredMetadata:
-    """Read a metadata.yaml; LavaError where it describes no bag in plain MCAP."""
+    """Read a metadata.yaml.
+
+    Raises:
+        LavaError: If the file does not describe a bag in plain MCAP.
+    """
     right = 'metadata that rosbag2 wrote; if it is damaged, remove it: it is not needed'
     data = read_yaml('bag', path, right)
     if not isinstance(data, Mapping) or _ROOT not in data:
@@ -143,7 +147,11 @@ def read_metadata(path: Path) -> StoredMetadata:
 
 
 def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
-    """Read the content of a ``rosbag2`` record; LavaError where it is no such metadata."""
+    """Read the content of a ``rosbag2`` record.
+
+    Raises:
+        LavaError: If the content is not metadata of a bag in plain MCAP.
+    """
     return _parsed(parse_yaml(f'record {RECORD} of {path}', record.get(_TEXT, '')), path)
 
 
@@ -193,6 +201,6 @@ def _time_span(start_ns: int | None, end_ns: int | None) -> dict[str, Any]:
 
 
 def _dump(data: Mapping[str, Any]) -> str:
-    # Lines are not folded, so that a long value stays as it is for every YAML reader.
+    # Lines are not folded, so that every YAML reader gets long values unchanged.
     text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=2**31)
     return text

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Quality of service as rosbag2 writes it into a bag."""
+"""Quality of service in the format that rosbag2 writes to a bag."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
@@ -13,13 +13,13 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_yaml
 
-#: What rosbag2 writes for a duration without limit [ns].
+#: rosbag2's value for a duration without limit [ns].
 INFINITE_NS = 2**63 - 1
 
-#: Depth of a history whose depth was not recorded: that of rmw's default profile.
+#: Depth of a history if none was recorded: that of rmw's default profile.
 DEFAULT_DEPTH = 10
 
-# The words of each policy, in the order of the numbers that metadata before version 9 has.
+# Names of each policy, in the order of their numbers in metadata before version 9.
 _WORDS = {
     'history': ('system_default', 'keep_last', 'keep_all', 'unknown'),
     'reliability': ('system_default', 'reliable', 'best_effort', 'unknown', 'best_available'),
@@ -35,9 +35,9 @@ _DURATIONS = ('deadline', 'lifespan', 'liveliness_lease_duration')
 
 @dataclass(frozen=True)
 class QosProfile:
-    """What a publisher offers: policies in the words of rmw, and durations [ns].
+    """The QoS that a publisher offers: names of policies, and durations [ns].
 
-    Names and meanings are those of rmw_qos_profile_t.
+    Fields have the names and meanings of rmw_qos_profile_t.
     """
 
     history: str = 'keep_last'
@@ -51,17 +51,21 @@ class QosProfile:
     avoid_ros_namespace_conventions: bool = False
 
     def __post_init__(self) -> None:
-        """Raise LavaError where a policy is none that rmw knows."""
+        """Validate the policies.
+
+        Raises:
+            LavaError: If rmw does not have a policy.
+        """
         for name, words in _WORDS.items():
             validation.choice(f'qos.{name}', getattr(self, name), words)
 
     @property
     def is_latched(self) -> bool:
-        """Whether a late subscriber gets what was published before it came."""
+        """True if a late subscriber gets messages published before it joined."""
         return self.durability == 'transient_local'
 
     def to_dict(self) -> dict[str, Any]:
-        """The profile as rosbag2's metadata holds it, keys in rosbag2's order."""
+        """Convert the profile to the form in rosbag2's metadata, keys in rosbag2's order."""
         result = asdict(self)
         for name in _DURATIONS:
             seconds, nanoseconds = divmod(result[name], 10**9)
@@ -69,12 +73,12 @@ class QosProfile:
         return result
 
 
-#: What the package's maps are published with: the newest one waits for whoever comes late.
+#: Profile of the package's maps: a late subscriber gets the newest one.
 LATCHED = QosProfile(depth=1, durability='transient_local')
 
 
 def profiles_to_yaml(profiles: Iterable[QosProfile]) -> str:
-    """The YAML list that a channel's ``offered_qos_profiles`` holds."""
+    """Convert profiles to the YAML list of a channel's ``offered_qos_profiles``."""
     text: str = yaml.safe_dump([item.to_dict() for item in profiles], sort_keys=False)
     return text.strip()
 
@@ -82,7 +86,10 @@ def profiles_to_yaml(profiles: Iterable[QosProfile]) -> str:
 def profiles_from_yaml(text: str) -> tuple[QosProfile, ...]:
     """Read the ``offered_qos_profiles`` of a channel, from bag metadata of any version.
 
-    An empty text gives no profiles; LavaError where it is not a YAML list of QoS profiles.
+    An empty text gives no profiles.
+
+    Raises:
+        LavaError: If the text is not a YAML list of QoS profiles.
     """
     expected = 'a YAML list of QoS profiles as rosbag2 writes it'
     items = parse_yaml('offered_qos_profiles', text, expected) or []
@@ -97,10 +104,10 @@ def profiles_from_yaml(text: str) -> tuple[QosProfile, ...]:
 
 
 def merge(profiles: Iterable[QosProfile]) -> QosProfile:
-    """One offer that stands for those of several publishers.
+    """Combine the profiles of several publishers.
 
-    It is the first one's, as reliable and as durable as the strongest: such an offer matches
-    every subscriber that one of them matched. No profile gives the default one.
+    The result is the first profile with the strongest reliability and durability: it matches
+    every subscriber that matched one of them. Without profiles it is the default one.
     """
     items = tuple(profiles) or (QosProfile(),)
     strongest = {}
@@ -120,7 +127,7 @@ def _from_dict(data: Mapping[str, Any]) -> QosProfile:
         elif isinstance(value, Mapping):
             value = min(int(value['sec']) * 10**9 + int(value['nsec']), INFINITE_NS)
         values[item.name] = value
-    # Discovery does not carry the history, so rosbag2 records it as unknown with depth 0.
+    # Discovery does not transmit the history, so rosbag2 records it as unknown with depth 0.
     if values['history'] in ('unknown', 'system_default') or values['depth'] < 1:
         values.update(history='keep_last', depth=DEFAULT_DEPTH)
     return QosProfile(**values)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reads rosbag2 MCAP bags, also those whose recording was cut off."""
+"""Reading of rosbag2 MCAP bags, also of truncated recordings."""
 
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -22,7 +22,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class BagMessage(NamedTuple):
-    """A message of a bag, in CDR: ``stamp_ns`` is its log time [ns], at which it is played."""
+    """A message of a bag, in CDR: ``stamp_ns`` is the log time at which it is played [ns]."""
 
     topic: str
     stamp_ns: int
@@ -32,9 +32,9 @@ class BagMessage(NamedTuple):
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag, with its number of messages and the definition that the bag holds.
+    """A topic of a bag, with its number of messages and the definition of their type.
 
-    ``qos`` is one offer that stands for those of all publishers that were recorded.
+    ``qos`` is the combined profile of all recorded publishers.
     """
 
     name: str
@@ -45,29 +45,31 @@ class Topic:
 
 
 class BagReader:
-    """Reads a bag without loading it: memory holds the chunks that overlap in time.
+    """Reads a bag without loading it: only chunks that overlap in time are in memory.
 
-    The reader keeps no file open: each iteration opens its own.
+    The reader keeps no file open: each iteration opens the files again.
 
     Attributes:
-        path: The bag as it was given.
-        files: The MCAP files it is made of, oldest first; a last one that was cut off before it
-            began is left out.
-        contents: What each of them holds.
+        path: The path given by the caller.
+        files: The bag's MCAP files, oldest first; without a last one that was truncated before
+            its first record.
+        contents: Contents of each file.
         topics: Topics by name.
-        custom_data: Free text by name that describes the recording.
-        recovered: Whether a file was not finished; then everything before the place where it
-            breaks off is there.
-        damage: What is damaged and left out, or missing although metadata.yaml lists it, each a
-            sentence; it is logged, too.
+        custom_data: Description of the recording: free text by name.
+        recovered: Whether a file was not finished. Everything before its end is read.
+        damage: A sentence for each damaged part that is left out, or for messages in
+            metadata.yaml that are missing. The sentences are also logged.
         start_ns, end_ns: Log time of the first and last message [ns], None without messages.
-        size: Size of the files together [bytes].
+        size: Total size of the files [bytes].
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Find out what a directory or an .mcap file holds; LavaError if it is no readable bag.
+        """Read the contents of a bag directory or an .mcap file.
 
         An unfinished file is read once from start to end.
+
+        Raises:
+            LavaError: If ``path`` is not a readable bag.
         """
         self.path = Path(path)
         if not self.path.exists():
@@ -90,7 +92,7 @@ class BagReader:
             self.damage += unreadable
         elif is_checked and described != self.custom_data:
             self.damage += (
-                f'custom_data of {yaml_path} is damaged or changed: the last file says otherwise',
+                f'custom_data of {yaml_path} is damaged or changed: the last file differs',
             )
         if stored is not None:
             self.damage += _missing(stored.counts, self.topics, yaml_path)
@@ -103,17 +105,17 @@ class BagReader:
             _LOG.warning('%s', text)
         for item in self.contents:
             if item.rest:
-                said = '%s was cut off: its last %d bytes are no whole record and are left out'
+                said = '%s was cut off: its last %d bytes, an incomplete record, are ignored'
                 _LOG.info(said, item.path, item.rest)
 
     @property
     def duration_ns(self) -> int:
-        """Time from the first message to the last [ns]."""
+        """Log time from the first message to the last [ns]."""
         return (self.end_ns or 0) - (self.start_ns or 0)
 
     @property
     def message_count(self) -> int:
-        """Messages in the bag."""
+        """Number of messages in the bag."""
         return sum(topic.count for topic in self.topics.values())
 
     def messages(
@@ -123,10 +125,13 @@ class BagReader:
         *,
         file: Path | None = None,
     ) -> Iterator[BagMessage]:
-        """Yield messages of some topics, None for all, in the order of log time, file by file.
+        """Yield messages of some topics, None for all, in order of log time, file by file.
 
-        Names the bag lacks give nothing. ``start_ns`` is the earliest log time [ns]; ``file`` the
-        one of ``files`` to read, None for all. LavaError where one is damaged or cannot be read.
+        Topics that the bag lacks are ignored. ``start_ns`` is the earliest log time [ns]; ``file``
+        is the one of ``files`` to read, None for all.
+
+        Raises:
+            LavaError: If a file is damaged or cannot be read.
         """
         for contents in self.contents:
             if file is None or contents.path == file:
@@ -137,9 +142,10 @@ class BagReader:
                     )
 
     def newest(self, topics: Collection[str], before_ns: int) -> list[BagMessage]:
-        """The newest message of each topic before a log time [ns], oldest first.
+        """Return the newest message of each topic before a log time [ns], oldest first.
 
-        LavaError where a file is damaged or cannot be read.
+        Raises:
+            LavaError: If a file is damaged or cannot be read.
         """
         found: dict[str, BagMessage] = {}
         for contents in reversed(self.contents):
@@ -154,10 +160,12 @@ class BagReader:
 
 
 def mcap_files(bag: Path, names: Sequence[str] | None = None) -> tuple[Path, ...]:
-    """The files of a bag: an .mcap file alone, or those of a directory, oldest first.
+    """Return the files of a bag, a single .mcap file or a directory, oldest first.
 
-    Without ``names`` it is the number in a name that counts: 2 comes before 10. LavaError where
-    the directory has no .mcap files.
+    Without ``names``, the number in the file name sets the order: 2 is before 10.
+
+    Raises:
+        LavaError: If the directory has no .mcap files.
     """
 
     def order(path: Path) -> list[tuple[int, str]]:
@@ -207,7 +215,7 @@ def _topics(files: list[McapFile]) -> dict[str, Topic]:
 
 
 def _missing(listed: Counter[str], topics: Mapping[str, Topic], path: Path) -> tuple[str, ...]:
-    """Name the messages that metadata list and the files do not have; nothing if all are there."""
+    """Describe messages that the metadata list and the files lack; empty if all are present."""
     lost = listed - Counter({name: topic.count for name, topic in topics.items()})
     if not lost:
         return ()
@@ -219,7 +227,7 @@ def _missing(listed: Counter[str], topics: Mapping[str, Topic], path: Path) -> t
 
 
 def _described(files: list[McapFile]) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Custom data of the newest file with a record of them, and why newer ones do not serve."""
+    """Return the newest readable custom data, and the errors of newer records."""
     unreadable: tuple[str, ...] = ()
     for contents in reversed(files):
         record = contents.metadata.get(bag_metadata.RECORD)

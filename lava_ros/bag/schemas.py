@@ -15,7 +15,7 @@ from lava_ros.errors import LavaError
 
 _TYPE_NAME = re.compile(r'([A-Za-z]\w*)/msg/([A-Za-z]\w*)')
 
-# A field or constant: the type, a bound on a string's length, an array suffix, then a name.
+# A field or constant: type, optional bound of a string, optional array suffix, name.
 _FIELD_TYPE = re.compile(r'\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]')
 
 _PRIMITIVE = re.compile(r'bool|byte|char|float(32|64)|u?int(8|16|32|64)|w?string')
@@ -25,10 +25,10 @@ _SEPARATOR = '=' * 80
 
 @dataclass(frozen=True)
 class MessageSchema:
-    """What a bag has to hold so that its messages can be read anywhere.
+    """The definition of a message type, with which its messages can be decoded anywhere.
 
-    ``text`` is the definition in the language ``encoding``: the type's own, then every dependency
-    once. The hash is RIHS01.
+    ``text`` contains the definition of the type, then that of each dependency once, in the format
+    ``encoding``. The hash is RIHS01.
     """
 
     name: str
@@ -40,9 +40,12 @@ class MessageSchema:
 def message_schema(message_type: str) -> MessageSchema:
     """Look up a message type such as ``nav_msgs/msg/OccupancyGrid`` among installed packages.
 
-    Packages are found under ``share`` of every prefix in AMENT_PREFIX_PATH, of the interpreter
-    and of every site-packages directory on the import path. LavaError where the name is no message
-    type's, or it or a dependency is not installed.
+    Packages are searched in ``share`` of each prefix in AMENT_PREFIX_PATH, of the interpreter
+    and of each site-packages directory on the import path.
+
+    Raises:
+        LavaError: If the name is not that of a message type, or it or a dependency is not
+            installed.
     """
     return _message_schema(message_type, _prefixes())
 
@@ -105,6 +108,6 @@ def _type_hash(message_type: str, path: Path) -> str:
         found = (item['hash_string'] for item in hashes if item['type_name'] == message_type)
         return str(next(found))
     except (OSError, ValueError, KeyError, TypeError, StopIteration) as error:
-        right = f'a type whose hash is in {path.name} beside its definition, as packages built '
+        right = f'a type whose hash is in {path.name} next to its definition, as packages built '
         right += f'for ROS 2 Jazzy have it ({type(error).__name__})'
         raise LavaError('message_type', message_type, right) from error

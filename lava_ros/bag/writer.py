@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes rosbag2 bags: a directory with one MCAP file or several, and metadata.yaml."""
+"""Writing of rosbag2 bags: a directory with one or more MCAP files and metadata.yaml."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -20,32 +20,32 @@ from lava_ros.bag.qos import profiles_to_yaml, QosProfile
 from lava_ros.bag.schemas import message_schema, MessageSchema
 from lava_ros.errors import LavaError
 
-#: Uncompressed size at which a chunk is closed [bytes]; ``flush`` closes it earlier.
+#: Uncompressed size at which a chunk is closed [bytes]; ``flush`` also closes it.
 CHUNK_SIZE = 4 * 1024 * 1024
 
-#: Bytes of CDR's encapsulation header, which every serialised message starts with.
+#: Size of CDR's encapsulation header, with which every serialised message starts [bytes].
 _CDR_HEADER_SIZE = 4
 
 
 class _Directory:
-    """A new directory that is kept open: files go into it and not where a link leads.
+    """A new directory that is kept open, so that links cannot redirect its files.
 
-    All methods raise OSError where the system refuses.
+    All methods raise OSError if the system call fails.
     """
 
     def __init__(self, path: Path) -> None:
-        """Make it, and its parents where they are missing."""
+        """Create the directory and missing parents."""
         self._path = path
         path.mkdir(parents=True)
         self._number = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
 
     def create(self, name: str) -> BinaryIO:
-        """Open a new file in it for writing."""
+        """Create a file in the directory and open it for writing."""
         return open(name, 'xb', opener=self._open)
 
     def put(self, name: str, text: str) -> None:
-        """Write a file: either the whole of it is there afterwards or none."""
-        # nothing that somebody has put there is written to
+        """Write a file atomically."""
+        # never write to an existing file
         partial = f'.{name}.{secrets.token_hex(4)}.partial'
         try:
             with open(partial, 'x', encoding='utf-8', opener=self._open) as stream:
@@ -57,12 +57,12 @@ class _Directory:
             raise
 
     def check(self, file: BinaryIO) -> None:
-        """Check that the directory and a file of it are still found by their names.
+        """Check that the directory and one of its files still have their paths.
 
-        If one was removed, moved or replaced, what is written next is lost to readers.
+        If one was removed, moved or replaced, readers would not find data written later.
         """
         gone = None
-        # the directory last: where it is gone its file is, too
+        # the directory last, because without it its file is missing too
         for path, opened in ((self._path / file.name, file.fileno()), (self._path, self._number)):
             is_same = False
             with suppress(OSError):
@@ -81,27 +81,27 @@ class _Directory:
 
 @dataclass
 class _Topic:
-    """A topic, whose record counts the messages in all files."""
+    """A topic; its record counts the messages in all files."""
 
     record: TopicRecord
     schema: MessageSchema
-    # its newest message and that one's stamp, where the next file repeats it
+    # newest message and its stamp, if the next file has to repeat it
     latest: tuple[bytes, int] | None = None
 
 
 class _File:
-    """A file that can be read by itself: definitions, QoS, description, index and counts.
+    """A self-contained MCAP file: definitions, QoS, description, index and counts.
 
-    Whatever writes raises OSError where the file cannot be written.
+    Methods that write raise OSError if the file cannot be written.
 
     Attributes:
-        record: What metadata.yaml says of the file.
+        record: The file's entry in metadata.yaml.
     """
 
     def __init__(self, directory: _Directory, name: str, custom_data: Mapping[str, str]) -> None:
         """Create the file and write its header and metadata."""
         self.record = FileRecord(name)
-        # the channel id of each topic, and its messages in this file
+        # channel ID of each topic, and its number of messages in this file
         self._channels: dict[str, tuple[int, TopicRecord]] = {}
         self._schema_ids: dict[str, int] = {}
         self._directory = directory
@@ -122,11 +122,11 @@ class _File:
 
     @property
     def size(self) -> int:
-        """Bytes written so far, those of the chunk at hand left out."""
+        """Bytes written so far, without those of the current chunk."""
         return self._stream.tell()
 
     def write(self, topic: _Topic, data: bytes, log_time: int, publish_time: int) -> None:
-        """Append a message, to be played back at the log time [ns]."""
+        """Append a message that is played back at the log time [ns]."""
         name = topic.record.name
         channel_id, counted = self._channels.get(name) or self._register(topic)
         sequence = topic.record.message_count
@@ -141,7 +141,7 @@ class _File:
         self, name: str, media_type: str, data: bytes, log_time: int,
         custom_data: Mapping[str, str],
     ) -> None:
-        """Append an attachment after all messages so far and the current description."""
+        """Append an attachment, after flushing all messages and the current description."""
         self._mcap.flush()
         if custom_data is not self._described:
             self._describe(custom_data)
@@ -150,8 +150,8 @@ class _File:
     def flush(self, custom_data: Mapping[str, str]) -> None:
         """Pass all buffered data to the operating system.
 
-        A changed description is written again only when the file has grown by twice its size, so
-        that descriptions never make up most of the file.
+        A changed description is written again only after the file has grown by twice its size, so
+        that descriptions never fill most of the file.
 
         Raises:
             OSError: If the file cannot be written or was removed.
@@ -165,7 +165,11 @@ class _File:
         self._directory.check(self._stream)
 
     def finish(self, custom_data: Mapping[str, str]) -> None:
-        """Write the index and close the file, as it is after an error; OSError as in ``flush``."""
+        """Write the index and close the file, also after an error.
+
+        Raises:
+            OSError: As in ``flush``.
+        """
         with self._stream:
             self._mcap.flush()
             self._describe(custom_data)
@@ -194,17 +198,16 @@ class _File:
 
 
 class BagWriter:
-    """Records serialised messages into a new bag.
+    """Records serialised messages in a new bag.
 
-    The newest file is readable at any time up to the latest ``flush``, also when the process is
-    killed. A writer belongs to one thread. After an OSError (a full disk) it can only be closed.
+    The newest file is readable up to the latest ``flush``, even if the process is killed. Only one
+    thread may use a writer. After an OSError (a full disk) it can only be closed.
 
-    With a limit on size or duration the bag goes on in a new file whenever a file has reached it:
-    ``<bag>_0.mcap``, ``<bag>_1.mcap``, ... Each file can be read by itself: it starts with the
-    newest message of every latched topic, logged at the file's start with the publish time it had.
-    Messages with the same stamp, those of one frame, are never divided between files. A file
-    whose repeated messages take up more than half of the limit goes on until what is new takes up
-    as much.
+    With a limit on size or duration, the bag continues in a new file whenever a file reaches it:
+    ``<bag>_0.mcap``, ``<bag>_1.mcap``, ... Each file is self-contained: it starts with the newest
+    message of each latched topic, logged at the file's start with its original publish time.
+    Messages with the same stamp (one frame) are always in the same file. A file whose repeated
+    messages take up more than half of the limit continues until new messages take up as much.
     """
 
     def __init__(
@@ -219,14 +222,14 @@ class BagWriter:
 
         Args:
             directory: The bag.
-            custom_data: Free text by name that describes the recording.
-            max_size: Size from which on a file is not continued [bytes]; 0: no limit.
-            max_duration: Log time after which a file is not continued [s]; 0: no limit.
+            custom_data: Description of the recording: free text by name.
+            max_size: Size at or above which a new file starts [bytes]; 0: no limit.
+            max_duration: Duration in log time after which a new file starts [s]; 0: no limit.
 
         Raises:
-            LavaError: The directory exists or cannot be created, custom data is not text, or a
-                limit is not usable.
-            OSError: The first file cannot be written.
+            LavaError: If the directory exists or cannot be created, custom data is not text, or a
+                limit is not valid.
+            OSError: If the first file cannot be written.
         """
         self._custom_data = _texts(custom_data)
         self._max_size = validation.number('max_size', max_size, at_least=0.0, unit='bytes')
@@ -255,23 +258,24 @@ class BagWriter:
 
     @property
     def message_count(self) -> int:
-        """Messages written so far, repeated ones included."""
+        """Number of messages written so far, including repeated ones."""
         return sum(item.message_count for item in self._records)
 
     @property
     def size(self) -> int:
-        """Bytes written so far, those of the chunk at hand left out."""
+        """Bytes written so far, without those of the current chunk."""
         return self._finished_size + (self._file.size if self._file is not None else 0)
 
     @property
     def file_count(self) -> int:
-        """Files there are."""
+        """Number of files."""
         return len(self._records)
 
     def set_custom_data(self, custom_data: Mapping[str, str]) -> None:
         """Replace the description of the recording; the next ``flush`` writes it to the file.
 
-        LavaError where a key or a value is not text, or the bag is closed.
+        Raises:
+            LavaError: If a key or a value is not text, or the bag is closed.
         """
         self._open()
         self._custom_data = _texts(custom_data)
@@ -287,24 +291,24 @@ class BagWriter:
         schema: MessageSchema | None = None,
         log_time_ns: int | None = None,
     ) -> None:
-        """Append a message, in a new file where the one at hand has reached a limit.
+        """Append a message, in a new file if the current one has reached a limit.
 
-        Players and readers order by log time, which never decreases here: where a time lies
-        before the latest one (a reset or jump of the ROS clock) it is that one. The publish time
-        is always ``stamp_ns``, and the stamps inside ``data`` stay as they are.
+        Players and readers order by log time, which never decreases: a time before the latest one
+        (after a reset or jump of the ROS clock) is replaced by the latest one. The publish time is
+        always ``stamp_ns``, and the stamps inside ``data`` are unchanged.
 
         Args:
             topic: Absolute topic name.
             message_type: Type such as ``nav_msgs/msg/OccupancyGrid``.
             data: The message, serialised to CDR.
             stamp_ns: ROS time of the message [ns].
-            qos: What the topic's publisher offers; the same for each message of the topic.
+            qos: Profile that the topic's publisher offers; the same for each message of the topic.
             schema: Definition of the type; None looks it up among the installed packages.
             log_time_ns: Log time of a message that is copied [ns]; None: ``stamp_ns``.
 
         Raises:
-            LavaError: An argument is not usable, or the bag is closed.
-            OSError: The file cannot be written.
+            LavaError: If an argument is not valid, or the bag is closed.
+            OSError: If the file cannot be written.
         """
         file = self._open()
         if not isinstance(stamp_ns, int) or not 0 <= stamp_ns < 2**63:
@@ -332,19 +336,24 @@ class BagWriter:
             item.latest = (data, stamp_ns)
 
     def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
-        """Put data beside the messages; players pass over it, ``bag.checkpoints`` finds it.
+        """Append an attachment, which players ignore and ``bag.checkpoints`` finds.
 
-        Names need not differ. The data are logged at ``stamp_ns`` [ns], or at the latest log time
-        where that is later. LavaError where the bag is closed; OSError where the file cannot be
-        written.
+        Names need not be unique. The log time is ``stamp_ns`` [ns] or, if later, the latest log
+        time.
+
+        Raises:
+            LavaError: If the bag is closed.
+            OSError: If the file cannot be written.
         """
         log_time = max(stamp_ns, self._end_ns)
         self._open().attach(name, media_type, data, log_time, self._custom_data)
 
     def begin_file(self) -> None:
-        """Finish the file at hand and go on in a new one; nothing is repeated in it.
+        """Finish the current file and start a new one, without repeated messages.
 
-        LavaError where the bag is closed; OSError where one of them cannot be written.
+        Raises:
+            LavaError: If the bag is closed.
+            OSError: If one of the files cannot be written.
         """
         file, self._file = self._open(), None
         self._finished_size += file.size
@@ -353,18 +362,21 @@ class BagWriter:
         self._open_file()
 
     def flush(self) -> None:
-        """Hand everything written so far to the operating system, as a complete chunk.
+        """Pass everything written so far to the operating system, as a complete chunk.
 
-        It survives the end of this process from here on, though not a loss of power. LavaError
-        where the bag is closed; OSError where the file cannot be written, or is not in the bag any
-        more.
+        The data then survive the end of this process, but not a loss of power.
+
+        Raises:
+            LavaError: If the bag is closed.
+            OSError: If the file cannot be written, or is no longer in the bag.
         """
         self._open().flush(self._custom_data)
 
     def close(self) -> None:
-        """Finish the file and write metadata.yaml; does nothing the second time.
+        """Finish the file and write metadata.yaml; a second call does nothing.
 
-        OSError where the file cannot be written; it is closed as it is.
+        Raises:
+            OSError: If the file cannot be written; it is then closed unfinished.
         """
         if self._closed:
             return
@@ -383,7 +395,7 @@ class BagWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the bag, also after an error: what was written is worth keeping."""
+        """Close the bag, also after an error, to keep the data written so far."""
         self.close()
 
     def _open(self) -> _File:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What `lava doctor` looks at: the machine and the ROS graph, each finding with its way out."""
+"""Checks of `lava doctor`: the machine and the ROS graph, with a remedy for each problem."""
 
 from collections.abc import Iterable, Mapping
 import ctypes
@@ -25,16 +25,16 @@ from lava_ros.simulation.backend.threads import usable_cores
 #: Nothing to do.
 OK = 'OK'
 
-#: It works, though less well than it could, or not for everybody.
+#: It works, but with limitations.
 WARN = 'WARN'
 
 #: It does not work.
 FAIL = 'FAIL'
 
-#: Oldest Python that works, and the first that was not tried.
+#: Minimum version of Python, and first version that was not tested.
 PYTHONS = ((3, 10), (3, 14))
 
-#: Distribution, lowest version, first version that was not tried, extra that brings it (or none).
+#: Distribution, minimum version, first version not tested, extra that installs it (or '').
 PACKAGES = (
     ('lz4', '4', '5', ''),
     ('mcap', '1.5', '2', ''),
@@ -50,25 +50,25 @@ PACKAGES = (
     ('mcap-ros2-support', '0.5.5', '1', 'plot'),
 )
 
-#: Free space below which a recording soon ends, and below which it may [bytes].
+#: Free space below which a recording soon fails, and below which a long one may fail [bytes].
 SCARCE, LITTLE = 10**9, 10**10
 
-#: Error of the clock from which stamps of several machines no longer agree [s].
+#: Maximum error of the clock at which stamps of several machines agree [s].
 CLOCK_ERROR = 0.5
 
-# adjtimex: the kernel's own state of the clock. See adjtimex(2).
+# adjtimex(2): the kernel's state of the clock.
 _TIMEX_SIZE = 208
 _TIMEX_MAXERROR = 24
 _TIMEX_STATUS = 40
 _UNSYNCHRONISED = 0x40
 
-#: The ROS distribution this package is made for.
+#: The supported ROS distribution.
 DISTRO = 'jazzy'
 
-#: Domains whose ports lie below those that Linux gives away by itself, and all there can be.
+#: Domains with ports below Linux's ephemeral range, and all valid domains.
 SAFE_DOMAINS, DOMAINS = range(0, 102), range(0, 233)
 
-#: What ROS_AUTOMATIC_DISCOVERY_RANGE may say, and what that means.
+#: Values of ROS_AUTOMATIC_DISCOVERY_RANGE and their meanings.
 DISCOVERY_RANGES = {
     'SUBNET': 'every machine of the subnet',
     'LOCALHOST': 'this machine alone',
@@ -76,15 +76,15 @@ DISCOVERY_RANGES = {
     'OFF': 'nobody',
 }
 
-#: What robots and viewers take latched grids with.
+#: Subscribers of robots and viewers that require latched grids.
 CONSUMERS = (
     "RViz's map display (rviz/lava.rviz)", "Nav2's keepout filter, speed filter and static layer",
 )
 
-#: Longest time a round trip may take, discovery included [s].
+#: Maximum duration of a round trip, including discovery [s].
 PROBE_TIMEOUT = 30.0
 
-#: Time from which a round trip on one machine is slow [ms].
+#: A round trip on one machine is slow above this time [ms].
 SLOW = 50.0
 
 _WAY_TO_ROS = "source a ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
@@ -97,7 +97,7 @@ _WAY_TO_DDS = (
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the report: the subject, the level, what was found, and maybe a remedy."""
+    """One line of the report: subject, level, text and an optional remedy."""
 
     check: str
     level: str
@@ -105,12 +105,12 @@ class Finding:
     way_out: str = ''
 
 
-#: What a check finds: for each, level, text and maybe a remedy.
+#: Results of a check: level, text and an optional remedy for each.
 Said = list[tuple[str, str] | tuple[str, str, str]]
 
 
 def check_python() -> Said:
-    """Whether the package was tried with this Python."""
+    """Check whether the package was tested with this Python."""
     oldest, untried = PYTHONS
     version = '.'.join(str(part) for part in sys.version_info[:3])
     if sys.version_info < oldest:
@@ -121,7 +121,7 @@ def check_python() -> Said:
 
 
 def check_packages() -> Said:
-    """Whether what the package needs is there, in versions that were tried."""
+    """Check whether dependencies are installed in tested versions."""
     said: Said = []
     found = []
     for name, lowest, untried, extra in PACKAGES:
@@ -145,12 +145,12 @@ def _version(distribution: str) -> str:
 
 
 def _parts(version: str) -> tuple[int, ...]:
-    """The numbers at the start of a version."""
+    """Return the leading numbers of a version."""
     return tuple(map(int, takewhile(str.isdigit, version.split('.'))))
 
 
 def _warp() -> Any:
-    """Warp, started; that there is no GPU is for the report to say."""
+    """Initialise Warp without its own message about a missing GPU."""
     import warp as wp
 
     wp.config.log_level = wp.LOG_ERROR
@@ -159,12 +159,12 @@ def _warp() -> Any:
 
 
 def check_gpu() -> Said:
-    """Which devices Warp has, and why there is no GPU among them."""
+    """Check which devices Warp has, and why there is no GPU."""
     try:
         wp = _warp()
         devices = wp.get_cuda_devices()
     except Exception as error:
-        # Whatever breaks while a driver is loaded is the finding.
+        # Any error while a driver is loaded is a result of the check.
         return [(FAIL, f'Warp does not start: {error}', "pip install 'warp-lang>=1.19,<2'")]
     if devices:
         driver = '.'.join(str(part) for part in wp.get_cuda_driver_version())
@@ -186,7 +186,7 @@ def check_gpu() -> Said:
 
 
 def check_kernel_cache() -> Said:
-    """Whether compiled kernels can be kept, and how much there is of them."""
+    """Check whether compiled kernels can be cached, and the size of the cache."""
     try:
         folder = Path(_warp().config.kernel_cache_dir)
     except Exception as error:
@@ -201,7 +201,7 @@ def check_kernel_cache() -> Said:
 
 
 def check_disk(folder: str | Path) -> Said:
-    """Check whether bags can be written to a folder, and how much space there is.
+    """Check whether bags can be written to a folder, and the free space.
 
     The folder need not exist yet.
     """
@@ -219,12 +219,12 @@ def check_disk(folder: str | Path) -> Said:
 
 
 def _nearest(folder: Path) -> Path:
-    """The folder, or the one above it that exists."""
+    """Return the folder, or its nearest existing parent."""
     return next(item for item in (folder, *folder.parents) if item.exists())
 
 
 def _problem_of_writing(folder: Path) -> str:
-    """Why a file cannot be written there, empty when it can."""
+    """Return the reason why a file cannot be written there, empty if it can."""
     try:
         with tempfile.TemporaryFile(dir=_nearest(folder)) as file:
             file.write(b'lava')
@@ -234,7 +234,7 @@ def _problem_of_writing(folder: Path) -> str:
 
 
 def check_clock() -> Said:
-    """Whether the clock is kept in step with others, as stamps of several machines need it."""
+    """Check whether the clock is synchronised, so that stamps of several machines agree."""
     state = ctypes.create_string_buffer(_TIMEX_SIZE)
     libc = ctypes.CDLL(None, use_errno=True)
     if not hasattr(libc, 'adjtimex') or libc.adjtimex(state) < 0:
@@ -248,7 +248,7 @@ def check_clock() -> Said:
 
 
 def check_ros(environment: Mapping[str, str] = os.environ) -> Said:
-    """Whether ROS 2 Jazzy can be imported, and which middleware it has."""
+    """Check whether ROS 2 Jazzy can be imported, and with which middleware."""
     missing = [name for name in ('rclpy', 'nav_msgs', 'diagnostic_msgs') if not find_spec(name)]
     if missing:
         return [(FAIL, f'no Python package {", ".join(missing)}', _WAY_TO_ROS)]
@@ -262,7 +262,7 @@ def check_ros(environment: Mapping[str, str] = os.environ) -> Said:
 
 
 def check_discovery(environment: Mapping[str, str] = os.environ) -> Said:
-    """Which graph the node joins, and who else can."""
+    """Check which graph the node joins, and which machines can join it."""
     domain = environment.get('ROS_DOMAIN_ID', '') or '0'
     if not domain.isdigit() or int(domain) not in DOMAINS:
         return [(FAIL, f'ROS_DOMAIN_ID is {domain!r}', 'set it to a number from 0 to 101')]
@@ -285,12 +285,12 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Said:
         return [*said, (FAIL, text, f'set it to one of {", ".join(DISCOVERY_RANGES)}')]
     if reach == 'OFF' and not peers:
         return [*said, (FAIL, text, 'set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET')]
-    way_out = 'who is in the subnet can command the node; LOCALHOST keeps it on this machine'
+    way_out = 'any machine in the subnet can command the node; LOCALHOST prevents that'
     return [*said, (OK, text, way_out) if reach == 'SUBNET' else (OK, text)]
 
 
 def check_security(environment: Mapping[str, str] = os.environ) -> Said:
-    """Whether SROS2 is on, and can be."""
+    """Check whether SROS2 is enabled and available."""
     if environment.get('ROS_SECURITY_ENABLE', 'false').lower() != 'true':
         return [(OK, 'off: messages are neither signed nor encrypted')]
     if not environment.get('AMENT_PREFIX_PATH'):
@@ -311,7 +311,7 @@ def check_security(environment: Mapping[str, str] = os.environ) -> Said:
 
 
 def check_qos(layers: Iterable[Layer]) -> Said:
-    """Whether those who read the layers get what they ask for."""
+    """Check whether RViz and Nav2 can receive the layers with their QoS."""
     enabled = [layer for layer in layers if layer.enabled]
     said: Said = [
         (
@@ -331,7 +331,7 @@ def check_qos(layers: Iterable[Layer]) -> Said:
 def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Said:
     """Check whether a message returns through the middleware within ``timeout`` [s], and how fast.
 
-    In a process of its own: middleware that hangs or crashes is a finding.
+    The check runs in a separate process, because the middleware may hang or crash.
     """
     if find_spec('rclpy') is None:
         return [(FAIL, 'not tried: no rclpy', _WAY_TO_ROS)]

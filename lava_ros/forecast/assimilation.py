@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Observations weigh the members of an ensemble by how well these agree with them."""
+"""Weights of ensemble members from their agreement with observed outlines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 
-#: A member weighs this power of its Jaccard index: at 8, one with 0.8 weighs three times as much
-#: as one with 0.7.
+#: Power of the Jaccard index in a member's weight: with 8, an index of 0.8 weighs three times as
+#: much as 0.7.
 SHARPNESS = 8.0
 
-#: Least effective number of members, as a share of those that agree at all.
-LEAST_EFFECTIVE = 0.1
+#: Minimum effective number of members, as a fraction of those that agree at all.
+MIN_EFFECTIVE_FRACTION = 0.1
 
 #: Weight of the best member.
 UNIT = 1 << 16
@@ -27,10 +27,10 @@ _HALVINGS = 40
 
 @dataclass(frozen=True, eq=False)
 class Mask:
-    """Where lava was seen, on cells of its own.
+    """A map of observed lava on its own grid.
 
     Attributes:
-        lava: Where there was lava, bool, shape [rows, columns]; row 0 has the smallest y.
+        lava: Where lava was observed, bool, shape [rows, columns]; row 0 has the smallest y.
         known: Where the ground was observed, bool, same shape.
         resolution: Side of a cell [m].
         origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
@@ -44,9 +44,9 @@ class Mask:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Where lava was seen at a simulated time [s], on the cells of the terrain.
+    """A map of lava observed at a simulated time [s], on the cells of the terrain.
 
-    ``lava`` and ``known`` are those of ``Mask``, of the terrain's shape.
+    ``lava`` and ``known`` are as in ``Mask``, with the shape of the terrain.
     """
 
     time: float
@@ -57,7 +57,7 @@ class Outline:
         """Validate every field.
 
         Raises:
-            LavaError: A field is not usable, or no lava was seen.
+            LavaError: If a field is not valid, or there is no lava.
         """
         time = validation.number('observed.time', self.time, above=0.0, unit='s')
         object.__setattr__(self, 'time', time)
@@ -71,19 +71,19 @@ class Outline:
 
 
 def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
-    """Resample a mask of a simulated time [s] at the centres of a terrain's cells.
+    """Resample a mask for a simulated time [s] at the cell centres of a terrain.
 
-    Cells beyond the mask count as not observed.
+    Cells outside the mask count as not observed.
 
     Raises:
-        LavaError: None of the mask's lava is on the terrain.
+        LavaError: If none of the mask's lava is on the terrain.
     """
     cells = []
     for start, count, corner, size in zip(
         terrain.origin[::-1], terrain.shape, mask.origin[::-1], mask.lava.shape, strict=True
     ):
         middle = start + (np.arange(count) + 0.5) * terrain.resolution
-        # a mask of any size may be anywhere
+        # the mask may have any size and position
         with np.errstate(over='ignore'):
             index = np.clip(np.floor((middle - corner) / mask.resolution), -1, size)
         cells.append(index.astype(np.int64) + 1)
@@ -94,14 +94,13 @@ def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """What each member counts.
+    """Weights of the members.
 
     Attributes:
-        values: Whole numbers, int64, one for each member; the best has ``UNIT``.
+        values: Weights as whole numbers, int64, one per member; the best member has ``UNIT``.
         jaccard: The members' Jaccard indices, float64.
-        effective_members: Members of equal weight that would say as much.
-        sharpness: The power of the Jaccard index: less than asked for where that would leave too
-            few members.
+        effective_members: Number of members of equal weight with the same information.
+        sharpness: The power of the Jaccard index, reduced if too few members would count.
     """
 
     values: np.ndarray
@@ -111,13 +110,13 @@ class Weights:
 
 
 def jaccard(reached: np.ndarray, outline: Outline) -> float:
-    """Jaccard index of a member and an outline: area with lava in both over area in either.
+    """Return the Jaccard index of a member and an outline: area in both over area in either.
 
-    ``reached`` is where the member's lava was at the outline's time, bool, of the outline's shape.
-    Cells that were not observed do not count.
+    ``reached`` marks the member's lava at the outline's time, bool, of the outline's shape. Cells
+    that were not observed do not count.
 
     Raises:
-        LavaError: The shapes differ.
+        LavaError: If the shapes differ.
     """
     if reached.shape != outline.lava.shape:
         raise LavaError('reached', reached.shape, f'a mask of {outline.lava.shape} cells')
@@ -130,15 +129,15 @@ def weigh(
     agreement: Sequence[float] | np.ndarray,
     *,
     sharpness: float = SHARPNESS,
-    least_effective: float = LEAST_EFFECTIVE,
+    least_effective: float = MIN_EFFECTIVE_FRACTION,
 ) -> Weights:
-    """Weigh members by a power, ``sharpness``, of their Jaccard indices.
+    """Weight members by a power, ``sharpness``, of their Jaccard indices.
 
-    The power is reduced until enough members count (``LEAST_EFFECTIVE``): few members do not
-    show how uncertain a forecast is.
+    The power is reduced until enough members count (``MIN_EFFECTIVE_FRACTION``), because too
+    few do not represent the uncertainty of a forecast.
 
     Raises:
-        LavaError: An argument is not usable, or no member agrees at all.
+        LavaError: If an argument is not valid, or no member agrees at all.
     """
     sharpness = validation.number('sharpness', sharpness, at_least=0.0, at_most=1e3)
     validation.number('least_effective', least_effective, at_least=0.0, at_most=1.0)
@@ -151,7 +150,7 @@ def weigh(
     least = least_effective * np.count_nonzero(index)
 
     def powers(sharpness: float) -> np.ndarray:
-        # a member that has nothing in common with the outline does not count at any power
+        # a member that does not overlap the outline does not count at any power
         shares = np.where(index > 0.0, (index / index.max()) ** sharpness, 0.0)
         return np.rint(UNIT * shares).astype(np.int64)
 
@@ -168,6 +167,6 @@ def weigh(
 
 
 def effective_members(weights: np.ndarray) -> float:
-    """Members of equal weight that would say as much: (sum w)^2 / sum w^2."""
+    """Return the effective number of members: (sum w)^2 / sum w^2."""
     weights = np.asarray(weights, dtype=np.float64)
     return float(weights.sum() ** 2 / (weights**2).sum())

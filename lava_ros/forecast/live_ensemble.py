@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensembles that continue a running simulation, weighed by observed outlines.
+"""Ensembles that continue a running simulation, weighted by observed outlines.
 
-Members start from the state of the simulation, with its resolution and effects. From then on they
-differ in what is drawn. Member k has the same draws in each ensemble of a scene, so that its
-agreement with an outline holds in the next.
+Members start from the state of the simulation, with its resolution and effects, and then differ
+in their drawn inputs. Member k has the same draws in each ensemble of a scene, so its agreement
+with an outline applies to the next ensemble too.
 """
 
 from collections.abc import Callable
@@ -26,14 +26,14 @@ from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
 from lava_ros.simulation.checkpoint import Checkpoint
 
-#: Members of the first maps of a scene; more follow each time that there are twice as many.
+#: Number of members in the first maps of a scene; new maps follow at each doubling.
 FIRST_MAPS = 4
 
 Answer = Callable[..., None]
 
 
 class LiveEnsemble:
-    """The members that start from one state, as many at once as the device takes."""
+    """An ensemble from one state that runs as many members at once as fit on the device."""
 
     def __init__(
         self,
@@ -53,13 +53,13 @@ class LiveEnsemble:
         """Draw the members; each runs from the checkpoint to ``horizon`` [s] after it.
 
         ``begun`` is the start of the ensemble on the monotonic clock [s], by default now.
-        ``deadline`` is the wall time after it [s] at which the ensemble ends with the members that
-        have run; None sets no limit. The maps tell when lava comes to ``places``. ``number`` and
-        ``stamp_ns``, a ROS time [ns], identify the ensemble in answers. Other arguments are those
-        of ``LookAhead``.
+        ``deadline`` is the wall time after it [s] at which the ensemble ends with the members
+        completed by then; None: no limit. The maps include arrival times at ``places``. ``number``
+        and ``stamp_ns``, a ROS time [ns], identify the ensemble in replies. Other arguments are
+        those of ``LookAhead``.
 
         Raises:
-            LavaError: An argument is not usable, or nothing about the scene is uncertain.
+            LavaError: If an argument is not valid, or no input of the scene is uncertain.
         """
         self.number, self.stamp_ns, self._places = number, stamp_ns, places
         self.plan = plan_from(checkpoint, horizon=horizon, threshold=threshold)
@@ -76,7 +76,7 @@ class LiveEnsemble:
             max_particles=max_particles,
             progress=self._shares,
         )
-        # those that end before one of a lower number wait, for cheap ones end first
+        # a member waits until all lower numbers are done, because cheap ones finish first
         self._ahead: dict[int, Footprint] = {}
         self._footprints: list[Footprint] = []
         self._starts: dict[int, float] = {}
@@ -85,23 +85,26 @@ class LiveEnsemble:
 
     @property
     def count(self) -> int:
-        """Members there are: the first ones, without a gap."""
+        """Number of completed members, without gaps from member 0."""
         return len(self._footprints)
 
     @property
     def progress(self) -> float:
-        """Share of the members that have run."""
+        """Fraction of the members that have run."""
         return sum(self._shares.values()) / self.asked
 
     def covers(self, time: float) -> bool:
-        """Whether a simulated time [s] lies between its start and its horizon."""
+        """Return True if a simulated time [s] is between the start and the horizon."""
         return self.start < time <= self.start + self.plan.horizon
 
     def advance(self, wall_limit: float) -> bool:
-        """Run for about a wall time [s] or until a member is done; returns whether one is, or all.
+        """Run for about a wall time [s] or until a member is done.
+
+        Returns:
+            True if a member, or the whole ensemble, is done.
 
         Raises:
-            LavaError: A member makes no scene, has too many particles or no valid flow.
+            LavaError: If a member has no valid scene, too many particles or no valid flow.
         """
         until, before = wall_clock.monotonic() + wall_limit, self.count
         for fields in self._running:
@@ -120,16 +123,16 @@ class LiveEnsemble:
         return self.is_done or self.count > before
 
     def agreement(self, outline: Outline) -> np.ndarray:
-        """Jaccard index of each member with an outline, float64, shape [asked].
+        """Return the Jaccard index of each member with an outline, float64, shape [asked].
 
-        Members that have not run get the mean of the others.
+        Members that have not run get the mean of the completed members.
         """
         time = outline.time - self.start
         found = [jaccard(reached_by(one, self.plan, time), outline) for one in self._footprints]
         return np.array(found + [float(np.mean(found))] * (self.asked - self.count))
 
     def maps(self, agreement: np.ndarray | None) -> HazardMaps:
-        """The maps of the members so far, weighed by their agreement with what was seen."""
+        """Return the maps of the members so far, weighted by ``agreement``."""
         tally, weights = Tally(self.plan, self._places), [1] * self.count
         if agreement is not None:
             weights = weigh(agreement[: self.count]).values.tolist()
@@ -138,24 +141,24 @@ class LiveEnsemble:
         return tally.maps()
 
     def _is_in_time(self, member: Member) -> bool:
-        """Whether a member may begin: the first ones may, others if they will end in time."""
+        """Return True if a member may start: one of the first, or one that will end in time."""
         now = self._starts[member.index] = wall_clock.monotonic()
         return not self._longest or now + self._longest <= self._end
 
 
 class LiveEnsembles:
-    """The ensembles of a running simulation, one after the other, and the observed outlines.
+    """The successive ensembles of a running simulation, and the observed outlines.
 
-    It answers (``process``) with ``ensemble``: number, stamp_ns, changes and the fields of
-    ``EnsembleForecast``; with ``weighed`` when an outline has been used; and with
-    ``outline_refused``: number and error.
+    Replies (``process``) are ``ensemble`` with number, stamp_ns, changes and the fields of
+    ``EnsembleForecast``, ``weighed`` after an outline has been used, and ``outline_refused`` with
+    number and error.
 
     Attributes:
-        at_hand: The ensemble of which members run, None if there is none.
+        at_hand: The ensemble in progress, None if there is none.
     """
 
     def __init__(self, answer: Answer) -> None:
-        """Begin without any."""
+        """Initialize without an ensemble."""
         self._answer = answer
         self._changes: int | None = None
         self._ordered: Callable[[], LiveEnsemble] | None = None
@@ -169,7 +172,7 @@ class LiveEnsembles:
 
     @property
     def is_busy(self) -> bool:
-        """Whether an ensemble runs or is ordered."""
+        """True if an ensemble is in progress or requested."""
         return self.at_hand is not None or self._ordered is not None
 
     def order(
@@ -181,15 +184,15 @@ class LiveEnsembles:
         outlines: int,
         **how: Any,
     ) -> None:
-        """Start an ensemble at the next ``advance``, in place of the one in progress.
+        """Replace the ensemble in progress by a new one at the next ``advance``.
 
-        ``changes`` is a number that changes with the scene. The first ensemble of a scene takes
-        over ``agreement``, that of the members with a number of earlier ``outlines``, None without
-        any. ``how`` are further arguments of ``LiveEnsemble``.
+        ``changes`` is a number that changes with the scene. The first ensemble of a scene starts
+        with the members' ``agreement`` with a number of earlier ``outlines``, None without any.
+        ``how`` are further arguments of ``LiveEnsemble``.
         """
         self.drop()
         if changes != self._changes:
-            # outlines of another scene do not hold
+            # outlines do not apply to another scene
             self._changes = changes
             self._shown = self._oldest = None
             self._agreement = None if agreement is None else np.array(agreement)
@@ -197,7 +200,7 @@ class LiveEnsembles:
         self._ordered = partial(LiveEnsemble, checkpoint, begun=wall_clock.monotonic(), **how)
 
     def drop(self) -> None:
-        """Give up the ensemble in progress; finished ones stay."""
+        """Cancel the ensemble in progress; finished ones remain."""
         self._ordered = self.at_hand = None
         waiting, self._waiting = self._waiting, []
         right = 'a scene that does not change until the members have run'
@@ -208,7 +211,7 @@ class LiveEnsembles:
         """Run members for about a wall time [s].
 
         Raises:
-            LavaError: An ensemble cannot be made or run.
+            LavaError: If an ensemble cannot be made or run.
         """
         if self._ordered is not None:
             begin, self._ordered = self._ordered, None
@@ -233,10 +236,10 @@ class LiveEnsembles:
             self._tell(ensemble)
 
     def observe(self, number: int, outline: Outline) -> None:
-        """Weigh the members by an outline, in the oldest complete ensemble that covers its time.
+        """Weight the members by an outline, in the oldest complete ensemble that covers its time.
 
-        The outline waits if only the ensemble in progress covers its time. It is refused if none
-        does.
+        An outline waits if only the ensemble in progress covers its time, and is refused if no
+        ensemble does.
         """
         known = [item for item in (self._oldest, self._shown, self.at_hand) if item is not None]
         covering = [item for item in known if item.covers(outline.time)]
@@ -256,7 +259,7 @@ class LiveEnsembles:
 
     def _weigh(self, number: int, outline: Outline, ensemble: LiveEnsemble) -> None:
         found = ensemble.agreement(outline)
-        # what was seen before counts on: soon after a fork members differ too little
+        # keep the earlier agreement: shortly after a fork the members differ too little
         together = found if self._agreement is None else self._agreement * found
         try:
             weigh(together)

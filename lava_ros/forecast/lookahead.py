@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs from look to look at the flow: members of ensembles, and a fork that runs ahead."""
+"""Runs that observe the flow at scheduled times ("looks"): ensemble members and forecasts."""
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from lava_ros.simulation.looks import Seen
     from lava_ros.simulation.simulation import Simulation
 
-#: Looks at the flow within a horizon, which give the peaks. Arrivals are those of the time steps;
-#: for another thickness than ``COVERED`` they are known to half of the time between two looks.
+#: Number of observations within a horizon, from which peaks are taken. Arrival times are those of
+#: time steps; for a thickness other than ``COVERED`` they are accurate to half an interval.
 LOOKS = 240
 
-#: Looks of the first forecast of a scene, which takes less than half of the time.
+#: Number of observations of a scene's first forecast, which takes less than half of the time.
 FIRST_LOOKS = 60
 
-#: Looks ahead of the first regular one, each twice as early as the next.
+#: Number of observations before the first regular one, each at half the time of the next.
 EARLY_LOOKS = 4
 
 
 class Looking:
-    """A simulation that runs from one look to the next, up to a horizon.
+    """A simulation that runs from one observation to the next, up to a horizon.
 
     Attributes:
         simulation: The simulation.
@@ -44,19 +44,19 @@ class Looking:
         max_particles: int | None,
         of: str = '',
     ) -> None:
-        """Begin without a look; the first one is of the flow as it is.
+        """Initialize; the first observation is of the flow at the start.
 
         Args:
             simulation: The simulation.
-            due: Simulated times of the other looks [s], increasing. Each is taken at the first end
-                of a time step at or after its time, and the last one exactly then, so the flow
-                does not depend on the looks. One that an earlier look has passed is left out.
-            threshold: Thickness at which lava counts as arrived [m].
-            max_particles: Most particles, None for any number.
-            of: How errors refer to the simulation, such as ' of member 3'.
+            due: Simulated times of the other observations [s], increasing. Each takes place at the
+                end of the first time step at or after its time, and the last one exactly at its
+                time, so observations do not change the flow. One already passed is left out.
+            threshold: Thickness at or above which lava has arrived [m].
+            max_particles: Maximum number of particles, None for no limit.
+            of: Suffix for errors about the simulation, such as ' of member 3'.
 
         Raises:
-            LavaError: There are too many particles.
+            LavaError: If there are too many particles.
         """
         self.simulation = simulation
         self._due, self._done = [simulation.time, *due], 0
@@ -66,19 +66,19 @@ class Looking:
 
     @property
     def progress(self) -> float:
-        """Share of the looks that have been taken, the first one left out."""
+        """Completed fraction of the observations, without the first one."""
         return max(self._done - 1, 0) / (len(self._due) - 1)
 
     @property
     def is_done(self) -> bool:
-        """Whether all looks have been taken."""
+        """True if all observations are complete."""
         return self._done == len(self._due)
 
     def advance(self, wall_limit: float | None = None) -> None:
-        """Run to the next look, or for about a wall time [s].
+        """Run to the next observation, or for about a wall time [s].
 
         Raises:
-            LavaError: There are too many particles, or the flow cannot be shown as a map.
+            LavaError: If there are too many particles, or the flow cannot be shown as a map.
         """
         due, limit = self._due[self._done], self._due[-1]
         time = self.simulation.advance(due, limit=limit, wall_limit=wall_limit)
@@ -89,12 +89,12 @@ class Looking:
             self._note_look(time)
 
     def advancing(self) -> Iterator[None]:
-        """Run to the next look, in parts: while a GPU is at work others can go on.
+        """Run to the next observation, yielding so that callers can overlap work with the GPU.
 
         ``seen`` refuses a flow that cannot be shown as a map.
 
         Raises:
-            LavaError: There are too many particles.
+            LavaError: If there are too many particles.
         """
         due, limit = self._due[self._done], self._due[-1]
         time = yield from self.simulation.advancing(due, limit=limit)
@@ -103,10 +103,10 @@ class Looking:
         self._note_look(time)
 
     def seen(self, *, where_wet: bool = False) -> 'Seen':
-        """What has been seen so far, of all cells or of the rectangle of wet ones.
+        """Return the observations so far, of all cells or of the rectangle around wet cells.
 
         Raises:
-            LavaError: The flow cannot be shown as a map.
+            LavaError: If the flow cannot be shown as a map.
         """
         seen = self.simulation.seen(self._looks, where_wet=where_wet)
         self._check_flow(seen.flaw)
@@ -126,10 +126,10 @@ class Looking:
 
 
 class LookAhead(Looking):
-    """A forecast in the making, by a simulation that runs ahead of the one it was forked from.
+    """A forecast by a simulation that runs ahead of the one it was forked from.
 
-    The flow is the one that the forked simulation would have if it were advanced to the horizon,
-    to the bit on the same device when it is deterministic.
+    The flow equals that of the original simulation advanced to the horizon; it is bitwise
+    identical on the same device if the simulation is deterministic.
     """
 
     def __init__(
@@ -146,17 +146,17 @@ class LookAhead(Looking):
 
         Args:
             checkpoint: The state from which to start.
-            horizon: How far to look ahead [s].
-            threshold: Thickness at which lava counts as arrived [m].
-            looks: Number of regular looks within the horizon, after ``EARLY_LOOKS``.
+            horizon: Simulated duration of the forecast [s].
+            threshold: Thickness at or above which lava has arrived [m].
+            looks: Number of regular observations within the horizon, after ``EARLY_LOOKS``.
             device: Warp device; None for the first GPU, or the CPU without one.
-            max_particles: Most particles, None for any number.
+            max_particles: Maximum number of particles, None for no limit.
 
         Raises:
-            LavaError: A number is not usable, the checkpoint is inconsistent, or there is no such
-                device.
+            LavaError: If a number is not valid, the checkpoint is inconsistent, or the device
+                does not exist.
         """
-        # the solver loads Warp, which maps and scores of an ensemble do not need
+        # the solver loads Warp, which the maps and scores of an ensemble do not need
         from lava_ros.simulation.simulation import Simulation
 
         begun = wall_clock.monotonic()
@@ -174,23 +174,23 @@ class LookAhead(Looking):
         self._duration = wall_clock.monotonic() - begun
 
     def advance(self, wall_limit: float | None = None) -> None:
-        """As ``Looking.advance``; the time that it takes counts."""
+        """Run as ``Looking.advance``, and add the wall time to the forecast's duration."""
         begun = wall_clock.monotonic()
         super().advance(wall_limit)
         self._duration += wall_clock.monotonic() - begun
 
     def run(self) -> Forecast:
-        """Run ahead to the horizon.
+        """Run to the horizon.
 
         Raises:
-            LavaError: As ``advance``.
+            LavaError: As in ``advance``.
         """
         while not self.is_done:
             self.advance()
         return self.forecast()
 
     def forecast(self) -> Forecast:
-        """What has been seen, once ``is_done``."""
+        """Return the forecast, once ``is_done``."""
         seen = self.seen()
         return Forecast(
             time=self._start,
@@ -206,7 +206,7 @@ class LookAhead(Looking):
 
 
 def moments(horizon: float, looks: int) -> list[float]:
-    """Times after the start at which looks are due [s], the last of them at the horizon."""
+    """Return the times of observations after the start [s], the last one at the horizon."""
     interval = horizon / looks
     early = [interval / 2.0**power for power in range(EARLY_LOOKS, 0, -1)]
     return early + [interval * number for number in range(1, looks)] + [horizon]

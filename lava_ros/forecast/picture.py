@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""Pictures of how good probabilities are."""
+"""Pictures of the quality of probability forecasts."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,11 +29,11 @@ def draw_narrowing(
     """Draw maps of probability over shaded relief, with outlines of observed and final lava.
 
     ``maps`` has the title and the probability (0 to 100, NaN unknown) of each map; ``seen`` and
-    ``came``, bool, are where lava was observed, and where it came in the end; all have the shape
-    of the terrain. The suffix of ``output`` chooses the format.
+    ``came``, bool, are the observed and the finally inundated cells; all have the shape of the
+    terrain. The suffix of ``output`` sets the format.
 
     Raises:
-        LavaError: matplotlib is not installed, or the picture cannot be written.
+        LavaError: If matplotlib is not installed, or the picture cannot be written.
     """
     frame, outlines = frame_of(scene), {'observed outline': seen, 'final outline': came}
     panels = [
@@ -45,7 +45,7 @@ def draw_narrowing(
 
 
 def frame_of(scene: Scene) -> Frame:
-    """The ground and vents of a scene as a frame without layers."""
+    """Return the terrain and the vents of a scene as a frame without layers."""
     terrain = scene.terrain
     return Frame(
         elevation=terrain.elevation,
@@ -61,10 +61,10 @@ def frame_of(scene: Scene) -> Frame:
 def draw_reliability(
     axes: Any, probability: np.ndarray, came: np.ndarray, name: str = ''
 ) -> None:
-    """Draw a reliability diagram: the share of cells that lava reached by forecast probability.
+    """Draw a reliability diagram: fraction of inundated cells by forecast probability.
 
-    ``probability`` is from 0 to 1; ``came`` is bool, of the same shape. ``name`` is that of the
-    ensemble, for the title.
+    ``probability`` is from 0 to 1; ``came`` (inundated) is bool, of the same shape. ``name`` is
+    the name of the ensemble, for the title.
     """
     bins = [item for item in reliability(probability, came) if item.count]
     axes.plot([0, 100], [0, 100], color='#999999', linewidth=1.0, label='perfect')

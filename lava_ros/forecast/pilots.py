@@ -1,25 +1,27 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs of a scene that are timed and looked at on their way, and what they tell of a finer one.
+"""Pilot runs, from which the cost and the error of a finer run are predicted.
 
 Cost: the wall time of a run is s + E (a + b r^k), in proportion to the run with the nearest
-refinement r. Its evaluations E grow as a power of r, that of the last two runs. The time of an
-evaluation has a constant part and one that goes as the number of particles, r^2; the iterations of
-the lateral stress make k 3 in place of 2. Between two runs the time is a power of r.
+refinement r. The number of evaluations E grows as a power of r, fitted to the last two runs. The
+time of an evaluation has a constant part and one proportional to the number of particles, r^2;
+with the iterations of the lateral stress, k is 3 instead of 2. Between two runs the time is a
+power of r.
 
-A run that was stopped would have continued as a coarser one did, with evaluations and particles in
-proportion. Its own evaluations, and those of the coarser one with the same physics, tell how long
-each takes with so many particles.
+A stopped run is extrapolated like a coarser run, with evaluations and particles in proportion. Its
+own evaluations, and those of the coarser run with the same physics, give the time of an evaluation
+for a number of particles.
 
-Error: the share of what two runs cover that only one of them covers. An edge is off by a bias,
-C r^-p, and by the random places of particles, q C r^-p. Two runs then differ by
+Error: the fraction of the cells inundated by either of two runs that only one inundates. An edge
+has a bias, C r^-p, and a scatter from the random positions of particles, q C r^-p. Two runs differ
+by
 
     d_ij = C sqrt((r_i^-p - r_j^-p)^2 + q^2 (r_i^-2p + r_j^-2p))
 
-and each from the limit by C r^-p sqrt(1 + q^2). A run that was stopped is compared where it
-stopped; from there to the horizon differences grow as those of the coarser runs did. Few runs do
-not tell p and q: values of a grid are weighed by their likelihood and by how usual they are.
+and each from the limit by C r^-p sqrt(1 + q^2). A stopped run is compared at the time when it
+stopped; from there to the horizon, differences grow as those of the coarser runs did. A few runs
+do not determine p and q, so values on a grid are weighted by likelihood and prior.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -38,24 +40,24 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
 
-#: Times at which pilots are compared.
+#: Number of times at which pilots are compared.
 MARKS = 10
 
-#: Smallest error of a run as a share of what it covers: twice the error of the edge that the
-#: finest preset has in docs/accuracy, since an area goes as the square of its radius.
+#: Minimum error of a run as a fraction of its inundated area: twice the finest preset's error of
+#: the edge in docs/accuracy, because an area is proportional to the square of its radius.
 FLOOR = 0.004
 
-#: Least factors between two refinements that tell how evaluations grow, and how errors fall.
+#: Minimum ratios of two refinements for fitting the growth of evaluations and the fall of errors.
 APART, WELL_APART = 1.15, 1.3
 
-#: Powers p of the error, and how usual each is: docs/accuracy has 1 on slopes, and more where
-#: coarse runs hardly resolve the ground or the thickness.
+#: Powers p of the error with prior weights: docs/accuracy has 1 on slopes, and more where coarse
+#: runs hardly resolve the terrain or the thickness.
 ORDERS = {0.6: 1.0, 0.8: 1.0, 1.0: 1.0, 1.25: 1.0, 1.5: 1.0, 1.8: 0.5}
 
-#: Scatter q over bias.
+#: Ratios q of scatter to bias.
 SCATTERS = (0.0, 0.3, 0.6, 1.0, 2.0)
 
-#: Standard deviation of the logarithm of a difference from the law.
+#: Standard deviation of the logarithm of a difference between runs from the law.
 _SPREAD = 0.3
 
 
@@ -65,15 +67,15 @@ class Pilot:
 
     Attributes:
         refinement: Its refinement.
-        wall_time: Wall time to the horizon [s], extrapolated (``completed``) where it was stopped.
-        evaluations: Velocity evaluations, likewise.
+        wall_time: Wall time to the horizon [s], extrapolated (``completed``) for a stopped run.
+        evaluations: Number of velocity evaluations, also extrapolated.
         effects: Its physics.
-        covered: Cells with lava at the ends of ``MARKS`` equal parts of the horizon, as far as it
-            came, bool, shape [marks, rows, columns].
-        spent: Wall time that it took [s].
+        covered: Cells with lava at the ends of ``MARKS`` equal parts of the horizon, up to the
+            end of the run, bool, shape [marks, rows, columns].
+        spent: Wall time of the run [s].
         setup: Part of the wall time before the first step [s].
-        progress: Simulated time as a share of the horizon, wall time after the setup [s],
-            evaluations and particles, as they grew, shape [n, 4].
+        progress: Simulated time as a fraction of the horizon, wall time after the setup [s],
+            evaluations and particles over the run, shape [n, 4].
     """
 
     refinement: float
@@ -87,7 +89,7 @@ class Pilot:
 
     @property
     def is_done(self) -> bool:
-        """Whether it came to the horizon."""
+        """True if the run reached the horizon."""
         return len(self.covered) == MARKS
 
 
@@ -101,11 +103,11 @@ def run_at(
     effects: Effects | Mapping[str, bool] | None = None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Pilot:
-    """Run a scene to ``horizon`` [s], or for ``wall_limit`` [s] of wall time if that is less.
+    """Run a scene to ``horizon`` [s], or for at most ``wall_limit`` [s] of wall time.
 
-    Kernels are compiled before the clock starts. Looks at the flow before the end do not shorten
-    its time steps, and count as time spent only. ``effects`` are the physics, or a mapping that
-    switches some effects.
+    Kernels are compiled before the clock starts. Observations before the end do not shorten time
+    steps, and count only as ``spent``. ``effects`` are the physics, or a mapping that switches
+    some effects.
     """
     accuracy = accuracy_at(scene, refinement, horizon)
     settings: dict[str, Any] = {
@@ -124,12 +126,12 @@ def run_at(
         for _ in simulation.advancing(until, limit=horizon):
             parts += 1
             taken = clock() - begun - setup - looked
-            # some hundred rows, whatever the number of parts
+            # a few hundred rows, independent of the number of parts
             if taken > 1.02 * progress[-1][1]:
                 share = simulation.time / horizon
                 progress.append((share, taken, parts, simulation.particle_count))
             if taken > wall_limit:
-                # finish the step at hand
+                # finish the current step
                 simulation.advance(simulation.time)
                 break
         before = clock()
@@ -139,7 +141,7 @@ def run_at(
             break
         covered.append(snapshot.inundated)
         if mark < MARKS:
-            # only the last one is part of the run
+            # only the last observation is part of the run
             looked += clock() - before
     wall_time = clock() - begun - looked
     return Pilot(
@@ -155,32 +157,32 @@ def run_at(
 
 
 def accuracy_at(scene: Scene, refinement: float, horizon: float) -> Accuracy:
-    """The accuracy of the presets at a refinement between theirs, for a horizon [s]."""
+    """Interpolate the accuracy of the presets at a refinement, for a horizon [s]."""
     accuracy = PRESETS[preset_below(refinement)].accuracy
     return replace(accuracy, spacing=spacing_at(scene, refinement, horizon))
 
 
 def spacing_at(scene: Scene, refinement: float, horizon: float) -> float:
-    """The spacing [m] of a refinement, for a horizon [s]."""
+    """Return the particle spacing [m] of a refinement, for a horizon [s]."""
     between = replace(PRESETS[preset_below(refinement)].accuracy, refinement=refinement)
     return resolution_of(scene, between, horizon=horizon).spacing
 
 
 def preset_below(refinement: float) -> str:
-    """The finest preset that is no finer, ``draft`` below all."""
+    """Return the finest preset at or below a refinement, ``draft`` below all."""
     most = 1.001 * refinement
     below = [name for name in ('standard', 'fine') if PRESETS[name].accuracy.refinement <= most]
     return below[-1] if below else 'draft'
 
 
 def completed(pilot: Pilot, model: Pilot) -> Pilot:
-    """Extrapolate a stopped run to the horizon, in proportion to a coarser run that got there."""
+    """Extrapolate a stopped run to the horizon, in proportion to a complete coarser run."""
     share, taken, *_ = pilot.progress[-1]
     shares = model.progress[:, 0]
     at_that = np.array([np.interp(share, shares, column) for column in model.progress.T[2:]])
     scale = pilot.progress[-1, 2:] / np.maximum(at_that, 1.0)
     if pilot.progress[-1, 3] < 1.0:
-        # as many on the same area
+        # same number of particles per area
         scale[1] = (pilot.refinement / model.refinement) ** 2
     is_later = shares > share
     to_come = np.vstack([at_that, model.progress[is_later, 2:]]) * scale
@@ -189,7 +191,7 @@ def completed(pilot: Pilot, model: Pilot) -> Pilot:
     constant, slope = _line(sizes, times / more, more)
     sizes, more, _ = _increments(pilot).T
     expected = float((more * (constant + slope * sizes)).sum())
-    # without a particle so far it is as fast as the coarser one
+    # before the first particle, use the speed of the coarser run
     faster = taken / expected if expected > 0.0 else 1.0
     sizes = (0.5 * (to_come[1:, 1] + to_come[:-1, 1])) ** _power(pilot.effects)
     times = faster * np.diff(to_come[:, 0]) * (constant + slope * sizes)
@@ -203,12 +205,12 @@ def completed(pilot: Pilot, model: Pilot) -> Pilot:
 
 
 def _power(effects: Effects) -> float:
-    """Power of the particles' number that an evaluation goes as."""
+    """Return the power of the number of particles in the time of an evaluation."""
     return 1.5 if 'helmholtz' in effects else 1.0
 
 
 def _increments(pilot: Pilot) -> np.ndarray:
-    """Particles to their power, evaluations and wall time [s] of each part, shape [n, 3]."""
+    """Return (particles to their power, evaluations, wall time [s]) per part, shape [n, 3]."""
     _, times, evaluations, particles = pilot.progress.T
     sizes = (0.5 * (particles[1:] + particles[:-1])) ** _power(pilot.effects)
     parts = np.stack([sizes, np.diff(evaluations), np.diff(times)], axis=1)
@@ -228,7 +230,7 @@ def cost_at(pilots: Sequence[Pilot], refinement: float) -> float:
     scale = refinement / nearest.refinement
     power = _power(nearest.effects)
     if len(pilots) == 1:
-        # nothing to compare with but its own parts
+        # a single run is compared only with its own parts
         sizes, more, times = _increments(nearest).T
         weights = more / np.sqrt(times)
         sizes, times = sizes / max(np.average(sizes, weights=more), 1.0), times / more
@@ -237,7 +239,7 @@ def cost_at(pilots: Sequence[Pilot], refinement: float) -> float:
         times = np.array([
             (pilot.wall_time - pilot.setup) / max(pilot.evaluations, 1.0) for pilot in pilots
         ])
-        # a run that is twice as long is half as uncertain, that is four times the weight
+        # a run of twice the duration has half the uncertainty, so four times the weight
         weights = np.sqrt(sizes) / np.maximum(times, 1e-12)
     constant, slope = _line(sizes, times, weights)
     each = (constant + slope * scale ** (2.0 * power)) / (constant + slope)
@@ -245,9 +247,9 @@ def cost_at(pilots: Sequence[Pilot], refinement: float) -> float:
 
 
 def _growth(pilots: Sequence[Pilot]) -> float:
-    """Power of the refinement at which evaluations grow."""
+    """Return the power of the refinement with which evaluations grow."""
     last = pilots[-1]
-    # those too near say more of chance
+    # runs of similar refinement show mostly scatter
     far = [pilot for pilot in pilots[:-1] if pilot.refinement * APART < last.refinement]
     before = far[-1] if far else pilots[0]
     if before.refinement == last.refinement:
@@ -258,13 +260,13 @@ def _growth(pilots: Sequence[Pilot]) -> float:
 
 
 def _line(sizes: np.ndarray, times: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
-    """Constant and slope, neither negative, of the line with the least weighted errors."""
+    """Fit a line by weighted least squares; return constant and slope, neither negative."""
     rows = np.stack([weights, weights * sizes], axis=1)
     (constant, slope), *_ = np.linalg.lstsq(rows, weights * times, rcond=None)
     if slope < 0.0:
         return float(np.average(times, weights=weights**2)), 0.0
     if constant < 0.0:
-        # before a vent opens there is no particle, and a size is 0
+        # before a vent opens there are no particles, and a size is 0
         return 0.0, float((weights**2 * sizes * times).sum() / (weights**2 * sizes**2).sum())
     return float(constant), float(slope)
 
@@ -273,15 +275,15 @@ def error_law(pilots: Sequence[Pilot]) -> Callable[[float], float]:
     """Fit laws C r^-p to the finest pilots, at least two of which reached the horizon.
 
     Returns:
-        The share of the covered area that is wrong at a refinement, from ``FLOOR`` to 1: the mean
-        of the laws' logarithms.
+        Function from a refinement to the wrong fraction of the inundated area, from ``FLOOR`` to
+        1: the geometric mean of the laws.
     """
     done = _apart([pilot for pilot in pilots if pilot.is_done])[-4:]
     begun = _apart([
         pilot for pilot in pilots if not pilot.is_done and len(pilot.covered)
         and pilot.refinement > WELL_APART * done[-1].refinement
     ])[-2:]
-    # what differences are of those at the horizon
+    # ratios of the differences to those at the horizon
     growth = np.mean([_differences(one, other) for one, other in combinations(done, 2)], axis=0)
     growth -= growth[-1]
     pairs = list(combinations([*done, *begun], 2))
@@ -308,7 +310,7 @@ def error_law(pilots: Sequence[Pilot]) -> Callable[[float], float]:
 
 
 def _apart(pilots: Sequence[Pilot]) -> list[Pilot]:
-    """Those that are far enough from each other, from the coarsest; of others the finest."""
+    """Select runs with well-separated refinements, coarsest first; of close runs the finest."""
     kept: list[Pilot] = []
     for pilot in sorted(pilots, key=lambda pilot: (pilot.refinement, pilot.spent), reverse=True):
         if not kept or kept[0].refinement > WELL_APART * pilot.refinement:
@@ -317,10 +319,10 @@ def _apart(pilots: Sequence[Pilot]) -> list[Pilot]:
 
 
 def _differences(one: Pilot, other: Pilot) -> np.ndarray:
-    """Logarithm of the share that only one of two covers, at each mark that both have."""
+    """Return the logarithm of the fraction that only one of two runs covers, per common mark."""
     count = min(len(one.covered), len(other.covered))
     here, there = one.covered[:count], other.covered[:count]
     both = np.count_nonzero(here | there, axis=(1, 2))
     wrong = np.count_nonzero(here ^ there, axis=(1, 2))
-    # half a cell, lest runs that agree would be without error
+    # add half a cell, so that runs that agree have an error above 0
     return np.log(np.maximum(wrong, 0.5) / np.maximum(both, 1))

@@ -1,20 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The accuracy one can afford: spacing, preset and members for a scene, a horizon and a time.
+"""Planning of runs: spacing, preset and members for a scene, a horizon and a wall time.
 
 Coarse pilots run first, each finer than the one before, until one takes a good part of the time.
-pilots.py tells from them the cost and the error of a finer run; the error is of the method
-alone, not of terrain, discharge and material.
+pilots.py predicts the cost and the error of a finer run from them. The error is that of the
+numerical method, without errors of terrain, discharge and material.
 
-The planned run is then begun with the effects (selection.py) that it calls for, and stopped after
-a seventh of the time; the coarse runs tell how long it would take. If that differs from the
-forecast, the plan is changed and begun again. If not, the whole run is made, and one somewhat
-coarser, whose difference tells most of the error. Where effects do not fit and much of the time is
-left, a plan may do without them, if ``may_force`` is set.
+The planned run is then started with the effects that it calls for (selection.py), and stopped
+after a seventh of the time; its full duration follows from the coarse runs. If it differs from the
+prediction, the plan is changed and started again. Otherwise the full run is made, and a somewhat
+coarser one, whose difference determines most of the error. If effects do not fit and much of the
+time is left, a plan may omit them if ``may_force`` is set.
 
-Members of an ensemble share the time. The probability that n of them give has a sampling error of
-up to 1 / (2 sqrt(n)). Where n is left open, it is the one with the smallest sum of both errors.
+Members of an ensemble share the time. The probability from n members has a sampling error of up to
+1 / (2 sqrt(n)). If n is not given, it is the number with the smallest sum of both errors.
 """
 
 from collections.abc import Callable
@@ -42,70 +42,81 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.resolution import resolution_of
 from lava_ros.simulation.selection import effects_for
 
-#: Refinement of the first pilot, and factors to the next one: the larger one if time allows.
+#: Refinement of the first pilot, and factors to the next pilot: the larger one if time allows.
 FIRST, FINER, MUCH_FINER = 0.2, 1.4, 2.0
 
-#: Limits of a plan's refinement, and the largest factor on that of the finest pilot.
+#: Limits of a plan's refinement, and its maximum ratio to that of the finest pilot.
 COARSEST, FINEST, REACH = FIRST, 8.0, 2.0
 
-#: Number of pilots that run to the horizon if time allows: two do not show how errors fall.
+#: Number of pilots that run to the horizon if time allows: with two, the error law is not known.
 AT_LEAST = 3
 
-#: Shares of the time: of the last of them, of all before a much finer one is too expensive, and of
-#: all at most.
-ENOUGH, MUCH_CLIMBING, MOST_CLIMBING = 0.15, 0.4, 0.9
+#: The search ends with a pilot that takes at least this fraction of the time.
+LAST_PILOT_TIME_FRACTION = 0.15
+#: Maximum fraction of the time for all pilots after a step of ``MUCH_FINER``.
+COARSE_STEP_TIME_FRACTION = 0.4
+#: Maximum fraction of the time for all pilots.
+MAX_PILOT_TIME_FRACTION = 0.9
 
-#: Share of the time after which a begun run is stopped, the largest share of all runs by then, and
-#: the largest number of begun runs.
-BEGINNING, MOST_BEGINNING, MOST_BEGUN = 0.15, 1.25, 6
+#: A partial run is stopped after this fraction of the time.
+PARTIAL_RUN_TIME_FRACTION = 0.15
+#: Maximum fraction of the time for all runs including a partial run.
+MAX_PARTIAL_TIME_FRACTION = 1.25
+#: Maximum number of partial runs.
+MAX_PARTIAL_RUNS = 6
 
-#: How far a plan may be from a run that was begun, as factors of the refinement and of the time.
-NEAR, ALIKE = 1.08, 1.35
+#: Maximum ratios of the refinement and of the time of a plan and a partial run that confirms it.
+NEAR, PARTIAL_RUN_TIME_RATIO = 1.08, 1.35
 
-#: Share of the time after which a whole run is stopped too, how many there are at most, and how
-#: far a plan may be from one, as a factor of the refinement.
-PATIENCE, MOST_WHOLE, NEAR_WHOLE = 1.1, 2, 1.2
+#: A full run is stopped after this fraction of the time.
+FULL_RUN_TIME_FRACTION = 1.1
+#: Maximum number of full runs.
+MAX_FULL_RUNS = 2
+#: Maximum ratio of the refinements of a plan and a full run that confirms it.
+FULL_RUN_REFINEMENT_RATIO = 1.2
 
-#: How much coarser the run is that tells the error, and the largest factor between that and a run
-#: that was made already.
+#: Ratio of the refinements of the full run and the coarser one from which the error follows, and
+#: maximum ratio of the latter to an existing run that replaces it.
 COARSER, ABOUT = 1.45, 1.2
 
-#: Share of the time that a plan uses: other work on the machine only makes it slower.
+#: Fraction of the time that a plan uses, with a margin for other load on the machine.
 USED = 0.7
 
-#: Share of the time below which a plan rather uses more than ``USED``, and how much then.
-LEAST_USED, MOST_USED = 0.6, 0.9
+#: A plan that uses a smaller fraction of the time than this may use more than ``USED``.
+MIN_PLANNED_TIME_FRACTION = 0.6
+#: Maximum fraction of the time in that case.
+MAX_PLANNED_TIME_FRACTION = 0.9
 
-#: How much finer a plan may be without the effects that are called for there: without the lateral
-#: stress, on a ridge, the area changes as much as with a vent 3 cm away.
+#: Maximum increase of the refinement by omitting effects that are called for: on a ridge, omitting
+#: the lateral stress changes the area as much as moving a vent by 3 cm.
 WITHOUT = 2.0
 
-#: Most members worth having: 1 % of sampling error.
-_MOST_MEMBERS = 2500
+#: Maximum number of members, which has a sampling error of 1 %.
+_MAX_MEMBERS = 2500
 
 
 @dataclass(frozen=True)
 class Affordable:
-    """What to run.
+    """A plan for the runs.
 
     A run builds a simulation, advances it to the horizon and takes a snapshot, as ``run_at`` does;
     its kernels are compiled before. It uses ``USED`` of the time; docs/benchmarks/plan.csv
     compares that and the error with measurements.
 
     Attributes:
-        preset: Name of the preset that is nearest below.
-        spacing: Distance between particles [m].
-        refinement: The terrain's resolution over it.
-        members: Members of an ensemble, 1 for a single run.
+        preset: Name of the nearest coarser preset.
+        spacing: Particle spacing [m].
+        refinement: The terrain's resolution over the spacing.
+        members: Number of ensemble members, 1 for a single run.
         wall_time: Expected time of all runs [s].
-        error: Expected fraction of the inundated area (up to the horizon)
-            that is wrong: one less the Jaccard index with the limit of fine spacing.
-        cell_error: Expected share that is wrong by the cells of the terrain.
+        error: Expected wrong fraction of the inundated area up to the horizon: one minus the
+            Jaccard index with the limit of fine spacing.
+        cell_error: Expected wrong fraction due to the cells of the terrain.
         sampling_error: Standard error of a probability of one half, 0 for a single run.
-        is_finest: Whether more time would not make it finer.
+        is_finest: Whether more time would not increase the refinement.
         pilots: Number of pilots.
-        spent: Time of the pilots, without compiling kernels [s].
-        forced: Effects that differ from what the scene calls for at this spacing.
+        spent: Wall time of the pilots, without compilation [s].
+        forced: Effects that differ from those that the scene calls for at this spacing.
     """
 
     preset: str
@@ -133,24 +144,24 @@ def afford(
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Affordable:
-    """Find the finest runs that fit into a time, by pilots that take one to three times as long.
+    """Find the finest runs that fit in a wall time, with pilots that take one to three times that.
 
-    Their accuracy is ``preset_accuracy(plan.preset, spacing=plan.spacing)``, and their effects are
-    ``plan.forced``.
+    The accuracy of the runs is ``preset_accuracy(plan.preset, spacing=plan.spacing)``, and their
+    effects are ``plan.forced``.
 
     Args:
-        scene: The scene; of an ensemble the one in the middle.
-        within: Wall time there is [s].
-        horizon: How far each run goes [s].
-        members: Runs, one after the other; None for the number with the smallest error.
+        scene: The scene; for an ensemble, the one with median inputs.
+        within: Wall time for the runs [s].
+        horizon: Simulated duration of each run [s].
+        members: Number of successive runs; None for the number with the smallest error.
         device: Warp device; None for the first GPU, or the CPU without one.
-        may_force: Whether a plan may do without effects that do not fit (``Affordable.forced``)
-            where most of the time would be left otherwise.
+        may_force: Whether a plan may omit effects that do not fit (``Affordable.forced``) if most
+            of the time would otherwise be left.
         on_pilot: Called after each pilot.
-        clock: What tells the time [s]; ``time.process_time`` on a CPU that others use too.
+        clock: Returns the time [s]; ``time.process_time`` on a shared CPU.
 
     Raises:
-        LavaError: An argument is not usable, or the time is too short for the coarsest run.
+        LavaError: If an argument is not valid, or the time is too short for the coarsest run.
     """
     within = validation.number('within', within, above=0.0, unit='s')
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
@@ -184,7 +195,7 @@ def afford(
 
 @dataclass(frozen=True)
 class _Choice:
-    """A plan for now; ``used`` is its share of the time."""
+    """A provisional plan; ``used`` is the fraction of the time that it uses."""
 
     refinement: float
     members: int
@@ -194,7 +205,7 @@ class _Choice:
 
 @dataclass
 class _Search:
-    """The pilots that are run for a plan, and what they tell."""
+    """A search for a plan by pilots."""
 
     scene: Scene
     within: float
@@ -208,56 +219,59 @@ class _Search:
 
     @property
     def pilots(self) -> list[Pilot]:
-        """Those that came to the horizon, from the coarsest."""
+        """The pilots that reached the horizon, coarsest first."""
         done = [run for run in self.runs if run.is_done]
         return sorted(done, key=lambda pilot: pilot.refinement)
 
     @property
     def spent(self) -> float:
-        """Time of all pilots [s]."""
+        """Wall time of all pilots [s]."""
         return sum(pilot.spent for pilot in self.runs)
 
     def climb(self) -> None:
         """Run pilots to the horizon, each finer than the one before."""
         refinement, within = FIRST, self.within
-        # where the number of members is open, as for a single run
+        # without a given number of members, as for a single run
         share = within / (self.members or 1)
         while refinement <= FINEST:
-            left = MOST_CLIMBING * within - self.spent
+            left = MAX_PILOT_TIME_FRACTION * within - self.spent
             if not self._run(refinement, left if len(self.pilots) >= 2 else within, None):
-                # finer physics, or a busy machine: what has been seen will do
+                # finer physics or a busy machine: the pilots so far suffice
                 break
             done = self.pilots
-            if done[-1].wall_time >= ENOUGH * share and len(done) >= AT_LEAST:
+            if done[-1].wall_time >= LAST_PILOT_TIME_FRACTION * share and len(done) >= AT_LEAST:
                 break
             then = {
                 step: self.spent + self.cost(step * refinement, done[-1].effects)
                 for step in (FINER, MUCH_FINER)
             }
-            step = FINER if then[MUCH_FINER] > MUCH_CLIMBING * within else MUCH_FINER
-            if then[step] > MOST_CLIMBING * within and len(done) >= 2:
+            step = FINER if then[MUCH_FINER] > COARSE_STEP_TIME_FRACTION * within else MUCH_FINER
+            if then[step] > MAX_PILOT_TIME_FRACTION * within and len(done) >= 2:
                 break
             refinement *= step
         if len(self.pilots) < 2:
             raise LavaError('within', within, 'more time: the coarsest runs take longer')
 
     def choose(self) -> _Choice:
-        """Refinement, members and effects that fit into the time with the smallest error."""
-        for _ in range(MOST_BEGUN):
+        """Choose refinement, members and effects that fit in the time with the smallest error."""
+        for _ in range(MAX_PARTIAL_RUNS):
             best = self._best(self._guess)
             cost = self.cost(best.refinement, best.effects)
             is_known = any(
-                1.0 / ALIKE <= cost / run.wall_time <= ALIKE
+                1.0 / PARTIAL_RUN_TIME_RATIO <= cost / run.wall_time <= PARTIAL_RUN_TIME_RATIO
                 for run in self._near(best.refinement, NEAR, best.effects)
             )
-            if is_known or self.spent + BEGINNING * self.within > MOST_BEGINNING * self.within:
+            limit = PARTIAL_RUN_TIME_FRACTION * self.within
+            if is_known or self.spent + limit > MAX_PARTIAL_TIME_FRACTION * self.within:
                 break
-            self._run(best.refinement, BEGINNING * self.within, best.effects)
-        for _ in range(MOST_WHOLE):
+            self._run(best.refinement, limit, best.effects)
+        for _ in range(MAX_FULL_RUNS):
             best = self._best(self.cost)
-            if any(run.is_done for run in self._near(best.refinement, NEAR_WHOLE, best.effects)):
+            near = self._near(best.refinement, FULL_RUN_REFINEMENT_RATIO, best.effects)
+            if any(run.is_done for run in near):
                 break
-            self._run(best.refinement, PATIENCE * self.within / best.members, best.effects)
+            limit = FULL_RUN_TIME_FRACTION * self.within / best.members
+            self._run(best.refinement, limit, best.effects)
         best = self._best(self.cost)
         coarser = best.refinement / COARSER
         if not any(run.is_done for run in self._near(coarser, ABOUT)):
@@ -265,7 +279,7 @@ class _Search:
         return best
 
     def law(self) -> Callable[[float], float]:
-        """The law of errors; begun runs with the effects of other refinements do not enter."""
+        """Return the error law, fitted without partial runs with effects of other refinements."""
         return error_law([
             run
             for run in self.runs
@@ -273,23 +287,23 @@ class _Search:
         ])
 
     def cost(self, refinement: float, effects: Effects) -> float:
-        """Wall time of a run [s], infinite where no pilot had its physics."""
+        """Return the wall time of a run [s], infinite if no pilot had its physics."""
         known = []
         for pilot in sorted(self.runs, key=lambda pilot: pilot.refinement):
-            near = self._near(pilot.refinement, NEAR_WHOLE, effects)
-            # one that was stopped says nothing beside one that was not, or much later
+            near = self._near(pilot.refinement, FULL_RUN_REFINEMENT_RATIO, effects)
+            # ignore a stopped run close to a complete or a much longer one
             is_best = not any(run.is_done or run.spent > 2.0 * pilot.spent for run in near)
             if pilot.effects == effects and (pilot.is_done or is_best):
                 known.append(pilot)
         return cost_at(known, refinement) if known else math.inf
 
     def _guess(self, refinement: float, effects: Effects) -> float:
-        """Wall time of a run [s]; physics that no pilot had may cost no more."""
+        """Guess the wall time of a run [s], without extra cost for physics that no pilot had."""
         cost = self.cost(refinement, effects)
         return cost if math.isfinite(cost) else self.cost(refinement, self.pilots[-1].effects)
 
     def _near(self, refinement: float, by: float, effects: Effects | None = None) -> list[Pilot]:
-        """Runs that are near to a refinement, by a factor, with some effects or with any."""
+        """Return the runs within a factor of a refinement, with given effects or with any."""
         return [
             run
             for run in self.runs
@@ -297,7 +311,7 @@ class _Search:
         ]
 
     def _run(self, refinement: float, patience: float, effects: Effects | None) -> bool:
-        """Run a pilot for some time [s]; whether it came to the horizon."""
+        """Run a pilot for at most ``patience`` [s]; return True if it reached the horizon."""
         pilot = run_at(
             self.scene, refinement, self.horizon, device=self.device, wall_limit=patience,
             effects=effects, clock=self.clock,
@@ -317,28 +331,29 @@ class _Search:
         for refinement in np.geomspace(COARSEST, finest, 400).tolist():
             effects = self.effects_at(refinement)
             each = max(cost(refinement, effects), 1e-9)
-            # not so near to other effects that rounding decides
+            # not at a change of effects, where rounding would decide
             if effects != self.effects_at(1.001 * refinement) or not math.isfinite(each):
                 continue
             if best is None:
                 best = _Choice(refinement, self.members or 1, effects, 0.0)
-            # where other effects make a leap in cost, rather nearly all of the time than half
-            is_leap = 0.0 < best.used < LEAST_USED and not self.may_force
-            most = MOST_USED if is_leap else USED
-            fitting = int(min(most * self.within / each, _MOST_MEMBERS))
+            # at a jump of the cost, prefer to use nearly all of the time instead of half
+            is_leap = 0.0 < best.used < MIN_PLANNED_TIME_FRACTION and not self.may_force
+            most = MAX_PLANNED_TIME_FRACTION if is_leap else USED
+            fitting = int(min(most * self.within / each, _MAX_MEMBERS))
             count = fitting if self.members is None else self.members
             if not 1 <= count <= fitting:
                 continue
             error = math.hypot(law(refinement), sampling_error(count))
-            # errors below the least one are alike: finer is better
+            # of equal errors (the minimum error), prefer the finer run
             if error <= least:
                 best = _Choice(refinement, count, effects, count * each / self.within)
                 least = error
         assert best is not None
-        return self._without(best) if self.may_force and best.used < LEAST_USED else best
+        is_small = best.used < MIN_PLANNED_TIME_FRACTION
+        return self._without(best) if self.may_force and is_small else best
 
     def _without(self, best: _Choice) -> _Choice:
-        """The finest that fits with the effects of a choice, also where others are called for."""
+        """Find the finest run that fits with the effects of a choice, even if others are due."""
         finest = min(FINEST, WITHOUT * best.refinement)
         for refinement in np.geomspace(best.refinement, finest, 50).tolist():
             used = best.members * self.cost(refinement, best.effects) / self.within
@@ -347,12 +362,12 @@ class _Search:
         return best
 
     def effects_at(self, refinement: float) -> Effects:
-        """The effects that the scene calls for."""
+        """Return the effects that the scene calls for."""
         return [effects for start, effects in self._bands if start <= refinement][-1]
 
     @cached_property
     def _bands(self) -> list[tuple[float, Effects]]:
-        """The effects that the scene calls for, each from a refinement on."""
+        """Return the effects that the scene calls for, with the lowest refinement of each."""
 
         def at(refinement: float) -> Effects:
             accuracy = accuracy_at(self.scene, refinement, self.horizon)
@@ -372,5 +387,5 @@ class _Search:
 
 
 def sampling_error(members: int) -> float:
-    """Standard error of a probability of one half from independent members, 0 for a single run."""
+    """Return the standard error of a probability of one half, 0 for a single run."""
     return 0.5 / math.sqrt(members) if members > 1 else 0.0

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processes of this machine that get their work over pipes: nobody else can give them any."""
+"""A pool of local processes that receive jobs only through private pipes."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
@@ -16,7 +16,7 @@ from typing import Any, Generic, TypeVar
 
 from lava_ros.errors import LavaError
 
-#: Rounds in which a process may die and no job end, before the jobs are to blame.
+#: Number of rounds with a dead process and no finished job after which the jobs are to blame.
 DEATHS = 3
 
 Job = TypeVar('Job')
@@ -24,28 +24,28 @@ Result = TypeVar('Result')
 
 _SPAWN = multiprocessing.get_context('spawn')
 
-# in a process of a pool: the function that does a job, and the number of the process
+# in a worker process: the function that does a job, and the number of the process
 _work: Callable[[Any], Any]
 _number = 0
 
 
 class Pool(Generic[Job, Result]):
-    """Processes that do one job after another; they end with the pool and with this process."""
+    """Processes that do jobs one at a time, and end with the pool or with this process."""
 
     def __init__(self, work: Callable[[Job], Result], processes: int) -> None:
-        """Set the function, which is pickled, and the number of processes; start none."""
+        """Set the function, which is pickled, and the number of processes; start none yet."""
         self._work = work
         self._processes = processes
         self._executor: ProcessPoolExecutor | None = None
         self._lifelines: tuple[Connection, ...] = ()
 
     def __call__(self, jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:
-        """Do jobs, and give the number and the result of each as they end, in any order.
+        """Do jobs; yield the number and the result of each in order of completion.
 
-        The jobs of a process that dies are done again. Errors of the work are passed on.
+        The jobs of a process that dies are repeated. Errors of the work are raised.
 
         Raises:
-            LavaError: Processes die, and no job ends.
+            LavaError: If processes die and no job ends.
         """
         left = dict(enumerate(jobs))
         deaths = 0
@@ -71,7 +71,7 @@ class Pool(Generic[Job, Result]):
                 raise LavaError('jobs', list(left.values())[: self._processes], right)
 
     def close(self) -> None:
-        """End the processes, even at work."""
+        """End the processes, even during a job."""
         for end in self._lifelines:
             end.close()
         self._lifelines = ()
@@ -96,9 +96,9 @@ class Pool(Generic[Job, Result]):
 
 @contextmanager
 def interrupts_withheld() -> Iterator[None]:
-    """Keep Ctrl+C from processes that are started here, from their first instruction on.
+    """Block Ctrl+C in processes that are started here, including their start-up.
 
-    They inherit that the signal is blocked. The process that starts them gets it, and ends them.
+    They inherit the blocked signal. The parent process receives it and ends them.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -108,7 +108,7 @@ def interrupts_withheld() -> Iterator[None]:
 
 
 def process_number() -> int:
-    """Which process of its pool this one is, from 0 on."""
+    """Return the number of this process in its pool, starting at 0."""
     return _number
 
 

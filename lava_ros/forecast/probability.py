@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""From members to maps: probability, arrival times and expected peak thickness.
+"""Maps of an ensemble: probability, arrival times and expected peak thickness.
 
-Members are added as whole numbers, whose sums do not depend on the order: any number of workers
-gives the same maps to the last bit.
+Members are added as integers, whose sums do not depend on the order: any number of workers gives
+bitwise identical maps.
 """
 
 from dataclasses import dataclass
@@ -21,22 +21,22 @@ from lava_ros.scene import MAX_ELEVATION
 from lava_ros.simulation.budget import GONE
 from lava_ros.simulation.inundation import inundated_cells
 
-#: In place of a look where there was no lava in any.
+#: Stands for the observation ("look") in a cell without lava.
 NEVER = np.iinfo(np.uint16).max
 
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """The result of a member in integers, on the part of the terrain that its lava reached.
+    """The result of a member in integers, on the rectangle that its lava reached.
 
     Attributes:
         index: The member's number.
-        corner: Row and column of the part's first cell.
-        look: Number of looks before the first at which lava was as thick as the threshold, uint16,
-            shape [rows, columns] of the part; ``NEVER`` where there was none.
-        millimetres: Largest thickness [mm], uint32, same shape.
-        left: Share of the emitted volume that has left the map.
-        called: As of ``MemberFields``.
+        corner: Row and column of the rectangle's first cell.
+        look: Number of observations before the first with lava at or above the threshold,
+            uint16, shape [rows, columns] of the rectangle; ``NEVER`` without lava.
+        millimetres: Peak thickness [mm], uint32, same shape.
+        left: Fraction of the emitted volume that has left the map.
+        called: As in ``MemberFields``.
     """
 
     index: int
@@ -48,7 +48,7 @@ class Footprint:
 
 
 def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
-    """Round a member's fields to whole looks and millimetres."""
+    """Round a member's fields to whole observations and millimetres."""
     peak = np.nan_to_num(np.asarray(member.peak, dtype=np.float64))
     millimetres = np.rint(1000.0 * np.clip(peak, 0.0, MAX_ELEVATION)).astype(np.uint32)
     arrived = inundated_cells(member.arrival)
@@ -67,7 +67,7 @@ def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
 
 
 def reached_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
-    """Where a member's lava was by a time [s] from the start, bool, of the terrain's shape."""
+    """Return the cells a member has inundated by a time [s], bool, of the terrain's shape."""
     reached = np.zeros(plan.scene.terrain.shape, dtype=bool)
     rows, columns = footprint.look.shape
     row, column = footprint.corner
@@ -77,7 +77,7 @@ def reached_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
 
 
 def first_looks(footprint: Footprint, places: Places) -> np.ndarray:
-    """Find the first look with a member's lava at each place, ``NEVER`` without: [places]."""
+    """Find the first observation with lava at each place, ``NEVER`` without: [places]."""
     rows, columns = (
         cells - first
         for cells, first in zip((places.rows, places.columns), footprint.corner, strict=True)
@@ -91,15 +91,15 @@ def first_looks(footprint: Footprint, places: Places) -> np.ndarray:
 
 
 class Tally:
-    """Members so far, each added once, in any order."""
+    """Accumulator of members, each added once, in any order."""
 
     def __init__(self, plan: Plan, places: Places | None = None) -> None:
-        """Begin without members; the maps tell when lava comes to ``places``, if there are any."""
+        """Initialize without members; the maps include arrival times at ``places``, if any."""
         self._plan, self._places = plan, places
         self._place_arrivals = np.zeros((len(places or ()), plan.looks), dtype=np.int64)
         shape = plan.scene.terrain.shape
         self._depth = np.zeros(shape, dtype=np.int64)
-        # cells that no member has reached have no row in the table of arrivals
+        # only cells that a member has reached have a row in the table of arrivals
         self._row = np.full(shape, -1, dtype=np.int64)
         self._arrivals = np.zeros((1024, plan.looks), dtype=np.int64)
         self._rows = 0
@@ -108,14 +108,14 @@ class Tally:
 
     @property
     def count(self) -> int:
-        """Members there are."""
+        """Number of members."""
         return len(self._added)
 
     def add(self, footprint: Footprint, weight: int = 1) -> None:
-        """Add a member; ``weight`` is its weight relative to those of the others.
+        """Add a member with a relative weight.
 
         Raises:
-            LavaError: The member has been added already, or extends beyond the terrain.
+            LavaError: If the member has been added already, or extends beyond the terrain.
         """
         if footprint.index in self._added:
             raise LavaError('member', footprint.index, 'a member that has not been added yet')
@@ -139,7 +139,7 @@ class Tally:
         if self._rows > len(self._arrivals):
             more = max(self._rows - len(self._arrivals), len(self._arrivals))
             self._arrivals = np.pad(self._arrivals, ((0, more), (0, 0)))
-        # a cell is in a footprint once, so that no sum gets lost
+        # a footprint contains each cell once, so that no sum is lost
         self._arrivals[row_of[arrived], footprint.look[arrived]] += weight
         if self._places is not None:
             first = first_looks(footprint, self._places)
@@ -147,10 +147,10 @@ class Tally:
             self._place_arrivals[np.flatnonzero(reached), first[reached]] += weight
 
     def maps(self) -> HazardMaps:
-        """The maps of all members.
+        """Return the maps of all members.
 
         Raises:
-            LavaError: There are none, or all have a weight of 0.
+            LavaError: If there are no members, or all have a weight of 0.
         """
         if not self._total:
             raise LavaError('members', self.count, 'at least one with a weight above 0')
@@ -179,11 +179,11 @@ class Tally:
         )
 
     def _when(self, arrivals: np.ndarray) -> PlaceForecast:
-        """Probability and times of the weights [places, looks] that arrive at each look."""
+        """Convert the weights that arrive at each observation, [places, looks], to a forecast."""
         sums = np.cumsum(arrivals, axis=1)
         times = {}
         for share in QUANTILES:
-            # exact: 0.1 is no binary fraction
+            # exact integers, because 0.1 is not a binary fraction
             needed = -(-self._total * Fraction(str(share)) // 1)
             enough = sums >= int(needed)
             times[share] = np.where(

@@ -1,21 +1,22 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The process that computes forecasts: it receives orders and sends forecasts.
+"""The child process that computes forecasts: it receives requests and sends results.
 
-The live simulation has priority: this process lowers its own priority, and works in short slices
-with rests between them, for no more than its share of the time. As a process of its own it does
-not hold up the live simulation by Python's lock or the capture of a graph, nor end it by a crash.
+The live simulation takes precedence: this process lowers its own priority, and computes in short
+slices with rests between them, up to a maximum fraction of the time. As a separate process it does
+not block the live simulation by Python's lock or by graph capture, and cannot crash it.
 
-An order is the name of a method of ``Forecasting`` and its arguments, pickled. Answers are:
+A request ("order") is the name of a method of ``Forecasting`` and its arguments, pickled. Replies
+are:
 
-    progress           number; progress of the look ahead and of the ensemble
+    progress           number; progress of the forecast and of the ensemble
     forecast           number, fields of ``Forecast``
     refused            number, reason
     ensemble_refused   reason
 
-and those of ``live_ensemble``. A look ahead starts before the ensemble from the same checkpoint;
-then they take turns. The process ends when the other end of its connection is closed.
+and those of ``live_ensemble``. A forecast starts before the ensemble from the same checkpoint;
+then they alternate. The process ends when the other end of its connection is closed.
 """
 
 from collections.abc import Iterator, Mapping
@@ -34,20 +35,20 @@ from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.forecast.sampling import prepare_sampling
 from lava_ros.simulation.checkpoint import Checkpoint
 
-#: Niceness of this process: it gets a tenth of a core that it shares with another one.
+#: Niceness of this process: it gets a tenth of a core that it shares with another process.
 NICENESS = 10
 
-#: Wall time of a slice, wall time between two reports of progress, and longest rest [s].
-SLICE_WALL_TIME, REPORT_TIME, _LONGEST_REST = 0.05, 0.5, 60.0
+#: Wall time of a slice, wall time between two reports of progress, and maximum rest [s].
+SLICE_WALL_TIME, REPORT_TIME, _MAX_REST = 0.05, 0.5, 60.0
 
 Order = tuple[str, dict[str, Any]]
 
 
 class Forecasting:
-    """Takes orders, and computes forecasts in slices."""
+    """Executes requests, and computes forecasts in slices."""
 
     def __init__(self, orders: queue.Queue[Order], answer: Answer) -> None:
-        """Start without a forecast; ``answer`` is called with every result of ``orders``."""
+        """Initialize without a forecast; ``answer`` is called with each reply to ``orders``."""
         self._orders = orders
         self._answer = answer
         self._ahead: LookAhead | None = None
@@ -58,7 +59,7 @@ class Forecasting:
         self._next_slice = self._reported = 0.0
 
     def turn(self) -> None:
-        """Wait for an order, no longer than until the next slice is due; then take one."""
+        """Execute the next request, or a slice if that is due first."""
         wait = max(0.0, self._next_slice - time.monotonic())
         is_idle = self._ahead is None and not self._ensembles.is_busy
         try:
@@ -69,7 +70,7 @@ class Forecasting:
             getattr(self, name)(**values)
 
     def share(self, share: float) -> None:
-        """Set the largest share of the time that forecasts may compute, from now on."""
+        """Set the maximum fraction of the time in which forecasts may compute."""
         self._share = share
 
     def prepare(self) -> None:
@@ -86,32 +87,32 @@ class Forecasting:
         ensemble: Mapping[str, Any] | None,
         **how: Any,
     ) -> None:
-        """Start a look ahead from a checkpoint, in place of the one in progress.
+        """Replace the forecast in progress by a new one from a checkpoint.
 
         ``number`` is that of the forecast, and ``how`` are further arguments of ``LookAhead``. The
-        first forecast of a scene (``is_first``) takes fewer looks. ``ensemble`` has further
+        first forecast of a scene (``is_first``) has fewer observations. ``ensemble`` has further
         arguments of ``LiveEnsembles.order``, None for no ensemble.
         """
         self._ahead, self._number = None, number
         if ensemble is not None:
             self._ensembles.order(checkpoint, number=number, **ensemble, **how)
         with self._guarded():
-            # the first forecast is rather soon than precise
+            # the first forecast should be early rather than precise
             looks = FIRST_LOOKS if is_first else LOOKS
             self._ahead = LookAhead(checkpoint, looks=looks, **how)
 
     def outline(self, number: int, outline: Outline) -> None:
-        """Weigh the members of the ensembles by an observed outline."""
+        """Weight the members of the ensembles by an observed outline."""
         self._ensembles.observe(number, outline)
 
     def cancel(self) -> None:
-        """Give up the look ahead and the ensemble in progress."""
+        """Cancel the forecast and the ensemble in progress."""
         self._ahead = None
         self._ensembles.drop()
 
     def _take_slice(self) -> None:
         begun, ahead, ensembles = time.monotonic(), self._ahead, self._ensembles
-        # a look ahead goes before an ensemble that has not begun; then they take turns
+        # a forecast precedes an ensemble that has not started; then they alternate
         is_ensemble = ahead is None or bool(ensembles.at_hand and self._is_turn_of_ensemble)
         self._is_turn_of_ensemble = not is_ensemble
         with self._guarded(is_ensemble=is_ensemble):
@@ -122,7 +123,7 @@ class Forecasting:
                 if ahead.is_done:
                     self._ahead = None
                     known = dict(vars(ahead.forecast()))
-                    # the node has the terrain already
+                    # the node already has the terrain
                     del known['terrain']
                     self._answer('forecast', number=self._number, **known)
         now = time.monotonic()
@@ -135,11 +136,11 @@ class Forecasting:
                 ensemble=ensembles.at_hand.progress if ensembles.at_hand else 0.0,
             )
         rest = (now - begun) * (1.0 / self._share - 1.0)
-        self._next_slice = now + min(rest, _LONGEST_REST)
+        self._next_slice = now + min(rest, _MAX_REST)
 
     @contextmanager
     def _guarded(self, *, is_ensemble: bool = False) -> Iterator[None]:
-        """Give up the look ahead, or the ensemble, where something is wrong with it; tell why."""
+        """On an error, cancel the forecast or the ensemble and report the reason."""
         try:
             yield
         except OSError:
@@ -156,7 +157,7 @@ class Forecasting:
 
 
 def main() -> None:
-    """Take orders until there are no more."""
+    """Execute requests until the connection closes."""
     os.nice(NICENESS)
     node = Connection(int(sys.argv[1]))
     orders: queue.Queue[Order] = queue.Queue()
@@ -174,7 +175,7 @@ def _read(node: Connection, orders: queue.Queue[Order]) -> None:
         while True:
             orders.put(node.recv())
     finally:
-        # in the middle of a step as well
+        # also in the middle of a step
         os._exit(0)
 
 

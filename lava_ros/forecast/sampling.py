@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Members of an ensemble: a value drawn of each quantity that is uncertain.
+"""Members of an ensemble: draws of all uncertain quantities.
 
-Values are points of a Sobol sequence, shifted bit by bit with the seed: they fill the space of the
-quantities more evenly than random ones, and member k is the same however many there are. The
-arithmetic depends on no library's random generator and rounds the last digits away, so that member
-k is the same on every machine. Errors of the ground are random fields.
+Values are points of a Sobol sequence with a digital shift by the seed. They fill the space of the
+quantities more evenly than random points, and member k does not depend on the number of members.
+The arithmetic uses no library's random generator and rounds the last digits, so that member k is
+the same on every machine. Errors of the terrain are random fields.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from lava_ros.files.optional import require
 from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.uncertainty import CONSTANTS, Distribution, Roughness, Uncertainty
 
-#: Quantity of each coordinate of a point; a new one goes to the end, so that others stay.
+#: Quantity of each coordinate of a point; add new ones at the end, so that the others keep theirs.
 COORDINATES = (
     'discharge', 'temperature', 'viscosity', 'yield_strength', 'x', 'y', 'place_x', 'place_y',
 )
@@ -29,25 +29,25 @@ COORDINATES = (
 #: Further coordinates, after those of the constants, if there are classes of eruptions.
 ERUPTION = ('eruption', 'duration', 'volume')
 
-#: Most members an ensemble can have.
+#: Maximum number of members of an ensemble.
 MOST_MEMBERS = 1 << 20
 
-#: Share of a cell's side that places keep from its border, so that rounding does not cross it.
+#: Minimum distance of places from the border of a cell, as a fraction of its side, for rounding.
 _MARGIN = 1e-3
 
-#: Correlation lengths by which a field exceeds the terrain, so that opposite borders differ.
+#: Extension of a field beyond the terrain in correlation lengths, so that opposite borders differ.
 _BEYOND = 3.0
 
-#: Steps of a field [1/m], which rounds the error of the Fourier transform away.
+#: Steps of a field [1/m]: rounding to them removes the error of the Fourier transform.
 _STEPS = 1024.0
 
-#: Bits of a coordinate, and digits of a value: the last ones depend on the machine's logarithm.
+#: Bits of a coordinate, and digits of a value: further digits depend on the machine's logarithm.
 _BITS, _DIGITS = 30, 9
 
 
 @dataclass(frozen=True)
 class Member:
-    """What distinguishes one member from the scene.
+    """The differences of one member from the scene.
 
     Attributes:
         index: Its number, from 0.
@@ -56,10 +56,10 @@ class Member:
         viscosity: Factor on the lava's viscosity.
         yield_strength: Factor on the lava's yield strength.
         displacement: Displacement of all vents (x, y) [m].
-        place: Position of the vent (x, y) [m], in place of the scene's; None leaves it there.
+        place: Position of the vent (x, y) [m]; None for the position in the scene.
         seed: Seed of the random errors of its terrain.
         constants: Values of other constants of the lava, by name.
-        eruption: Duration [s] and volume [m3] of the eruption; None for those of the scene.
+        eruption: Duration [s] and volume [m3] of the eruption; None for the values of the scene.
     """
 
     index: int
@@ -75,13 +75,13 @@ class Member:
 
 
 class Susceptibility:
-    """Places by their likelihood: two shares between 0 and 1 give a place."""
+    """A map of likelihood that converts two fractions between 0 and 1 to a place."""
 
     def __init__(self, terrain: Terrain, likelihood: np.ndarray) -> None:
-        """Take the relative likelihood of each cell, at least 0; NaN, and no data, count as 0.
+        """Initialize from relative likelihoods >= 0; NaN and cells without data count as 0.
 
         Raises:
-            LavaError: The shapes differ, a value is negative, or nowhere is one above 0.
+            LavaError: If the shapes differ, a value is negative, or no value is above 0.
         """
         values = np.asarray(likelihood, dtype=np.float64)
         if values.shape != terrain.shape:
@@ -97,13 +97,13 @@ class Susceptibility:
 
     @property
     def digest(self) -> str:
-        """What tells one map from another, in hexadecimal digits."""
+        """Return a hash of the map, in hexadecimal digits."""
         return hashlib.blake2b(self._values.tobytes(), digest_size=16).hexdigest()
 
     def place(self, first: float, second: float) -> tuple[float, float]:
-        """The place (x, y) [m] that two shares between 0 and 1 give.
+        """Return the place (x, y) [m] for two fractions between 0 and 1.
 
-        ``second`` chooses the row and the place within it, ``first`` the same along the row.
+        ``second`` sets the row and the position in it along y, ``first`` the column and x.
         """
         row, up = _cell(self._rows, second)
         column, along = _cell(np.cumsum(self._values[row]), first)
@@ -112,10 +112,10 @@ class Susceptibility:
 
 
 def _cell(sums: np.ndarray, share: float) -> tuple[int, float]:
-    """The interval of cumulative sums that a share falls into, and where in it."""
+    """Return the interval of cumulative sums with a fraction, and the position in it."""
     target = share * sums[-1]
     index = int(np.searchsorted(sums, target, side='right'))
-    # the last of them with a likelihood
+    # the last cell with a likelihood above 0
     index = min(index, int(np.searchsorted(sums, sums[-1])))
     before = float(sums[index - 1]) if index else 0.0
     inside = (target - before) / (float(sums[index]) - before)
@@ -131,10 +131,10 @@ def draw_members(
 ) -> tuple[Member, ...]:
     """Draw the first members of the ensemble of a scene and a seed.
 
-    ``susceptibility`` says where the vent may be, in place of where the scene has it.
+    ``susceptibility`` is the distribution of the vent's position, in place of the scene's.
 
     Raises:
-        LavaError: An argument is not usable, or nothing is uncertain.
+        LavaError: If an argument is not valid, or nothing is uncertain.
     """
     count = validation.whole('members', count, at_least=1, at_most=MOST_MEMBERS)
     seed = validation.whole('seed', seed, at_least=0, at_most=2**32 - 1)
@@ -143,7 +143,7 @@ def draw_members(
         raise LavaError(
             'scene.uncertainty', {}, 'a quantity that is uncertain: all members would be the same'
         )
-    # in the order of Lava, whatever that of a file is
+    # in the order of Lava, independent of that of a file
     constants = [name for name in CONSTANTS if name in uncertainty.constants]
     names = (*COORDINATES, *constants, *(ERUPTION if uncertainty.eruption else ()))
     sums = np.cumsum([item.probability for item in uncertainty.eruption])
@@ -176,18 +176,18 @@ def draw_members(
 
 
 def prepare_sampling() -> None:
-    """Load the libraries that drawing members needs, which takes a second or more.
+    """Load the libraries for drawing members, which takes a second or more.
 
     Raises:
-        LavaError: scipy is not installed.
+        LavaError: If scipy is not installed.
     """
     _qmc(1)
 
 
 def _points(count: int, seed: int, coordinates: int) -> np.ndarray:
-    """Shifted points of the sequence in the open unit cube, shape [count, coordinates]."""
+    """Return shifted points of the sequence in the open unit cube, [count, coordinates]."""
     sequence = _qmc(count).Sobol(coordinates, scramble=False, bits=_BITS)
-    # the sequence is even in whole powers of two
+    # the sequence is balanced for powers of two
     points = sequence.random_base2((count - 1).bit_length())[:count]
     cells = np.round(points * 2**_BITS).astype(np.int64)
     shift = np.random.SeedSequence(seed).generate_state(coordinates) >> (32 - _BITS)
@@ -206,7 +206,7 @@ def _rounded(value: float) -> float:
 
 
 def rough_terrain(terrain: Terrain, roughness: Roughness, seed: tuple[int, ...]) -> Terrain:
-    """Add a random field, drawn with ``seed``, to a terrain; cells without data stay without."""
+    """Add a random field drawn with ``seed`` to a terrain; no-data cells are unchanged."""
     field = random_field(terrain.shape, terrain.resolution, roughness, seed)
     return replace(terrain, elevation=terrain.elevation + field)
 
@@ -216,19 +216,19 @@ def random_field(
 ) -> np.ndarray:
     """Draw a Gaussian field [m] with covariance s^2 exp(-(r / L)^2), float32.
 
-    White noise is convolved with a Gaussian of deviation L / 2, whose own convolution is the
-    correlation. s and L are the deviation and the correlation of ``roughness`` [m].
+    White noise is convolved with a Gaussian of standard deviation L / 2, whose autocorrelation is
+    that of the field. s and L are ``deviation`` and ``correlation`` of ``roughness`` [m].
 
     Raises:
-        LavaError: scipy is not installed.
+        LavaError: If scipy is not installed.
     """
     require('scipy.special', 'uncertainty.terrain', roughness)
     from scipy.special import ndtri
 
     beyond = int(np.ceil(_BEYOND * roughness.correlation / resolution))
-    # a field that hardly changes over the terrain need not go on for longer than it
+    # limit the extension of a field that hardly changes over the terrain
     rows, columns = (side + min(beyond, 4 * max(shape)) for side in shape)
-    # the generator's raw bits stay the same from version to version, its normal numbers may not
+    # raw bits of the generator are the same in all versions, its normal numbers may not be
     bits = np.random.PCG64(np.random.SeedSequence(seed)).random_raw(rows * columns)
     noise = ndtri(((bits >> np.uint64(11)) + 0.5) * 2.0**-53).reshape(rows, columns)
     waves_y = np.fft.fftfreq(rows, resolution)[:, None]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How good probabilities were: Brier score and reliability against what came."""
+"""Scores of probability forecasts against outcomes: Brier score and reliability."""
 
 from dataclasses import dataclass
 
@@ -9,19 +9,19 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 
-#: Bins of a reliability diagram.
+#: Number of bins of a reliability diagram.
 BINS = 10
 
 
 @dataclass(frozen=True)
 class ReliabilityBin:
-    """A point of a reliability diagram: cells whose probability lay between two values.
+    """A point of a reliability diagram: cells with a probability in an interval.
 
     Attributes:
-        low: Smallest probability, 0 to 1.
-        high: Largest probability; only the last bin has it in it.
+        low: Lower limit of the probability, 0 to 1, inclusive.
+        high: Upper limit of the probability; inclusive only in the last bin.
         forecast: Mean probability in the bin; NaN without cells.
-        observed: Share of the cells to which lava came; NaN without cells.
+        observed: Fraction of the cells that lava inundated; NaN without cells.
         count: Number of cells.
     """
 
@@ -50,24 +50,24 @@ class BrierParts:
 
     @property
     def skill(self) -> float:
-        """1 - score / uncertainty: 1 is perfect, 0 as good as always forecasting the mean."""
+        """Skill, 1 - score / uncertainty: 1 is perfect, 0 equals always forecasting the mean."""
         return 1.0 - self.score / self.uncertainty if self.uncertainty else 0.0
 
 
 def brier_score(probability: np.ndarray, outcome: np.ndarray) -> float:
-    """Brier score: the mean squared difference of probability and outcome.
+    """Return the Brier score: the mean squared difference of probability and outcome.
 
     ``probability`` is from 0 to 1, and NaN does not count; ``outcome`` is bool, of the same shape.
 
     Raises:
-        LavaError: The shapes differ, a probability is not from 0 to 1, or all are NaN.
+        LavaError: If the shapes differ, a probability is not from 0 to 1, or all are NaN.
     """
     probability, outcome = _pairs(probability, outcome)
     return float(np.mean((probability - outcome) ** 2))
 
 
 def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
-    """The Brier score and its parts, which add up; arguments and errors as in ``brier_score``."""
+    """Return the Brier score and its parts; arguments and errors as in ``brier_score``."""
     probability, outcome = _pairs(probability, outcome)
     said, place = np.unique(probability, return_inverse=True)
     count = np.bincount(place)
@@ -85,12 +85,12 @@ def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
 def reliability(
     probability: np.ndarray, outcome: np.ndarray, *, bins: int = BINS
 ) -> list[ReliabilityBin]:
-    """The points of a reliability diagram with ``bins`` classes of equal width.
+    """Return the points of a reliability diagram with ``bins`` bins of equal width.
 
-    Empty classes have NaN. Other arguments and errors are those of ``brier_score``.
+    Empty bins have NaN. Other arguments and errors are those of ``brier_score``.
     """
     probability, outcome = _pairs(probability, outcome)
-    # a share of members that ought to be 0.3 may be 0.299999999
+    # a fraction of members that should be 0.3 may be 0.299999999
     place = np.minimum(np.floor(probability * bins + 1e-9), bins - 1).astype(int)
     count = np.bincount(place, minlength=bins)
     with np.errstate(invalid='ignore'):
@@ -101,7 +101,7 @@ def reliability(
 
 
 def entropy(probability: np.ndarray) -> np.ndarray:
-    """Shannon entropy [bit] of probabilities from 0 to 1, float64; NaN where these are NaN."""
+    """Return the Shannon entropy [bit] of probabilities from 0 to 1, float64; NaN for NaN."""
     sure = np.asarray(probability, dtype=np.float64)
     shares = np.stack([sure, 1.0 - sure])
     with np.errstate(divide='ignore', invalid='ignore'):
@@ -110,7 +110,7 @@ def entropy(probability: np.ndarray) -> np.ndarray:
 
 
 def _pairs(probability: np.ndarray, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Probabilities and outcomes (0 or 1) of the cells that have both, float64, in a row."""
+    """Return flat probabilities and outcomes (0 or 1) of the cells that have both, float64."""
     probability, outcome = np.asarray(probability, dtype=np.float64), np.asarray(outcome)
     if probability.shape != outcome.shape:
         raise LavaError('outcome', outcome.shape, f'an outcome for {probability.shape} cells')

@@ -3,8 +3,8 @@
 
 """Sentinels: the members of an ensemble on whose flow its effects are reviewed.
 
-The choice of effects before the first step follows from what is expected of the flow. Sentinels
-measure the numbers of the effects that are off a few times on their way to the horizon. An effect
+The choice of effects before the first step follows from the expected flow. Sentinels measure the
+numbers of the effects that are off a few times on their way to the horizon. An effect
 that a sentinel calls for is switched on for all members, which run again from the start.
 
 Which members are sentinels, and when they measure, depends on their index and the horizon alone.
@@ -29,24 +29,24 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-#: Every member of so many is a sentinel, beginning with the first.
+#: Interval of the indices of sentinels, starting at member 0.
 EVERY = 32
 
 #: Maximum number of sentinels.
 MAX_SENTINELS = 8
 
-#: Times at which a sentinel measures, as fractions of the horizon: on a GPU the other members wait
-#: 1 to 3 ms for each.
+#: Times of the measurements, as fractions of the horizon: on a GPU each delays the other members
+#: by 1 to 3 ms.
 REVIEWS = (0.125, 0.5, 1.0)
 
 
 @dataclass(frozen=True)
 class CalledEffect:
-    """An effect that was off, and that the flow of a sentinel calls for.
+    """An effect that was off and that the flow of a sentinel calls for.
 
     Attributes:
         effect: Its name.
-        number: The number measured on the flow.
+        number: The dimensionless number measured on the flow.
         threshold: The threshold, which the number exceeds.
         member: Index of the sentinel.
         time_s: Time from the start of the sentinel at which it measured the number [s].
@@ -60,10 +60,10 @@ class CalledEffect:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> CalledEffect:
-        """Read the fields from plain data.
+        """Create an object from plain data.
 
         Raises:
-            KeyError, TypeError, ValueError: If the data are not those of an effect.
+            KeyError, TypeError, ValueError: If the data do not describe an effect.
         """
         if values['effect'] not in EFFECTS:
             raise ValueError(values['effect'])
@@ -72,7 +72,7 @@ class CalledEffect:
 
     @property
     def reason(self) -> str:
-        """Why the effect is on, in a few words."""
+        """Short reason why the effect is on."""
         symbol = EFFECTS[self.effect].symbol
         text = f'{symbol} = {self.number:.2g} > {self.threshold:.2g}'
         return f'{text} in member {self.member} at {self.time_s:.4g} s'
@@ -85,7 +85,7 @@ def is_sentinel(index: int) -> bool:
 def find_called(
     simulation: Simulation, forced: Mapping[str, bool], *, member: int, start: float
 ) -> tuple[CalledEffect, ...]:
-    """Measure the flow of a sentinel, and find the effects that it calls for.
+    """Measure the flow of a sentinel and find the effects that it calls for.
 
     Args:
         simulation: The sentinel's simulation; its effects stay as they are.
@@ -113,7 +113,7 @@ def log_called(called: Iterable[CalledEffect]) -> None:
 
 
 class Sentinels:
-    """The sentinels among some members, and what those that have run call for."""
+    """The sentinels among some members, and the effects that completed ones call for."""
 
     def __init__(self, indices: Iterable[int]) -> None:
         """Select the sentinels among the members with these indices."""
@@ -134,7 +134,7 @@ class Sentinels:
         return self._called[first]
 
     def note(self, index: int, called: tuple[CalledEffect, ...]) -> None:
-        """Note that a member has run, and which effects it calls for."""
+        """Record that a member has run, and which effects it calls for."""
         self._running.discard(index)
         if called:
             self._called[index] = called

@@ -2,4 +2,4 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""Real eruptions again: a case is run, and what it covers is compared with what was mapped."""
+"""Hindcasts: simulations of past eruptions, compared with mapped flow fields."""

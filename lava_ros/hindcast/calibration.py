@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""A search for constants with which hindcasts cover what was mapped, and what it tells.
+"""Calibration: a search for constants with which hindcasts match mapped flow fields.
 
-The constants are the same for every case, and the score is the mean of the cases'. What the set
-that is best for the other cases scores on a case that it has not seen is the leave-one-out score.
+The constants are the same for all cases, and the score is the mean of the cases' scores. The
+leave-one-out score of a case is the score with the set that is best for the other cases.
 
-A footprint does not fix many constants, and a flow that turns at a bump another way makes the
-score jump. So what is reported is the set of all runs that are nearly as good as the best, how
-far each unknown spreads in it, and which unknowns the score does not depend on.
+A mapped outline constrains few constants, and the score jumps when a flow passes an obstacle on
+the other side. So the result is the set of all runs that are nearly as good as the best, the
+spread of each unknown in it, and the unknowns on which the score does not depend.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -33,23 +33,23 @@ from lava_ros.hindcast.replicates import agreement, Direction, directions, run_t
 from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.unknowns import changed, Unknown
 
-#: Difference to the best score up to which a run is as good: what a change of the ground by its
-#: own error does to it (docs/VALIDATION.md).
+#: Maximum difference to the best score for a near-best run: the effect of the error of the terrain
+#: on the score (docs/VALIDATION.md).
 NEARLY = 0.03
 
-#: Share of an unknown's range that near-best runs spread over, from which on it is not fixed.
+#: An unknown is not constrained if near-best runs span at least this fraction of its range.
 WIDE = 0.6
 
-#: Rank correlation with the score, in standard errors, below which nothing depends on an unknown.
+#: The score does not depend on an unknown with a rank correlation below this [standard errors].
 WEAK = 2.0
 
-#: Rank correlation that has to show before its absence means anything.
+#: Rank correlation that a search must be able to detect before its absence counts.
 CLEAR = 0.5
 
-#: Sets that a GPU runs before their numbers are told: with four directions a set they fill it.
+#: Number of sets per batch on a GPU: with four directions per set they fill it.
 BATCH = 16
 
-#: Columns of the table of runs beside the unknowns.
+#: Columns of the table of runs in addition to the unknowns.
 COLUMNS = (
     *('jaccard', 'single', 'recall', 'precision', 'length_error', 'area_error'),
     *('directions', 'wall_time_s'),
@@ -58,28 +58,28 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Trial:
-    """A set of values of the unknowns, and for each case its results by ``COLUMNS``."""
+    """A set of values of the unknowns, with its results by ``COLUMNS`` for each case."""
 
     values: Mapping[str, float]
     numbers: Mapping[str, Mapping[str, float]]
 
     @property
     def jaccard(self) -> float:
-        """Its score: the mean Jaccard index over the cases."""
+        """Score: the mean Jaccard index over the cases."""
         return self.mean(self.numbers)
 
     def mean(self, cases: Iterable[str]) -> float:
-        """Mean Jaccard index over some of the cases."""
+        """Return the mean Jaccard index over some of the cases."""
         return float(np.mean([self.numbers[case]['jaccard'] for case in cases]))
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a search tells about an unknown: its value in the best run, and in near-best runs.
+    """Result of a search for an unknown: its values in the best run and in near-best runs.
 
-    ``spread`` is the share of its range that near-best runs spread over, ``correlation`` the rank
-    correlation of its value with the score over all runs. It is sensitive where near-best runs
-    agree or the score follows it.
+    ``spread`` is the fraction of its range that near-best runs span, ``correlation`` the rank
+    correlation of its value with the score over all runs. An unknown is sensitive if near-best
+    runs agree on it or the score depends on it.
     """
 
     unknown: Unknown
@@ -106,12 +106,14 @@ def search(
     known: Sequence[Trial] = (),
     progress: Callable[[int, Trial], None] | None = None,
 ) -> list[Trial]:
-    """Search for good values: points spread evenly, then differential evolution from the best.
+    """Search for good values: evenly distributed points, then differential evolution.
 
-    ``evaluate`` gives the numbers of many sets of values, ``batch`` of them at once. Runs of an
-    earlier search of the same unknowns, ``known``, are not run again. ``progress`` is told the
-    number of each run and what it gave. Returns all runs, the usual values first. LavaError if
-    scipy is not installed.
+    ``evaluate`` returns the numbers of many sets of values, ``batch`` sets at once. ``known`` runs
+    of an earlier search of the same unknowns are not repeated. ``progress`` is called with the
+    number and the result of each run. Returns all runs, starting with the usual values.
+
+    Raises:
+        LavaError: If scipy is not installed.
     """
     require('scipy.stats', 'calibrate')
     from scipy.stats import qmc
@@ -135,7 +137,7 @@ def search(
                     progress(len(trials), trials[-1])
 
     usual = np.clip([[item.share_of(item.usual) for item in unknowns]], 0.0, 1.0)
-    # whole powers of two are what the sequence is even in
+    # the sequence is balanced for powers of two
     even = qmc.Sobol(len(unknowns), seed=seed).random_base2(max(runs // 2 - 1, 0).bit_length())
     tried(np.vstack([usual, even[: max(runs // 2, 1)]]))
     rng = np.random.default_rng(seed)
@@ -148,7 +150,7 @@ def search(
 def _offspring(
     unknowns: Sequence[Unknown], trials: Sequence[Trial], count: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """New points by differential evolution, current-to-best, from the better half of all runs."""
+    """Return new points by current-to-best differential evolution of the better half of runs."""
     ranked = sorted(trials, key=lambda trial: -trial.jaccard)
     better = ranked[: max(4, len(ranked) // 2)]
     parents = np.array([[u.share_of(trial.values[u.name]) for u in unknowns] for trial in better])
@@ -158,14 +160,14 @@ def _offspring(
         scale = rng.uniform(0.4, 0.9)
         mutant = one + scale * (parents[0] - one) + scale * (two - three)
         keeps = rng.random(len(unknowns)) < 0.2
-        # what leaves the range comes back in from its end
+        # reflect values outside the range at its limits
         mutant = np.abs(mutant)
         point[:] = np.where(keeps, one, np.clip(1.0 - np.abs(1.0 - mutant), 0.0, 1.0))
     return points
 
 
 def findings(unknowns: Sequence[Unknown], trials: Sequence[Trial]) -> list[Finding]:
-    """Say what a search tells about each unknown."""
+    """Summarise a search for each unknown."""
     from scipy.stats import spearmanr
 
     scores = np.array([trial.jaccard for trial in trials])
@@ -185,22 +187,22 @@ def findings(unknowns: Sequence[Unknown], trials: Sequence[Trial]) -> list[Findi
 
 
 def near_best(trials: Sequence[Trial]) -> list[Trial]:
-    """The runs that are nearly as good as the best, the best first."""
+    """Return the runs that are nearly as good as the best, best first."""
     ranked = sorted(trials, key=lambda trial: -trial.jaccard)
     return [trial for trial in ranked if trial.jaccard >= ranked[0].jaccard - NEARLY]
 
 
 def can_tell(trials: Sequence[Trial]) -> bool:
-    """Whether so many runs would show a rank correlation of ``CLEAR``; fewer show nothing."""
+    """Return True if there are enough runs to detect a rank correlation of ``CLEAR``."""
     return CLEAR * math.sqrt(len(trials) - 1) > WEAK
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """How well constants foretell a case that they have not been fitted to.
+    """Score of constants on a case to which they were not fitted.
 
-    ``values`` are the set that is best for the others, ``jaccard`` is its score on the case, and
-    ``best`` the best score on the case of any set.
+    ``values`` is the best set for the other cases, ``jaccard`` its score on this case, and
+    ``best`` the best score of any set on this case.
     """
 
     case: str
@@ -210,7 +212,7 @@ class LeftOut:
 
 
 def leave_one_out(trials: Sequence[Trial]) -> list[LeftOut]:
-    """Judge each case by the set that is best for the others; empty for one case."""
+    """Score each case with the set that is best for the other cases; empty for one case."""
     cases, result = list(trials[0].numbers), []
     for case in cases if len(cases) > 1 else []:
         others = [other for other in cases if other != case]
@@ -224,10 +226,10 @@ def leave_one_out(trials: Sequence[Trial]) -> list[LeftOut]:
 def evaluating(
     cases: Sequence[Case], settings: Settings, *, workers: int = 1, runs: int = 1
 ) -> Iterator[Evaluate]:
-    """What runs sets of values: on a GPU in turns, on the CPU in processes of their own.
+    """Provide a function that runs sets of values, on a GPU or in CPU processes.
 
-    Several ``workers``, processes, share one GPU. With more than one of ``runs`` for each set of
-    constants, turned and mirrored, the cells that at least half of them cover are compared.
+    Several ``workers`` (processes) share one GPU. With more than one of ``runs`` per set of
+    constants, rotated and mirrored, the cells that at least half of them cover are compared.
     """
     evaluate = partial(_evaluate, cases, replace(settings, maps=1), directions(runs))
     if workers == 1:
@@ -249,7 +251,7 @@ def _evaluate(
     sets: Sequence[Mapping[str, float]],
 ) -> list[Numbers]:
     try:
-        # all of them at once: few runs do not keep a GPU busy
+        # all at once, because a few runs do not keep a GPU busy
         jobs = [
             (changed(case, values), way) for values in sets for case in cases for way in ways
         ]
@@ -259,7 +261,7 @@ def _evaluate(
     except LavaError as error:
         said = '; '.join(map(str, sets))
         raise LavaError('the unknowns', said, f'values that can be simulated ({error})') from error
-    # they run at the same time on a GPU: each has the same share of it
+    # concurrent runs on a GPU each count an equal part of the wall time
     parts, count = iter(results), len(sets) * len(cases)
     return [
         {case.name: _numbers(case, [next(parts) for _ in ways], taken / count) for case in cases}
@@ -268,7 +270,7 @@ def _evaluate(
 
 
 def _numbers(case: Case, results: Sequence[Result], wall_time: float) -> Mapping[str, float]:
-    """Results of the runs of a set, which took a wall time [s], by the names of ``COLUMNS``."""
+    """Return the results of a set that took a wall time [s], by the names of ``COLUMNS``."""
     found = agreement(case, [result.snapshot for result in results])
     judged = asdict(found.majority)
     return {
@@ -280,7 +282,7 @@ def _numbers(case: Case, results: Sequence[Result], wall_time: float) -> Mapping
 
 
 def write_trials(path: Path, unknowns: Sequence[Unknown], trials: Sequence[Trial]) -> None:
-    """Write the table of runs; LavaError where it cannot be written."""
+    """Write the table of runs; raise LavaError if that fails."""
     names, text = [item.name for item in unknowns], StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow([*names, 'case', *COLUMNS])
@@ -292,7 +294,7 @@ def write_trials(path: Path, unknowns: Sequence[Unknown], trials: Sequence[Trial
 
 
 def read_trials(path: Path, unknowns: Sequence[Unknown], cases: Sequence[str]) -> list[Trial]:
-    """Read a table of runs, none where there is none; LavaError for other unknowns or cases."""
+    """Read a table of runs, empty without a file; LavaError for other unknowns or cases."""
     if not path.is_file():
         return []
     names = [item.name for item in unknowns]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensembles of a case: how likely lava comes where, and how good that was against the map."""
+"""Ensembles of a case: inundation probability, and its score against the mapped flow field."""
 
 from dataclasses import asdict, replace
 from typing import Any
@@ -19,17 +19,19 @@ from lava_ros.hindcast.unknowns import published_uncertainty
 from lava_ros.scene.uncertainty import Uncertainty
 from lava_ros.simulation.accuracy import COVERED
 
-#: Fewest cells of a bin of the reliability diagram whose gap counts.
+#: Minimum number of cells of a bin of the reliability diagram whose gap counts.
 CELLS = 200
 
 
 def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Plan:
-    """Plan an ensemble of a case whose members run as its hindcast does, to the same end.
+    """Plan an ensemble of a case whose members run like its hindcast, to the same end.
 
-    If the case does not say what is uncertain, everything with a published range is, and effusion
-    rates by the errors of their table if it has any. Each map is a
-    look; ``threshold`` is the thickness at which lava counts as arrived [m]. LavaError if the case
-    has events, or an argument is not usable.
+    If the case does not define uncertainties, everything with a published range is uncertain, and
+    so are effusion rates if their table has errors. Each map is an observation; ``threshold`` is
+    the thickness at or above which lava has arrived [m].
+
+    Raises:
+        LavaError: If the case has events, or an argument is not valid.
     """
     if case.events:
         right = 'none in an ensemble: all members run on the ground before the first event'
@@ -52,25 +54,25 @@ def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Pl
 
 
 def mapped_on(case: Case, plan: Plan) -> np.ndarray:
-    """What was mapped on the cells of a plan, bool, shape [rows, columns]."""
+    """Return the mapped flow field on the cells of a plan, bool, shape [rows, columns]."""
     terrain = case.scene.terrain
     mask = Mask(case.footprint, terrain.has_data, terrain.resolution, terrain.origin)
     return outline_on(plan.scene.terrain, mask, plan.horizon).lava
 
 
 def chances_of(probability: np.ndarray, came: np.ndarray) -> dict[str, Any]:
-    """Score a map of probability (0 to 100 %, NaN where there is no ground) against what came.
+    """Score a map of probability (0 to 100 %, NaN without data) against the inundated cells.
 
-    The ground that the forecast gave no chance and that stayed dry is easy to be right about: the
-    skill is that of the rest, and beside it that of the whole terrain.
+    Dry cells with a probability of 0 are easy to forecast, so the skill is given without them,
+    and also for the whole terrain.
 
     Returns:
         Brier score, its skill against the base rate, this rate, the bins of the reliability
-        diagram and the largest gap in one of at least ``CELLS`` cells (None: there is none).
+        diagram and the largest gap in a bin of at least ``CELLS`` cells (None without one).
     """
     said = np.asarray(probability, dtype=np.float64) / 100.0
     near = np.where((said > 0.0) | came, said, np.nan)
-    # of cells chosen by what came, those without a chance would all have it: all count here
+    # bins of all cells: in ``near``, all cells with a probability of 0 were inundated
     parts, bins = brier_parts(near, came), reliability(said, came)
     gaps = [abs(item.forecast - item.observed) for item in bins if item.count >= CELLS]
     return {

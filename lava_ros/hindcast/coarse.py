@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""Ground no finer than the particles: a coarser terrain for them, and maps back on the finer one.
+"""Coarsening of terrain to the particle spacing, and conversion of maps back to its cells.
 
-What is smaller than the distance of particles they do not feel, and a step may not lead further
-than a cell: cells of half that distance cost four times as much and change nothing.
+Particles do not resolve features smaller than their spacing, and may not move further than a cell
+per step: cells of half the spacing cost four times as much and change nothing.
 """
 
 from collections.abc import Callable
@@ -21,11 +21,11 @@ GRIDS = ('thickness', 'temperature', 'frozen', 'arrived')
 
 
 def coarsened(terrain: Terrain, factor: int) -> Terrain:
-    """Average a terrain over cells that are larger by ``factor``, around the same centre.
+    """Average a terrain over cells larger by ``factor``, with the same centre.
 
-    If the sides are not multiples of the larger cells, these extend beyond all borders alike, so a
-    terrain that is turned by 90 degrees gets the same cells. A larger cell has data where at least
-    one of its cells has.
+    If the sides are not multiples of the larger cells, these extend equally beyond all borders, so
+    a terrain rotated by 90 degrees gets the same cells. A larger cell has data if at least one of
+    its cells has data.
     """
     if factor == 1:
         return terrain
@@ -41,7 +41,7 @@ def coarsened(terrain: Terrain, factor: int) -> Terrain:
 
 
 def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
-    """Put the maps of a coarsened terrain back on the cells of the terrain itself."""
+    """Convert the maps on a coarsened terrain to the cells of the original terrain."""
     if factor == 1:
         return snapshot
     rows, columns = (_halves(side, factor) for side in terrain.shape)
@@ -60,7 +60,7 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
     # lava that reaches less than half of a cell does not inundate it
     reached = terrain.has_data & (quarters(snapshot.inundated.astype(float)) >= 2.0)
     arrived = np.where(reached, spread(snapshot.arrived), np.float32(np.nan))
-    # what it has there is in the inundated parts of its own cell
+    # move lava of cells below half to the inundated parts of the same coarse cell
     places = [np.ix_(some, others) for some in rows for others in columns]
     all_parts, its_parts = np.zeros((2, *snapshot.terrain.shape))
     for place in places:
@@ -85,32 +85,32 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
 def regridded(
     snapshot: Snapshot, terrain: Terrain, change: Callable[[np.ndarray], np.ndarray]
 ) -> Snapshot:
-    """Change every map of a snapshot into one on the cells of another terrain."""
+    """Convert all maps of a snapshot to the cells of another terrain."""
     changed = {name: change(grid) for name, grid in grids_of(snapshot).items()}
     return replace(snapshot, terrain=terrain, **changed)  # type: ignore[arg-type]
 
 
 def grids_of(snapshot: Snapshot) -> dict[str, np.ndarray]:
-    """The maps of a snapshot that there are, by name."""
+    """Return the available maps of a snapshot by name."""
     grids = {name: getattr(snapshot, name) for name in GRIDS}
     return {name: grid for name, grid in grids.items() if grid is not None}
 
 
 def _mean(values: np.ndarray, total: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Mean of what is known of values, by a function that adds them up; NaN without any."""
+    """Return the mean of finite values with a function that adds them up, NaN without any."""
     known = np.isfinite(values)
     weight, found = total(known.astype(float)), total(np.where(known, values, 0.0))
     return np.where(weight > 0.0, found / np.where(weight > 0.0, weight, 1.0), np.nan)
 
 
 def _halves(side: int, factor: int) -> tuple[np.ndarray, np.ndarray]:
-    """The larger cells in which the two halves of each of ``side`` cells lie."""
+    """Return the larger cells that contain the two halves of each of ``side`` cells."""
     first = np.arange(side) + 0.5 * (-side % factor)
     return (first // factor).astype(int), ((first + 0.5) // factor).astype(int)
 
 
 def _shares(side: int, factor: int) -> np.ndarray:
-    """Share of each of ``side`` cells that lies in each larger one, shape [larger, side]."""
+    """Return the fraction of each of ``side`` cells in each larger one, [larger, side]."""
     larger = -(-side // factor)
     first = np.arange(side) + 0.5 * (larger * factor - side)
     low = factor * np.arange(larger)[:, None]

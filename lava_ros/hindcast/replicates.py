@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""Several runs of a case at once, turned and mirrored, and what they agree on.
+"""Replicates: several rotated and mirrored runs of a case, and their agreement.
 
-A flow forks where decimetres decide, and which way it goes depends on the last digits of a sum.
-Which cells half of the runs cover does not, and those of a case and of the same case turned are
-the same: a run for each quarter turn, mirrored or not, makes the same set for both.
+Where decimetres decide at a fork of a flow, its path depends on rounding errors. The cells that
+half of the replicates cover do not, and they are the same for a rotated case: a run for each
+quarter turn, mirrored or not, gives the same set of runs.
 
-On a GPU they go as a batch, for one of them would not keep it busy; on the CPU one follows the
-other.
+On a GPU they run as a batch, because one run would not keep it busy; on the CPU they run one by
+one.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -29,14 +29,14 @@ from lava_ros.simulation.batch import side_by_side
 from lava_ros.simulation.defaults import device_of
 from lava_ros.simulation.snapshot import Snapshot
 
-#: Most runs.
+#: Maximum number of replicates.
 MOST = 64
 
-#: How far vents are moved for runs beyond the eight directions [m]: any length is a new draw.
+#: Displacement of vents for runs beyond the eight directions [m]: any length gives a new sample.
 _MOVED = 1e-3
 
-#: Places are multiples of it [m], so that turning back and forth loses no digit: a flow that forks
-#: would tell.
+#: Positions are multiples of this [m], so that rotating back and forth is exact, as forks of a
+#: flow require.
 _STEP = 2.0**-20
 
 Place = tuple[float, float]
@@ -44,9 +44,9 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class Direction:
-    """How a run lies to the case: turned by 90 degrees counterclockwise, ``quarters`` times.
+    """Orientation of a run: rotated by 90 degrees counterclockwise ``quarters`` times.
 
-    With ``mirror``, east and west are exchanged before. Then its vents are moved along the rows by
+    With ``mirror``, east and west are exchanged first. Finally vents are moved along the rows by
     ``moved`` [m].
     """
 
@@ -55,13 +55,13 @@ class Direction:
     moved: float = 0.0
 
     def turn(self, case: Case) -> Case:
-        """Turn ground, vents and footprint of a case; the map frame's origin stays a corner."""
+        """Rotate terrain, vents and outline of a case; the map origin remains a corner."""
         if self.mirror:
             case = _changed(case, lambda x, y, width, _: (width - x, y), np.fliplr)
         else:
             case = _changed(case, lambda x, y, *_: (x, y), np.asarray)
         for _ in range(self.quarters % 4):
-            # row 0 is in the south: to numpy the picture is upside down, and turns the other way
+            # row 0 is in the south, so numpy's rotation has the opposite sense
             case = _changed(
                 case, lambda x, y, _, height: (height - y, x), lambda grid: np.rot90(grid, -1)
             )
@@ -71,22 +71,22 @@ class Direction:
         return case
 
     def restore(self, values: np.ndarray) -> np.ndarray:
-        """Put a map of the turned case back, shape [rows, columns] of the case."""
+        """Rotate a map of the rotated case back, shape [rows, columns] of the case."""
         values = np.rot90(values, self.quarters)
         return np.ascontiguousarray(np.fliplr(values) if self.mirror else values)
 
 
 def directions(runs: int) -> list[Direction]:
-    """Directions of some runs: as it is, turned, mirrored and turned, and all of them again."""
+    """Return the directions of some runs: original, rotated, mirrored, then repeated."""
     return [Direction(n % 4, n // 4 % 2 == 1, n // 8 * _MOVED) for n in range(runs)]
 
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """The comparisons of several runs with the map, and of what the majority of them inundates.
+    """Scores of several runs, and of the cells that the majority of them inundates.
 
-    ``share`` is the fraction of the runs that inundate each cell, float64, shape [rows, columns];
-    ``thickness`` is the mean where at least half of the runs do, 0 elsewhere [m].
+    ``share`` is the fraction of runs that inundate each cell, float64, shape [rows, columns];
+    ``thickness`` is the mean thickness where at least half of the runs do, 0 elsewhere [m].
     """
 
     scores: tuple[Score, ...]
@@ -95,7 +95,7 @@ class Agreement:
     majority: Score
 
     def as_dict(self) -> dict[str, Any]:
-        """The numbers."""
+        """Return the scores as plain data."""
         found = np.array([item.jaccard for item in self.scores])
         return {
             'count': len(found),
@@ -117,7 +117,7 @@ def run_replicates(
     folder: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Result]:
-    """Run a case in several directions, as ``run_together`` does."""
+    """Run a case in several directions with ``run_together``."""
     runs = validation.whole('--runs', runs, at_least=2, at_most=MOST)
     jobs = [(case, direction) for direction in directions(runs)]
     return run_together(jobs, settings, folder=folder, progress=progress)
@@ -132,16 +132,18 @@ def run_together(
 ) -> list[Result]:
     """Run cases, each in a direction, or resume an interrupted set of runs.
 
-    ``folder`` keeps the state that is needed to resume, None keeps nothing; LavaError if it is of
-    another case or other settings. ``progress`` is called at each map with the share of the time
-    that has been simulated. Results are turned back onto the cells of the case.
+    ``folder`` stores the state for a resume, None stores nothing. ``progress`` is called at each
+    map with the simulated fraction of the time. Results are rotated back to the cells of the case.
+
+    Raises:
+        LavaError: If ``folder`` belongs to another case or other settings.
     """
     shares = np.zeros(len(jobs))
     results: dict[int, Result] = {}
 
     def route(number: int, case: Case, direction: Direction) -> Iterator[None]:
         kept = None if folder is None else folder / f'run_{number:02d}'
-        # the spacing is that of the case, whichever way it lies
+        # the spacing is that of the original case in all directions
         same = replace(settings, spacing=settings.accuracy(case).spacing)
         run = Run(direction.turn(case), same, folder=kept)
         for snapshot in run.parts():
@@ -164,7 +166,7 @@ def _changed(
     change: Callable[[float, float, float, float], Place],
     grid: Callable[[np.ndarray], np.ndarray],
 ) -> Case:
-    """Change places, as (x, y) from the corner of ground of a width and a height, and grids."""
+    """Transform positions of a case, (x, y, width, height) from the corner, and its grids."""
     x0, y0, x1, y1 = case.scene.terrain.extent
 
     def place(point: Place) -> Place:
@@ -193,7 +195,7 @@ def _rounded(length: float) -> float:
 
 
 def agreement(case: Case, snapshots: Sequence[Snapshot]) -> Agreement:
-    """Compare the ends of runs, on the cells of their case, with its map, alone and combined."""
+    """Compare final snapshots with the mapped flow field, one by one and combined."""
     inundated = [snapshot.inundated for snapshot in snapshots]
     share = np.mean(inundated, axis=0)
     mean = np.mean([np.nan_to_num(snapshot.thickness) for snapshot in snapshots], axis=0)

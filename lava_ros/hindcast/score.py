@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""How well the inundated area of a simulated flow agrees with a mapped flow field.
+"""Agreement of the inundated area of a simulated flow with a mapped flow field.
 
-Every number is the same when map and flow are turned by 90 degrees or mirrored.
+All numbers are invariant if both are rotated by 90 degrees or mirrored.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
 from lava_ros.simulation.inundation import standing_cells
 
-#: Steps to the 16 neighbours that a path may take: its length is then right to 2.7 %.
+#: Steps of a path to 16 neighbours: its length then has an error of at most 2.7 %.
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 
 
@@ -26,13 +26,12 @@ class Score:
     """A comparison of a simulated flow with a mapped one.
 
     Simulated cells are the inundated ones. ``jaccard`` is cells in both over cells in either and
-    ``fit`` its square root, e1 of the literature; ``recall`` is the fraction of the mapped cells
-    that are inundated, ``precision`` that of the inundated cells that are mapped. ``area`` is the
-    inundated area [m2], ``standing_area`` that of the lava that stands at the end. Lengths are
-    those of the longest way from a vent along a flow [m]. Thicknesses are of the lava that stands
-    at the end [m];
-    ``mapped_thickness`` is the volume that came out over the mapped area. Errors are relative,
-    positive where the simulated flow is too long or too large.
+    ``fit`` its square root, e1 in the literature; ``recall`` is the inundated fraction of the
+    mapped cells, ``precision`` the mapped fraction of the inundated cells. ``area`` is the
+    inundated area [m2], ``standing_area`` the area with lava at the end [m2]. Lengths are runout
+    lengths along the path from a vent [m]. Thicknesses are those at the end [m];
+    ``mapped_thickness`` is the emitted volume over the mapped area. Errors are relative, positive
+    if the simulated flow is too long or too large.
     """
 
     jaccard: float
@@ -65,11 +64,11 @@ def score(
     vents: Sequence[tuple[int, int]],
     emitted: float,
 ) -> Score:
-    """Compare a simulated flow with a mapped one, on cells of a side [m].
+    """Compare a simulated flow with a mapped one on the same cells.
 
     ``thickness`` is that of the simulated lava [m], NaN without data, shape [rows, columns].
-    ``inundated`` and ``footprint`` are the cells of the simulated and of the mapped lava, bool.
-    ``vents`` are rows and columns; the emitted volume is in m3.
+    ``inundated`` and ``footprint`` are the simulated and the mapped cells, bool. ``vents`` are
+    rows and columns, the side of a cell is in m, and the emitted volume in m3.
     """
     thickness = np.nan_to_num(thickness)
     standing, cell = standing_cells(thickness), resolution**2
@@ -103,7 +102,7 @@ def score(
 
 
 def judge(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Score:
-    """Compare a flow, as in ``score`` but on the cells of a case, with its map."""
+    """Compare a flow on the cells of a case with its mapped flow field, as in ``score``."""
     terrain = case.scene.terrain
     places = [place for vent in case.scene.vents for place in (vent.position, vent.end) if place]
     cells = [terrain.cell_at(*place) for place in places]
@@ -122,10 +121,10 @@ def _longest(ways: np.ndarray, mask: np.ndarray) -> float:
 
 
 def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarray:
-    """Length of the shortest way over the cells of a mask, in cells; infinite off the mask.
+    """Return the length of the shortest path over a mask, in cells; infinite outside it.
 
-    A source, row and column, off the mask starts from the nearest of its cells; parts of the mask
-    that no source is connected to are reached in a straight line.
+    Sources are rows and columns. A source outside the mask starts from the nearest masked cell;
+    parts of the mask without a connection to a source are reached in a straight line.
     """
     require('scipy.sparse', 'the length of the flow')
     from scipy.sparse import coo_matrix
@@ -135,7 +134,7 @@ def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarra
     cells = np.argwhere(mask)
     if not len(cells) or not len(sources):
         return result
-    # with a border, so that steps over the edge of the mask lead to no cell
+    # add a border, so that steps across the edge of the mask lead to no cell
     numbers = np.full(np.add(mask.shape, 4), -1)
     numbers[tuple(cells.T + 2)] = np.arange(len(cells))
     pairs = []

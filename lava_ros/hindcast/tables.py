@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks whether the files of a case go together, and effusion rates divided among vents.
+"""Consistency checks of the files of a case, and division of effusion rates among vents.
 
-What nature does not do is a mistake in a file.
+Physically impossible values are treated as mistakes in a file.
 """
 
 from collections.abc import Sequence
@@ -21,31 +21,35 @@ from lava_ros.scene.vent_files import VentRow
 #: A discharge as (time [s], flux [m3/s]) pairs of increasing time; each holds until the next.
 Series = tuple[tuple[float, float], ...]
 
-#: Lowest and highest ground on Earth [m], with room to spare.
+#: Minimum and maximum elevation on Earth [m], with a margin.
 LOWEST, HIGHEST = -450.0, 9000.0
 
-#: Median slope of a terrain (rise over run) above which its heights are not in metres.
+#: Maximum median slope of a terrain (rise over run) with elevations in metres.
 STEEPEST = 3.0
 
-#: Mean thickness of the lava on what it covered that any eruption has had [m], with room to
-#: spare: thin sheets of Kilauea and Nyiragongo have 0.3 m, domes have tens.
+#: Minimum and maximum mean thickness of lava of real eruptions [m], with a margin: thin sheets of
+#: Kilauea and Nyiragongo have 0.3 m, domes have tens of metres.
 THINNEST, THICKEST = 0.1, 100.0
 
-#: Cells that a vent may be from the footprint without anybody being asked about it.
+#: Maximum distance of a vent from the mapped outline that needs no check [cells].
 NEAR = 10.0
 
-#: Distance of the vents over the footprint's size from which on they do not belong together.
+#: Maximum distance of vents from the outline they belong to, over the outline's size.
 FAR = 0.5
 
-#: Times nearer that the footprint has to be when it is turned over.
+#: The outline counts as upside down if flipping brings it closer by this factor.
 _NEARER = 3.0
 
-#: Height above all vents that lava may reach by its own thickness, out of a pit [m].
+#: Maximum height of lava above all vents, by its thickness in a pit [m].
 _CLIMB = 10.0
 
 
 def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[Series]:
-    """Divide the discharge among the vents that are open; LavaError where none is."""
+    """Divide the discharge among the open vents.
+
+    Raises:
+        LavaError: If lava is emitted while no vent is open.
+    """
     spans = [(item.start, item.end) for item in rates]
     spans += [(vent.start, vent.end) for vent in vents]
     for vent in vents:
@@ -56,7 +60,7 @@ def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[S
     row = 0
     has_shares = any(vent.discharge is None for vent in vents)
     for time in sorted({time for span in spans for time in span if math.isfinite(time)}):
-        # rows end one after the other
+        # rows end at different times
         while row < len(rates) and rates[row].end <= time:
             row += 1
         is_on = row < len(rates) and rates[row].start <= time
@@ -80,7 +84,7 @@ def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[S
 
 
 def check_elevation(ground: Terrain) -> None:
-    """Refuse heights that are out of what there is on Earth, or not in metres."""
+    """Refuse elevations that do not exist on Earth, or are not in metres."""
     low, high = float(np.nanmin(ground.elevation)), float(np.nanmax(ground.elevation))
     if low < LOWEST or high > HIGHEST:
         wrong = low if low < LOWEST else high
@@ -95,10 +99,10 @@ def check_elevation(ground: Terrain) -> None:
 
 
 def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarray) -> None:
-    """Refuse vents off the ground, grids whose rows are in the wrong order, other eruptions.
+    """Refuse vents outside the terrain, grids with reversed rows, and outlines of other eruptions.
 
-    Lava begins at its vents and goes down. A footprint that does so only when it is turned over
-    is upside down; so is an elevation on which it all lies above its vents.
+    Lava starts at its vents and flows down. An outline that does so only when flipped is upside
+    down; so is an elevation on which the whole outline is above its vents.
     """
     found = []
     for name, place in ((vent.name, place) for vent in vents for place in vent.places):
@@ -134,7 +138,7 @@ def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarra
 def check_discharge(vents: Sequence[Series], area: float) -> None:
     """Refuse a discharge in the wrong unit: lava on an area [m2] too thin or too thick.
 
-    ``vents`` is what ``series_of`` gives; each series ends with 0.
+    ``vents`` is the result of ``series_of``; each series ends with 0.
     """
     volume = sum(
         flux * (end - start) for series in vents for (start, flux), (end, _) in pairwise(series)
@@ -152,13 +156,13 @@ def check_discharge(vents: Sequence[Series], area: float) -> None:
 
 
 def _distance(cells: Sequence[tuple[int, int]], footprint: np.ndarray) -> float:
-    """Distance of the nearest vent from the footprint, in cells."""
+    """Return the distance of the nearest vent from the outline, in cells."""
     covered = np.argwhere(footprint)
     return min(float(np.hypot(*(covered - cell).T).min()) for cell in cells)
 
 
 def _other_system(place: tuple[float, float], ground: Terrain) -> str:
-    """What may be wrong with a place that is far away."""
+    """Return a possible reason why a position is far away."""
     x, y = ground.to_map(*place)
     x0, y0, x1, y1 = ground.extent
     if is_degrees(place) and sum(map(abs, ground.offset)) > 1e3:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""What a calibration may change, and how far: the ranges are those that have been published."""
+"""Parameters that a calibration may change, with published ranges."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -16,7 +16,7 @@ from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import Constant
 from lava_ros.scene.uncertainty import Distribution, FACTORS, Uncertainty
 
-#: Factor on the discharge, where the case does not say how well it is known.
+#: Factor on the discharge if the case does not define its uncertainty.
 DISCHARGE = Constant(
     1.0,
     'effusion_rate.csv',
@@ -25,8 +25,8 @@ DISCHARGE = Constant(
     'measurement: a review. Bulletin of Volcanology 70, 1-22: errors of up to 50 %',
 )
 
-#: The numbers of ``Lava`` and what else may be unknown, with their units, in the order in which
-#: they are put into a case.
+#: Units of the constants of ``Lava`` and of other possible unknowns, in the order in which they
+#: are set in a case.
 UNITS = {
     **{item.name: item.metadata['unit'] for item in fields(Lava) if 'limits' in item.metadata},
     'discharge': '',
@@ -38,9 +38,9 @@ _LOGARITHMIC = ('viscosity', 'yield_strength')
 
 @dataclass(frozen=True)
 class Unknown:
-    """A number that is not known well, with its published range and its value without calibration.
+    """An uncertain number, with its published range and its value without calibration.
 
-    With ``is_log`` it is searched by its logarithm.
+    With ``is_log``, its logarithm is searched.
     """
 
     name: str
@@ -52,13 +52,13 @@ class Unknown:
     is_log: bool = False
 
     def value_at(self, share: float) -> float:
-        """The value at a share of the range, from 0 to 1."""
+        """Return the value at a fraction of the range, from 0 to 1."""
         if self.is_log:
             return self.low * (self.high / self.low) ** share
         return self.low + (self.high - self.low) * share
 
     def share_of(self, value: float) -> float:
-        """The share of the range at which a value is."""
+        """Return the position of a value in the range as a fraction."""
         if self.is_log:
             return math.log(value / self.low) / math.log(self.high / self.low)
         return (value - self.low) / (self.high - self.low)
@@ -69,17 +69,19 @@ def unknowns_of(
     names: tuple[str, ...] = (),
     ranges: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Unknown, ...]:
-    """The unknowns of a case: those in ``names``, or all with a published range.
+    """Return the unknowns of a case: those in ``names``, or all with a published range.
 
-    ``ranges`` adds unknowns by name, and replaces published ranges. LavaError if a name is
-    unknown, an unknown has no range, or there is no unknown at all.
+    ``ranges`` adds unknowns by name, and replaces published ranges.
+
+    Raises:
+        LavaError: If a name is not valid, an unknown has no range, or there are no unknowns.
     """
     ranges, published, result = ranges or {}, _published(case), []
     chosen = [*names, *ranges]
     for name in chosen:
         validation.choice('--unknown', name, UNITS)
     if not names:
-        # how well the discharge is known is said of no material
+        # the uncertainty of the discharge does not belong to a material
         chosen = [*(name for name in published if name != 'discharge'), *chosen]
     if not chosen:
         raise LavaError('--unknown', [], 'at least one: the material has no published ranges')
@@ -100,7 +102,7 @@ def unknowns_of(
 
 
 def changed(case: Case, values: Mapping[str, float]) -> Case:
-    """A case with values for unknowns."""
+    """Return a copy of a case with values for unknowns."""
     for name in filter(values.__contains__, UNITS):
         value, lava = values[name], case.scene.lava
         if name == 'discharge':
@@ -108,7 +110,7 @@ def changed(case: Case, values: Mapping[str, float]) -> Case:
         elif name == 'vent_temperature':
             case = case.with_lava({}, temperature=value)
         elif name == 'viscosity' and lava.is_vft:
-            # the law is shifted so that lava has this viscosity at the vent
+            # shift the law so that lava has this viscosity at the vent
             case = case.with_lava({'vft_a': lava.vft_a + math.log10(value / _usual(case, name))})
         else:
             case = case.with_lava({name: value})
@@ -116,10 +118,12 @@ def changed(case: Case, values: Mapping[str, float]) -> Case:
 
 
 def published_uncertainty(case: Case) -> Uncertainty:
-    """What is uncertain about a case that does not say so itself: all that has published ranges.
+    """Return the uncertainty of a case that does not define one: all published ranges.
 
-    Each value in a range is as likely, or its logarithm where it is searched by that. LavaError if
-    a constant of the case is beyond what can be a factor.
+    Values, or logarithms for ``is_log``, are distributed uniformly over a range.
+
+    Raises:
+        LavaError: If a constant of the case is outside the range of a factor.
     """
     found: dict[str, Any] = {'constants': {}}
     for item in unknowns_of(case, tuple(_published(case))):
@@ -131,13 +135,13 @@ def published_uncertainty(case: Case) -> Uncertainty:
         elif usual:
             span = (item.low / usual, item.high / usual)
         else:
-            continue  # what the case has none of stays none
+            continue  # a value of 0 in the case remains 0
         place[name] = Distribution('loguniform' if item.is_log else 'uniform', span)
     return Uncertainty(**found)
 
 
 def _published(case: Case) -> dict[str, Constant]:
-    """What has been published about those unknowns of a case that have a range."""
+    """Return the published constants of a case that have a range."""
     assert case.material is not None
     known = {**case.material.constants, 'vent_temperature': case.material.vent_temperature}
     known['discharge'] = DISCHARGE

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the node does between configuring and cleaning up: a worker, its topics, its bag."""
+"""The node between configuration and cleanup: worker, topics, services and bag."""
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
@@ -31,10 +31,10 @@ from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 from lava_ros.simulation.snapshot import Snapshot
 
-#: How long the end waits for the simulation's thread: a step, or the compiler at the start [s].
+#: Maximum wait for the simulation thread when closing [s]. It may be in a time step, or compiling.
 STOP_TIMEOUT = 4.0
 
-#: How long the end of a bag waits for its last checkpoint: a step, or the compiler [s].
+#: Maximum wait for the last checkpoint of a bag [s]. The simulation thread may be compiling.
 CHECKPOINT_TIMEOUT = 2.0
 
 #: Period of the diagnostics [s].
@@ -42,9 +42,9 @@ HEARTBEAT = 1.0
 
 
 class ActiveNode:
-    """A configured node: it takes inputs and, while ``is_active``, lets time pass and publishes.
+    """A configured node: it receives inputs and, while ``is_active``, simulates and publishes.
 
-    ``failure`` is the error because of which the node cannot resume and has to end, else None.
+    ``failure`` is the error that prevents the node from resuming a bag and ends it, None without.
     """
 
     def __init__(
@@ -56,9 +56,12 @@ class ActiveNode:
         *,
         entities: Entities,
     ) -> None:
-        """Create publishers, subscriptions and services, and load ``sources``; time stands still.
+        """Create publishers, subscriptions and services, and load ``sources`` with time held.
 
-        ``values`` returns the node's parameters; LavaError where a file cannot be used.
+        ``values`` returns the node's parameters.
+
+        Raises:
+            LavaError: If a file cannot be used.
         """
         self._node = node
         self._settings = settings
@@ -142,24 +145,28 @@ class ActiveNode:
             self, entities, worker=self._worker, inputs=self._inputs, allowance=self._allowance
         )
         self._begin(sources)
-        # The last thing: what fails before leaves no thread behind.
+        # Start the threads last, so that an error above leaves none running.
         self._worker.start()
         self._forecasts.start()
 
     @property
     def step_length(self) -> float:
-        """Simulated time of a step [s]."""
+        """Simulated duration of the service ``step`` [s]."""
         return self._settings.time_scale
 
     def activate(self) -> None:
-        """Let time pass, and publish; LavaError after a failure, or where the bag cannot be."""
+        """Let simulated time advance, and publish.
+
+        Raises:
+            LavaError: If the simulation has failed, or the bag cannot be created.
+        """
         status = self._worker.status
         if status.state is WorkerState.FAILED:
             raise LavaError('simulation', status.error, 'one that has not failed; ~/reset')
         is_busy = self._recorder.is_recording or self._recorder.is_armed
         if self._is_recording_wanted and not is_busy:
             self._arm_recorder()
-        # Once: what has ended since, by ~/record or a full disk, must not keep the maps back.
+        # Only once: a recording that ~/record or a full disk has ended must not stop the maps.
         self._is_recording_wanted = False
         self.is_active = True
         self._worker.pause(self._is_paused)
@@ -167,7 +174,7 @@ class ActiveNode:
         self._publish(repeat=True)
 
     def deactivate(self) -> None:
-        """Let time stand still, and publish no layers; inputs are taken, diagnostics told."""
+        """Hold simulated time and publish no layers; inputs and diagnostics continue."""
         self.is_active = False
         self._forecasts.activate(False)
         self._worker.pause(True)
@@ -185,23 +192,23 @@ class ActiveNode:
             self._entities.destroy()
 
     def has_ended(self) -> bool:
-        """Whether the thread that ``close`` has told to end is no longer in a step."""
+        """Return True if the simulation thread, which ``close`` stops, has ended."""
         return self._worker.stop(0.0)
 
     def check(self, settings: Settings) -> None:
         """Check settings before they are used.
 
         Raises:
-            LavaError: If a bag may not be written there, or effects are changed too often.
+            LavaError: If the bag cannot be written there, or effects change too often.
         """
-        # what has come in the way of a name since is no reason to refuse all else
+        # an unchanged name that has become invalid since does not block other settings
         if settings.bag_directory != self._settings.bag_directory:
             self._bag_folder.path(settings.bag_directory)
         if _effect_settings(settings) != _effect_settings(self._settings):
             self._allowance.take('effects')
 
     def apply(self, new: Settings) -> None:
-        """Use other settings from now on, or from the next start where they say so."""
+        """Use new settings, immediately or, for preset, spacing and lava, at the next start."""
         old, self._settings = self._settings, new
         command = self._inputs.command
         for name in ('time_scale', 'max_particles', 'end_time'):
@@ -223,23 +230,31 @@ class ActiveNode:
             )
 
     def report_callback(self, error: Exception) -> None:
-        """Report what a callback of the middleware itself raised."""
+        """Report an error that the middleware itself raised in a callback."""
         self._inputs.report_callback(error)
 
     def pause(self, paused: bool) -> 'Future[None]':
-        """Hold simulated time, or let it go on as soon as the node is active."""
+        """Hold simulated time, or let it continue as soon as the node is active."""
         self._is_paused = paused
         return self._worker.pause(paused or not self.is_active)
 
     def start_recording(self) -> str:
-        """Begin a bag, and give its name and when; LavaError where it cannot be."""
+        """Start a bag, and return its name and when it starts.
+
+        Raises:
+            LavaError: If the bag cannot be written.
+        """
         self._arm_recorder()
         self._publish(repeat=True)
         self._check_recorder()
-        return self._recorder.status.directory + ' from the first map on' * self._recorder.is_armed
+        return self._recorder.status.directory + ' at the first map' * self._recorder.is_armed
 
     def stop_recording(self) -> str:
-        """Finish the bag and give its name, empty for none; LavaError where it could not be."""
+        """Finish the bag and return its name, empty without a bag.
+
+        Raises:
+            LavaError: If the bag could not be written.
+        """
         self._is_recording_wanted = False
         self._close_bag()
         self._check_recorder()
@@ -252,10 +267,13 @@ class ActiveNode:
             raise LavaError('recorder', status.state, right)
 
     def save(self) -> str:
-        """Put the maps and a checkpoint of this moment into a bag and give its name.
+        """Write the current maps and a checkpoint to a bag and return its name.
 
-        That is the bag that is being recorded, or else one of its own; LavaError where that or its
-        checkpoint cannot be, there is nothing to save, or too much has been.
+        The bag is the one being recorded, otherwise a new one.
+
+        Raises:
+            LavaError: If the bag or the checkpoint cannot be written, there is nothing to save, or
+                ``max_saved_bytes`` have been saved.
         """
         if self._worker.latest is None:
             raise LavaError('save', 'no simulation yet', 'a terrain')
@@ -269,7 +287,7 @@ class ActiveNode:
             self.start_recording()
         else:
             self._publish(repeat=True)
-        # asked for by name, so also where checkpoint_period is 0
+        # the user asked for a checkpoint, so write one even if checkpoint_period is 0
         reason = self._checkpoints.finish(
             CHECKPOINT_PERIOD, now_ns(self._node), timeout=CHECKPOINT_TIMEOUT
         )
@@ -280,7 +298,7 @@ class ActiveNode:
             self.stop_recording()
         self._check_recorder()
         if reason:
-            raise LavaError('save', reason, f'a checkpoint beside the maps in {directory}')
+            raise LavaError('save', reason, f'a checkpoint with the maps in {directory}')
         return directory
 
     def _begin(self, sources: Sources) -> None:
@@ -302,7 +320,7 @@ class ActiveNode:
             self._node.get_logger().info(self._inputs.wanted)
 
     def _note_failure(self, going_on: 'Future[None]') -> None:
-        # starting anew in its place would look like the eruption that was to go on
+        # a new simulation in its place would look like the resumed eruption
         if not going_on.cancelled():
             self.failure = going_on.exception()
 
@@ -318,7 +336,7 @@ class ActiveNode:
             self._publish()
 
     def _publish(self, *, repeat: bool = False) -> None:
-        """Publish the layers that are due and have something new; all of them at rest."""
+        """Publish the layers that are due and have changed; at rest, also those not due."""
         snapshot, scene = self._worker.latest, self._worker.eruption.scene
         self._log.scene(self._worker.eruption, snapshot)
         if snapshot is None or not self.is_active:
@@ -336,7 +354,7 @@ class ActiveNode:
         self._log.recorder(self._recorder)
 
     def _publish_places(self, *, repeat: bool = False) -> None:
-        """Publish when lava arrives at places, as of the newest maps."""
+        """Publish the arrival times at places according to the newest maps."""
         snapshot = self._layers.shown
         if snapshot is not None and self.is_active:
             self._places.publish(
@@ -353,7 +371,7 @@ class ActiveNode:
     def _publish_diagnostics(self) -> None:
         worker = self._worker.status
         if self._is_at_rest():
-            # The end is not told before its frame is out.
+            # Publish the last maps before the status that reports the end.
             self._publish()
         snapshot = self._layers.shown
         stamp_ns = now_ns(self._node)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rate limits of requests from the graph that delay the simulation or use disk space."""
+"""Rate limits for ROS requests that delay the simulation or use disk space."""
 
 from collections.abc import Callable
 import time
@@ -11,14 +11,14 @@ from lava_ros.errors import LavaError
 
 
 class Limit(NamedTuple):
-    """A rate limit: ``calls`` requests at once, and one more each ``period`` [s]."""
+    """A rate limit: a burst of ``calls`` requests, then one more every ``period`` [s]."""
 
     calls: int
     period: float
 
 
-#: Limits by the name of the service or of the group of parameters. A reset and a choice of effects
-#: may compile and so delay the simulation; bags use disk space.
+#: Limits by name of the service or of the group of parameters. A reset or a change of effects may
+#: compile kernels and so delay the simulation; bags use disk space.
 LIMITS = {
     'reset': Limit(5, 2.0),
     'effects': Limit(5, 2.0),
@@ -52,7 +52,7 @@ class Allowance:
             name: Key of ``LIMITS``.
 
         Raises:
-            LavaError: If such requests come too often.
+            LavaError: If there are too many such requests.
         """
         calls, period = LIMITS[name]
         left, counted = self._left[name]

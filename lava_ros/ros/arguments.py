@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS arguments of a command line, and errors of one sentence for those that are wrong."""
+"""ROS command-line arguments, with a one-sentence error for each invalid argument."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -28,11 +28,11 @@ _EXPECTED = {
     'log level': 'debug, info, warn, error or fatal, or one of them as LOGGER:=LEVEL',
 }
 
-#: Errors of rcl for an argument that it cannot read, and for a flag without a value.
+#: rcl's error messages for an argument that it cannot parse, and for a flag without a value.
 _REFUSED = re.compile(r"Couldn't parse ([a-z ]+): '(-\S+) (.*)'\. Error: (.*)")
 _TRAILING = re.compile(r"Couldn't parse trailing .*?(-[\w-]+)")
 
-#: Position in rcl's source code at the end of an error.
+#: Source position at the end of rcl's error messages.
 _PLACE = re.compile(r', at \S+:\d+')
 
 
@@ -50,7 +50,7 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
     domain = os.environ.get('ROS_DOMAIN_ID', '')
     if domain:
         number = int(domain) if domain.isdecimal() else domain
-        # Fast DDS ends the process if there is no port for a domain
+        # Fast DDS terminates the process if a domain has no port
         validation.whole('ROS_DOMAIN_ID', number, at_least=0, at_most=MAX_DOMAIN)
     try:
         with _rcl_is_quiet():
@@ -60,7 +60,7 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
 
 
 def check_words(args: Sequence[str]) -> None:
-    """Check that there are no arguments other than those for ROS.
+    """Check that all arguments are ROS arguments.
 
     Args:
         args: Arguments without the name of the program.
@@ -76,7 +76,7 @@ def check_words(args: Sequence[str]) -> None:
 
 @contextmanager
 def _rcl_is_quiet() -> Iterator[None]:
-    """Keep rcl from logging an error that is raised as well."""
+    """Suppress rcl's log of an error that it also raises."""
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
         yield
@@ -93,7 +93,7 @@ def _refusal(error: RuntimeError) -> LavaError:
         return LavaError(match[1], None, 'a value after it')
     if match := _REFUSED.match(text):
         kind, flag, value, reason = match.groups()
-        # rcl prints the numbers of its lexemes, which are of no use to a user
+        # rcl prints its lexeme numbers, which do not help a user
         is_clear = not re.search('lexeme|not set|token', reason)
         return LavaError(flag, value, _EXPECTED.get(kind, kind) + f' ({reason})' * is_clear)
     return LavaError('ROS', text, 'arguments and an environment that ROS can use')

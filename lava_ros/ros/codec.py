@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrays to message fields, fast, and messages to bytes; grid maps back to arrays.
+"""Fast conversion of arrays to message fields, messages to bytes, and grid maps to arrays.
 
-Images and clouds become arrays in lava_ros/bag/decoding.py.
+Images and point clouds are converted to arrays in lava_ros/bag/decoding.py.
 """
 
 import array
@@ -28,12 +28,12 @@ from lava_ros.scene import Terrain
 
 
 def time_message(stamp_ns: int) -> Time:
-    """Turn nanoseconds into a message."""
+    """Convert nanoseconds to a time message."""
     return Time(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
 
 
 def nanoseconds(stamp: Time) -> int:
-    """Turn a message into nanoseconds."""
+    """Convert a time message to nanoseconds."""
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
@@ -43,16 +43,16 @@ def header(frame_id: str, stamp_ns: int) -> Header:
 
 
 def message_array(values: np.ndarray, typecode: str) -> 'array.array[int]':
-    """Copy an array's bytes to an array of a field's typecode: 100 times faster than a list."""
+    """Copy an array's bytes to an ``array.array``, 100 times faster than via a list."""
     result: array.array[int] = array.array(typecode)
-    # A view of no elements cannot be cast.
+    # An empty view cannot be cast.
     if values.size:
         result.frombytes(np.ascontiguousarray(values).data.cast('B'))
     return result
 
 
 def map_metadata(terrain: Terrain, stamp_ns: int) -> MapMetaData:
-    """Describe the terrain's cells."""
+    """Return the grid of a terrain: size, resolution and origin."""
     rows, columns = terrain.shape
     origin = Pose()
     origin.position.x, origin.position.y = terrain.origin
@@ -98,12 +98,16 @@ def point_cloud(columns: Mapping[str, Any], message_header: Header) -> PointClou
 
 
 def serialise(message: Any) -> bytes:
-    """Turn a message into the bytes that go over the wire, and into a bag."""
+    """Serialise a message to CDR, for publishing and for a bag."""
     return bytes(serialize_message(message))
 
 
 def message_class(message_type: str) -> Any:
-    """Import the class of a type such as ``nav_msgs/msg/OccupancyGrid``; LavaError if missing."""
+    """Import the class of a type such as ``nav_msgs/msg/OccupancyGrid``.
+
+    Raises:
+        LavaError: If the type is not installed.
+    """
     package, _, name = message_type.partition('/msg/')
     if not package.isidentifier() or not name.isidentifier():
         raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')
@@ -115,20 +119,20 @@ def message_class(message_type: str) -> Any:
 
 
 def type_name(message_class: Any) -> str:
-    """Name of a message class, such as ``nav_msgs/msg/OccupancyGrid``."""
+    """Return the name of a message class, such as ``nav_msgs/msg/OccupancyGrid``."""
     return '/'.join([*message_class.__module__.split('.')[:2], message_class.__name__])
 
 
-#: Bytes a message may have beside its data: header, names, sizes.
+#: Maximum size of a message without its data: header, names, lengths [bytes].
 OVERHEAD = 65_536
 
-#: Most fields of a point cloud.
+#: Maximum number of fields of a point cloud.
 MAX_CLOUD_FIELDS = 1024
 
-#: Most layers of a grid map.
+#: Maximum number of layers of a grid map.
 MAX_GRID_LAYERS = 256
 
-#: Dimensions of a layer of a grid map.
+#: Number of dimensions of a grid map layer.
 GRID_DIMENSIONS = 2
 
 _ENCAPSULATION = 4
@@ -138,25 +142,25 @@ def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> An
     """Deserialise a message of ``message_class`` from CDR; errors name ``topic``.
 
     Raises:
-        LavaError: The message is larger than ``max_bytes``, or is not of this class.
+        LavaError: If the message is larger than ``max_bytes``, or is not of this class.
     """
     if len(data) > max_bytes + OVERHEAD:
         raise LavaError(topic, f'{len(data)} bytes', f'at most {max_bytes} (max_input_bytes)')
     is_cloud = message_class is PointCloud2
     if is_cloud or message_class.__name__ == 'GridMap':
-        # what ends too soon is refused below
+        # a truncated message is refused below
         with suppress(struct.error):
             _check_counts(data, topic, is_cloud=is_cloud)
     try:
         return deserialize_message(data, message_class)
-    # What rclpy raises for undecodable bytes is a RuntimeError without a public name.
+    # For undecodable bytes, rclpy raises a RuntimeError without a public name.
     except (RuntimeError, ValueError, MemoryError, SystemError) as error:
         right = f'a serialised {type_name(message_class)}'
         raise LavaError(topic, f'{len(data)} bytes', right) from error
 
 
 class _Parts:
-    """Walks over the parts of a serialised message: numbers, texts and lists are aligned."""
+    """Walks through a serialised message (CDR) with aligned numbers, strings and lists."""
 
     def __init__(self, data: bytes) -> None:
         order = '<' if len(data) > 1 and data[1] & 1 else '>'
@@ -165,21 +169,21 @@ class _Parts:
         self._place = 0
 
     def skip(self, size: int, *, alignment: int = 4) -> None:
-        """Pass over bytes that begin at a multiple of an alignment."""
+        """Skip bytes that begin at a multiple of an alignment."""
         self._place = -(-self._place // alignment) * alignment + size
 
     def number(self) -> int:
-        """The next number: a length, or how many parts follow."""
+        """Return the next uint32: a length or a number of elements."""
         self.skip(4)
         (value,) = self._number.unpack_from(self._body, self._place - 4)
         return int(value)
 
     def skip_text(self) -> None:
-        """Pass over a text."""
+        """Skip a string."""
         self.skip(self.number(), alignment=1)
 
     def count(self, field: str, most: int, unit: str = '') -> range:
-        """As many turns as parts of a field follow; LavaError where they are too many."""
+        """Return a range over the elements of a field; raise LavaError for more than ``most``."""
         count = self.number()
         if count > most:
             raise LavaError(field, f'{count} {unit}' if unit else count, f'at most {most}')
@@ -187,7 +191,7 @@ class _Parts:
 
 
 def _check_counts(data: bytes, topic: str, *, is_cloud: bool) -> None:
-    """Check what a cloud or a grid map announces, before memory is taken for it."""
+    """Check the element counts of a point cloud or grid map before allocating memory."""
     parts = _Parts(data)
     parts.skip(8)
     parts.skip_text()
@@ -195,7 +199,7 @@ def _check_counts(data: bytes, topic: str, *, is_cloud: bool) -> None:
         parts.skip(8)
         parts.count(f'{topic}.fields', MAX_CLOUD_FIELDS, 'fields')
         return
-    # resolution and two lengths, then the pose: all of them 8 bytes long
+    # resolution, two lengths and the pose: float64 values
     parts.skip(10 * 8, alignment=8)
     for name in ('layers', 'basic_layers'):
         for _ in parts.count(f'{topic}.{name}', MAX_GRID_LAYERS):
@@ -212,24 +216,24 @@ def _check_counts(data: bytes, topic: str, *, is_cloud: bool) -> None:
 # x to the smallest and whose column index from the largest y to the smallest. It is sent column
 # after column: dimension 0 of the layout is `column_index`, dimension 1 `row_index`. The matrix is
 # a circular buffer: the cell at the largest x and y is in row `outer_start_index` and column
-# `inner_start_index`. The map's position is its centre. So say grid_map_core (GridMapMath) and
-# grid_map_ros (GridMapRosConverter). The package is not on PyPI, and nothing here needs it:
-# messages are objects with its fields.
+# `inner_start_index`. The map's position is its centre. Sources: grid_map_core (GridMapMath) and
+# grid_map_ros (GridMapRosConverter). grid_map_msgs is not on PyPI and not imported here: any
+# object with its fields will do.
 
-#: Labels of the layout's dimensions; which comes first says how the matrix is stored.
+#: Labels of the layout's dimensions; their order defines how the matrix is stored.
 COLUMN, ROW = 'column_index', 'row_index'
 
-#: Layer of the ground, which a cell has to have a value in to be one of the map.
+#: Layer of the ground. A cell without a value in this layer is not part of the map.
 ELEVATION = 'elevation'
 
-#: Most a length may differ from that of the cells it stands for, as a part of a cell.
+#: Maximum difference between a length and its number of cells, as a fraction of a cell.
 LENGTH_TOLERANCE = 0.01
 
 
 def grid_map_message(
     maps: Mapping[str, np.ndarray], terrain: Terrain, message_header: Header
 ) -> Any:
-    """Make a map from values by layer, shape [rows, columns], row 0 at the smallest y."""
+    """Make a grid map from values by layer, shape [rows, columns], row 0 at the smallest y."""
     rows, columns = terrain.shape
     message = message_class(GRID_MAP)()
     info = message.info
@@ -245,7 +249,7 @@ def grid_map_message(
 
 
 def _multi_array(values: np.ndarray) -> Float32MultiArray:
-    # A row of the terrain is a column of the matrix.
+    # Transpose: a row of the terrain is a column of the matrix.
     columns, rows = values.shape
     layout = MultiArrayLayout()
     layout.dim = [
@@ -257,13 +261,13 @@ def _multi_array(values: np.ndarray) -> Float32MultiArray:
 
 
 def layer_values(message: Any, layer: str, name: str) -> np.ndarray:
-    """Read a layer of a map; errors name the message by ``name``.
+    """Read a layer of a grid map; errors refer to the message as ``name``.
 
     Returns:
         float32, shape [rows, columns], row 0 at the smallest y, column 0 at the smallest x.
 
     Raises:
-        LavaError: There is no such layer, or names, layout, data and lengths disagree.
+        LavaError: If there is no such layer, or names, layout, data and lengths disagree.
     """
     layers = list(message.layers)
     if len(layers) != len(message.data):
@@ -289,7 +293,7 @@ def layer_values(message: Any, layer: str, name: str) -> np.ndarray:
 
 
 def _matrix(array: Any, name: str) -> np.ndarray:
-    """The matrix of a layer as it is stored: rows along x, columns along y."""
+    """Return the matrix of a layer as stored: rows along x, columns along y."""
     layout = array.layout
     labels = [item.label for item in layout.dim]
     if sorted(labels) != [COLUMN, ROW]:

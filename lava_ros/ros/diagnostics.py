@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Diagnostics of the node: messages for /diagnostics, and its log."""
+"""Diagnostics of the node: messages on /diagnostics, and its log."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -30,7 +30,7 @@ from lava_ros.simulation.snapshot import Snapshot
 #: Levels of a status.
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
-#: Levels of states of the worker, where they are not OK.
+#: Levels of the worker states that are not OK.
 _LEVELS = {WorkerState.WAITING: WARN, WorkerState.FAILED: ERROR}
 
 
@@ -43,16 +43,16 @@ def simulation_status(
     resolution: Resolution | None = None,
     clock: Mapping[str, str] = MappingProxyType({}),
 ) -> DiagnosticStatus:
-    """The status of the simulation.
+    """Return the status of the simulation.
 
-    ``snapshot`` was published last, with maps of the stamp ``frame_stamp_ns`` [ns]. ``resolution``
-    describes how well particles resolve the flow. ``clock`` has the warnings about the clock
-    (``ClockWatch.look``).
+    ``snapshot`` is the last one published, in maps stamped ``frame_stamp_ns`` [ns]. ``resolution``
+    describes how well the particles resolve the flow. ``clock`` contains the warnings about the
+    clock (``ClockWatch.look``).
     """
     state = worker.state
     level, message = _LEVELS.get(state, OK), state.value
     warnings = snapshot.budget.warnings() if snapshot is not None else []
-    # what starts says so itself
+    # the state 'starting' already explains a wait
     warnings += [*clock.values(), worker.hold_up if state is not WorkerState.STARTING else '']
     warnings.append('running slower than the clock asks for' if worker.is_behind else '')
     if state is WorkerState.RUNNING and resolution is not None and resolution.is_coarse:
@@ -87,7 +87,7 @@ def simulation_status(
 
 
 def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
-    """The values of a status for a snapshot; ``stamp_ns`` is the stamp of its maps [ns]."""
+    """Return the status values of a snapshot; ``stamp_ns`` is the stamp of its maps [ns]."""
     steps = snapshot.steps
     areas = {'standing_area_m2': repr(snapshot.area(snapshot.standing))}
     if snapshot.arrived is not None:
@@ -113,7 +113,7 @@ def _highest(temperature: np.ndarray) -> float:
 
 
 def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
-    """The status of the effects: which are on, and why each is on or off."""
+    """Return the status of the effects: which are on, and why each is on or off."""
     names = ', '.join(name for name, text in effects.items() if is_on(text)) or 'none'
     message = f'on: {names}' if effects else 'not chosen yet'
     return status('effects', OK, message, effects)
@@ -122,9 +122,9 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
 def ahead_status(
     task: str, state: AheadStatus, latest: Live[Any] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
-    """The status of the tasks ``forecast`` or ``ensemble``, of which ``latest`` is the newest.
+    """Return the status of the task ``forecast`` or ``ensemble``; ``latest`` is the newest result.
 
-    ``age`` is its age [s], ``staleness`` why it is stale, empty if it is not.
+    ``age`` is its age [s], ``staleness`` the reason why it is stale, empty if it is not.
     """
     is_ensemble = task == 'ensemble'
     values: dict[str, object] = {
@@ -178,9 +178,9 @@ def ahead_status(
 def deadline_status(
     deadline: float, choice: DeadlineChoice | None, *, took: float
 ) -> DiagnosticStatus:
-    """The status of the deadline: what was chosen to meet it, and whether the newest forecast did.
+    """Return the status of the deadline: the choice made for it, and whether it was met.
 
-    ``deadline`` is the wall time allowed [s], ``took`` that of the newest forecast [s].
+    ``deadline`` is the maximum wall time [s], ``took`` that of the newest forecast [s].
     """
     values: dict[str, object] = {'deadline_s': f'{deadline:g}', 'took_s': f'{took:.3g}'}
     if choice is not None:
@@ -203,7 +203,7 @@ def deadline_status(
 def recorder_status(
     recorder: RecorderStatus, checkpoint: LastCheckpoint | None = None
 ) -> DiagnosticStatus:
-    """Say how the recorder is doing, and up to where its bag can be resumed."""
+    """Return the status of the recorder, with the time up to which its bag can be resumed."""
     values: dict[str, object] = {
         'state': recorder.state,
         'bag': recorder.directory,
@@ -219,7 +219,7 @@ def recorder_status(
 
 
 def sign(message: DiagnosticArray, node: str, device: str) -> None:
-    """Put the node's name before those of statuses, as aggregators ask, and name the hardware."""
+    """Prefix statuses with the node's name, as aggregators require, and set the hardware."""
     source = node.strip('/')
     for status in message.status:
         status.name = f'{source}: {status.name}'
@@ -238,7 +238,7 @@ def status(
     )
 
 
-#: Wall time in which a simulated clock has to move [s]; a replay may take a while to begin.
+#: Wall time within which a simulated clock must advance [s]; a replay may be slow to start.
 PATIENCE = 5.0
 
 #: Wall time for which a warning about a jump of the clock, or about lost time, remains [s].
@@ -306,12 +306,12 @@ class NodeLog:
     """Logs scene, simulation and recorder when they have changed."""
 
     def __init__(self, logger: Any) -> None:
-        """Start with nothing logged."""
+        """Initialize with an empty history."""
         self._logger = logger
         self._told: dict[str, object] = {'state': WorkerState.WAITING}
 
     def scene(self, session: Eruption, snapshot: Snapshot | None) -> None:
-        """Log changes of terrain, vents and effects, as of the newest snapshot.
+        """Log changes of terrain, vents and effects up to the newest snapshot.
 
         Changes within the noise of a sensor (``Eruption.changes``) are not logged.
         """
@@ -321,12 +321,12 @@ class NodeLog:
         self._told['changes'] = session.changes
         terrain, vents, effects = scene.terrain, scene.vents, session.effects
         self._tell('terrain', terrain, lambda: _terrain_text(terrain))
-        # not the discharge: that of a feed changes all the time
+        # without the discharge: a live feed changes it continually
         now = snapshot.time if snapshot is not None else 0.0
         discharge = sum(vent.discharge_at(now) for vent in vents)
         places = [(vent.position, vent.end, vent.radius) for vent in vents]
         self._tell('vents', places, lambda: f'vents: {len(vents)}, {discharge:g} m3/s')
-        # the topics take Celsius
+        # the topics use Celsius
         doubts = temperature_doubts(scene, is_celsius=True)[:3]
         self._tell('doubts', doubts, lambda: '; '.join(doubts), 'warning')
         names = [name for name, text in effects.items() if is_on(text)]
@@ -346,7 +346,7 @@ class NodeLog:
         if state is WorkerState.FAILED:
             text = f'simulation failed: {worker.error}; ~/reset starts it again'
         elif state is WorkerState.PAUSED and not is_paused:
-            # an inactive node holds time too, and says that it is inactive
+            # an inactive node holds time too, and reports that it is inactive
             text = ''
         failed = state is WorkerState.FAILED
         self._tell('state', state, lambda: text, 'error' if failed else 'info')
@@ -359,14 +359,14 @@ class NodeLog:
         self._tell('hold-up', bool(worker.hold_up), lambda: worker.hold_up, 'warning')
 
     def volumes(self, snapshot: Snapshot) -> None:
-        """Say how much lava has come out, and where it is."""
+        """Log the volume of lava emitted, and where it is."""
         budget = snapshot.budget
         self._logger.info(f'volume at {snapshot.time:g} s: {budget.text()}')
         for text in budget.warnings():
             self._logger.warning(text)
 
     def recorder(self, recorder: Recorder) -> None:
-        """Say where the bag is, and what is wrong with it."""
+        """Log the location of the bag, and its error."""
         status = recorder.status
         if recorder.is_recording:
             place = Path(status.directory).absolute()
@@ -376,12 +376,12 @@ class NodeLog:
     def _tell(
         self, about: str, thing: object, text: Callable[[], str], severity: str = 'info'
     ) -> None:
-        """Log what there is, once until it is another; an empty text is not logged."""
+        """Log ``text`` when ``thing`` has changed; an empty text is not logged."""
         if about in self._told and self._told[about] == thing:
             return
         self._told[about] = thing
         words = text()
-        # rclpy wants each line that logs to keep its severity
+        # rclpy requires a constant severity for each line of code that logs
         if words and severity == 'error':
             self._logger.error(words)
         elif words and severity == 'warning':

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensembles of the live simulation, from the node's side. No rclpy in here."""
+"""Ensemble forecasts of the live simulation, on the side of the node. Without rclpy."""
 
 from collections import deque
 from collections.abc import Callable
@@ -22,18 +22,19 @@ from lava_ros.ros.worker_status import finish
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
 
-#: Moments that are remembered to find the simulated time of a stamp.
+#: Maximum number of (ROS time, simulated time) pairs kept to convert a stamp.
 _MOMENTS = 512
 
-#: What is published of the time to come.
+#: A forecast or the maps of an ensemble.
 Ahead = TypeVar('Ahead', Forecast, EnsembleForecast)
 
 
 @dataclass(frozen=True, eq=False)
 class Live(Generic[Ahead]):
-    """A forecast or the maps of an ensemble, and what they are of.
+    """A forecast or the maps of an ensemble, with the state from which they start.
 
-    They start at a ROS time [ns], after so many changes of scene or effects.
+    ``stamp_ns`` is the ROS time of that state [ns], ``changes`` its count of changes of scene or
+    effects.
     """
 
     shown: Ahead
@@ -43,18 +44,18 @@ class Live(Generic[Ahead]):
 
 @dataclass(frozen=True)
 class ForecastRules:
-    """How forecasts and ensembles are to be made.
+    """Settings of forecasts and ensembles.
 
     Attributes:
-        horizon: How far ahead to look [s].
-        threshold: Thickness from which on lava has arrived [m].
+        horizon: Simulated duration of a forecast [s].
+        threshold: Lava has arrived where its thickness is at or above this value [m].
         max_age: Simulated time after which a forecast is stale [s].
-        share: Largest share of the time that the device computes forecasts.
-        max_particles: Most particles of a forecast.
-        members: Members of an ensemble beside it, 0 for none.
-        deadline: Wall time for a forecast and its ensemble [s], 0 for any.
-        time_scale: Simulated time per time of the clock [s/s].
-        features: Places where ensembles also tell when lava arrives.
+        share: Maximum fraction of the time in which the device computes forecasts.
+        max_particles: Maximum number of particles of a forecast.
+        members: Number of ensemble members, 0 for no ensembles.
+        deadline: Maximum wall time of a forecast and its ensemble [s], 0 for no limit.
+        time_scale: Simulated time per clock time [s/s].
+        features: Places for which ensembles also predict arrival times.
     """
 
     horizon: float
@@ -74,10 +75,10 @@ class AheadStatus:
 
     Attributes:
         count: Number of forecasts, or of complete ensembles, so far.
-        progress: Share of the horizon or of the members that is done, None when at rest.
-        error: Why the last one failed, empty if it did not.
-        share: Share of the time that forecasts may compute now.
-        outlines: Number of outlines by which the members of this scene have been weighed.
+        progress: Completed fraction of the horizon or of the members, None when idle.
+        error: Reason why the last one failed, empty if it did not.
+        share: Fraction of the time in which forecasts may currently compute.
+        outlines: Number of outlines used to weight the members of this scene.
         jaccard_mean: Mean agreement with the newest outline, 0 to 1; None without one.
     """
 
@@ -90,7 +91,7 @@ class AheadStatus:
 
 
 class _Seen(NamedTuple):
-    """An outline on its way."""
+    """An observed outline that waits to be sent to the process."""
 
     mask: Mask
     clock: float
@@ -98,13 +99,13 @@ class _Seen(NamedTuple):
 
 
 class EnsembleForecasts:
-    """Orders ensembles, takes their maps, and passes on what has been seen.
+    """Requests ensembles, receives their maps, and forwards observed outlines.
 
-    All but ``observe`` is for the forecaster's thread.
+    Only the forecaster's thread may call methods other than ``observe``.
     """
 
     def __init__(self) -> None:
-        """Begin without any."""
+        """Initialize without an ensemble."""
         self.latest: Live[EnsembleForecast] | None = None
         self.status = AheadStatus()
         self._seen: queue.SimpleQueue[_Seen] = queue.SimpleQueue()
@@ -121,26 +122,26 @@ class EnsembleForecasts:
 
     @property
     def is_busy(self) -> bool:
-        """Whether an ensemble is at hand."""
+        """True while an ensemble is being computed."""
         return self._at_hand is not None
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Take a mask of where lava was observed at ``clock``, in ROS time [s], from any thread.
+        """Accept a mask of lava observed at ROS time ``clock`` [s]; any thread may call this.
 
-        The future is done when the members have been weighed, or holds the LavaError why not.
+        The future completes when the members have been weighted, or contains a LavaError.
         """
         done: Future[None] = Future()
         self._seen.put(_Seen(mask, clock, done))
         return done
 
     def is_wanted(self, changes: int, time: float) -> bool:
-        """Whether there is neither an ensemble at hand nor one of this state."""
-        # one that was refused would fail again, until something changes
+        """Return True if no ensemble is being computed or has been requested for this state."""
+        # a refused ensemble would fail again until something changes
         may_be = not self._is_refused or changes != self._changes
         return may_be and self._at_hand is None and (changes, time) != self._ordered
 
     def order(self, fork: Fork, number: int, rules: ForecastRules) -> dict[str, Any] | None:
-        """The part of the order for forecast ``number`` that asks for an ensemble, or None."""
+        """Return the ensemble part of the request for forecast ``number``, or None."""
         self._note(fork)
         if not rules.members or not self.is_wanted(fork.changes, fork.checkpoint.time):
             return None
@@ -158,7 +159,7 @@ class EnsembleForecasts:
         }
 
     def _places_on(self, features: tuple[Feature, ...], terrain: Terrain) -> Places | None:
-        """Put places on a terrain; None without any, or where their topic reports an error."""
+        """Locate places on a terrain; None without places, or if their topic reports an error."""
         if features and (self._places is None or self._places[0] is not terrain):
             self._places = terrain, None
             with suppress(LavaError):
@@ -166,7 +167,7 @@ class EnsembleForecasts:
         return None if self._places is None else self._places[1]
 
     def send(self, order: Callable[..., None], *, changes: int, time_scale: float) -> None:
-        """Send waiting outlines to the process, unless the scene has just changed."""
+        """Send the waiting outlines to the process, unless the scene has just changed."""
         while changes == self._changes and not self._seen.empty():
             seen = self._seen.get()
             assert self._terrain is not None
@@ -181,7 +182,7 @@ class EnsembleForecasts:
             order('outline', number=self._number, outline=outline)
 
     def hear(self, name: str, **values: Any) -> bool:
-        """Take an answer of the process, and return whether ``latest`` has changed."""
+        """Process a reply of the child process; return True if ``latest`` has changed."""
         if name == 'progress' and self._at_hand is not None:
             self._put(progress=values['ensemble'])
         elif name == 'ensemble_refused':
@@ -198,7 +199,7 @@ class EnsembleForecasts:
         return False
 
     def drop(self, reason: str) -> None:
-        """Forget what is at hand: the process does so, too, or has ended."""
+        """Discard the current ensemble; the child process discards it too, or has ended."""
         self._at_hand = self._ordered = None
         self._put(progress=None)
         waiting = list(self._sent.values())
@@ -210,7 +211,7 @@ class EnsembleForecasts:
 
     def _note(self, fork: Fork) -> None:
         if fork.changes != self._changes:
-            # what is known of one scene says nothing of another
+            # observations and errors apply to one scene only
             self._changes = fork.changes
             self._moments.clear()
             self._agreement, self._is_refused = None, False
@@ -219,7 +220,7 @@ class EnsembleForecasts:
         self._moments.append((fork.clock, fork.checkpoint.time))
 
     def _time_at(self, clock: float, time_scale: float) -> float:
-        """Simulated time at a time of the clock: evenly between two forks, after them by scale."""
+        """Convert a clock time: interpolate between forks, extrapolate with ``time_scale``."""
         clocks, times = zip(*self._moments, strict=True)
         if clock <= clocks[0]:
             raise LavaError(
@@ -234,7 +235,7 @@ class EnsembleForecasts:
     def _take(
         self, number: int, stamp_ns: int, changes: int, *, is_done: bool, **values: Any
     ) -> bool:
-        # of another scene
+        # the reply belongs to an earlier scene
         if changes != self._changes:
             return False
         assert self._terrain is not None

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The clock that simulated time follows: its steps, its jumps and the time lost."""
+"""The clock that simulated time follows: its steps, its jumps, and lost time."""
 
 from collections.abc import Callable
 import time

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishes what comes, and withdraws what says nothing about what comes any more."""
+"""Publication of forecasts, and withdrawal of those that no longer apply."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -26,21 +26,21 @@ from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene.features import Feature
 
-#: How long forecasts may take to end [s]: a copy of the state that is being taken is waited for.
+#: Maximum wait for the forecast thread to end [s]; it may be copying the state.
 STOP_TIMEOUT = 4.0
 
-#: Thickness from which on lava has arrived [m], where no layer shows the arrival.
+#: Arrival threshold if no layer shows the arrival: minimum lava thickness [m].
 _THRESHOLD = 0.1
 
 
 @dataclass(eq=False)
 class ForecastTopics:
-    """The layers of forecasts and of ensembles; without a horizon there are none.
+    """The layers of forecasts and of ensembles; there are none without a horizon.
 
     Messages are stamped with the time at which their forecast starts. A forecast is withdrawn, by
-    maps on which nothing is known, as soon as scene or effects have changed or it is too old.
-    ``choice`` returns what was chosen to meet the deadline, None without a deadline. ``features``
-    are places where ensembles also tell when lava arrives.
+    maps of unknown cells, when the scene or the effects change or when it is too old. ``choice``
+    returns the choice made to meet the deadline, None without a deadline. ``features`` are places
+    for which ensembles also predict arrival times.
     """
 
     entities: Entities
@@ -52,7 +52,11 @@ class ForecastTopics:
     features: tuple[Feature, ...] = ()
 
     def __post_init__(self) -> None:
-        """Create publishers and the forecaster; LavaError where arrivals differ in threshold."""
+        """Create publishers and the forecaster.
+
+        Raises:
+            LavaError: If layers of the arrival have different thresholds.
+        """
         self._threshold = _threshold(self.layers)
         self.publishers: list[LayerPublishers[Any]] = [
             LayerPublishers(
@@ -71,20 +75,20 @@ class ForecastTopics:
         self._forecaster = Forecaster(self.worker, self._rules, on_change=ready.trigger)
 
     def start(self) -> None:
-        """Start the thread, where forecasts are wanted at all."""
+        """Start the forecast thread if there is a horizon."""
         if self.settings().forecast_horizon:
             self._forecaster.start()
 
     def stop(self) -> None:
-        """End the thread and its process."""
+        """End the forecast thread and its child process."""
         self._forecaster.stop(STOP_TIMEOUT)
 
     def activate(self, is_active: bool) -> None:
-        """Make and publish forecasts from now on, or no more."""
+        """Start or stop making and publishing forecasts."""
         self._forecaster.want(is_active)
 
     def make_due(self, rate: float) -> None:
-        """Let the layers of a rate be published with the next forecast."""
+        """Mark the layers of a rate [Hz] as due with the next forecast."""
         for publishers in self.publishers:
             publishers.make_due(rate)
         self.publish()
@@ -99,7 +103,7 @@ class ForecastTopics:
 
     @property
     def valid(self) -> tuple[Forecast | None, EnsembleForecast | None]:
-        """The newest forecast and the newest ensemble, None for one that does not hold."""
+        """The newest forecast and the newest ensemble, None for one that is missing or stale."""
         forecaster = self._forecaster
         latest, ensemble = forecaster.latest, forecaster.ensembles.latest
         return (
@@ -108,13 +112,17 @@ class ForecastTopics:
         )
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh members by the lava observed at ``clock`` [s]; LavaError without ensembles."""
+        """Weight members by the lava observed at ROS time ``clock`` [s].
+
+        Raises:
+            LavaError: If the node does not make ensembles.
+        """
         if not self._forecaster.is_wanted:
             raise LavaError('observed_outline', 'no ensemble', 'an active node that makes them')
         return self._forecaster.ensembles.observe(mask, clock)
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """What diagnostics say, nothing without a horizon."""
+        """Return the diagnostic statuses, none without a horizon."""
         forecaster, settings = self._forecaster, self.settings()
         if not settings.forecast_horizon:
             return []
@@ -129,7 +137,7 @@ class ForecastTopics:
             for task in tasks
         ]
         if settings.deadline:
-            # an ensemble includes the forecast that comes before it
+            # the duration of an ensemble includes that of its forecast
             known = [live.shown.duration for *_, live in tasks if live is not None]
             took = max(known, default=0.0)
             found.append(diagnostics.deadline_status(settings.deadline, self.choice(), took=took))
@@ -155,7 +163,7 @@ class ForecastTopics:
 
 @dataclass(eq=False)
 class _Withdrawable(Generic[Ahead]):
-    """Publishes something of what comes as long as it says anything, and else takes it back."""
+    """Publishes forecasts or ensembles while they are valid, and withdraws them when stale."""
 
     layers: LayerPublishers[Ahead]
     name: str
@@ -164,7 +172,7 @@ class _Withdrawable(Generic[Ahead]):
     is_known: bool = False
 
     def publish(self, live: Live[Ahead] | None, staleness: str, *, repeat: bool) -> None:
-        """Publish it where it has not been, or that nothing is known any more."""
+        """Publish ``live`` if it is new, or maps of unknown cells if it is stale."""
         if live is None:
             return
         shown, stamp_ns = live.shown, live.stamp_ns
@@ -177,7 +185,7 @@ class _Withdrawable(Generic[Ahead]):
         self.layers.publish(
             shown,
             stamp_ns,
-            # neither the end nor the beginning of what is known waits for its turn
+            # the first valid maps and a withdrawal are published immediately
             also_not_due=bool(staleness) or not self.is_known,
             repeat=repeat,
             recorded_ns=moment_ns,
@@ -186,7 +194,7 @@ class _Withdrawable(Generic[Ahead]):
 
 
 def _threshold(layers: Sequence[Layer]) -> float:
-    """The thickness from which on lava has arrived: it is one for all layers of the arrival."""
+    """Return the arrival threshold [m], which all layers of the arrival must share."""
     arrivals = [item for item in layers if plain_source(item.source) in (ARRIVAL, PROBABILITY)]
     thresholds = {layer.threshold for layer in arrivals}
     if len(thresholds) > 1 or 0.0 in thresholds:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forecasts of the live simulation, again and again, beside it. No rclpy in here."""
+"""Repeated forecasts of the live simulation in a separate process. Without rclpy."""
 
 from collections.abc import Callable
 from concurrent.futures import CancelledError
@@ -31,45 +31,45 @@ from lava_ros.ros.session import Fork
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 
-#: Least wall time from one forecast to the next [s].
+#: Minimum wall time between the starts of two forecasts [s].
 LEAST_PERIOD = 1.0
 
-#: Wall times that copying the state took which have to pass before the next copy: it is the live
-#: simulation's thread that copies.
+#: Minimum wall time between two copies of the state, as a multiple of the time that a copy takes:
+#: the thread of the live simulation makes the copies.
 FORK_REST = 20.0
 
-#: Time of the clock that the live simulation may be behind before forecasts make way [s]: more
-#: than what comes of slices and steps, less than what it gives up.
-LONGEST_LAG = 0.5
+#: Maximum lag of the live simulation behind the clock at which forecasts still get more time [s]:
+#: above the lag of normal slices and steps, below the lag at which time is lost.
+MAX_LAG_INCREASE = 0.5
 
-#: Wall time between two looks at how the live simulation is doing [s].
+#: Wall time between two checks of the live simulation [s].
 _WATCH_TIME = 0.1
 
-#: Least share of a device that forecasts have, by its kind. On a GPU two that are busy get half of
-#: it each, so the live simulation loses half of this; on a CPU forecasts are nice, and take away
-#: what cores share: caches, memory.
+#: Minimum fraction of a device's time for forecasts, by kind of device. Two busy processes get
+#: half of a GPU each, so the live simulation loses half of this fraction. On a CPU, forecasts have
+#: a low priority and slow the simulation only by their use of caches and memory.
 LEAST_SHARES = {'cpu': 0.25, 'cuda': 0.1}
 
-#: Share by which forecasts get more in a second in which the live simulation keeps up.
+#: Increase of the fraction per second [1/s] while the live simulation keeps up.
 SHARE_RATE = 0.1
 
-#: Wall time after a failure before the next try [s], doubled with each up to the last.
+#: First and maximum wall time before the retry after a failure [s]; each failure doubles it.
 _RETRY_TIMES = (2.0, 60.0)
 
-#: Longest time that the process may take to end by itself [s].
+#: Maximum wait for the process to end before it is killed [s].
 _END_TIMEOUT = 2.0
 
 
 class Pace:
-    """The share of the time for what may wait: least while the simulation falls behind."""
+    """The fraction of time for forecasts: minimal while the simulation falls behind."""
 
     def __init__(self) -> None:
-        """Start with all of the time."""
+        """Initialize to the whole time."""
         self._share = 1.0
         self._noted: float | None = None
 
     def note(self, is_behind: bool, now: float) -> None:
-        """Note whether the simulation is behind its clock, at a wall time [s]."""
+        """Record whether the simulation is behind its clock at wall time ``now`` [s]."""
         if is_behind:
             self._share = 0.0
         elif self._noted is not None:
@@ -77,23 +77,23 @@ class Pace:
         self._noted = now
 
     def share(self, most: float, device: str) -> float:
-        """The share now, on a device, given the largest one."""
+        """Return the current fraction on a device, at most ``most``."""
         least = LEAST_SHARES[device.partition(':')[0]]
         return min(max(round(self._share, 1), least), most)
 
 
 class ForecastProcess:
-    """A child process that runs ``lava_ros.forecast.process`` and ends with this one.
+    """A child process that runs ``lava_ros.forecast.process`` and ends with its parent.
 
     Messages are pickled, which is safe because no other process has an end of the connection.
     """
 
     def __init__(self) -> None:
-        """Start it."""
+        """Start the process."""
         package = str(Path(lava_ros.__file__).resolve().parents[1])
         paths = [package, *filter(None, [os.environ.get('PYTHONPATH')])]
         self._connection, other_end = multiprocessing.Pipe()
-        # the node handles Ctrl+C in a terminal, and then closes the connection
+        # the node handles Ctrl+C in a terminal and then closes the connection
         with other_end, interrupts_withheld():
             self._child = subprocess.Popen(
                 [sys.executable, '-m', 'lava_ros.forecast.process', str(other_end.fileno())],
@@ -106,15 +106,19 @@ class ForecastProcess:
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Process ID."""
         return self._child.pid
 
     def order(self, name: str, **values: Any) -> None:
-        """Send an order; OSError where it has ended."""
+        """Send a request; raise OSError if the process has ended."""
         self._connection.send((name, values))
 
     def answer(self, timeout: float) -> tuple[str, dict[str, Any]] | None:
-        """Name and values of the next answer, None without one in time [s]; OSError at its end."""
+        """Return the name and the values of the next reply, None if none arrives in time.
+
+        Raises:
+            ChildProcessError: If the process has ended.
+        """
         try:
             if not self._connection.poll(timeout):
                 return None
@@ -125,7 +129,7 @@ class ForecastProcess:
             raise ChildProcessError(text) from error
 
     def end(self) -> None:
-        """End it, if need be in the middle of a step."""
+        """End the process, in the middle of a step if necessary."""
         self._connection.close()
         try:
             self._child.wait(_END_TIMEOUT)
@@ -143,15 +147,15 @@ class ForecastProcess:
 
 @dataclass(eq=False)
 class Forecaster:
-    """Runs the newest state of the simulation ahead in a separate process, again and again.
+    """Repeatedly computes a forecast from the newest state, in a separate process.
 
-    A forecast in progress is dropped when the scene or the effects change, and a new one starts. A
+    When the scene or the effects change, a forecast in progress is dropped and a new one starts. A
     state at rest is forked only once. While the live simulation falls behind its clock, the
-    process gets a smaller share of the time. If ensembles are enabled, the next one starts from a
-    fork as soon as the one before is complete.
+    process may use a smaller fraction of the time. If ensembles are enabled, the next one starts
+    from a fork as soon as the previous one is complete.
 
-    ``rules`` returns how to make forecasts now. ``on_change`` is called in the thread when
-    ``latest``, the newest forecast, or the scene has changed. ``status`` is that of forecasts.
+    ``rules`` returns the current settings. ``on_change`` is called in the thread when ``latest``,
+    the newest forecast, or the scene has changed. ``status`` is the status of the forecasts.
     """
 
     worker: SimulationWorker
@@ -171,20 +175,20 @@ class Forecaster:
         self._forked: tuple[int, float] | None = None
         self._changes: int | None = None
         # the fork from which the forecast in progress started
-        self._at_hand: Fork | None = None
+        self._current_fork: Fork | None = None
         self._due = self._due_after_change = 0.0
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
 
     def age(self, live: Live[Ahead] | None) -> float:
-        """How far the simulation is past a forecast's or an ensemble's start [s], 0 for None."""
+        """Return the simulated time since the start of a forecast or ensemble [s], 0 for None."""
         snapshot = self.worker.latest
         if live is None or snapshot is None:
             return 0.0
         return max(0.0, snapshot.time - live.shown.time)
 
     def staleness(self, live: Live[Ahead] | None) -> str:
-        """Why a forecast or ensemble says nothing about what comes, empty when it does."""
+        """Return the reason why a forecast or ensemble is stale, empty if it is valid."""
         if live is None:
             return 'there is none yet'
         if self.worker.eruption.changes != live.changes:
@@ -199,11 +203,11 @@ class Forecaster:
         self._thread.start()
 
     def want(self, is_wanted: bool) -> None:
-        """Make forecasts from now on, or no more."""
+        """Start or stop making forecasts."""
         self.is_wanted = is_wanted
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread and the process within ``timeout`` [s], and say whether it has ended."""
+        """End the thread and the process; return True if both ended within ``timeout`` [s]."""
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join(timeout)
@@ -219,17 +223,17 @@ class Forecaster:
         self._end_process()
 
     def _turn(self) -> None:
-        """Begin a forecast that is due, pass on outlines, and take an answer of the process."""
+        """Begin a forecast that is due, forward outlines, and process one reply."""
         self._drop_outdated()
         is_another = self.worker.eruption.changes != self._changes
         due = self._due_after_change if is_another else self._due
         is_due = self.is_wanted and time.monotonic() >= due
         if is_due and self._process is None:
-            # it takes its time to start: before there is anything to look ahead from
+            # starting takes a while, so start before there is a state to forecast from
             self._process = self.make_process()
             if self.rules().members:
                 self._process.order('prepare')
-        if is_due and self._at_hand is None and self._is_something_new():
+        if is_due and self._current_fork is None and self._is_something_new():
             self._begin()
         if self._process is None:
             self._stopping.wait(_WATCH_TIME)
@@ -238,7 +242,7 @@ class Forecaster:
         self.ensembles.send(
             self._process.order, changes=self.worker.eruption.changes, time_scale=rules.time_scale
         )
-        if self._at_hand is not None and self._renew_share(rules):
+        if self._current_fork is not None and self._renew_share(rules):
             self._process.order('share', share=self.status.share)
         answer = self._process.answer(_WATCH_TIME)
         if answer is not None:
@@ -261,7 +265,7 @@ class Forecaster:
     def _drop_outdated(self) -> None:
         changes = self.worker.eruption.changes
         is_outdated = not self.is_wanted or changes != self._changes
-        if is_outdated and (self._at_hand is not None or self.ensembles.is_busy):
+        if is_outdated and (self._current_fork is not None or self.ensembles.is_busy):
             if self._process is not None:
                 self._process.order('cancel')
             self._report_changes()
@@ -269,7 +273,7 @@ class Forecaster:
 
     def _drop(self, reason: str) -> None:
         # a state that has been dropped may be forked again
-        self._at_hand = self._forked = None
+        self._current_fork = self._forked = None
         self.ensembles.drop(reason)
         self._put_status(progress=None)
 
@@ -287,7 +291,7 @@ class Forecaster:
             self._process = None
 
     def _begin(self) -> None:
-        """Fork, and have the process look ahead from there."""
+        """Fork the simulation and request a forecast from the copy."""
         assert self._process is not None
         rules, begun = self.rules(), time.monotonic()
         fork = self._fork()
@@ -296,8 +300,8 @@ class Forecaster:
         self._number += 1
         self._renew_share(rules)
         self._put_status(progress=0.0)
-        self._at_hand = fork
-        # of another scene nothing is known, which is worse than a forecast that is a second old
+        self._current_fork = fork
+        # a changed scene has no forecast at all, so it need not wait for LEAST_PERIOD
         self._due_after_change = begun + FORK_REST * fork.wall_time
         self._due = max(begun + LEAST_PERIOD, self._due_after_change)
         self._process.order('share', share=self.status.share)
@@ -322,7 +326,7 @@ class Forecaster:
                 continue
             except CancelledError:
                 return None
-            # what has been forked is what the next one has to differ from
+            # the next fork must differ from this state
             self._forked = fork.changes, fork.checkpoint.time
             self._changes = fork.changes
             return fork
@@ -331,13 +335,13 @@ class Forecaster:
     def _hear(self, name: str, **values: Any) -> None:
         if self.ensembles.hear(name, **values):
             self.on_change()
-        fork = self._at_hand
+        fork = self._current_fork
         if fork is None or values.pop('number', None) != self._number:
             return
         if name == 'refused':
             raise LavaError('forecast', values['reason'], 'a flow that can be simulated ahead')
         if name == 'forecast':
-            self._at_hand = None
+            self._current_fork = None
             forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)
             self._failures = 0
             self.latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
@@ -347,10 +351,10 @@ class Forecaster:
             self._put_status(progress=values['progress'])
 
     def _renew_share(self, rules: ForecastRules) -> bool:
-        """Follow the live simulation's lag, and say whether that changed anything."""
+        """Adapt the fraction of time to the live simulation's lag; return True if it changed."""
         worker, former = self.worker.status, self.status.share
         is_running = worker.state is WorkerState.RUNNING
-        self._pace.note(is_running and worker.lag > LONGEST_LAG, time.monotonic())
+        self._pace.note(is_running and worker.lag > MAX_LAG_INCREASE, time.monotonic())
         self._put_status(share=self._pace.share(rules.share, worker.device))
         return self.status.share != former
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The topics that inputs come in by: checked, turned into commands, counted, never fatal."""
+"""Subscriptions to the input topics: messages are checked, counted and made commands."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -33,10 +33,10 @@ from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import Terrain
 
-#: How often an image that waits for its description is looked at [s].
+#: Interval between checks for a complete pair of ``terrain`` and ``terrain_info`` [s].
 PAIRING_PERIOD = 0.1
 
-#: Clocks of two machines may differ by this [s].
+#: Maximum difference between the clocks of two machines [s].
 CLOCK_TOLERANCE = 1.0
 
 #: Time after which an unchanged error of a topic is logged again [s].
@@ -46,49 +46,49 @@ _OUTLINE = 'observed_outline'
 
 
 class InputLog:
-    """Counts what was taken and refused, by topic. Any thread may report."""
+    """Counts accepted and refused messages by topic. All methods are thread-safe."""
 
     def __init__(self) -> None:
-        """Start with nothing."""
+        """Initialize all counts to zero."""
         self._lock = threading.Lock()
         self._accepted = self._superseded = self._arrived = 0
         self._rejected: Counter[str] = Counter()
-        # number of a topic's newest message that was judged, and whether it was refused
+        # by topic: number of the newest message with a result, and whether it was refused
         self._newest: dict[str, tuple[int, bool]] = {}
         self._last_error = ''
         self._logged: dict[str, tuple[str, float]] = {}
 
     def arrive(self) -> int:
-        """Number a message whose judgement may come after that of a newer one."""
+        """Return a number for a message whose result may come after that of a newer message."""
         with self._lock:
             self._arrived += 1
             return self._arrived
 
     def accept(self, topic: str, number: int | None = None) -> None:
-        """Note a message that was taken; the newest, or that of a number."""
+        """Count an accepted message: the newest, or the one with a number."""
         with self._lock:
             self._accepted += 1
             self._judge(topic, number, is_bad=False)
             self._logged.pop(topic, None)
 
     def supersede(self, topic: str, number: int | None = None) -> None:
-        """Note a sound message that a newer one replaced before the simulation took it.
+        """Record a valid message that a newer one replaced before the simulation used it.
 
-        The newer one may have come on another topic: both clouds and images are terrain.
+        The newer message may be from another topic: point clouds and images are both terrain.
         """
         with self._lock:
             self._superseded += 1
             self._judge(topic, number, is_bad=False)
 
     def forgive(self, topic: str) -> None:
-        """Leave it at a warning: nothing better can be expected on the topic to end an error."""
+        """Reduce the topic's error to a warning, because no later message would clear it."""
         with self._lock:
             self._newest[topic] = self._newest[topic][0], False
 
     def reject(self, topic: str, error: LavaError, number: int | None = None) -> bool:
-        """Note a message that was refused, the newest or that of a number, and whether to log it.
+        """Count a refused message (the newest, or ``number``); return True if it is to be logged.
 
-        What was just said about the topic is not logged again.
+        An unchanged error of a topic is logged once per ``LOG_INTERVAL``.
         """
         with self._lock:
             self._rejected[topic] += 1
@@ -109,7 +109,7 @@ class InputLog:
             self._newest[topic] = number, is_bad
 
     def status(self) -> DiagnosticStatus:
-        """ERROR while a topic's newest message was refused, WARN when an earlier one was."""
+        """Return ERROR if a topic's newest message was refused, WARN if an earlier one was."""
         with self._lock:
             rejected, last_error = self._rejected.total(), self._last_error
             level, message = diagnostics.OK, 'all taken'
@@ -129,13 +129,13 @@ class InputLog:
 
 @dataclass(eq=False)
 class InputTopics:
-    """Subscribes to the inputs; what is refused is logged and counted, and changes nothing.
+    """Subscribes to the inputs; a refused message is logged and counted, and changes nothing.
 
-    ``settings`` returns the settings in use; ``steady`` is a clock that advances independently of
-    ``/clock``. ``observe`` takes a mask of where lava was observed and its ROS time [s]; without
-    it there is no subscription to outlines. ``recorder`` records the outlines. ``is_own`` says
-    whether a serialised message on a topic comes from this node. ``log`` has what has been taken
-    and refused; ``wanted`` is said while there is no terrain.
+    ``settings`` returns the current settings; ``steady`` is a clock that advances independently of
+    ``/clock``. ``observe`` receives a mask of observed lava and its ROS time [s]; without it there
+    is no subscription to outlines. ``recorder`` records the outlines. ``is_own`` returns True if a
+    serialised message on a topic comes from this node. ``log`` counts accepted and refused
+    messages; ``wanted`` is the log text while there is no terrain.
     """
 
     entities: Entities
@@ -160,7 +160,7 @@ class InputTopics:
                 PointCloud2, partial(self._on_ground, 'terrain_cloud', inputs.terrain_from_cloud)
             ),
         }
-        # without grid_map_msgs there is no such topic
+        # no topic without grid_map_msgs
         with suppress(LavaError):
             take = partial(self._on_ground, 'terrain_grid', inputs.terrain_from_grid)
             terrains['terrain_grid'] = codec.message_class(GRID_MAP), take
@@ -172,7 +172,7 @@ class InputTopics:
             commands['clicked_point'] = PointStamped, self._on_clicked_point
         if self.observe is not None:
             commands[_OUTLINE] = OccupancyGrid, self._on_outline
-        # a subscription that asks for latched messages does not hear a volatile publisher
+        # a transient-local subscription does not receive from a volatile publisher
         is_latched = self.settings().terrain_subscribe_transient_local
         ground = qos.LATCHED if is_latched else QosProfile(depth=1)
         for topics, profile in ((terrains, ground), (commands, qos.COMMANDS)):
@@ -184,7 +184,7 @@ class InputTopics:
         self.entities.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
 
     def command(self, topic: str, future: 'Future[None]') -> None:
-        """Report how a command for the worker ends; that is in the worker's thread."""
+        """Report the result of a worker command, in the worker's thread."""
         number = self.log.arrive()
 
         def report(done: 'Future[None]') -> None:
@@ -204,11 +204,11 @@ class InputTopics:
         self.log.forgive(topic)
 
     def has_heard(self, terrain: Terrain) -> bool:
-        """Whether a terrain came by ``terrain`` and ``terrain_info``."""
+        """Return True if a terrain was received on ``terrain`` and ``terrain_info``."""
         return id(terrain) in self._heard
 
     def report_callback(self, error: Exception) -> None:
-        """Report what a callback of the middleware itself raised."""
+        """Report an error that the middleware itself raised in a callback."""
         reason = f'{type(error).__name__}: {error}'
         self.refuse('message', LavaError('message', reason, 'one that ROS can take'))
 
@@ -217,7 +217,7 @@ class InputTopics:
             self._logger.error(f'{topic} refused: {error}')
 
     def _take(self, topic: str, kind: Any, callback: Callable[[Any], None], data: bytes) -> None:
-        """Read a message and hand it on; whatever is wrong with it is reported."""
+        """Deserialise a message and pass it to ``callback``; report all errors."""
         if self.is_own(topic, data):
             return
         try:

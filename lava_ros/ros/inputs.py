@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages that come in -> Terrain and Vent, or a LavaError that says what is wrong with them."""
+"""Conversion of input messages to Terrain, Vent and Mask, with a LavaError for invalid ones."""
 
 from collections.abc import Sequence
 import math
@@ -30,36 +30,36 @@ from lava_ros.scene import (
 )
 from lava_ros.scene.missing_data import check_missing
 
-#: Fields a cloud of vents has to have; ``z`` is there for viewers.
+#: Required fields of a point cloud of vents; only viewers use ``z``.
 VENT_FIELDS = ('x', 'y', 'z', 'discharge', 'temperature', 'radius')
 
-#: Time that the partner of a single new half of a terrain has to come [s].
+#: Wait for the partner of a new terrain image or description [s].
 SETTLE = 0.5
 
-#: Time after which a half of another size than its partner, and one without any, is reported [s].
+#: Times after which two halves of different sizes, and a single half, are reported [s].
 PATIENCE, ABSENCE = 2.0, 10.0
 
-#: Value of a mask's cell from which on there is lava; negative ones are unknown.
-LEAST_LAVA = 50
+#: A cell of a mask is lava at or above this value; negative cells are unknown.
+LAVA_THRESHOLD = 50
 
-#: What a publisher of terrain can do about a value that looks like missing data.
+#: Advice to a publisher of terrain about a value that looks like missing data.
 NAN_ADVICE = 'NaN in place of {0} if these cells have no data'
 
-#: Largest value of a cell of an occupancy grid.
-MOST_CELL = 100
+#: Maximum value of a cell of an occupancy grid.
+MAX_CELL_VALUE = 100
 
 
 def check_image(image: Image, settings: Settings) -> None:
-    """Check all that can be said about a terrain image before its terrain_info is there."""
+    """Check a terrain image as far as possible without its terrain_info."""
     _check_message('terrain', image.header, settings, image.data)
     _check_cells('terrain.size', image.width, image.height, settings)
     _check_elevation('terrain', image_array(image, 'terrain'), settings)
 
 
 def check_info(info: MapMetaData, settings: Settings, *, name: str = 'terrain_info') -> float:
-    """Check the description of a grid by itself, and return the side of a cell [m].
+    """Check the description of a grid and return the side of a cell [m].
 
-    It is the shortest decimal number the float32 stands for: 0.1, not 0.10000000149.
+    The side is the shortest decimal number of the float32 value: 0.1, not 0.10000000149.
     """
     _check_cells(f'{name}.size', info.width, info.height, settings)
     _check_pose(f'{name}.origin', info.origin)
@@ -95,7 +95,7 @@ def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
     _check_message(name, cloud.header, settings, cloud.data)
     columns = cloud_columns(cloud, name, ('x', 'y', 'z'))
     for axis, most in (('x', MAX_COORDINATE), ('y', MAX_COORDINATE), ('z', MAX_ELEVATION)):
-        # NaN compares as False
+        # comparisons with NaN are False
         beyond = columns[axis][np.abs(columns[axis]) > most]
         if len(beyond):
             right = f'at most {most:g} m above or below zero, NaN for points without data'
@@ -142,10 +142,10 @@ def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
 
 
 def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]:
-    """Make the vents of a message, which stand for all there are: no points, no vents.
+    """Make the vents of a message, which replace all vents: no points means no vents.
 
-    With a field ``time`` the points of one id at one place are one vent, whose discharge is that
-    of each point from its simulated time [s] on.
+    With a field ``time``, the points of one id at one position are one vent. The discharge of each
+    point applies from its simulated time [s] until that of the next point.
     """
     _check_message('vents', cloud.header, settings, cloud.data)
     count = cloud.width * cloud.height
@@ -168,7 +168,7 @@ def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Ve
     name = f'vent {first["id"]:g}'
     for key in ('temperature', 'radius'):
         for point in points[1:]:
-            # none is equal to NaN, which is refused below
+            # NaN differs from every value, and is refused below
             if point[key] != first[key]:
                 right = f'{first[key]:g} as at its first time'
                 raise LavaError(f"vent '{name}'.{key}", point[key], right)
@@ -178,7 +178,7 @@ def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Ve
 
 
 def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
-    """Make a vent where a viewer's user clicked; the stamp is the viewer's and is ignored."""
+    """Make a vent at a point clicked in a viewer; its stamp is the viewer's and ignored."""
     _check_message('clicked_point', point.header, settings)
     return _vent(
         name,
@@ -190,7 +190,7 @@ def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Ve
 
 
 def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'observed') -> Mask:
-    """Read where lava was observed: 50 to 100 is lava, 0 to 49 none, negative not observed."""
+    """Convert a grid of observed lava: 50 to 100 lava, 0 to 49 none, negative not observed."""
     _check_message(name, grid.header, settings)
     info = grid.info
     resolution = check_info(info, settings, name=f'{name}.info')
@@ -198,37 +198,41 @@ def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'obse
         right = f'width x height = {info.width * info.height} cells'
         raise LavaError(f'{name}.data', f'{len(grid.data)} cells', right)
     cells = np.asarray(grid.data, dtype=np.int8).reshape(info.height, info.width)
-    if cells.max() > MOST_CELL:
-        raise LavaError(f'{name}.data', int(cells.max()), f'cells from -1 to {MOST_CELL}')
+    if cells.max() > MAX_CELL_VALUE:
+        raise LavaError(f'{name}.data', int(cells.max()), f'cells from -1 to {MAX_CELL_VALUE}')
     origin = (info.origin.position.x, info.origin.position.y)
-    return Mask(cells >= LEAST_LAVA, cells >= 0, resolution, origin)
+    return Mask(cells >= LAVA_THRESHOLD, cells >= 0, resolution, origin)
 
 
 class TerrainPairing:
-    """Finds the image and the description that belong together on two topics.
+    """Pairs images and descriptions of terrain that arrive on two topics.
 
-    Either may come first. Two that are both new make a terrain at once when their sizes agree. A
-    single new one of the old size gives its partner ``SETTLE`` seconds to come and then pairs with
-    the old partner, so that a publisher that sends both never shows the new elevations at the old
-    place. Halves of different sizes are an error after ``PATIENCE`` seconds, one without any
-    partner after ``ABSENCE`` seconds: a machine with too much to do may hear of one publisher
-    seconds after the other, which is no mistake of theirs. Each is reported once.
+    Either may arrive first. Two new halves of the same size are a pair immediately. A single new
+    half of the old size waits ``SETTLE`` seconds for its partner and then pairs with the old
+    partner, so that new elevations never appear at the old position if a publisher sends both.
+    Halves of different sizes are an error after ``PATIENCE`` seconds, a half without a partner
+    after ``ABSENCE`` seconds: on a busy machine, discovery of the second publisher may take
+    seconds longer. Each error is reported once.
     """
 
     def __init__(self) -> None:
-        """Start with nothing."""
+        """Initialize without halves."""
         self._halves: dict[type, Any] = {}
         self._new: set[type] = set()
         self._changed, self._is_waiting = 0.0, False
 
     def add(self, half: Image | MapMetaData, now: float) -> None:
-        """Take a checked image or description at a monotonic time [s]."""
+        """Add a checked image or description at monotonic time ``now`` [s]."""
         self._halves[type(half)] = half
         self._new.add(type(half))
         self._changed, self._is_waiting = now, True
 
     def poll(self, now: float) -> tuple[Image, MapMetaData] | None:
-        """Return a pair that has become complete; LavaError, once, when it takes too long."""
+        """Return a newly complete pair, otherwise None.
+
+        Raises:
+            LavaError: If a partner is overdue; once for each.
+        """
         if not self._is_waiting:
             return None
         image, info = self._halves.get(Image), self._halves.get(MapMetaData)
@@ -243,9 +247,9 @@ class TerrainPairing:
             return None
         self._is_waiting = False
         if image is None:
-            raise LavaError('terrain', None, 'an Image beside the MapMetaData on terrain_info')
+            raise LavaError('terrain', None, 'an Image for the MapMetaData on terrain_info')
         if info is None:
-            raise LavaError('terrain_info', None, 'a MapMetaData beside the Image on terrain')
+            raise LavaError('terrain_info', None, 'a MapMetaData for the Image on terrain')
         raise _size_mismatch(image, info)
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A message that goes out and comes back, as a process of its own: see ``lava doctor``."""
+"""Round trip of a ROS message, run by ``lava doctor`` in a separate process."""
 
 import json
 import os
@@ -19,19 +19,19 @@ from lava_ros.bag.qos import LATCHED
 from lava_ros.ros.arguments import start_ros
 from lava_ros.ros.qos import ros_profile
 
-#: How many messages are timed.
+#: Number of timed messages.
 COUNT = 20
 
-#: Longest time to wait for all of it [s].
+#: Maximum duration of the whole test [s].
 PATIENCE = 20.0
 
 
 def probe() -> dict[str, Any]:
-    """Send latched messages from one node to another, both of this process.
+    """Send latched messages between two nodes of this process.
 
     Returns:
-        What was seen: ``middleware``, ``discovery_ms`` until the first message, ``trip_ms`` of a
-        message, ``nodes`` that were in the graph already; or ``error``.
+        ``middleware``, time to the first message ``discovery_ms`` [ms], median time of a message
+        ``trip_ms`` [ms] and number of other ``nodes`` in the graph; or only ``error``.
     """
     end = time.monotonic() + PATIENCE
     topic = f'lava_doctor_{os.getpid()}'
@@ -51,7 +51,7 @@ def probe() -> dict[str, Any]:
 
     started = time.monotonic()
     publisher = sender.create_publisher(String, topic, ros_profile(LATCHED))
-    # Sent before anybody listens: a latched message has to wait for the one who comes late.
+    # Publish before subscribing: a latched message must reach a late subscriber.
     publisher.publish(String(data='first'))
     receiver.create_subscription(
         String, topic, lambda message: heard.append(message.data), ros_profile(LATCHED)
@@ -76,7 +76,7 @@ def probe() -> dict[str, Any]:
 
 
 def main() -> int:
-    """Print what was seen as a line of JSON."""
+    """Print the results as one line of JSON."""
     start_ros()
     print(json.dumps(probe()), flush=True)
     rclpy.shutdown()

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Maps of an ensemble, and snapshots, that no node published, as bags."""
+"""Bags of ensemble maps and of snapshots, written without a node."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import closing
@@ -25,7 +25,7 @@ from lava_ros.ros import codec, diagnostics, outputs
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.snapshot import Snapshot
 
-#: Namespace of the topics of an ensemble.
+#: Namespace of the topics of an ensemble's bag.
 NAMESPACE = '/lava'
 
 #: ROS time of simulated time 0 [ns]: 2001-09-09T01:46:40Z, a round number of seconds.
@@ -68,10 +68,13 @@ def write_atlas_bag(
     stamp_ns: int,
     custom_data: Mapping[str, str],
 ) -> None:
-    """Write terrain, vents and the layers of an ensemble to a bag; an old bag is replaced.
+    """Write terrain, vents and the layers of an ensemble to a bag; replace an old bag.
 
-    ``stamp_ns`` is the stamp of all messages [ns], the time from which the maps look ahead;
-    ``custom_data`` describes the bag beside its scene. LavaError where it cannot be written.
+    ``stamp_ns`` is the stamp of all messages [ns], the time at which the forecast starts;
+    ``custom_data`` describes the bag in addition to its scene.
+
+    Raises:
+        LavaError: If the bag cannot be written.
     """
     terrain = plan.scene.terrain
     shown = EnsembleForecast(
@@ -106,11 +109,14 @@ def write_snapshots(
     custom_data: Mapping[str, str],
     terrains: Iterable[tuple[float, Terrain]] = (),
 ) -> None:
-    """Write snapshots, by time, to a new bag; its ROS time is simulated time.
+    """Write snapshots in order of time to a new bag with simulated time as its ROS time.
 
-    ``custom_data`` describes the recording beside the scene; ``terrains`` are later grounds, each
-    with the simulated time of its beginning [s]. LavaError where the bag exists or cannot be
-    created, OSError where it cannot be written.
+    ``custom_data`` describes the bag in addition to its scene; ``terrains`` are later terrains,
+    each with the simulated time at which it starts [s].
+
+    Raises:
+        LavaError: If the bag exists or cannot be created.
+        OSError: If the bag cannot be written.
     """
     config = share_path('msg_configs/default.yaml')
     layers = [layer for layer in load_layers(config) if layer.enabled]

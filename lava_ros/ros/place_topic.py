@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishes when lava arrives at the places of files, and tells the diagnostics."""
+"""Publication of lava arrival times at places, on a topic and in the diagnostics."""
 
 from collections.abc import Sequence
 
@@ -22,10 +22,10 @@ from lava_ros.simulation.snapshot import Snapshot
 #: Relative name of the topic.
 TOPIC = 'place_arrivals'
 
-#: Maximum number of parts of places: each message measures their distances from the front.
+#: Maximum number of features: each message measures their distances from the lava.
 MAX_FEATURES = 1000
 
-#: Maximum number of places that the message of the status names, and that its values describe.
+#: Maximum number of places in the message of the status, and in its values.
 _MAX_NAMED, _MAX_DESCRIBED = 3, 50
 
 
@@ -33,7 +33,7 @@ def load_places(files: Sequence[str]) -> tuple[Feature, ...]:
     """Read the features of the files that the parameter ``places`` names.
 
     Raises:
-        LavaError: A file cannot be read, or there are more than ``MAX_FEATURES`` in all.
+        LavaError: If a file cannot be read, or there are more than ``MAX_FEATURES`` in all.
     """
     features = tuple(item for path in files for item in load_features('places', path))
     if len(features) > MAX_FEATURES:
@@ -42,7 +42,7 @@ def load_places(files: Sequence[str]) -> tuple[Feature, ...]:
 
 
 class PlaceTopic:
-    """The topic of the arrivals at places; without features there is none."""
+    """The topic of arrivals at places; there is none without features."""
 
     def __init__(
         self, entities: Entities, recorder: Recorder, features: Sequence[Feature], *, frame_id: str
@@ -70,15 +70,15 @@ class PlaceTopic:
         recorded_ns: int,
         repeat: bool = False,
     ) -> None:
-        """Publish the arrivals if they have changed, or ``repeat``.
+        """Publish the arrivals if they have changed, or if ``repeat``.
 
         Args:
             snapshot: The state of the newest maps.
-            forecast: The newest forecast, None if none holds.
-            ensemble: The newest ensemble, None if none holds.
+            forecast: The newest forecast, None if none is valid.
+            ensemble: The newest ensemble, None if none is valid.
             stamp_ns: ROS time of the newest maps [ns].
             recorded_ns: ROS time of the message in the bag [ns].
-            repeat: Whether to publish again what has been published.
+            repeat: Publish again, even if nothing has changed.
         """
         if not self._features:
             return
@@ -105,7 +105,7 @@ class PlaceTopic:
         if latest is None:
             level = ERROR if self._error else OK
             return [diagnostics.status('places', level, self._error or 'no maps yet', {})]
-        # the worst come first
+        # sort by level, most severe first
         told = sorted(
             (
                 (_level(latest, index), row.name, latest.words(index))
@@ -149,14 +149,14 @@ def _statuses(latest: LiveArrivals) -> list[DiagnosticStatus]:
 
 
 def _text(value: object) -> str:
-    """Format a value for a message: numbers to the last digit, and nothing for None."""
+    """Format a value for a message: numbers in full precision, an empty text for None."""
     if value is None:
         return ''
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _level(latest: LiveArrivals, index: int) -> bytes:
-    """Return ERROR where lava has arrived, WARN where it may arrive or nothing is known."""
+    """Return ERROR if lava has arrived, WARN if it may arrive or there is no forecast."""
     row = latest.rows[index]
     may_arrive = not row.is_known or bool(row.probability)
     level: bytes = ERROR if latest.reached[index] else WARN if may_arrive else OK

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishes the layers of snapshots, records the same bytes, and draws the scene."""
+"""Publication of layers and of the scene; the recorder gets the same bytes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -28,16 +28,17 @@ from lava_ros.ros.spinning import Entities
 from lava_ros.scene import Scene
 from lava_ros.simulation.snapshot import Snapshot
 
-#: What layers show.
+#: A snapshot, forecast or ensemble that layers show.
 Shown = TypeVar('Shown', Snapshot, Forecast, EnsembleForecast)
 
 
 def published_layers(
     config: Path, forecast: Path | None = None, *, settings: Settings
 ) -> list[Layer]:
-    """The enabled layers; layers of ensembles only if there are ensembles.
+    """Return the enabled layers, including ensemble layers only if there are ensembles.
 
-    ``forecast`` is the file of the layers of forecasts, None without forecasts.
+    ``config`` is the file of the layers of the current state, ``forecast`` that of the layers of
+    forecasts, None without forecasts.
 
     Raises:
         LavaError: If a file or the name of a layer is not valid, two layers have the same topic,
@@ -45,8 +46,8 @@ def published_layers(
     """
     known: list[Layer] = []
     for path, is_forecast, right in (
-        (config, False, 'one of now; those of a forecast are in forecast_config'),
-        (forecast, True, 'one of a forecast'),
+        (config, False, 'a source of the current state; forecasts are in forecast_config'),
+        (forecast, True, 'a source of a forecast'),
     ):
         for layer in load_layers(path) if path is not None else ():
             if layer.is_forecast is not is_forecast:
@@ -92,9 +93,10 @@ class _Output(Generic[Shown]):
 
 
 class LayerPublishers(Generic[Shown]):
-    """The publishers of layers, and services that give the newest map of those that are grids.
+    """The publishers of layers, and the ``get_map`` services of layers that are grids.
 
-    ``shown`` was published last, with a stamp [ns]; ``rates`` are those of the layers [Hz].
+    ``shown`` is the state published last, stamped ``shown_stamp_ns`` [ns]; ``rates`` are the
+    rates of the layers [Hz].
     """
 
     def __init__(
@@ -106,7 +108,7 @@ class LayerPublishers(Generic[Shown]):
         frame_id: str,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Create a publisher for every layer; ``clock`` returns steady time [s]."""
+        """Create a publisher for each layer; ``clock`` returns steady time [s]."""
         self._recorder = recorder
         self._frame_id = frame_id
         self._clock = clock
@@ -123,7 +125,7 @@ class LayerPublishers(Generic[Shown]):
         self.shown_stamp_ns = 0
 
     def make_due(self, rate: float) -> None:
-        """Let the layers of a rate be published with the next new snapshot."""
+        """Mark the layers of a rate [Hz] as due with the next new snapshot."""
         for output in self._outputs:
             output.is_due |= output.layer.rate == rate
 
@@ -136,11 +138,11 @@ class LayerPublishers(Generic[Shown]):
         repeat: bool,
         recorded_ns: int | None = None,
     ) -> None:
-        """Publish ``snapshot`` on the layers that are due and have not published it yet.
+        """Publish ``snapshot`` on the layers that are due and have not published it.
 
         ``also_not_due`` includes layers that are not due, ``repeat`` those that have published it.
-        ``stamp_ns`` is the ROS time of the messages [ns], ``recorded_ns`` that in the bag [ns], by
-        default the same.
+        ``stamp_ns`` is the stamp of the messages [ns], ``recorded_ns`` their ROS time in the bag
+        [ns], by default the stamp.
         """
         for output in self._outputs:
             is_new = snapshot is not output.published and (output.is_due or also_not_due)
@@ -171,12 +173,12 @@ class LayerPublishers(Generic[Shown]):
         output.is_due, output.published, output.stamp_ns = False, snapshot, self.shown_stamp_ns
         is_recorded = layer.record and self._recorder.is_recording
         is_latched = layer.qos.durability == 'transient_local'
-        # A latched topic has readers that are not here yet.
+        # A latched topic may have subscribers later.
         if not (is_recorded or is_latched or output.publisher.get_subscription_count()):
             return
         message = self._message(layer, snapshot, output.stamp_ns)
         if layer.is_mask and is_latched:
-            # Nav2 works its costmaps out anew, and warns, for each mask it gets.
+            # Nav2 recomputes its costmaps, and warns, for each mask that it receives.
             known, output.cells = output.cells, message.data
             is_same_ground = before is not None and before.terrain is snapshot.terrain
             if is_same_ground and known == output.cells and not repeat:
@@ -190,11 +192,11 @@ class LayerPublishers(Generic[Shown]):
         output.sent_ns, output.sent_at = output.stamp_ns, self._clock()
         if recorded_ns is not None:
             topic = output.publisher.topic_name
-            # without the deadline, which a replay cannot meet
+            # layer.qos is without the deadline, which a replay cannot meet
             self._recorder.write(topic, layer.message, data, recorded_ns, qos=layer.qos)
 
     def _get_map(self, layer: Layer, _: Any, response: Any) -> Any:
-        # Without a map there is one of no cells: this type has no other way to say so.
+        # Without a map the response is empty: GetMap has no field for an error.
         if self.shown is not None:
             response.map = self._message(layer, self.shown, self.shown_stamp_ns)
         return response
@@ -204,7 +206,7 @@ class LayerPublishers(Generic[Shown]):
 
 
 class ScenePublisher:
-    """Publishes relief and vents, latched, and a terrain of the node's own on its input topics."""
+    """Publishes relief and vents, latched, and the node's own terrain on its input topics."""
 
     def __init__(self, entities: Entities, *, frame_id: str) -> None:
         """Create the publishers."""
@@ -233,11 +235,11 @@ class ScenePublisher:
             self._publishers[topic].publish(data)
 
     def is_own(self, topic: str, data: bytes) -> bool:
-        """Whether a message is the one that was published here."""
+        """Return True if a message is the one published here."""
         return topic in self._sent and sha256(data).digest() == self._sent[topic]
 
     def _take_back(self) -> None:
-        """Let nobody who comes late get an old terrain beside the one that was heard."""
+        """Replace the latched publishers so that late subscribers get only the newer terrain."""
         if self._sent:
             self._sent = {}
             for publisher in self._publishers.values():

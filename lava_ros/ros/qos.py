@@ -17,14 +17,14 @@ from rclpy.qos import (
 from lava_ros.bag.qos import INFINITE_NS, QosProfile
 from lava_ros.bag.qos import LATCHED as LATCHED
 
-#: Messages from people and viewers: none may be lost, none waits for latecomers.
+#: Messages from people and viewers: reliable and volatile.
 COMMANDS = QosProfile()
 
 DIAGNOSTICS = QosProfile()
 
 
 def ros_profile(profile: QosProfile) -> QoSProfile:
-    """The profile as rclpy has it; what a bag does not know becomes rmw's default."""
+    """Convert a profile to rclpy's class; policies that a bag lacks become rmw's default."""
     durations = {
         name: Duration(nanoseconds=value)
         for name in ('deadline', 'lifespan', 'liveliness_lease_duration')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes what the node sends into a bag: the bytes on the wire are the bytes in the bag."""
+"""Recording of the node's messages in a bag, with the bytes as they were published."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -18,10 +18,10 @@ from lava_ros.errors import LavaError
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """How the recorder is doing: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
+    """Status of the recorder: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
 
-    ``directory`` is the bag, empty before the first, with so many files and messages; ``error`` is
-    what stopped the last recording, empty when nothing did.
+    ``directory`` is the bag, empty before the first; ``files`` and ``messages`` are its numbers of
+    files and messages. ``error`` is the error that stopped the last recording, empty without one.
     """
 
     state: str = 'off'
@@ -32,14 +32,14 @@ class RecorderStatus:
 
 
 class Recorder:
-    """Records one bag after the other.
+    """Records bags, one at a time.
 
     ``arm`` chooses the bag; ``begin`` opens it once there is a scene to describe. A bag that
     cannot be written is closed and reported in ``status``; the node continues without it.
     """
 
     def __init__(self) -> None:
-        """Start without a bag."""
+        """Initialize without a bag."""
         self._place = Path()
         self._limits: dict[str, Any] = {}
         self._writer: BagWriter | None = None
@@ -47,23 +47,26 @@ class Recorder:
 
     @property
     def size(self) -> int:
-        """Bytes in the bag that is open, 0 without one."""
+        """Size of the open bag [bytes], 0 without one."""
         return self._writer.size if self._writer is not None else 0
 
     @property
     def is_armed(self) -> bool:
-        """Whether a bag is chosen and not yet open."""
+        """True if a bag is chosen and not yet open."""
         return self.status.state == 'armed'
 
     @property
     def is_recording(self) -> bool:
-        """Whether a bag is open."""
+        """True if a bag is open."""
         return self._writer is not None
 
     def arm(self, directory: Path, *, max_size: int = 0, max_duration: float = 0.0) -> None:
-        """Choose the bag to record to; LavaError while one is recorded, or where it exists.
+        """Choose the bag to record to.
 
-        A file of it is not continued beyond a size [bytes] and a duration [s]; 0: no limit.
+        A new file starts at ``max_size`` [bytes] and ``max_duration`` [s]; 0: no limit.
+
+        Raises:
+            LavaError: If a bag is being recorded, or ``directory`` exists or is not writable.
         """
         if self.is_armed or self.is_recording:
             raise LavaError('record', self.status.directory, 'one recording at a time')
@@ -84,27 +87,27 @@ class Recorder:
             self._put(error=f'cannot record to {directory}: {error}')
 
     def describe(self, custom_data: Mapping[str, str]) -> None:
-        """Replace what describes the recording, when a bag is open."""
+        """Replace the description of the recording if a bag is open."""
         if self._writer is not None:
             self._writer.set_custom_data(custom_data)
 
     def write(
         self, topic: str, message_type: str, data: bytes, stamp_ns: int, *, qos: QosProfile
     ) -> None:
-        """Write a message, when a bag is open."""
+        """Write a message if a bag is open."""
         self._attempt(lambda bag: bag.write(topic, message_type, data, stamp_ns, qos=qos))
 
     def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
-        """Put data beside the messages, when a bag is open, and make it survive."""
+        """Write an attachment if a bag is open, and flush the bag."""
         self._attempt(lambda bag: bag.attach(name, media_type, data, stamp_ns))
         self.flush()
 
     def flush(self) -> None:
-        """Make what was written survive the end of the process."""
+        """Flush the bag, so that its data survives the end of the process."""
         self._attempt(lambda bag: bag.flush())
 
     def _attempt(self, action: Callable[[BagWriter], None]) -> None:
-        """Do something with the bag, when one is open; an error ends the recording."""
+        """Run ``action`` on the bag if one is open; an error ends the recording."""
         if self._writer is None:
             return
         try:
@@ -116,7 +119,7 @@ class Recorder:
             self._put(error=reason)
 
     def stop(self) -> None:
-        """Finish the bag; does nothing without one."""
+        """Finish the bag if one is open."""
         writer, self._writer = self._writer, None
         self._put(state='off')
         try:
@@ -130,7 +133,7 @@ class Recorder:
 
 
 def _new_place(directory: Path) -> Path:
-    """Where a bag will be, links followed; refused as far as is known before it is opened."""
+    """Return the resolved path of a new bag; raise LavaError if it cannot be created."""
     name = str(directory)
     try:
         place = directory.resolve()
@@ -145,7 +148,7 @@ def _new_place(directory: Path) -> Path:
     return place
 
 
-#: The node's name unless it is run under another.
+#: Default full name of the node.
 DEFAULT_NODE = '/lava'
 
 
@@ -157,11 +160,11 @@ def _unused(path: Path) -> Path:
 
 
 class BagFolder:
-    """Turns names of bags into paths.
+    """Converts names of bags to paths.
 
     The bag that the user names at the start may be anywhere. A name that is set while the node
-    runs comes from whoever is in the graph: the bag has to lie inside the root, also after
-    symbolic links and ``..`` are followed.
+    runs may come from any node in the graph: that bag must be inside the root after resolving
+    symbolic links and ``..``.
     """
 
     def __init__(
@@ -173,8 +176,8 @@ class BagFolder:
             root: Folder of the bags; empty: that of ``given``, else ``bags``.
             given: Bag that the user has named, else empty. A number is added to it if an earlier
                 process has written to it at or after ``since``.
-            node: Full name of the node. It is part of the names of its bags, unless it is the
-                usual one, because nodes may share a folder.
+            node: Full name of the node. Unless it is the default, it is part of the names of its
+                bags, because nodes may share a folder.
             since: Unix time [s] at or after which bags count as written; 0: none do.
         """
         self._given = given
@@ -197,7 +200,11 @@ class BagFolder:
         return sorted(recent, key=lambda path: times[path], reverse=True)
 
     def path(self, name: str) -> Path:
-        """The bag of a name, by the time for an empty one; LavaError outside the root."""
+        """Return the path of a bag; an empty name becomes the current time.
+
+        Raises:
+            LavaError: If the path is outside the root.
+        """
         if not name:
             return _unused(self._root / (time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix))
         if name == self._given:

@@ -34,7 +34,7 @@ def create_services(
 ) -> None:
     """Create the services.
 
-    The result of a command is reported as that of an input is. Calls beyond ``allowance`` are
+    The results of commands are reported like those of inputs. Calls beyond ``allowance`` are
     refused.
     """
     logger = entities.node.get_logger()
@@ -44,7 +44,7 @@ def create_services(
             raise LavaError(name, 'inactive', 'an active node (ros2 lifecycle set ... activate)')
 
     def commanded(name: str, future: Future[None], text: str) -> str:
-        """What is said of a command, with what it has to wait for."""
+        """Return the response to a command, with the reason if it has to wait."""
         inputs.command(name, future)
         hold_up = worker.status.hold_up
         return f'{text}, but later: {hold_up}' if hold_up else text
@@ -69,7 +69,7 @@ def create_services(
         return f'saved in {active.save()}'
 
     def pause(request: Any) -> str:
-        text = 'pausing' if request.data else 'going on'
+        text = 'pausing' if request.data else 'resuming'
         return commanded('pause', active.pause(request.data), text)
 
     def record(request: Any) -> str:
@@ -80,13 +80,13 @@ def create_services(
         return f'recording to {active.start_recording()}'
 
     def answer(action: Callable[[Any], str], request: Any, response: Any) -> Any:
-        """Answer at once."""
+        """Run ``action`` and fill in the response."""
         try:
             response.message = action(request)
         except LavaError as error:
             response.message = str(error)
         except Exception as error:
-            # Raised from here, the caller would wait for an answer for ever.
+            # An exception raised here would leave the caller waiting for ever.
             logger.error(traceback.format_exc())
             response.message = f'{type(error).__name__}: {error}'
         else:

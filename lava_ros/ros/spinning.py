@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs the callbacks of a node; one that fails does not end it. What nodes have in the graph."""
+"""Execution of callbacks, so that a failed one does not end the node, and ROS entities."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,22 +16,22 @@ from rclpy.node import Node
 
 from lava_ros.ros.arguments import start_ros
 
-#: Wait after a callback that failed: one that always does must not take the processor [s].
+#: Pause after a failed callback, so that one that always fails does not occupy the CPU [s].
 PAUSE = 0.01
 
 
 def now_ns(node: Node) -> int:
-    """The time on a node's clock [ns]."""
+    """Return the time of a node's clock [ns]."""
     return int(node.get_clock().now().nanoseconds)
 
 
 def spin(
     executor: Executor, *, until: Callable[[], bool], on_error: Callable[[Exception], None]
 ) -> None:
-    """Run callbacks until ``until`` returns true, asked at least ten times a second.
+    """Run callbacks until ``until``, called at least ten times a second, returns True.
 
-    Errors go to ``on_error``, and the node continues. They include those that the middleware
-    raises itself, for example for a time on /clock that no clock can represent.
+    Errors go to ``on_error``, and the node continues. They include errors of the middleware
+    itself, for example for a time on /clock that no clock can represent.
     """
     while not until():
         try:
@@ -43,11 +43,11 @@ def spin(
 
 @contextmanager
 def interrupts_wait() -> Iterator[None]:
-    """Have Ctrl+C wait for the end of what rclpy does here.
+    """Delay Ctrl+C until the end of the ``with`` block.
 
-    A KeyboardInterrupt that comes while rclpy makes a message is lost there: a RuntimeError about
-    a call argument is all that is left of it. In threads other than the main one, which no signal
-    reaches, nothing changes.
+    A KeyboardInterrupt while rclpy converts a message is lost: rclpy raises a RuntimeError about a
+    call argument instead. In threads other than the main one, which receive no signals, this does
+    nothing.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -63,34 +63,34 @@ def interrupts_wait() -> Iterator[None]:
 
 
 class Entities:
-    """What a node creates while it is configured, and takes out of the graph afterwards."""
+    """The ROS entities that a node creates when configured and destroys at cleanup."""
 
     def __init__(self, node: Node) -> None:
-        """Create nothing yet."""
+        """Initialize without entities."""
         self.node = node
         self._made: dict[Any, str] = {}
 
     def create(self, kind: str, *args: Any, **options: Any) -> Any:
-        """Do as ``Node.create_<kind>``: a publisher, subscription, timer, ..."""
+        """Call ``Node.create_<kind>``, for example for a publisher, subscription or timer."""
         made = getattr(self.node, f'create_{kind}')(*args, **options)
         self._made[made] = kind
         return made
 
     def drop(self, made: Any) -> None:
-        """Take one of them out of the graph."""
+        """Destroy one entity."""
         getattr(self.node, f'destroy_{self._made.pop(made)}')(made)
 
     def destroy(self) -> None:
-        """Take all of them out of the graph, the newest first."""
+        """Destroy all entities, newest first."""
         while self._made:
             self.drop(next(reversed(self._made)))
 
 
 class Watcher:
-    """A node in a ROS context of its own; what it hears is up to those derived from it."""
+    """A node in its own ROS context; subclasses create its subscriptions."""
 
     def __init__(self, name: str, domain_id: int | None, namespace: str = '') -> None:
-        """Join the graph of a domain, None for that of the environment, under a name."""
+        """Join the graph of a domain as node ``name``; None: the domain of the environment."""
         self._context = rclpy.Context()
         start_ros(context=self._context, domain_id=domain_id)
         self._node = rclpy.create_node(name, namespace=namespace, context=self._context)
@@ -98,7 +98,7 @@ class Watcher:
         self._executor.add_node(self._node)
 
     def listen(self, timeout: float) -> None:
-        """Listen for at most a while [s]."""
+        """Process callbacks for at most ``timeout`` [s]."""
         with interrupts_wait():
             self._executor.spin_once(timeout_sec=timeout)
 

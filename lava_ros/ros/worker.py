@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The thread that owns the simulation: commands go in, snapshots come out. No rclpy in here."""
+"""The simulation thread, which executes commands and makes snapshots. Without rclpy."""
 
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -26,19 +26,19 @@ from lava_ros.ros.worker_status import (
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 
 if TYPE_CHECKING:
-    # The solver's package loads Warp; the thread does that, not the importer.
+    # Importing the solver loads Warp, so only the thread imports it.
     from lava_ros.simulation import Simulation, Snapshot
 
-#: Most particles unless the user says otherwise.
+#: Default of the maximum number of particles.
 MAX_PARTICLES = 20_000_000
 
-#: Wall time of a slice of simulation, the longest a command waits beside one time step [s].
+#: Wall time of a slice of simulation [s]. A command waits at most for a slice and a time step.
 SLICE_WALL_TIME = 0.1
 
-#: Wall time between two slices of a simulation that keeps up [s].
+#: Wall time between two slices if the simulation keeps up [s].
 IDLE_WALL_TIME = 0.1
 
-#: Least wall time between two turns of commands, however many come [s].
+#: Minimum wall time between two rounds of commands [s].
 TURN_WALL_TIME = 0.02
 
 #: Lag at or below which simulated time has reached the clock [s].
@@ -47,28 +47,28 @@ ROUNDING = 1e-3
 #: Maximum wall time for which a restarted simulation catches up before it is shown [s].
 MAX_CATCH_UP = 5.0
 
-#: Why a command is refused once the thread was told to end.
+#: Error of a command after ``stop``.
 _STOPPED = LavaError('simulation', 'stopped', 'one that runs')
 
 
 @dataclass(eq=False)
 class SimulationWorker:
-    """Runs a simulation in a thread of its own, after a clock.
+    """Runs a simulation that follows a clock, in a separate thread.
 
-    Simulated time follows the clock times ``time_scale``, in steps of any size up to ``MAX_LAG``.
-    A simulation that cannot keep up falls behind by at most ``MAX_LAG`` and runs as fast as it
-    can. The status counts the time that it gives up beyond that, and the jumps of the clock.
+    Simulated time advances by ``time_scale`` times the steps of the clock, up to ``MAX_LAG`` each.
+    A simulation that cannot keep up runs as fast as it can and lags by at most ``MAX_LAG``. The
+    status counts the time lost beyond that, and the jumps of the clock.
 
-    Commands return at once with a future. It holds a LavaError when the command is refused; the
-    simulation then goes on with what it had. A command that stands for everything of its kind
-    (vents, terrain, a parameter) cancels the future of one that still waits. Any other exception
-    stops the simulation: the state is FAILED, the last snapshot stays, and ``reset`` starts again.
+    Commands return immediately with a future. A refused command sets a LavaError in its future and
+    changes nothing. A command that replaces all of its kind (vents, terrain, a parameter) cancels
+    the future of a waiting one. Any other exception stops the simulation: the state is FAILED, the
+    last snapshot remains, and ``reset`` starts again.
 
-    ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` is what
-    simulated time follows [s]. ``constants`` are lava and surroundings until a scene brings its
-    own, ``end_time`` is the simulated time at which to stop [s]. ``on_snapshot`` is called when
-    ``latest`` has changed, in the thread or in another. The ``eruption`` has the scene and what is
-    known of its simulation; others than the thread only read it.
+    ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` returns
+    the time to follow [s]. ``constants`` are the lava and its surroundings until a scene defines
+    them, ``end_time`` is the simulated end time [s]. ``on_snapshot`` is called when
+    ``latest`` has changed, in this or another thread. ``eruption`` contains the scene and the
+    state of its simulation; other threads only read it.
     """
 
     make_simulation: Callable[[Scene], 'Simulation']
@@ -106,7 +106,7 @@ class SimulationWorker:
 
     @property
     def status(self) -> WorkerStatus:
-        """How the worker is doing."""
+        """The current status of the worker."""
         doing, begun = self._turn
         so_far = time.monotonic() - begun if doing else 0.0
         turn = max(so_far, self._status.turn)
@@ -117,9 +117,9 @@ class SimulationWorker:
         self._thread.start()
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread after its present slice; whether it has ended within ``timeout`` [s].
+        """End the thread after its current slice; return True if it ended within ``timeout`` [s].
 
-        Commands that wait or come later are refused.
+        Waiting and later commands are refused.
         """
         self._is_stopping = True
         self._commands.close(_STOPPED)
@@ -128,7 +128,7 @@ class SimulationWorker:
         return not self._thread.is_alive()
 
     def set_scene(self, scene: Scene) -> 'Future[None]':
-        """Start a simulation of the scene at time 0, in place of what there was."""
+        """Replace the simulation by one of ``scene`` at time 0."""
         return self._put(lambda: self.eruption.start(scene))
 
     def go_on_with(
@@ -140,7 +140,7 @@ class SimulationWorker:
         *,
         reached: float = 0.0,
     ) -> 'Future[None]':
-        """Continue with another simulation of a scene, as ``Eruption.go_on_with`` does.
+        """Continue with another simulation of a scene (see ``Eruption.go_on_with``).
 
         ``make_simulation`` is called in the worker's thread. The thread then simulates up to the
         time ``reached`` [s], for at most ``MAX_CATCH_UP`` of wall time, before its first snapshot.
@@ -154,51 +154,51 @@ class SimulationWorker:
         return self._put(go_on)
 
     def checkpoint(self) -> 'Future[bytes]':
-        """Serialise all that is needed to go on from here; LavaError without a simulation."""
+        """Serialise the state for a later resume; the future fails without a simulation."""
         return self._put(lambda: self.eruption.checkpoint().to_bytes(), kind='checkpoint')
 
     def fork(self) -> 'Future[Fork]':
-        """Copy all that another simulation needs to go on; LavaError without a simulation."""
+        """Copy the state for another simulation; the future fails without a simulation."""
         return self._put(self._fork, kind='fork')
 
     def set_terrain(self, terrain: Terrain) -> 'Future[None]':
-        """Replace the ground under the flow; the first terrain starts the simulation."""
+        """Replace the terrain under the flow; the first terrain starts the simulation."""
         return self._put(lambda: self._set_terrain(terrain), kind='terrain')
 
     def set_vents(self, vents: Iterable[Vent]) -> 'Future[None]':
-        """Replace all vents, as ``Eruption.set_vents`` does.
+        """Replace all vents (see ``Eruption.set_vents``).
 
-        Before there is a terrain the newest vents wait for it, and so does their future.
+        Before there is a terrain, the newest vents and their future wait for it.
         """
         vents = tuple(vents)
         future: Future[None] = Future()
         return self._put(lambda: self._set_vents(vents, future), future, kind='vents')
 
     def add_vent(self, vent: Vent) -> 'Future[None]':
-        """Open one more vent; refused before there is a terrain."""
+        """Add a vent; refused before there is a terrain."""
         return self._put(lambda: self._add_vent(vent))
 
     def set_constants(self, constants: Mapping[str, Any]) -> 'Future[None]':
-        """Replace the material from the next start or reset on."""
+        """Replace the lava properties, effective at the next start or reset."""
         return self._put(lambda: self.eruption.set_constants(constants), kind='constants')
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> 'Future[None]':
-        """Choose the effects anew, with some forced on or off, looking ahead by a time [s].
+        """Choose the effects again, with some forced on or off, for a horizon [s].
 
-        The thread then compiles what is new; the last snapshot stays until that is done.
+        The thread then compiles new kernels; the last snapshot remains until that is done.
         """
         return self._put(lambda: self._set_effects(forced, horizon), kind='effects')
 
     def set(self, name: str, value: float | None) -> 'Future[None]':
-        """Change ``time_scale``, ``end_time`` or ``max_particles``, as at the start."""
+        """Change the attribute ``time_scale``, ``end_time`` or ``max_particles``."""
         return self._put(lambda: self._set(name, value), kind=name)
 
     def pause(self, paused: bool) -> 'Future[None]':
-        """Hold simulated time, also in the middle of a step, or let it go on."""
+        """Hold simulated time, also in the middle of a step, or let it continue."""
         return self._put(lambda: self._pause(paused), kind='pause')
 
     def reset(self) -> 'Future[None]':
-        """Start the scene again at time 0, also after a failure; a pause stays."""
+        """Restart the scene at time 0, also after a failure; a pause remains."""
         return self._put(self.eruption.reset, kind='reset')
 
     def step(self, duration: float) -> 'Future[None]':
@@ -206,9 +206,9 @@ class SimulationWorker:
         return self._put(lambda: self._begin_step(duration), kind='step')
 
     def request_snapshot(self) -> None:
-        """Ask for ``latest`` to be renewed when the slice at hand is done, if anything changed.
+        """Request an update of ``latest`` after the current slice, if anything has changed.
 
-        It is finished in a thread of its own while the simulation goes on, one after the other.
+        A separate thread completes snapshots, one at a time, while the simulation continues.
         """
         if not self._snapshot_asked:
             self._snapshot_asked = True
@@ -231,11 +231,11 @@ class SimulationWorker:
         if self._waiting_vents is not None:
             finish(self._waiting_vents[1], _STOPPED)
         self._finisher.shutdown()
-        # The device's memory is given back, whoever still holds the worker.
+        # Free the device memory even if the worker is still referenced.
         self.eruption.fail()
 
     def _run_commands(self) -> None:
-        """Run what is queued; wait for it as long as there is nothing else to do."""
+        """Run the queued commands; wait for one if there is nothing else to do."""
         time.sleep(max(0.0, self._last_turn + TURN_WALL_TIME - time.monotonic()))
         is_behind = self._target > self.eruption.time
         wait = (0.0 if is_behind else IDLE_WALL_TIME) if self._is_moving() else None
@@ -243,7 +243,7 @@ class SimulationWorker:
             command = self._commands.get(wait)
             self._last_turn = time.monotonic()
             self._execute(command)
-            # What comes meanwhile has to wait: simulated time goes on under any flood.
+            # Later commands wait for the next round, so that simulated time always advances.
             for _ in range(len(self._commands)):
                 if self._is_stopping:
                     return
@@ -263,7 +263,7 @@ class SimulationWorker:
                 self._fail(error)
             finish(future, error)
         else:
-            # vents that wait for a terrain are not done yet
+            # vents that wait for a terrain are not complete yet
             if self._waiting_vents is None or self._waiting_vents[1] is not future:
                 finish(future, result=result)
         self._turn = '', 0.0
@@ -289,7 +289,7 @@ class SimulationWorker:
             )
 
     def _advance(self) -> None:
-        """Move simulated time one slice towards the clock."""
+        """Advance simulated time by one slice towards the clock."""
         if not self._is_moving():
             return
         before = self.eruption.time
@@ -315,7 +315,7 @@ class SimulationWorker:
             self._step_target = None
 
     def _give_up(self, until: float) -> None:
-        """Give up the time of the clock beyond a simulated time [s], and count it as lost."""
+        """Limit the target to a simulated time [s], and count the rest as lost time."""
         self._clock.lost += max(0.0, self._target - until) / self.time_scale
         self._target = min(self._target, until)
 
@@ -343,9 +343,9 @@ class SimulationWorker:
             self._follow_from_here()
         if state is not WorkerState.RUNNING and self._step_target is None:
             self._speed.clear()
-        # What is at rest is shown as it is by the time its state says so.
+        # At rest, update the snapshot before the status reports the state.
         is_new = not self._is_moving() and self._is_snapshot_new()
-        # The newest step of the clock does not count as a lag yet.
+        # Exclude the newest step of the clock from the lag.
         lag = (self._target - self.eruption.time) / self.time_scale - self._clock.step
         self._status = WorkerStatus(
             state=state,
@@ -374,7 +374,7 @@ class SimulationWorker:
             self.on_snapshot()
 
     def _is_snapshot_new(self) -> bool:
-        """Bring ``latest`` up to date now, and say whether it may not have been."""
+        """Update ``latest`` now; return True if it may have changed."""
         finishing, self._finishing = self._finishing, None
         if finishing is not None:
             wait([finishing])
@@ -387,7 +387,7 @@ class SimulationWorker:
             finishing.add_done_callback(lambda _: again())
             return
         self._snapshot_asked = False
-        # Maps are due when the clock has moved, so advance to its current time first.
+        # Maps are due when the clock has advanced, so simulate to its current time first.
         self._guard(self._advance)
         rest = self.eruption.begin_snapshot()
         if rest is not None:
@@ -395,7 +395,7 @@ class SimulationWorker:
             self._finishing = self._finisher.submit(self._finish_snapshot, rest, simulation)
 
     def _finish_snapshot(self, rest: Callable[[], None], simulation: 'Simulation | None') -> None:
-        """Do the rest of a snapshot; if that fails, its simulation has failed."""
+        """Complete a snapshot; an error is a failure of its simulation."""
 
         def fail(reason: Exception) -> None:
             if self.eruption.simulation is simulation:
@@ -409,7 +409,7 @@ class SimulationWorker:
             self.on_snapshot()
 
     def _starting(self, make: Callable[..., 'Simulation']) -> Callable[..., 'Simulation']:
-        """The same, with a status that says so."""
+        """Wrap ``make`` so that the status is STARTING while it runs."""
 
         def start(*scene: Scene) -> 'Simulation':
             self._status = replace(self._status, state=WorkerState.STARTING)

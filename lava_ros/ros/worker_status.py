@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the worker is doing, how fast, and the commands that wait for it."""
+"""Status and speed of the worker, and its queue of commands."""
 
 from collections import deque
 from collections.abc import Callable
@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 
 from lava_ros.errors import LavaError
 
-#: Wall time of a step or a command from which on others are said to wait for it [s]: ten slices.
+#: A step or command is reported as a hold-up at or above this wall time [s]: ten slices.
 LONGEST_TURN = 1.0
 
 
 class WorkerState(Enum):
-    """What the worker is doing."""
+    """State of the worker."""
 
     WAITING = 'waiting for terrain'
     STARTING = 'starting'
@@ -33,13 +33,13 @@ class WorkerState(Enum):
 
 @dataclass(frozen=True)
 class WorkerStatus:
-    """How the worker is doing.
+    """Status of the worker.
 
     Attributes:
-        state: What it is doing.
-        error: What made it fail, empty unless the state is FAILED.
-        speed: Simulated time per wall time, over the last seconds.
-        mean_speed: The same since the simulation started, pauses left out.
+        state: State of the worker.
+        error: Reason of the failure, empty unless the state is FAILED.
+        speed: Simulated time per wall time over the last seconds.
+        mean_speed: Simulated time per wall time since the start, without pauses.
         is_behind: Whether simulated time falls behind the clock.
         device: Name of the simulation's device, empty before there is one.
         lag: Lag of simulated time behind the time of the clock before its newest step [s of the
@@ -47,9 +47,9 @@ class WorkerStatus:
         lost: Time of the clock since the start that simulated time has not followed [s].
         jump: Newest jump of the clock [s], negative for a jump back. Jumps are not followed.
         jumps: Number of jumps of the clock since the start.
-        doing: What the thread is at: ``a step``, or the kind of a command; empty between two.
-        turn: Wall time it has been at that, or at the last step where that took longer [s].
-        waiting: Kinds of the commands that wait for it.
+        doing: Current task of the thread: ``a step`` or the kind of a command; empty in between.
+        turn: Wall time of the current task so far or, if longer, of the last step [s].
+        waiting: Kinds of the waiting commands.
     """
 
     state: WorkerState
@@ -68,7 +68,7 @@ class WorkerStatus:
 
     @property
     def hold_up(self) -> str:
-        """What others have to wait for, and for how long already; empty when it is not long."""
+        """Description of a task that delays commands, with its duration; empty if it is short."""
         if self.turn < LONGEST_TURN:
             return ''
         waiting = f'; waiting for it: {", ".join(self.waiting)}' if self.waiting else ''
@@ -80,17 +80,17 @@ SPEED_WINDOW = 5.0
 
 
 class SpeedMeter:
-    """Averages simulated time per wall time, over the last seconds and over all it ran."""
+    """Averages simulated time per wall time, over the last seconds and over the whole run."""
 
     def __init__(self) -> None:
-        """Start with nothing."""
+        """Initialize without notes."""
         self._history: deque[tuple[float, float]] = deque()
         self._wall_time = 0.0
         self._simulated_time = 0.0
 
     @property
     def value(self) -> float:
-        """Simulated seconds per second, 0 before there are two notes."""
+        """Simulated time per wall time over ``SPEED_WINDOW``, 0 before the second note."""
         if len(self._history) < 2:
             return 0.0
         (start, first), (end, last) = self._history[0], self._history[-1]
@@ -98,11 +98,11 @@ class SpeedMeter:
 
     @property
     def mean(self) -> float:
-        """Simulated seconds per second between all notes, the pauses left out."""
+        """Simulated time per wall time over all notes, without pauses."""
         return self._simulated_time / self._wall_time if self._wall_time > 0.0 else 0.0
 
     def note(self, reached: float) -> None:
-        """Note a simulated time [s] that has just been reached."""
+        """Record that a simulated time [s] has just been reached."""
         now = time.monotonic()
         if self._history:
             self._wall_time += now - self._history[-1][0]
@@ -112,18 +112,18 @@ class SpeedMeter:
             self._history.popleft()
 
     def clear(self) -> None:
-        """End a run: the next note begins another."""
+        """End an interval; the next note starts a new one."""
         self._history.clear()
 
 
-#: Most commands that wait; kinds of which the newest alone waits count as one each.
+#: Maximum number of waiting commands; a kind of which only the newest waits counts once.
 MAX_WAITING = 1000
 
 
 class Command(NamedTuple):
-    """Something to be done in the thread, and what becomes of it.
+    """An action for the thread, and the future of its result.
 
-    ``kind`` is what it replaces all of, such as ``vents``; empty when it replaces nothing.
+    The command replaces a waiting one of the same ``kind``, such as ``vents``, unless it is empty.
     """
 
     action: Callable[[], Any]
@@ -132,32 +132,32 @@ class Command(NamedTuple):
 
 
 class CommandQueue:
-    """Commands from any thread for one thread, bounded in number.
+    """A bounded queue of commands from any thread for one thread.
 
-    A command of a kind replaces the waiting one of that kind, whose future is cancelled: a flood
-    of messages that each stand for everything of their kind costs the thread one command a turn.
+    A command replaces a waiting one of the same kind, whose future is cancelled. So a flood of
+    messages that each replace all of their kind costs one command per round.
     """
 
     def __init__(self, limit: int = MAX_WAITING) -> None:
-        """Start empty."""
+        """Initialize an empty queue."""
         self._limit = limit
-        # by kind, and those without one each by itself
+        # keys: the kind, or a unique object for a command without a kind
         self._waiting: dict[object, Command] = {}
         self._closed: LavaError | None = None
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
-        """Commands that wait."""
+        """Return the number of waiting commands."""
         return len(self._waiting)
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of the commands that wait, oldest first, each once."""
+        """Kinds of the waiting commands, each once, oldest first."""
         with self._changed:
             return tuple(dict.fromkeys(item.kind or 'command' for item in self._waiting.values()))
 
     def put(self, command: Command) -> None:
-        """Add a command in place of one of its kind, or refuse it: too many, or closed."""
+        """Add a command, replacing one of its kind; refuse it if the queue is full or closed."""
         with self._changed:
             former = self._waiting.pop(command.kind, None)
             refusal = self._closed
@@ -167,17 +167,17 @@ class CommandQueue:
             if refusal is None:
                 self._waiting[command.kind or object()] = command
                 self._changed.notify()
-        # Futures call back, and what they call may put another command.
+        # Outside the lock, because callbacks of futures may put another command.
         if former is not None:
             former.future.cancel()
         if refusal is not None:
             finish(command.future, refusal)
 
     def get(self, timeout: float | None = None) -> Command:
-        """Take the oldest command, after waiting for one for a time [s], None for ever.
+        """Remove and return the oldest command, waiting up to ``timeout`` [s], None: for ever.
 
         Raises:
-            queue.Empty: There was none in time, or the queue is closed.
+            queue.Empty: If no command arrives in time, or the queue is closed.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._waiting or self._closed, timeout)
@@ -186,7 +186,7 @@ class CommandQueue:
             return self._waiting.pop(next(iter(self._waiting)))
 
     def close(self, reason: LavaError) -> None:
-        """Refuse what waits, and whatever comes from now on, for a reason."""
+        """Refuse waiting and later commands for a reason."""
         with self._changed:
             self._closed = reason
             commands = list(self._waiting.values())
@@ -197,7 +197,7 @@ class CommandQueue:
 
 
 def finish(future: 'Future[Any]', error: Exception | None = None, *, result: Any = None) -> None:
-    """Give a future its result or its error, unless it has been cancelled."""
+    """Set the result or the error of a future, unless it has been cancelled."""
     if future.set_running_or_notify_cancel():
         if error is None:
             future.set_result(result)

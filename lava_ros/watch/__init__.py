@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A live view of a flow in the browser, of a running node or of a bag."""
+"""A live view in the browser of the flow in a running node or a bag."""

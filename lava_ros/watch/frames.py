@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frames that a live view shows: their number grows, and their source has a status."""
+"""Frames of a live view: a growing list whose source has a status."""
 
 from enum import IntEnum
 import os
@@ -16,10 +16,10 @@ from lava_ros.maps.frames import Frame, Recording
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, Layer, PROBABILITY
 
-#: Maps that are watched, by what they show; the thickness is the one that is not rounded.
+#: Sources of the maps in a live view. The thickness is the layer that is not rounded.
 SOURCES = ('thickness', 'temperature', 'hazard', ARRIVED, ARRIVAL, PROBABILITY)
 
-#: Least wall time between two looks at a bag [s], and how often longer than a look it is.
+#: Minimum wall time between two reads of a bag [s], and as a multiple of the duration of a read.
 PERIOD, REST = 1.0, 5.0
 
 
@@ -42,8 +42,8 @@ class Frames(Protocol):
     """Frames of one run, oldest first.
 
     Attributes:
-        times: Their simulated times [s]; None for one that does not say.
-        version: Changes when they do.
+        times: Simulated times of the frames [s]; None if unknown.
+        version: Number that changes with the frames.
     """
 
     times: list[float | None]
@@ -51,21 +51,21 @@ class Frames(Protocol):
 
     @property
     def status(self) -> Status:
-        """State of the source."""
+        """Status of the source."""
 
     def poll(self) -> None:
-        """Take what has come since; never raises for what came."""
+        """Read new data; never raises an error for invalid data."""
 
     def frame(self, index: int) -> Frame:
-        """The frame of ``times[index]``.
+        """Return the frame of ``times[index]``.
 
         Raises:
-            LavaError: The frame cannot be read.
+            LavaError: If the frame cannot be read.
         """
 
 
 def watched_layers(files: tuple[str, ...] = ('default.yaml', 'forecast.yaml')) -> list[Layer]:
-    """The layers of files in ``msg_configs/`` that are watched, one for each of ``SOURCES``."""
+    """Return one layer for each of ``SOURCES`` from files in ``msg_configs/``."""
     layers: dict[str, Layer] = {}
     for file in files:
         for item in load_layers(share_path(f'msg_configs/{file}')):
@@ -76,13 +76,13 @@ def watched_layers(files: tuple[str, ...] = ('default.yaml', 'forecast.yaml')) -
 
 
 class BagFrames:
-    """The frames of a bag, also of one that is still recorded."""
+    """The frames of a bag, which may still be recording."""
 
     def __init__(self, path: str | Path) -> None:
         """Open a bag.
 
         Raises:
-            LavaError: The path is not a readable bag.
+            LavaError: If the path is not a readable bag.
         """
         BagReader(path)
         self.times: list[float | None] = []
@@ -95,7 +95,7 @@ class BagFrames:
         self._next_look = 0.0
 
     def poll(self) -> None:
-        """Read the bag again when it has grown; a long read delays the next one."""
+        """Read the bag again if it has grown; a long read delays the next one."""
         begun = time.monotonic()
         size = self._sizes()
         if begun < self._next_look or size == self._size:
@@ -112,7 +112,7 @@ class BagFrames:
         self._next_look = time.monotonic() + max(PERIOD, REST * (time.monotonic() - begun))
 
     def frame(self, index: int) -> Frame:
-        """The maps up to one of the times."""
+        """Return the maps up to one of the times."""
         assert self._recording is not None
         return self._recording.frame_at(self.times[index])
 
@@ -122,5 +122,5 @@ class BagFrames:
         try:
             return tuple((item.name, os.stat(item).st_size) for item in files)
         except OSError:
-            # between two files of one bag
+            # the writer may be between two files of the bag
             return self._size

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page: maps over shaded relief with a slider of time, served by Bokeh."""
+"""The page: maps over shaded relief with a time slider, served by Bokeh."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -57,13 +57,13 @@ from lava_ros.pages.report.survey import View
 from lava_ros.watch.frames import Frames, Level, Status
 from lava_ros.watch.hosts import only_own, own_hosts
 
-#: Most cells of a map that is sent; of a larger one several are shown as their largest.
+#: Maximum number of cells of a map on the page; larger maps are reduced by maximum.
 MOST_CELLS = 600_000
 
-#: How often what is new is taken, and how often it is shown [ms].
+#: Interval between checks for new data, and between updates of the page [ms].
 POLL, SHOW = 100, 500
 
-#: How maps are drawn, in the order in which they are offered.
+#: Styles of the maps, in the order of their buttons.
 SHOWN = {
     'thickness': ('Lava thickness', 'thickness'),
     'hazard': ('Hazard index', 'hazard'),
@@ -98,7 +98,7 @@ class Page:
         self._time: float | None = None
         self._elevation: np.ndarray | None = None
         style = {'stylesheets': [InlineStyleSheet(css=_STYLE)], 'sizing_mode': 'stretch_width'}
-        # a $$ in the name of a bag does not begin a formula
+        # a $$ in the name of a bag must not start a formula
         self.title, self.status = (Div(disable_math=True, **style) for _ in range(2))
         self.choice = RadioButtonGroup(labels=[], active=None, height=38, **style)
         self.slider = Slider(start=0, end=1, value=0, step=1, show_value=False, title='', **style)
@@ -129,7 +129,7 @@ class Page:
         """Show new frames; a slider at its end follows them."""
         problem = self._problem and Status(Level.BAD, self._problem)
         level, words = problem or self._frames.status
-        # what nodes and files say may hold anything
+        # texts of nodes and files are untrusted
         words = f'<p style="text-align: right; color: {_LIGHTS[level]}">{html.escape(words)}'
         self.status.text = words
         times = self._frames.times
@@ -148,7 +148,7 @@ class Page:
             self._show()
 
     def _show(self) -> None:
-        """Show the map that is chosen at the time of the slider."""
+        """Show the selected map at the time of the slider."""
         if not self._frames.times:
             return
         index = min(int(self.slider.value), len(self._frames.times) - 1)
@@ -168,13 +168,13 @@ class Page:
             self._offer([source for source in SHOWN if source in maps])
             source = self._names[self.choice.active]
             self._draw_map(frame, source, maps[source])
-            # a forecast that is withdrawn is a map of nothing
+            # a withdrawn forecast is a map without known cells
             if not np.isfinite(maps[source]).any():
                 facts += '  ·  <b>nothing on this map now</b>'
         self.title.text = f'<h1>{title}{of}</h1><p>{facts}'
 
     def _offer(self, names: list[str]) -> None:
-        """Offer maps to choose from; the one that was chosen stays so while it is there."""
+        """Set the buttons of the maps; a selected map stays selected while it is available."""
         if names != self._names:
             chosen = self._names[self.choice.active] if self._names else names[0]
             self._names = names
@@ -258,19 +258,19 @@ class Page:
 
 
 def _coarseness(frame: Frame) -> int:
-    """Cells along a side of one that is sent."""
+    """Return the number of cells along a side of one cell on the page."""
     return math.ceil(math.sqrt(frame.elevation.size / MOST_CELLS))
 
 
 def _coarse(frame: Frame, values: np.ndarray) -> np.ndarray:
-    """The cells that are sent, each the largest of its parts, float32."""
+    """Reduce values to the cells on the page by their maximum, float32."""
     rows, columns = values.shape
     view = View((0, rows), (0, columns), _coarseness(frame))
     return view.cut(values, np.fmax).astype(np.float32)
 
 
 def _placed(frame: Frame, image: np.ndarray) -> dict[str, Any]:
-    """An image of the cells that are sent, at its place as a source of Bokeh has it."""
+    """Return the data of a Bokeh source for an image at its position."""
     (x, y), size = frame.origin, frame.resolution * _coarseness(frame)
     height, width = (size * count for count in image.shape)
     return {'image': [image], 'x': [x], 'y': [y], 'dw': [width], 'dh': [height]}
@@ -283,14 +283,14 @@ def serve(
 
     Requests for another host than the address are answered with 403 (``hosts.only_own``).
 
-    Port 0 chooses a free port. The page includes all that it needs. It is served while the
+    Port 0 selects a free port. The page needs no external resources. It is served while the
     server's ``io_loop`` runs; ``on_poll`` is called after each check for new frames.
 
     Raises:
-        LavaError: The address is not this machine's, or the port is taken.
+        LavaError: If the address is not one of this machine, or the port is in use.
     """
     if not address:
-        # to Python, that is every network
+        # Python treats an empty address as all networks
         raise LavaError('--address', address, 'an address of this machine, such as 127.0.0.1')
     try:
         sockets, port = bind_sockets(address, port)
@@ -305,7 +305,7 @@ def serve(
         on_poll()
 
     page = Application(FunctionHandler(lambda document: Page(frames).open(document)))
-    # Requests of other pages are refused before Bokeh checks their origin.
+    # Requests from other pages are refused before Bokeh checks their origin.
     tornado = BokehTornado(page, extra_websocket_origins=[f'*:{port}'])
     http = HTTPServer(only_own(tornado, own_hosts(address, sockets)))
     http.add_sockets(sockets)

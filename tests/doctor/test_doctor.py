@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the doctor finds on a machine and in a graph, and how `lava doctor` says it."""
+"""Checks of the machine and the ROS graph, and the report of `lava doctor`."""
 
 from collections import namedtuple
 import importlib.metadata
@@ -30,7 +30,7 @@ Version = namedtuple('Version', 'major minor micro')
 
 
 def one(check: Said) -> Finding:
-    """The only finding of a check; one that is not OK has a way out."""
+    """Return the only finding of a check, which has a remedy unless it is OK."""
     (said,) = check
     found = Finding('check', *said)
     assert found.text
@@ -43,13 +43,13 @@ def one(check: Said) -> Finding:
     [((3, 9, 2), FAIL), ((3, 10, 0), OK), ((3, 13, 9), OK), ((3, 14, 0), WARN)],
 )
 def test_python(version, level, monkeypatch):
-    """Too old does not work, too new was not tried."""
+    """A version that is too old fails; one newer than the tested ones is a warning."""
     monkeypatch.setattr(sys, 'version_info', Version(*version))
     assert one(doctor.check_python()).level == level
 
 
 def test_packages_are_those_of_the_setup():
-    """Names, bounds and extras are those of pyproject.toml and of its ROS-free extras."""
+    """Names, bounds and extras equal those of pyproject.toml and its ROS-free extras."""
     for name, lowest, untried, extra in doctor.PACKAGES:
         requirements = EXTRAS[extra] if extra else PROJECT['dependencies']
         assert f'{name}>={lowest},<{untried}' in requirements, name
@@ -58,7 +58,7 @@ def test_packages_are_those_of_the_setup():
 
 
 def test_versions_are_compared_as_numbers():
-    """10 is above 9, and what follows the numbers does not count."""
+    """10 is above 9, and suffixes are ignored."""
     for version, bounds in (('1.19.0', '>=1.9,<2'), ('6.0.3', '>=6,<7'), ('1.3.10', '>=1.3.10')):
         lowest = bounds.split(',')[0].lstrip('>=')
         assert SpecifierSet(bounds).contains(version)
@@ -68,7 +68,7 @@ def test_versions_are_compared_as_numbers():
 
 
 def test_packages(monkeypatch):
-    """A missing one does not work, a missing extra or an untried version is worth a word."""
+    """A missing dependency fails; a missing extra or an untested version is a warning."""
     versions = {name: lowest for name, lowest, _, _ in doctor.PACKAGES}
 
     def version(name):
@@ -90,7 +90,7 @@ def test_packages(monkeypatch):
 
 
 def warp(count, cache=''):
-    """A Warp with so many GPUs and a folder of kernels."""
+    """Return a stand-in for Warp with ``count`` GPUs and a folder of kernels."""
     devices = [
         SimpleNamespace(
             alias=f'cuda:{index}', name='H200', arch=90, free_memory=130e9, total_memory=140e9
@@ -105,7 +105,7 @@ def warp(count, cache=''):
 
 
 def test_gpus(monkeypatch):
-    """Each is named with its memory and driver; without one it is said who does the work."""
+    """Each GPU is listed with memory and driver; without a GPU the report names the CPU."""
     monkeypatch.setattr(doctor, '_warp', lambda: warp(2))
     first, second = doctor.check_gpu()
     text = 'cuda:0: H200, sm_90, 130.0 of 140.0 GB free, driver for CUDA 12.8'
@@ -120,7 +120,7 @@ def test_gpus(monkeypatch):
 
 
 def test_a_warp_that_does_not_start(monkeypatch):
-    """Whatever it raises is told, not raised."""
+    """Any exception of Warp is reported, not raised."""
 
     def broken():
         raise RuntimeError('libcuda is too old')
@@ -133,7 +133,7 @@ def test_a_warp_that_does_not_start(monkeypatch):
 
 
 def test_kernel_cache(tmp_path, monkeypatch):
-    """Its size is told, and that it cannot be written."""
+    """The report has the size of the cache, or that it is not writable."""
     (tmp_path / 'module').mkdir()
     (tmp_path / 'module/kernels.o').write_bytes(bytes(3_000_000))
     monkeypatch.setattr(doctor, '_warp', lambda: warp(0, str(tmp_path)))
@@ -149,7 +149,7 @@ def test_kernel_cache(tmp_path, monkeypatch):
     ('free', 'level'), [(5 * 10**8, FAIL), (5 * 10**9, WARN), (5 * 10**11, OK)]
 )
 def test_disk(free, level, tmp_path, monkeypatch):
-    """Room for bags, also where their folder does not exist yet."""
+    """The free space for bags is checked, also if their folder does not exist yet."""
     monkeypatch.setattr(doctor.shutil, 'disk_usage', lambda path: Usage(10**12, 0, free))
     found = one(doctor.check_disk(tmp_path / 'none/yet'))
     assert found.level == level
@@ -165,14 +165,14 @@ def test_disk(free, level, tmp_path, monkeypatch):
     [
         ((0, 3000), OK, 'synchronised within 3 ms'),
         ((0x40, 3000), WARN, 'not synchronised'),
-        # in step by a clock nobody should trust
+        # synchronised, but with a large error
         ((0, 16_000_000), WARN, 'not synchronised'),
-        # a library without adjtimex
+        # a C library without adjtimex
         (None, WARN, 'its state is unknown'),
     ],
 )
 def test_clock(state, level, words, monkeypatch):
-    """In step or not, by what the C library says; the one of this machine says something."""
+    """The state of synchronisation is that of the C library, which this machine has."""
     assert one(doctor.check_clock()).level in (OK, WARN)
 
     def adjtimex(timex: Any) -> int:
@@ -187,7 +187,7 @@ def test_clock(state, level, words, monkeypatch):
 
 
 def test_ros(monkeypatch):
-    """Jazzy from wheels or an installation is right, another distribution is not."""
+    """Jazzy from wheels or an installation is OK, another distribution is not."""
     assert 'jazzy from wheels' in one(doctor.check_ros({})).text
     sourced = {'AMENT_PREFIX_PATH': '/opt/ros/jazzy', 'ROS_DISTRO': 'jazzy'}
     assert 'jazzy from an installation' in one(doctor.check_ros(sourced)).text
@@ -216,14 +216,14 @@ def test_ros(monkeypatch):
     ],
 )
 def test_discovery(environment, level, words):
-    """Who can hear the node, and whether anybody can."""
+    """The report states which machines can join the graph, and invalid settings."""
     found = one(doctor.check_discovery(environment))
     assert found.level == level
     assert words in found.text
 
 
 def test_discovery_warns_of_what_works_by_chance():
-    """A domain whose ports others may take, and a variable that overrides the range."""
+    """A domain with ephemeral ports, and a variable that overrides the range, are warnings."""
     environment = {'ROS_DOMAIN_ID': '150', 'ROS_LOCALHOST_ONLY': '1'}
     ports, deprecated, rest = doctor.check_discovery(environment)
     assert (ports[0], deprecated[0], rest[0]) == (WARN, WARN, OK)
@@ -231,7 +231,7 @@ def test_discovery_warns_of_what_works_by_chance():
 
 
 def test_security(tmp_path):
-    """Off is right; on needs an installation, a keystore and Enforce."""
+    """Security may be off; if it is on, it needs an installation, a keystore and Enforce."""
     (tmp_path / 'enclaves').mkdir()
     environment: dict[str, str] = {}
     for more, level, words in (
@@ -248,13 +248,13 @@ def test_security(tmp_path):
 
 @pytest.mark.parametrize('name', ['default', 'monitoring', 'nav2_keepout', 'nav2_speed'])
 def test_layers_of_the_package_reach_robots(name):
-    """What ships is delivered to RViz and Nav2."""
+    """RViz and Nav2 can receive the layers of the package."""
     layers = load_layers(share_path(f'msg_configs/{name}.yaml'))
     assert one(doctor.check_qos(layers)).level == OK
 
 
 def test_layers_that_do_not_reach_robots():
-    """A policy that is too weak is named with who does not get it and what to set."""
+    """The warning names a policy that is too weak, the subscriber and the remedy."""
     layer = {
         'source': 'hazard',
         'message': 'nav_msgs/OccupancyGrid',
@@ -273,7 +273,7 @@ def test_layers_that_do_not_reach_robots():
 
 
 def test_a_round_trip():
-    """A latched message and twenty others go through the middleware, with their times."""
+    """A latched message and twenty others pass the middleware, and the report has times."""
     found = one(doctor.check_round_trip())
     assert found.level in (OK, WARN), found.text
     assert found.text.startswith('rmw_fastrtps_cpp: found after ')
@@ -281,7 +281,7 @@ def test_a_round_trip():
 
 
 def test_a_middleware_that_cannot_start(monkeypatch):
-    """Its last words are told, and what to try; without ROS that nothing was tried."""
+    """The report has the last line of its output and a remedy; without ROS it is not tried."""
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_of_nobody')
     found = one(doctor.check_round_trip())
     assert found.level == FAIL
@@ -299,7 +299,7 @@ def test_a_middleware_that_cannot_start(monkeypatch):
     ],
 )
 def test_a_middleware_that_hangs_or_crashes(code, words, monkeypatch):
-    """It does not take the doctor along."""
+    """A hang or a crash of the probe is a finding, not an error of the doctor."""
     run = subprocess.run
     monkeypatch.setattr(
         doctor.subprocess, 'run',
@@ -312,7 +312,7 @@ def test_a_middleware_that_hangs_or_crashes(code, words, monkeypatch):
 
 @pytest.fixture
 def findings(monkeypatch):
-    """What the doctor finds, to be filled."""
+    """Replace the doctor's checks by a list of findings that a test fills."""
     found: list[Finding] = []
     monkeypatch.setattr('lava_ros.cli.doctor._findings', lambda args: iter(found))
     return found
@@ -320,20 +320,20 @@ def findings(monkeypatch):
 
 @pytest.mark.parametrize('has_rich', [True, False])
 def test_findings_are_lines(has_rich, findings, monkeypatch):
-    """Level, check and text in columns, the way out below; no colours in a pipe, rich or not."""
+    """Level, check and text are columns, the remedy is below; a pipe gets no colours."""
     if not has_rich:
         monkeypatch.setitem(sys.modules, 'rich.console', None)
     findings += [Finding('python', OK, '3.11'), Finding('gpu', WARN, 'none [x]', 'buy one')]
     lines = ['OK    python        3.11', 'WARN  gpu           none [x]', f'{"":20}-> buy one', '']
     assert lava('doctor') == (0, '\n'.join(lines), '')
-    # what does not work is the exit status
+    # a FAIL sets the exit status
     findings.append(Finding('dds', FAIL, 'nothing came back', 'see the firewall'))
     status, said, _ = lava('doctor')
     assert status == 1 and 'FAIL' in said
 
 
 def test_json(findings, tmp_path):
-    """The same as data, to a file or to stdout, and nothing besides."""
+    """The findings are written as JSON to a file or to stdout, and nothing else."""
     findings += [Finding('disk', WARN, '2.0 GB', 'make room')]
     expected = [{'check': 'disk', 'level': 'WARN', 'text': '2.0 GB', 'way_out': 'make room'}]
     path = tmp_path / 'doctor.json'
@@ -346,7 +346,7 @@ def test_json(findings, tmp_path):
 
 
 def test_every_check_is_made_without_ros_and_gpu(tmp_path):
-    """On a machine without rclpy it runs to the end and says what is missing."""
+    """On a machine without rclpy the doctor completes and reports what is missing."""
     code = (
         'import importlib.util, sys\n'
         'find = importlib.util.find_spec\n'

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processes of a ROS graph of this test run's own."""
+"""Fixtures: processes in a ROS graph of this test run, and nodes in the test's process."""
 
 import json
 import os
@@ -22,7 +22,7 @@ from ros_domain import own_domain
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 
-#: Runs the node, or the module's ``main``, with five heartbeats a second: tests wait for them.
+#: Runs the node, or the module's ``main``, with five heartbeats a second to shorten waits.
 QUICK_MODULE = """
 from lava_ros.ros import active_node
 from lava_ros.{} import main
@@ -31,7 +31,7 @@ raise SystemExit(main())
 """
 QUICK = QUICK_MODULE.format('ros.node')
 
-#: Time that a process has to end before it is killed [s].
+#: Maximum wait for a process to end before it is killed [s].
 GRACE = 5.0
 
 
@@ -77,11 +77,11 @@ class Process:
 
     @property
     def log(self):
-        """What the process has written to stderr."""
+        """Text that the process has written to stderr."""
         return '\n'.join(self.errors)
 
     def line(self, timeout):
-        """The next line of stdout."""
+        """Return the next line of stdout."""
         end = time.monotonic() + timeout
         while True:
             ended = self.child.poll() is not None
@@ -93,14 +93,14 @@ class Process:
                     raise AssertionError(f'{what}; stderr:\n{self.log}') from None
 
     def wait_for_log(self, text, timeout=PATIENCE, *, after=0):
-        """Wait until a text is in the log, beyond so many characters of it: a pipe may lag."""
+        """Wait until a text is in the log after position ``after``; the pipe may lag."""
         end = time.monotonic() + timeout
         while text not in self.log[after:]:
             assert self.child.poll() is None and time.monotonic() < end, self.log
             time.sleep(0.05)
 
     def wait_for_end(self, timeout=PATIENCE):
-        """The exit code, once the process has ended and all that it wrote has been read."""
+        """Return the exit code, once the process has ended and its output has been read."""
         code = self.child.wait(timeout)
         for reader in self._readers:
             reader.join(timeout)
@@ -134,11 +134,11 @@ class Listener(Process, Hearing):
         self.seen = []
 
     def next(self, timeout):
-        """Return the next message, AssertionError where none comes in time [s]."""
+        """Return the next message; raise AssertionError if none arrives in time [s]."""
         return json.loads(self.line(timeout))
 
     def hear(self):
-        """Read everything that has come so far, and return how much that is in all."""
+        """Read all messages received so far, and return their total number."""
         while not self._lines.empty():
             self.seen.append(json.loads(self.line(1.0)))
         return len(self.seen)
@@ -151,7 +151,7 @@ class Comparison(Listener):
 
 
 class Graph:
-    """Starts processes of one graph, or of a second one aside from it.
+    """Starts processes in one graph, or in a second one (``aside``).
 
     Attributes:
         directory: Where the processes run.
@@ -167,7 +167,7 @@ class Graph:
         return process
 
     def node(self, *, aside=False, program=('-c', QUICK), remap=(), **parameters):
-        """Start a node with parameters, and five maps a second; ``program`` runs another."""
+        """Start a node with parameters and five maps a second; ``program`` replaces the node."""
         often = self.directory / 'often.yaml'
         default = (ROOT / 'msg_configs/default.yaml').read_text(encoding='utf-8')
         often.write_text(default.replace('rate: 1.0 ', 'rate: 5.0 '), encoding='utf-8')
@@ -175,12 +175,12 @@ class Graph:
         return self.process(*program, *words, aside=aside)
 
     def publisher(self, *, remap=()):
-        """Join the graph with what publishes as it is told to."""
+        """Start a process that publishes messages on request."""
         self._publishers.append(Publisher(own_domain(), remap))
         return self._publishers[-1]
 
     def listener(self, *topics):
-        """Start a process that reports what it hears."""
+        """Start a process that reports the messages it receives."""
         return self._start(Listener, *topics)
 
     def comparison(self, mask, *costmaps):
@@ -193,7 +193,7 @@ class Graph:
 
     @property
     def logs(self):
-        """The ends of what the processes have written to stderr, with what they run."""
+        """Return the command and the end of stderr of each process."""
         for process in self._started:
             yield ' '.join(process.child.args[1:3]), process.log[-5000:]
 
@@ -214,7 +214,7 @@ class Graph:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item):
-    """Show beside a failure what the processes of its graph have logged."""
+    """Add the logs of the graph's processes to a failure."""
     report = yield
     graph = getattr(item, 'funcargs', {}).get('graph')
     if report.failed and isinstance(graph, Graph):
@@ -224,7 +224,7 @@ def pytest_runtest_makereport(item):
 
 @pytest.fixture
 def bench(request):
-    """A worker on the bench, with the options of the test's parameter."""
+    """A worker without ROS, with the options of the test's parameter."""
     from worker_bench import Bench
 
     result = Bench(**getattr(request, 'param', {}))
@@ -234,7 +234,7 @@ def bench(request):
 
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory):
-    """The graph of a module's tests."""
+    """A graph for the tests of a module."""
     result = Graph(tmp_path_factory.mktemp('graph'))
     yield result
     result.close()
@@ -242,14 +242,14 @@ def graph(tmp_path_factory):
 
 @pytest.fixture
 def alone(graph):
-    """Ends everything that a test has started in the graph, so that no other test is affected."""
+    """End all processes that a test has started in the graph."""
     yield
     graph.close()
 
 
 @pytest.fixture
 def local(tmp_path, monkeypatch):
-    """Starts nodes in the process of the test."""
+    """Return a function that starts nodes in the process of the test."""
     from ros.local_node import LocalNode
 
     nodes = []
@@ -265,7 +265,7 @@ def local(tmp_path, monkeypatch):
 
 @pytest.fixture
 def flowing(local):
-    """Starts an active node with a slope and a vent, and lets time pass until there is lava."""
+    """Return a function that starts an active node with a slope, a vent and lava."""
 
     def start(**parameters):
         node = local(**parameters)

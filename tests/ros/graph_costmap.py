@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot with a map of its own, and a comparison of its costmaps with it and with a keepout mask.
+"""Comparison of a robot's costmaps with its own map and with a keepout mask.
 
-Arguments: the topic of the mask, then those of costmaps (nav_msgs/OccupancyGrid). The map has
-another size, resolution and origin than the mask, and a wall. Prints a JSON line for each costmap:
-its topic, a number for the newest mask, how many cells of wall and mask are lethal and how many
-there are, and how many are lethal elsewhere.
+Arguments: the topic of the mask, then those of costmaps (nav_msgs/OccupancyGrid). The map has a
+wall, and differs from the mask in size, resolution and origin. Prints a JSON line for each
+costmap: its topic, a number for the newest mask, the numbers of lethal and of all cells of wall
+and mask, and the number of lethal cells elsewhere.
 """
 
 import json
@@ -31,7 +31,7 @@ LETHAL = 100
 
 
 def own_map():
-    """The message of the robot's map."""
+    """Return the message of the robot's map."""
     cells = np.zeros(SHAPE, np.int8)
     cells[WALL] = LETHAL
     info = codec.map_metadata(Terrain(np.zeros(SHAPE), RESOLUTION, ORIGIN), 0)
@@ -39,7 +39,7 @@ def own_map():
 
 
 def centres(grid):
-    """Positions x and y [m] of the columns and rows of a grid."""
+    """Return the positions x and y [m] of the columns and rows of a grid."""
     corner, info = grid.info.origin.position, grid.info
     return (
         start + (np.arange(count) + 0.5) * info.resolution
@@ -60,7 +60,7 @@ def lethal(grid, x, y):
 
 
 def main():
-    """Publish and compare until the process is ended."""
+    """Publish and compare until the process is terminated."""
     rclpy.init()
     node = rclpy.create_node('test_costmap')
     robot, masks = own_map(), []

@@ -3,7 +3,7 @@
 
 """A process that subscribes to the node's topics and prints a JSON line for each message.
 
-Arguments: topic names; ``:image``, ``:cloud`` or ``:markers`` stands behind those without grids.
+Arguments: topic names, with the suffix ``:image``, ``:cloud`` or ``:markers`` for other types.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-#: Types of message by what stands behind a topic's name.
+#: Types of message by suffix of a topic's name.
 KINDS = {'': OccupancyGrid, 'image': Image, 'cloud': PointCloud2, 'markers': MarkerArray}
 
 
@@ -73,7 +73,7 @@ def line_of(topic, kind, data):
 
 
 def main():
-    """Print until the process is ended."""
+    """Print messages until the process is terminated."""
     rclpy.init()
     node = rclpy.create_node('test_listener')
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

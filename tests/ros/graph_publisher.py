@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages for nodes, sound and malformed, and what sends them and asks a node of this or that."""
+"""Valid and malformed messages for nodes, and clients that publish them and call services."""
 
 from abc import ABC, abstractmethod
 import hashlib
@@ -25,12 +25,12 @@ from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.ros import codec
 
-#: How long to wait for what has to come, on a busy machine too [s].
+#: Maximum wait for an expected event on a busy machine [s].
 PATIENCE = 180.0
 
 
 def wait_until(condition, what=lambda: '', pause=0.01):
-    """Wait until something holds, on a busy machine too, and return its value."""
+    """Wait until ``condition`` returns a true value, and return it."""
     end = time.monotonic() + PATIENCE
     while not (value := condition()):
         assert time.monotonic() < end, what()
@@ -61,7 +61,7 @@ TRANSITIONS = {
     'deactivate': Transition.TRANSITION_DEACTIVATE,
     'cleanup': Transition.TRANSITION_CLEANUP,
 }
-#: The states that they lead to.
+#: Goal states of the transitions.
 GOALS = {
     'configure': 'inactive',
     'activate': 'active',
@@ -69,20 +69,20 @@ GOALS = {
     'cleanup': 'unconfigured',
     'shutdown': 'finalized',
 }
-#: Services that do more when they are called twice.
+#: Services that are not idempotent.
 ONCE = {'change_state', 'step', 'save', 'record'}
 #: Wait for an answer before a service is called again [s].
 REPEAT_PERIOD = 5.0
 
 
 def elevation(height=500.0, columns=COLUMNS):
-    """A plane that falls towards +x with a slope of 1 in 10, and a valley along its middle."""
+    """Return a plane that falls towards +x by 1 in 10, with a valley along its middle."""
     y, x = np.mgrid[0:ROWS, 0:columns]
     return (height - RESOLUTION * 0.1 * x + 0.05 * (y - ROWS / 2) ** 2).astype(np.float32)
 
 
 def image(values=None, frame_id='map', **changes):
-    """A terrain image, with fields changed."""
+    """Return a terrain image, with fields changed."""
     values = elevation() if values is None else values
     message = codec.float_image(values, codec.header(frame_id, 0))
     for name, value in changes.items():
@@ -91,7 +91,7 @@ def image(values=None, frame_id='map', **changes):
 
 
 def info(width=COLUMNS, angle=0.0, x=0.0, **changes):
-    """The description of the terrain's cells, with fields changed."""
+    """Return the description of the terrain's cells, with fields changed."""
     message = MapMetaData(width=width, height=ROWS, resolution=RESOLUTION)
     message.origin.position.x = x
     message.origin.orientation.z = float(np.sin(angle / 2.0))
@@ -102,19 +102,19 @@ def info(width=COLUMNS, angle=0.0, x=0.0, **changes):
 
 
 def cloud(columns, frame_id='map'):
-    """A cloud of FLOAT32 columns."""
+    """Return a point cloud of FLOAT32 columns."""
     return codec.point_cloud(columns, codec.header(frame_id, 0))
 
 
 def vents(frame_id='map', without=(), **changes):
-    """One vent high on the slope, with values changed and fields left out."""
+    """Return one vent high on the slope, with values changed and fields left out."""
     columns = {'x': 60.0, 'y': 155.0, 'z': 0.0, 'discharge': 20.0, 'temperature': 1100.0}
     columns.update({'radius': 12.0, **changes})
     return cloud({key: [value] for key, value in columns.items() if key not in without}, frame_id)
 
 
 def click(x, y, frame_id='map'):
-    """A click in a viewer."""
+    """Return a point clicked in a viewer."""
     message = PointStamped()
     message.header.frame_id = frame_id
     message.point.x, message.point.y = x, y
@@ -122,7 +122,7 @@ def click(x, y, frame_id='map'):
 
 
 def outline(reach=100.0, late=0.0, frame_id='map', **changes):
-    """Lava from the vent down to a distance, seen now or so much later, with the info changed."""
+    """Return observed lava down to a distance from the vent, stamped ``late`` [s] after now."""
     y, x = (np.mgrid[0:ROWS, 0:COLUMNS] + 0.5) * RESOLUTION
     lava = (np.abs(y - 155.0) < 25.0) & (x > 45.0) & (x < 60.0 + reach)
     header = codec.header(frame_id, time.time_ns() + int(late * 1e9))
@@ -130,20 +130,20 @@ def outline(reach=100.0, late=0.0, frame_id='map', **changes):
 
 
 def spoilt(value):
-    """The elevations with one cell replaced."""
+    """Return the elevations with one cell replaced."""
     values = elevation()
     values[5, 5] = value
     return values
 
 
 def points():
-    """The terrain as a cloud of its cell centres, two metres higher."""
+    """Return the terrain as a point cloud of its cell centres, two metres higher."""
     y, x = np.mgrid[0:ROWS, 0:COLUMNS] * RESOLUTION
     return {'x': x.ravel() + 5.0, 'y': y.ravel() + 5.0, 'z': elevation().ravel() + 2.0}
 
 
 def lying_cloud(width, height):
-    """A cloud that claims more points than it has bytes for."""
+    """Return a point cloud with fewer bytes than its size requires."""
     message = cloud({key: [1.0] for key in VENT_COLUMNS})
     message.width, message.height = width, height
     return message
@@ -194,11 +194,11 @@ CASES = {
 
 
 class Asking(ABC):
-    """Asks nodes for this or that; ``node`` is /lava without."""
+    """Calls services of nodes; the default ``node`` is /lava."""
 
     @abstractmethod
     def request(self, kind, name, timeout, **fields):
-        """Call a service once and return its answer, None where none comes in time [s]."""
+        """Call a service once; return its response, None if none arrives in time [s]."""
 
     def ask(self, kind, name, **fields):
         """Call a service and return its answer; call it again if none comes and that is harmless.
@@ -214,7 +214,7 @@ class Asking(ABC):
         raise AssertionError(f'no answer from {name}')
 
     def map(self, topic, node='/lava'):
-        """Get a map of the node: its shape, its stamp and the hash of its cells."""
+        """Return shape, stamp and hash of the cells of a map of the node."""
         grid = self.ask(GetMap, f'{node}/{topic}/get_map').map
         return {
             'cells': hashlib.sha256(grid.data).hexdigest(),
@@ -223,7 +223,7 @@ class Asking(ABC):
         }
 
     def set(self, node='/lava', **values):
-        """Set parameters of the node together and return the answer; ``__`` is a point."""
+        """Set parameters of the node atomically and return the response; ``__`` is a dot."""
         messages = [
             Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
             for name, value in values.items()
@@ -250,7 +250,7 @@ class Asking(ABC):
             answer = self.request(
                 ChangeState, f'{node}/change_state', REPEAT_PERIOD, transition=transition
             )
-            # an answer that was lost is as good as the state
+            # if the response was lost, the state shows success
             went_well = self.state(node) == GOALS[name]
             if answer is not None or went_well:
                 assert answer is None or not answer.success or went_well, (name, self.state(node))
@@ -258,7 +258,7 @@ class Asking(ABC):
         raise AssertionError(f'no answer to {name} from {node}')
 
     def state(self, node='/lava'):
-        """The label of the state that the node is in."""
+        """Return the label of the node's state."""
         return self.ask(GetState, f'{node}/get_state').current_state.label
 
 
@@ -287,7 +287,7 @@ class Publisher(Asking):
         self._context.shutdown()
 
     def request(self, kind, name, timeout, **fields):
-        """Call a service once and return its answer, None where none comes in time [s]."""
+        """Call a service once; return its response, None if none arrives in time [s]."""
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
         client = self._clients[name]

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A process that stands for node and robot: maps, poses and goals out, plans in.
+"""A process that acts as node and robot: it publishes maps, poses and goals, and prints plans.
 
 {"hazard": ROWS} publishes a grid of cells of 10 m, {"arrival": ROWS} a forecast on such cells
-(null: never); {"age": SECONDS} beside it lets it start so long ago. {"pose": [X, Y]} and {"goal":
-[X, Y]} publish poses, {"leave": true} ends the map's publisher. Every plan is printed as a JSON
-list of positions. The word ``hazard`` or ``arrival`` says which maps the robot is to hear.
+(null: never); with {"age": SECONDS} it started so long ago. {"pose": [X, Y]} and {"goal": [X, Y]}
+publish poses, {"leave": true} ends the map's publisher. Each plan is printed as a JSON list of
+positions. The argument ``hazard`` or ``arrival`` selects the maps of the robot.
 """
 
 import json
@@ -29,14 +29,14 @@ RESOLUTION = 10.0
 
 
 def grid(rows):
-    """The message of a grid."""
+    """Return the message of a grid."""
     cells = np.array(rows, dtype=np.int8)
     info = codec.map_metadata(Terrain(np.zeros(cells.shape), RESOLUTION), 0)
     return codec.occupancy_grid(cells, info, codec.header('map', 0))
 
 
 def pose(x, y, frame='map'):
-    """The message of a place."""
+    """Return the message of a position."""
     message = PoseStamped()
     message.header.frame_id = frame
     message.pose.position.x, message.pose.position.y = float(x), float(y)
@@ -45,7 +45,7 @@ def pose(x, y, frame='map'):
 
 
 def main():
-    """Do as the lines say until there are no more."""
+    """Execute the lines of stdin."""
     rclpy.init()
     node = rclpy.create_node('test_robot')
     maps = [node.create_publisher(OccupancyGrid, sys.argv[1], LATCHED)]

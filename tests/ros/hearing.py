@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Waits for messages of nodes."""
+"""Functions that wait for messages of nodes."""
 
 from abc import ABC, abstractmethod
 import time
@@ -13,14 +13,14 @@ class Hearing(ABC):
     """Waits for messages that are described as ``graph_listener`` does.
 
     Attributes:
-        seen: All that have been read so far.
+        seen: All messages read so far.
     """
 
     seen: list
 
     @abstractmethod
     def next(self, timeout):
-        """Return the next message, AssertionError where none comes in time [s]."""
+        """Return the next message; raise AssertionError if none arrives in time [s]."""
 
     @abstractmethod
     def hear(self):
@@ -79,7 +79,7 @@ class Hearing(ABC):
         return found
 
     def at_rest(self, *topics):
-        """Do as ``newest``, once time stands still and diagnostics report these messages."""
+        """Return as ``newest``, once time stands still and diagnostics report these messages."""
 
         def is_last(newest):
             status = newest['diagnostics']['status']['lava: simulation']

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node in the process of a test, which calls its callbacks itself and moves its clock.
+"""A node in the process of a test, which calls its callbacks and sets its clock.
 
-Nothing crosses the middleware, so that nothing has to be discovered and no message is lost.
+Messages bypass the middleware, so there is no discovery and no loss.
 """
 
 from collections import deque
@@ -29,15 +29,15 @@ from ros_domain import own_domain
 #: Period of diagnostics [s].
 HEARTBEAT = 0.02
 
-#: Longest step of the clock, which a simulation makes up for [s].
+#: Maximum step of the clock [s], which a simulation can follow.
 STEP = 0.5
 
-#: There is lava after 2 s of the clock, and a step takes some milliseconds.
+#: Parameters with lava after 2 s of the clock and steps of a few milliseconds.
 COARSE = {'device': 'cpu', 'preset': 'draft', 'spacing': 4.0, 'time_scale': 20.0}
 
 
 class _Log:
-    """Keeps what a node logs, in the form that it has on stderr, and passes it on."""
+    """Stores log lines of a node in the format of stderr, and forwards them."""
 
     def __init__(self):
         self.lines = []
@@ -56,7 +56,7 @@ class _Log:
 
 
 class _Node(LavaNode):
-    """A node whose log and messages are kept."""
+    """A node whose log and messages are stored."""
 
     def __init__(self, log, sent, **options):
         self._kept_log, self._sent = log, sent
@@ -83,14 +83,14 @@ class LocalNode(Asking, Hearing):
     """A node with the interfaces of ``Publisher`` and ``Listener``; ``change`` starts it.
 
     Attributes:
-        directory: Where it may put files.
+        directory: Folder for files of the node.
         now: The time of its clock [s].
     """
 
     def __init__(self, directory, patch, *, remap=(), **parameters):
         """Start a node with parameters (``__`` is a point) and diagnostics many times a second."""
         patch.setattr(active_node, 'HEARTBEAT', HEARTBEAT)
-        # without a warning that the clock stands still
+        # no warning about a clock that stands still
         patch.setattr(diagnostics, 'PATIENCE', float('inf'))
         patch.chdir(directory)
         self.directory, self.seen, self.now = Path(directory), [], 0.0
@@ -141,7 +141,7 @@ class LocalNode(Asking, Hearing):
         self.deliver('/clock', Clock(clock=codec.time_message(round(to * 1e9))))
 
     def run(self, seconds):
-        """Let a time pass, which the simulation follows unless it ends, and have it shown [s]."""
+        """Advance the clock [s], and wait until the simulation has followed and published it."""
         end, worker = self.now + seconds, self.worker
         reached = worker.eruption.time
         while self.now < end:
@@ -157,7 +157,7 @@ class LocalNode(Asking, Hearing):
         self.wait_until(self._has_shown_now)
 
     def _has_shown_now(self):
-        """Return True if the newest snapshot is of the present time; otherwise request one."""
+        """Return True if the newest snapshot is of the current time; otherwise request one."""
         worker = self.worker
         if worker.latest.time < worker.eruption.time:
             worker.request_snapshot()
@@ -168,7 +168,7 @@ class LocalNode(Asking, Hearing):
         self.worker.checkpoint().result(PATIENCE)
 
     def spin(self):
-        """Run one callback that is due, or wait for one for a moment."""
+        """Run one callback that is due, or briefly wait for one."""
         self._executor.spin_once(timeout_sec=0.01)
 
     def wait_until(self, condition, timeout=PATIENCE):
@@ -180,18 +180,18 @@ class LocalNode(Asking, Hearing):
         return value
 
     def wait_for_log(self, text, timeout=PATIENCE, *, after=0):
-        """Run callbacks until a text is in the log, beyond so many characters of it."""
+        """Run callbacks until a text is in the log after position ``after``."""
         self.wait_until(lambda: text in self.log[after:], timeout)
 
     # inputs and services
 
     def deliver(self, topic, message):
-        """Hand a message to the node, as it would come from a topic of a full name."""
+        """Pass a message to the node as if received on a topic (full name)."""
         (taker,) = [item for item in self.node.subscriptions if item.topic_name == topic]
         taker.callback(serialize_message(message) if taker.raw else message)
 
     def publish(self, *cases):
-        """Hand messages to the node by their names in ``CASES``, with stamps of its clock."""
+        """Pass messages to the node by their names in ``CASES``, stamped with its clock."""
         for case in cases:
             topic, make = CASES[case]
             message, since_ns = make(), round(self.now * 1e9) - time.time_ns()
@@ -206,7 +206,7 @@ class LocalNode(Asking, Hearing):
         return service.callback(kind.Request(**fields), kind.Response())
 
     def names(self):
-        """Topics and services that it has in the graph, once those are what it has made."""
+        """Return its topics and services in the graph, once the graph is up to date."""
         made = {item.topic_name for item in (*self.node.publishers, *self.node.subscriptions)}
         made |= {item.service_name for item in self.node.services}
         name, space = self.node.get_name(), self.node.get_namespace()
@@ -221,7 +221,7 @@ class LocalNode(Asking, Hearing):
             # except internal topics of rclpy
             return names - {'/rosout', f'{space.rstrip("/")}/{name}/transition_event'}
 
-        # the middleware learns of them one by one, in threads of its own
+        # the middleware updates the graph asynchronously
         self.wait_until(lambda: found() == made)
         return made
 
@@ -242,6 +242,6 @@ class LocalNode(Asking, Hearing):
         return len(self.seen)
 
     def status_now(self, task, condition=lambda _: True, node='lava'):
-        """Return a task's status of diagnostics from now on that fulfils a condition."""
+        """Return the next diagnostic status of a task that fulfils a condition."""
         self.hear()
         return self.wait_for_status(task, condition, node=node)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rate limits of requests from the graph, and requests without a limit."""
+"""Rate limits of ROS requests, and requests without a limit."""
 
 from concurrent.futures import Future
 from functools import partial
@@ -51,7 +51,7 @@ def test_a_storm_is_refused(name):
 
 
 class Doors:
-    """Services of a node with stand-ins for the functions that they call, and a clock at rest."""
+    """Services of a node with stand-ins for their functions, and a stopped clock."""
 
     def __init__(self):
         entities, self.worker = Mock(), Mock()
@@ -73,12 +73,12 @@ class Doors:
         }
 
     def call(self, name, request):
-        """Call a service and return its answer."""
+        """Call a service and return its response."""
         kind, answer = self.services[name]
         return answer(request, kind.Response())
 
     def set_effects(self):
-        """Change a setting of the effects and return the result as an answer."""
+        """Change a setting of the effects and return the result as a response."""
         node = SimpleNamespace(
             _settings=Settings(), _allowance=self.allowance, _bag_folder=self.active
         )
@@ -121,7 +121,7 @@ def test_doors_are_limited(name):
     ('name', 'request_'), [('pause', ON), ('pause', OFF), ('step', NOTHING), ('record', OFF)]
 )
 def test_doors_that_cost_nothing_are_open(name, request_):
-    """Calls that only stop time, or finish a bag, have no rate limit."""
+    """Calls that only hold time or finish a bag have no rate limit."""
     doors = Doors()
     answers = [doors.call(name, request_) for _ in range(STORM)]
     assert all(answer.success for answer in answers), answers[0].message
@@ -155,7 +155,7 @@ def test_commands_that_wait_replace_one_another(bench, kind):
 
 
 def test_saves_are_bounded_in_size():
-    """The size of all saves together is limited as well, and refusals are counted."""
+    """The total size of all saves is also limited, and refusals are counted."""
     doors = Doors()
     node = SimpleNamespace(
         _worker=doors.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,

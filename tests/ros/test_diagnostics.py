@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the node says about itself."""
+"""Diagnostics and log of the node."""
 
 from socket import gethostname
 
@@ -61,9 +61,10 @@ def _counts(log, *keys):
 
 
 def test_input_log_levels():
-    """ERROR while a topic's newest message was refused, WARN afterwards, counts throughout.
+    """The level is ERROR while a topic's newest message was refused, then WARN.
 
-    A message that a newer one replaced is neither taken nor refused; forgiven is a warning.
+    A message that a newer one replaced is neither accepted nor refused; a forgiven error is a
+    warning.
     """
     log = InputLog()
     assert log.status().level == OK
@@ -88,7 +89,7 @@ def test_input_log_levels():
 
 
 def test_an_earlier_message_that_ends_later_changes_nothing():
-    """The newest message of a topic decides, in whatever order they are judged."""
+    """The newest message of a topic sets the level, in any order of results."""
     log = InputLog()
     first = log.arrive()
     log.reject('vents', LavaError('vents.size', 9, 'at most 1'))
@@ -99,7 +100,7 @@ def test_an_earlier_message_that_ends_later_changes_nothing():
 
 
 def test_input_log_says_things_once():
-    """The same error again is counted and not logged; another one, or one after a good one, is."""
+    """A repeated error is only counted; a new one, or one after a good message, is logged."""
     log = InputLog()
     one, other = LavaError('a', 1, 'b'), LavaError('c', 1, 'd')
     assert [log.reject('t', item) for item in (one, one, other)] == [True, False, True]
@@ -115,7 +116,7 @@ LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
 @pytest.mark.parametrize(
     ('budget', 'worker', 'said'),
     [
-        # its volume is accounted for, and its flow is not on the map
+        # its volume is accounted for, but its flow is outside the map
         ({'late': 0.4}, {}, 'behind: 0.4 m3 of lava wait in the vents'),
         (
             LOST,
@@ -125,18 +126,18 @@ LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
             'running slower than the clock asks for',
         ),
         ({}, LONG, 'a step takes 3.2 s or more; waiting for it: reset, snapshot'),
-        # a node that waits for /clock is running, and nothing moves
+        # a node that waits for /clock is running, but time stands still
         ({}, {'clock': {'clock': '/clock does not', 'lost': 'time'}}, '/clock does not; time'),
     ],
 )
 def test_what_is_warned_of(budget, worker, said):
-    """Lava that is on no map, what holds others up, and a clock that does not move."""
+    """Lava outside the map, hold-ups, and a clock that stands still cause warnings."""
     status = _simulation(snapshot=_snapshot(**budget), **worker)
     assert (status.level, status.message) == (WARN, said)
 
 
 def test_simulation_values():
-    """The values are those of the frame that was published."""
+    """The values are those of the published frame."""
     values = _values(_simulation(snapshot=_snapshot()))
     assert values == {
         'state': 'running',
@@ -173,7 +174,7 @@ def test_simulation_values():
         (WorkerState.WAITING, {}, WARN, 'waiting for terrain'),
         (WorkerState.RUNNING, {}, OK, 'running'),
         (WorkerState.RUNNING, {'is_behind': True}, WARN, 'running slower'),
-        # a step, or a command, that takes longer than ten slices; what starts says so itself
+        # a step or a command longer than ten slices, unless the state is 'starting'
         (WorkerState.RUNNING, {**LONG, 'turn': 0.9}, OK, 'running'),
         (WorkerState.STARTING, LONG, OK, 'starting'),
         (WorkerState.PAUSED, {}, OK, 'paused'),
@@ -183,7 +184,7 @@ def test_simulation_values():
     ],
 )
 def test_simulation_levels(state, changes, level, said):
-    """The level follows the state; whoever reads the diagnostics knows why no map comes."""
+    """The level follows the state, and the message explains why there are no maps."""
     status = _simulation(state, **changes)
     assert (status.name, status.level) == ('simulation', level)
     assert status.message.startswith(said)
@@ -192,7 +193,7 @@ def test_simulation_levels(state, changes, level, said):
 
 
 def test_lost_volume_is_an_error():
-    """More than the promised share unaccounted for is an error, and so is NaN."""
+    """A volume error above the promised fraction is an error, and so is NaN."""
     assert _simulation(snapshot=_snapshot(held=9.99995)).level == OK
     for held in (9.999, float('nan')):
         status = _simulation(snapshot=_snapshot(held=held))
@@ -201,7 +202,7 @@ def test_lost_volume_is_an_error():
 
 
 def test_effects_status():
-    """The message names what is on; each effect is a value with its reason."""
+    """The message lists effects that are on; each effect is a value with its reason."""
     table = {'steep': 'on: slope = 0.8 > 0.12', 'green': 'off: never chosen', 'vft': 'on: forced'}
     status = diagnostics.effects_status(table)
     assert (status.name, status.level, status.message) == ('effects', OK, 'on: steep, vft')
@@ -211,7 +212,7 @@ def test_effects_status():
 
 
 def test_recorder_status():
-    """A recording that failed is an error."""
+    """A failed recording is an error."""
     good = diagnostics.recorder_status(RecorderStatus('recording', 'bags/x', 1, 5, ''))
     assert (good.name, good.level, good.message) == ('recorder', OK, 'recording')
     assert _values(good) == {
@@ -225,7 +226,7 @@ def test_recorder_status():
 
 
 def test_statuses_carry_the_name_of_their_node():
-    """Nodes in several namespaces keep apart for whoever gathers diagnostics."""
+    """Aggregators can distinguish nodes in several namespaces."""
     for node, source in (('/lava', 'lava'), ('/etna/lava2', 'etna/lava2')):
         message = DiagnosticArray(status=[diagnostics.effects_status({})])
         diagnostics.sign(message, node, 'cuda:0')
@@ -241,11 +242,11 @@ def _look(watch, stamp_ns, now, *, is_simulated=True, **worker):
 
 
 def test_a_clock_that_never_comes_or_stops_is_said():
-    """After a while of the wall clock, and no more once it moves."""
+    """The warning starts after some wall time, and ends when the clock moves."""
     watch, now = ClockWatch(), 50.0
     assert _look(watch, 0, now) == _look(watch, 0, now + 0.9 * PATIENCE) == {}
     assert _look(watch, 0, now + PATIENCE)['clock'].startswith('/clock does not arrive')
-    # the system clock always moves
+    # the system clock always advances
     assert _look(watch, 0, now + PATIENCE, is_simulated=False) == {}
     assert _look(watch, 10**9, now + 10.0 * PATIENCE) == {}
     assert _look(watch, 2 * 10**9, now + 11.0 * PATIENCE) == {}

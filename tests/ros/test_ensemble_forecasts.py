@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node's side of ensembles: what is ordered and dropped, their maps, and outlines."""
+"""Ensembles on the side of the node: requests, cancellation, maps, and outlines."""
 
 from array import array
 from dataclasses import replace
@@ -38,17 +38,17 @@ MASK = Mask(np.eye(4, 5) > 0.0, np.ones((4, 5), dtype=bool), 10.0, (0.0, 0.0))
 
 
 def fork(clock, time, changes=1):
-    """A copy of the state at a time of the clock [s]."""
+    """Return a copy of the state at a time of the clock [s]."""
     return Fork(SimpleNamespace(scene=SCENE, time=time), changes, clock, 0.01)
 
 
 def order(ensembles, number, made, members=8):
-    """Order an ensemble."""
+    """Request an ensemble."""
     return ensembles.order(made, number, replace(RULES, members=members))
 
 
 def sent(ensembles, changes=1):
-    """What is passed on to the process."""
+    """Return the outlines that are sent to the process."""
     orders = []
     ensembles.send(
         lambda name, **values: orders.append((name, values)), changes=changes, time_scale=2.0
@@ -57,7 +57,7 @@ def sent(ensembles, changes=1):
 
 
 def test_a_stamp_becomes_simulated_time():
-    """Between two forks evenly, whatever held the simulation up; after them by its scale."""
+    """Times are interpolated between two forks, and extrapolated with the scale after them."""
     ensembles = EnsembleForecasts()
     for number, (clock, time) in enumerate(((100.0, 20.0), (110.0, 30.0), (120.0, 30.0)), 1):
         order(ensembles, number, fork(clock, time))
@@ -80,7 +80,7 @@ def test_a_stamp_becomes_simulated_time():
 
 
 def test_an_ensemble_is_ordered_when_there_is_none():
-    """One at a time, and one for each state; what has failed is not tried again."""
+    """There is one ensemble at a time and one per state; a failed one is not repeated."""
     ensembles = EnsembleForecasts()
     assert order(ensembles, 1, fork(1.0, 0.0), members=0) is None
     first = order(ensembles, 2, fork(2.0, 5.0))
@@ -108,7 +108,7 @@ def test_an_ensemble_is_ordered_when_there_is_none():
 
 
 def test_outlines_never_wait_for_nothing():
-    """Those on their way are refused when the process ends; those of a new scene wait for it."""
+    """Sent outlines are refused when the process ends; outlines of a new scene wait for it."""
     ensembles = EnsembleForecasts()
     order(ensembles, 1, fork(1.0, 0.0))
     gone = ensembles.observe(MASK, 2.0)
@@ -125,14 +125,14 @@ SETTINGS = Settings()
 
 
 def seen(cells, resolution=10.0, origin=(100.0, 50.0)):
-    """A mask as a message."""
+    """Return a mask as a message."""
     ground = Terrain(np.zeros(np.shape(cells)), resolution, origin=origin)
     info = codec.map_metadata(ground, 5)
     return codec.occupancy_grid(np.array(cells, dtype=np.int8), info, codec.header('map', 5))
 
 
 def test_a_bag_has_the_maps(tmp_path):
-    """Names, types and values of what a node publishes too, on the terrain's cells."""
+    """The bag has the topics, types and values that a node publishes."""
     plan, tally = disc_plan(), Tally(disc_plan())
     for index, factor in enumerate((0.5, 1.0, 2.0)):
         tally.add(footprint_of(disc_fields(index, factor), plan))
@@ -166,14 +166,14 @@ def test_a_bag_has_the_maps(tmp_path):
 
 
 def test_a_mask_is_read_and_laid_on_the_terrain():
-    """Lava from 50 on, unknown below 0 and beyond the mask; cells find the one they lie in."""
+    """Lava is at or above 50; values below 0 and cells outside the mask are not observed."""
     mask = mask_from_grid(seen([[100, 49, -1], [50, 0, 100]]), SETTINGS)
     assert mask.lava.tolist() == [[True, False, False], [True, False, True]]
     assert mask.known.tolist() == [[True, True, False], [True, True, True]]
     assert (mask.resolution, mask.origin) == (10.0, (100.0, 50.0))
     ground = np.zeros((6, 10))
     ground[2, 4] = np.nan
-    # cells of 5 m from (90, 45) on: the mask begins in column 2, row 1
+    # cells of 5 m with their corner at (90, 45): the mask starts in column 2, row 1
     outline = outline_on(Terrain(ground, 5.0, origin=(90.0, 45.0)), mask, 60.0)
     fine = np.kron(mask.lava, np.ones((2, 2))).astype(bool)
     known = np.kron(mask.known, np.ones((2, 2))).astype(bool)
@@ -197,7 +197,7 @@ def test_a_mask_is_read_and_laid_on_the_terrain():
     ],
 )
 def test_masks_that_cannot_be_used_are_refused(path, value, field):
-    """Another frame, another number of cells, no such cell, turned, of no size, far away."""
+    """Wrong frame, number of cells, value, orientation or size, and a distant mask are refused."""
     message = seen([[100, 0], [0, 0]])
     owner, _, name = path.rpartition('.')
     setattr(attrgetter(owner)(message) if owner else message, name, value)

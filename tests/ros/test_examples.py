@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The examples of robots that stay out, and that leave in time: their search, and in a graph."""
+"""The examples of robots that avoid lava or leave in time: path search, and in a graph."""
 
 import itertools
 import json
@@ -34,7 +34,7 @@ leave_in_time = load_script(EXAMPLES / 'leave_in_time.py')
 
 @pytest.mark.parametrize(('name', 'most'), [('keep_out', 200), ('leave_in_time', 265)])
 def test_examples_are_short(name, most):
-    """A few pages to read, the license included."""
+    """Each example has only a few pages, including the license."""
     assert len((EXAMPLES / f'{name}.py').read_text(encoding='utf-8').splitlines()) <= most
 
 
@@ -42,7 +42,7 @@ class Robot:
     """An example and the rest of its robot, in one graph."""
 
     def __init__(self, graph, example, topic, *parameters):
-        # each robot is in a namespace of its own
+        # each robot has its own namespace
         words = ['--ros-args', '-r', f'__ns:=/robot_{topic}']
         options = [word for item in parameters for word in ('-p', item)]
         self.example = graph.process(str(EXAMPLES / example), *words, *options)
@@ -51,12 +51,12 @@ class Robot:
         assert self.rest.line(PATIENCE) == 'ready'
 
     def tell(self, **what):
-        """Publish something."""
+        """Publish messages by topic."""
         self.rest.child.stdin.write(json.dumps(what) + '\n')
         self.rest.child.stdin.flush()
 
     def plan(self, condition=lambda plan: len(plan) > 1, timeout=PATIENCE):
-        """The next plan that fulfils a condition, or leads anywhere."""
+        """Return the next plan that fulfils a condition, by default that is not empty."""
         end = time.monotonic() + timeout
         while True:
             assert time.monotonic() < end, self.example.log
@@ -69,13 +69,13 @@ class Robot:
                 return plan
 
     def stops(self, reason):
-        """Wait until the plan is to stop, and the log says why."""
+        """Wait until the plan is to stop, with the reason in the log."""
         self.plan(lambda plan: len(plan) == 0)
         self.example.wait_for_log(reason)
 
 
 def _shortest(blocked, near, start):
-    """Lengths of the shortest ways from a cell, by scipy's Dijkstra."""
+    """Return the lengths of the shortest paths from a cell, by scipy's Dijkstra."""
     rows, columns = blocked.shape
     links = []
     for row, column in np.argwhere(~blocked):
@@ -94,7 +94,7 @@ def _shortest(blocked, near, start):
 
 @pytest.mark.parametrize('seed', range(6))
 def test_ways_are_the_shortest(seed):
-    """On random maps each way is as long as Dijkstra's, and there is one when he has one."""
+    """On random maps, paths exist and have the same length as with Dijkstra's algorithm."""
     random = np.random.default_rng(seed)
     blocked, near = random.random((18, 25)) < 0.3, random.random((18, 25)) < 0.3
     blocked[0, 0] = False
@@ -114,7 +114,7 @@ def test_ways_are_the_shortest(seed):
 
 
 def _map(*gaps):
-    """300 x 200 m with a wall of lava at x = 140 m, open at rows of cells, and unknown ground."""
+    """Return a map of 300 x 200 m with unknown cells and a wall of lava at x = 140 m."""
     rows = np.zeros((20, 30), dtype=int)
     rows[:, 14] = 60
     for gap in gaps:
@@ -130,7 +130,7 @@ def _distance_to_lava(plan, rows):
 
 
 def test_a_robot_stays_out(graph):
-    """It goes round, plans anew when the map changes, and stops rather than drive into lava."""
+    """It avoids lava, replans when the map changes, and stops instead of entering lava."""
     robot = Robot(graph, 'keep_out.py', 'hazard', 'clearance:=20.0')
     low = _map(4)
     robot.tell(hazard=low, pose=[15.0, 95.0], goal=[285.0, 95.0])
@@ -141,7 +141,7 @@ def test_a_robot_stays_out(graph):
     assert plan[np.abs(plan[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(45.0, abs=10.0)
     assert np.abs(np.diff(plan, axis=0)).max() == 10.0
 
-    # The gap closes, and another one opens.
+    # The gap closes and another one opens.
     robot.tell(hazard=_map())
     robot.stops('no way leads around the lava')
     high = _map(14)
@@ -150,7 +150,7 @@ def test_a_robot_stays_out(graph):
     assert _distance_to_lava(plan, high) > 20.0
     assert plan[np.abs(plan[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(145.0, abs=10.0)
 
-    # Goals it does not take, each with the reason.
+    # Refused goals, each with the reason.
     for goal, reason in (
         ([145.0, 5.0], 'the goal is in lava: hazard 60'),
         ([295.0, 195.0], 'the goal is on unknown ground, which counts as not passable'),
@@ -162,7 +162,7 @@ def test_a_robot_stays_out(graph):
         robot.tell(goal=goal)
         robot.stops(f'stop: {reason}')
 
-    # The lava has come near: the way leads out of its surroundings first, and stays out.
+    # The lava has come near: the path leads away from it first, and then stays away.
     robot.tell(goal=[25.0, 45.0])
     robot.plan()
     robot.tell(pose=[125.0, 95.0])
@@ -170,13 +170,13 @@ def test_a_robot_stays_out(graph):
     assert _distance_to_lava(plan[:1], high) == 20.0
     assert _distance_to_lava(plan[1:], high) > 20.0
 
-    # Nobody keeps the map any more.
+    # The map has no publisher any more.
     robot.tell(leave=True)
     robot.stops('stop: there is no hazard map')
 
 
 def _arrivals_by_waves(until, start, duration):
-    """Earliest times at all cells by Bellman's sweeps, as slow as they are simple."""
+    """Return the earliest times at all cells by Bellman-Ford, which is slow but simple."""
     times = np.full(until.shape, np.inf)
     times[start] = 0.0
     steps = [step for step in itertools.product((-1, 0, 1), repeat=2) if step != (0, 0)]
@@ -198,7 +198,7 @@ def _arrivals_by_waves(until, start, duration):
 
 @pytest.mark.parametrize('seed', range(5))
 def test_ways_are_the_quickest_that_are_not_overtaken(seed):
-    """On random maps: never in a cell when its lava comes, and nobody is sooner at the goal."""
+    """On random maps, a path avoids lava at all times, and no other path is faster."""
     random = np.random.default_rng(seed)
     until = np.where(random.random((9, 12)) < 0.3, np.inf, random.uniform(0.0, 30.0, (9, 12)))
     until[0, 0] = 20.0
@@ -215,7 +215,7 @@ def test_ways_are_the_quickest_that_are_not_overtaken(seed):
 
 
 def test_deadlines_are_those_of_the_surroundings():
-    """The earliest within the clearance; unknown ground counts as lava."""
+    """A deadline is the earliest arrival within the clearance; unknown cells count as lava."""
     arrival = np.full((5, 9), np.nan)
     arrival[2, 4], arrival[2, 8] = 50.0, -1.0
     until = leave_in_time.deadlines(arrival, 2.0)
@@ -226,7 +226,7 @@ def test_deadlines_are_those_of_the_surroundings():
 
 
 class Machine:
-    """A machine that drives along its plans, slower than the lava."""
+    """A machine that drives along its plans more slowly than the lava."""
 
     speed, clearance, margin = 0.25, 20.0, 30.0
 
@@ -236,11 +236,11 @@ class Machine:
 
     @property
     def cell(self):
-        """The cell it is in."""
+        """Return the current cell."""
         return tuple(int(index) for index in self.place[::-1] // CELL)
 
     def drive(self, arrival, age, duration, lava):
-        """Plan, and drive for a time [s]; it is lost where the lava is."""
+        """Plan, and drive for a time [s]; lava in its cell destroys the machine."""
         self.is_lost |= bool(lava[self.cell])
         if self.is_lost:
             return
@@ -258,7 +258,7 @@ class Machine:
 
 
 def test_who_sees_ahead_leaves_in_time():
-    """In a valley: with the forecast a machine is safe, with the map of now the same is lost."""
+    """In a valley, a machine survives with the forecast and is lost with the current map."""
     y, x = np.mgrid[0:40, 0:60] * CELL
     ground = 400.0 - 0.12 * x + 8e-4 * (y - 200.0) ** 2
     scene = Scene(
@@ -290,7 +290,7 @@ def test_who_sees_ahead_leaves_in_time():
 
 
 def _coming(soon, late):
-    """300 x 200 m: lava on the left comes to columns 5 to 24, from the left on; free beyond."""
+    """Return a map of 300 x 200 m with lava that spreads from the left up to column 24."""
     rows = [[0.0] * 5 + list(np.linspace(soon, late, 20)) + [NEVER] * 5 for _ in range(20)]
     rows[19][:] = [NEVER] * 30
     return rows
@@ -301,11 +301,11 @@ def _ends_at(x, y):
 
 
 def test_a_robot_leaves(graph):
-    """It goes where no lava comes, in time or not at all, and trusts no forecast that is gone."""
+    """It drives to a safe place in time or not at all, and ignores withdrawn forecasts."""
     parameters = ('speed:=1.0', 'margin:=30.0', 'max_age:=900.0')
     robot = Robot(graph, 'leave_in_time.py', 'arrival', *parameters)
     robot.tell(arrival=_coming(200.0, 900.0), pose=[95.0, 95.0])
-    # down is nearer; right it would be overtaken by nothing, but later
+    # down is nearer; to the right it would be safe too, but later
     plan = robot.plan()
     assert plan[0].tolist() == [95.0, 95.0]
     assert plan[-1][0] >= 270.0 or plan[-1][1] >= 190.0
@@ -313,30 +313,30 @@ def test_a_robot_leaves(graph):
     front = np.interp(plan[:, 0], 10.0 * np.arange(5, 25) + 5.0, np.linspace(200.0, 900.0, 20))
     assert (times + 30.0 <= front).all()
 
-    # a goal that stays free is taken, one that does not is not
+    # a goal that remains free is accepted, another one is not
     robot.tell(goal=[285.0, 45.0])
     robot.plan(_ends_at(285.0, 45.0))
     robot.tell(goal=[205.0, 45.0])
     robot.plan(lambda plan: len(plan) > 1 and plan[-1][0] != 205.0)
     robot.example.wait_for_log('not to the goal, but to where no lava comes')
 
-    # the same forecast, much older: what was far off is near
+    # a much older stamp: arrivals that were distant are near
     robot.tell(arrival=_coming(200.0, 900.0), age=600.0)
     robot.stops('no way leads out in time')
 
-    # older than anybody should trust
+    # older than the maximum age
     robot.tell(arrival=_coming(2000.0, 9000.0), pose=[95.0, 95.0])
     robot.plan()
     robot.tell(arrival=_coming(2000.0, 9000.0), age=3600.0)
     robot.example.wait_for_log('stop: there is no forecast')
 
-    # taken back by the node
+    # withdrawn by the node
     robot.tell(arrival=_coming(2000.0, 9000.0))
     robot.plan()
     robot.tell(arrival=[[-1.0] * 30] * 20)
     robot.stops('stop: the forecast has been withdrawn')
 
-    # nobody is there to take it back
+    # no publisher is left to withdraw it
     robot.tell(arrival=_coming(2000.0, 9000.0))
     robot.plan()
     robot.tell(leave=True)

@@ -20,12 +20,12 @@ from ros.graph_publisher import elevation
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
 
-#: Simulated seconds in a second.
+#: Simulated time per time of the clock [s/s].
 SCALE = 20.0
 
 HORIZON = 400.0
 
-#: Simulated time after which members have lava to be told apart by [s].
+#: Simulated time after which the members' lava differs [s].
 FLOWN = 100.0
 
 MEMBERS = 5
@@ -55,7 +55,7 @@ IMAGES = ('arrival_time', *ENSEMBLES[1:])
 
 @pytest.fixture
 def node(local, tmp_path):
-    """A node that makes forecasts and ensembles and records them; 20 s of its lava have flown."""
+    """A node that makes and records forecasts and ensembles, after 20 s of flow."""
     np.savez(tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0)
     (tmp_path / 'scene.yaml').write_text(SCENE, encoding='utf-8')
     node = local(
@@ -74,21 +74,21 @@ def node(local, tmp_path):
 
 
 def wait_for_ensemble(node, condition=lambda _: True):
-    """The status of a whole ensemble that fulfils a condition."""
+    """Return the status of a complete ensemble that fulfils a condition."""
     return node.status_now(
         'ensemble', lambda item: item.get('members') == str(MEMBERS) and condition(item)
     )
 
 
 def next_forecast(node):
-    """Return the arrival of the next forecast; while none is made another second passes."""
+    """Return the arrival of the next forecast, advancing the clock until there is one."""
     before = node.newest('arrival')['arrival']['stamp_ns']
 
     def found():
         newest = node.newest('arrival')['arrival']
         if newest['stamp_ns'] > before:
             return newest
-        # a map is due once a second of the clock, which the one before may have used
+        # maps are due once a second of the clock
         if node.status_now('forecast')['progress'] == '':
             node.run(1.0)
         return None
@@ -98,7 +98,7 @@ def next_forecast(node):
 
 
 def test_forecasts(node):
-    """They come again and again, with their start as the stamp, and say how old they are."""
+    """Forecasts repeat, are stamped with their start, and report their age."""
     first = node.newest('arrival', 'arrival_time', 'peak_height', 'peak_temperature')
     assert first['arrival']['shape'] == [30, 40]
     assert first['arrival']['min'] == 0 and first['arrival']['wet'] > 3
@@ -106,7 +106,7 @@ def test_forecasts(node):
     assert first['arrival_time']['encoding'] == '32FC1'
     assert first['peak_height']['max'] > 0 and first['peak_temperature']['max'] > 0
     forecasts = (next_forecast(node) for _ in range(20))
-    # 100 is where there is lava already
+    # 100 where there is lava already
     later = next(item for item in forecasts if item['max'] == 100)
     status = node.status_now('forecast')
     assert int(status['frame_stamp_ns']) >= later['stamp_ns']
@@ -114,14 +114,14 @@ def test_forecasts(node):
     assert status['is_stale'] == 'false'
     assert float(status['horizon_s']) == HORIZON
     assert float(status['start_time_s']) > 0.0 and float(status['duration_s']) > 0.0
-    # the clock may have passed seconds since it was made, but not since the newest map
+    # the clock may have advanced since the forecast, but not since the newest map
     simulated = float(node.status_now('simulation')['simulated_time_s'])
     assert float(status['age_s']) == pytest.approx(simulated - float(status['start_time_s']))
     assert node.map('arrival')['shape'] == [30, 40]
 
 
 def test_ensembles(node):
-    """They have every member, and those that have other lava than was seen count less."""
+    """Ensembles are complete, and members that differ from the outline weigh less."""
     status = wait_for_ensemble(node)
     assert status['level'] == 0 and status['message'] == f'{MEMBERS} of {MEMBERS} members'
     assert status['is_stale'] == 'false'
@@ -138,7 +138,7 @@ def test_ensembles(node):
         assert found[name]['shape'] == [30, 40]
         assert name not in IMAGES or found[name]['encoding'] == '32FC1'
 
-    # the lava of later ensembles is mostly the same for all members
+    # in later ensembles most lava is the same for all members
     node.run(FLOWN / SCALE)
     node.publish('outline')
     sharper = node.status_now('ensemble', lambda item: item['outlines'] == '1')
@@ -154,7 +154,7 @@ def test_ensembles(node):
 
 
 def test_outlines_that_cannot_be_used_are_refused(node):
-    """Each is named."""
+    """The error names each invalid outline."""
     wait_for_ensemble(node)
     node.run(1.0)
     for count, (name, field) in enumerate((
@@ -172,7 +172,7 @@ def test_outlines_that_cannot_be_used_are_refused(node):
 
 
 def test_withdrawals(node):
-    """What was said of one scene is taken back when there is another; then it comes again."""
+    """Forecasts are withdrawn when the scene changes, and then made again."""
     wait_for_ensemble(node)
     node.newest('arrival', 'arrival_time')
     topics = {*GRIDS, 'arrival_time'}
@@ -185,7 +185,7 @@ def test_withdrawals(node):
         node.wait_for_log(f'{what} withdrawn: the scene or the effects have changed')
     node.run(2.0)
     node.wait_for_topic('arrival', lambda item: item['max'] > -1)
-    # paused: time stands still, and a forecast stays as good as it was
+    # paused: time stands still, and a forecast does not age
     assert node.call('pause', True)['success']
     node.jump(node.now + 30.0)
     still = node.status_now(
@@ -195,7 +195,7 @@ def test_withdrawals(node):
 
 
 def test_the_bag_has_them(node, tmp_path):
-    """With what was seen, and the file that says how to read them; other readers pass over it."""
+    """The bag has forecasts, outlines and the layer file, which other readers ignore."""
     wait_for_ensemble(node)
     node.run(FLOWN / SCALE)
     node.publish('outline')
@@ -214,7 +214,7 @@ def test_the_bag_has_them(node, tmp_path):
         logged.append(message.publish_ns)
     assert len(stamps) >= 3
     assert logged == sorted(logged)
-    # made some time after the moment they start from
+    # recorded some time after their stamp
     assert all(stamp <= when for stamp, when in zip(stamps, logged, strict=True))
 
 
@@ -227,7 +227,7 @@ def _refusal(settings, msg_config='default.yaml', forecast_config='forecast.yaml
 
 
 def test_files_that_do_not_fit_are_refused(tmp_path):
-    """Each source has its file, each topic one layer."""
+    """A source in the wrong file, and a topic with two layers, are refused."""
     assert "layers.height.source is 'thickness'" in _refusal({}, forecast_config='default.yaml')
     assert "layers.arrival_time.source is 'arrival'" in _refusal({}, msg_config='forecast.yaml')
     assert 'layers_off' in _refusal({'layers_off': ('arrivals',)})
@@ -245,7 +245,7 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
 
 
 def test_arrivals_have_one_threshold():
-    """Lava of one forecast cannot arrive at two thicknesses."""
+    """Different arrival thresholds in one forecast are refused."""
     arrival = {'source': 'arrival', 'message': 'sensor_msgs/Image'}
     thresholds = {'a': {**arrival, 'threshold': 0.01}, 'b': {**arrival, 'threshold': 0.5}}
     with pytest.raises(LavaError, match=r'forecast_config is \[0.01, 0.5\], expected one thresh'):

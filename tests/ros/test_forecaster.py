@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forecasts beside a live simulation, and ensembles that have a deadline."""
+"""Forecasts during a live simulation, and ensembles with a deadline."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -46,19 +46,19 @@ RULES = ForecastRules(
     horizon=200.0, threshold=0.01, max_age=1e9, share=1.0, max_particles=1_000_000
 )
 
-#: Simulated seconds in a second, a small part of what the solver can do.
+#: Simulated time per wall time [s/s], far below the solver's maximum.
 SCALE = 5.0
 
 
 def scene(discharge=20.0):
-    """A slope towards +x with a vent at its top."""
+    """Return a slope towards +x with a vent at its top."""
     ground = np.tile(500.0 - 2.0 * np.arange(30), (20, 1))
     vent = Vent((55.0, 100.0), discharge, radius=15.0)
     return Scene(Terrain(ground, 10.0), (vent,), Lava(viscosity=1e4))
 
 
 def simulation_of(scene):
-    """A coarse simulation."""
+    """Return a coarse simulation."""
     return Simulation(
         scene, effects=Effects(), accuracy=Accuracy(spacing=8.0, thickness=1.0), device='cpu'
     )
@@ -97,7 +97,7 @@ class Bench:
         return process
 
     def forecast(self, condition=lambda _: True):
-        """Wait for a forecast that fulfils a condition; snapshots go on meanwhile."""
+        """Wait for a forecast that fulfils a condition, while snapshots continue."""
 
         def found():
             self.worker.request_snapshot()
@@ -107,11 +107,11 @@ class Bench:
         return wait_until(found, lambda: self.forecaster.status)
 
     def staleness(self):
-        """Why the newest forecast says nothing about what comes."""
+        """Return the reason why the newest forecast is stale."""
         return self.forecaster.staleness(self.forecaster.latest)
 
     def begin_a_long_one(self):
-        """Wait until a forecast is at hand that takes hours."""
+        """Wait until a forecast that takes hours is in progress."""
         self.rules = replace(RULES, horizon=1e7)
 
         def is_at_hand():
@@ -128,7 +128,7 @@ class Bench:
 
 @pytest.fixture(scope='module')
 def running():
-    """A worker and a forecaster for all tests, which soon try again what has failed."""
+    """A worker and a forecaster for all tests, with short retry times."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(forecaster, '_RETRY_TIMES', (0.1, 0.2))
         result = Bench()
@@ -138,7 +138,7 @@ def running():
 
 @pytest.fixture
 def bench(running):
-    """The same, at the start of the scene and with a first forecast of it."""
+    """The worker and the forecaster, at the start of the scene with a first forecast."""
     running.rules = RULES
     running.forecaster.want(True)
     running.worker.pause(False).result(PATIENCE)
@@ -148,7 +148,7 @@ def bench(running):
 
 
 def test_forecasts_follow_the_live_simulation(bench):
-    """Each starts later than the one before; it says what the fork would come to by itself."""
+    """Each starts later than the previous one, and equals a direct run of the fork."""
     first, before = bench.forecaster.latest, len(bench.started)
     assert first.shown.horizon == RULES.horizon
     assert np.count_nonzero(first.shown.arrival > 0.0) > 5
@@ -164,7 +164,7 @@ def test_forecasts_follow_the_live_simulation(bench):
     np.testing.assert_array_equal(last.arrival, expected.arrival)
     np.testing.assert_array_equal(last.thickness, expected.thickness)
     np.testing.assert_array_equal(last.temperature, expected.temperature)
-    # what stands still is forked once
+    # a state at rest is forked once
     count = bench.forecaster.status.count
     time.sleep(1.5 * LEAST_PERIOD)
     assert bench.forecaster.status.count == count
@@ -172,11 +172,11 @@ def test_forecasts_follow_the_live_simulation(bench):
 
 
 def test_another_scene_makes_a_forecast_stale_at_once(bench):
-    """Also one that is at hand is dropped; the next is of the new scene, by the same process."""
+    """One in progress is dropped too; the same process continues with the new scene."""
     before = len(bench.started)
     bench.begin_a_long_one()
     old = bench.forecaster.latest
-    # the one at hand keeps its rules; the next may begin as soon as there is another scene
+    # the current forecast keeps its rules; the next may start once the scene has changed
     bench.rules = RULES
     bench.told.clear()
     bench.worker.set_vents((Vent((155.0, 100.0), 60.0, radius=15.0),)).result(PATIENCE)
@@ -193,7 +193,7 @@ def test_another_scene_makes_a_forecast_stale_at_once(bench):
 
 
 def test_an_old_forecast_is_stale(bench):
-    """After the time it may be old."""
+    """A forecast is stale above its maximum age."""
     bench.forecaster.want(False)
     bench.rules = replace(RULES, max_age=2.0)
     wait_until(lambda: bench.worker.request_snapshot() or bench.staleness())
@@ -202,7 +202,7 @@ def test_an_old_forecast_is_stale(bench):
 
 
 def test_what_was_dropped_is_made_up_for(bench):
-    """A node that is deactivated and activated again has a forecast, also of a state at rest."""
+    """A node that was deactivated and activated again has a forecast, even at rest."""
     bench.begin_a_long_one()
     bench.worker.pause(True).result(PATIENCE)
     old = bench.forecaster.latest
@@ -215,7 +215,7 @@ def test_what_was_dropped_is_made_up_for(bench):
 
 
 def test_the_process_may_die(bench):
-    """What killed it is told; another one goes on; the live simulation does not notice."""
+    """The cause is reported, a new process continues, and the live simulation is unaffected."""
     before = len(bench.started)
     bench.begin_a_long_one()
     old, bench.rules = bench.forecaster.latest, RULES
@@ -229,7 +229,7 @@ def test_the_process_may_die(bench):
 
 
 def test_the_process_gets_no_interrupt():
-    """Ctrl+C in a terminal is for the node, even while the process of the forecasts starts."""
+    """Ctrl+C in a terminal goes only to the node, even while the forecast process starts."""
     process = ForecastProcess()
     try:
         status = Path(f'/proc/{process.pid}/status').read_text()
@@ -240,7 +240,7 @@ def test_the_process_gets_no_interrupt():
 
 
 def test_what_cannot_be_forecast_is_told(bench):
-    """Too many particles within the horizon end a forecast, not the simulation."""
+    """Too many particles within the horizon end the forecast, not the simulation."""
     bench.rules = replace(RULES, max_particles=3)
     error = wait_until(
         lambda: bench.worker.request_snapshot() or bench.forecaster.status.error
@@ -252,7 +252,7 @@ def test_what_cannot_be_forecast_is_told(bench):
 
 
 def test_the_live_simulation_keeps_its_pace(bench):
-    """It goes on while forecasts are made, by a process that is nice to it."""
+    """It keeps its speed during forecasts, because their process has a low priority."""
     bench.begin_a_long_one()
     niceness = os.getpriority(os.PRIO_PROCESS, bench.started[-1])
     assert niceness == min(19, os.getpriority(os.PRIO_PROCESS, 0) + forecast_process.NICENESS)
@@ -262,7 +262,7 @@ def test_the_live_simulation_keeps_its_pace(bench):
 
 
 def test_the_pace():
-    """Forecasts get least while the simulation is behind, and more again bit by bit."""
+    """Forecasts get the minimum while the simulation is behind, then gradually more."""
     pace = Pace()
     assert pace.share(0.8, 'cuda:0') == 0.8
     pace.note(True, 10.0)
@@ -275,40 +275,40 @@ def test_the_pace():
     assert pace.share(1.0, 'cpu') == 1.0
 
 
-#: An order of a forecast.
+#: A request for a forecast.
 FORK = {'number': 1, 'checkpoint': None, 'is_first': True, 'ensemble': None}
 
 
 class Slices(queue.SimpleQueue):
-    """Orders, a look ahead that never ends, and the clock of both.
+    """Requests, a forecast that never ends, and the clock of both.
 
-    A slice takes 0.02 s of it, and so long as it may does waiting for an order.
+    A slice takes 0.02 s, and waiting for a request takes its whole timeout.
     """
 
     is_done, progress, now, count = False, 0.0, 0.0, 0
 
     def monotonic(self):
-        """Time on the clock."""
+        """Return the time of the clock [s]."""
         return self.now
 
     def advance(self, wall_limit):
-        """Work."""
+        """Run a slice."""
         assert wall_limit <= 0.1
         self.now += 0.02
         self.count += 1
 
     def get(self, *, timeout):
-        """What has been put, or nothing after the wait."""
+        """Return a request, or raise Empty after the timeout."""
         if self.empty():
             self.now += timeout
         return super().get(block=False)
 
 
 def test_the_process_computes_no_more_than_its_share(monkeypatch):
-    """It rests between slices, also while orders come; another share holds from then on."""
+    """It rests between slices, also while requests arrive; a new fraction applies afterwards."""
     slices = Slices()
     monkeypatch.setattr(forecast_process, 'LookAhead', lambda *_, **__: slices)
-    # of its module alone: the worker of the tests before still runs
+    # patch only this module, because the worker of earlier tests still runs
     monkeypatch.setattr(forecast_process, 'time', slices)
     forecasting = forecast_process.Forecasting(slices, lambda *_, **__: None)
     slices.put(('share', {'share': 0.1}))
@@ -318,13 +318,13 @@ def test_the_process_computes_no_more_than_its_share(monkeypatch):
         start, before = slices.now, slices.count
         while slices.now - start < 2.0:
             forecasting.turn()
-        # the first rest is still that of the share before
+        # the first rest still follows the previous fraction
         most = share * (slices.now - start) + 0.02
         assert 0.8 * most < (slices.count - before) * 0.02 <= most
 
 
 def test_the_first_forecast_of_a_scene_is_there_sooner(monkeypatch):
-    """It looks fewer times; those that come after it are more exact."""
+    """The first forecast has fewer observations; later ones are more accurate."""
     looks = []
     monkeypatch.setattr(
         forecast_process, 'LookAhead', lambda *_, **options: looks.append(options['looks'])
@@ -338,7 +338,7 @@ def test_the_first_forecast_of_a_scene_is_there_sooner(monkeypatch):
 
 
 def test_the_process_ends_with_the_node():
-    """Also when the node is killed, in the middle of a forecast."""
+    """It ends even if the node is killed in the middle of a forecast."""
     code = (
         'import time\nfrom lava_ros.ros.forecaster import ForecastProcess\n'
         'process = ForecastProcess()\nprint(process.pid, flush=True)\ntime.sleep(100.0)\n'
@@ -365,7 +365,7 @@ SETTINGS = Settings(
 
 @pytest.fixture
 def asked(monkeypatch):
-    """Members that were planned for; as many as 20 can be had."""
+    """Record the number of planned members; a plan has at most 20."""
     found = []
 
     def afford(scene, *, within, horizon, members, device):
@@ -383,7 +383,7 @@ def asked(monkeypatch):
 
 
 def test_the_finest_that_is_there_in_time(asked):
-    """A forecast, and members that take turns with the next ones; the spacing is the plan's."""
+    """The time covers a forecast and members that alternate with it, at the plan's spacing."""
     chooser = SimulationMaker()
     assert chooser.accuracy(SCENE, SETTINGS).spacing == 25.0
     assert asked == [17]
@@ -399,7 +399,7 @@ def test_the_finest_that_is_there_in_time(asked):
 
 
 def test_fewer_members_where_not_even_the_coarsest_fit(asked):
-    """As many as err least."""
+    """The number of members is the one with the smallest error."""
     chooser = SimulationMaker()
     chooser.accuracy(SCENE, replace(SETTINGS, ensemble_members=100))
     assert asked == [201, None]
@@ -408,7 +408,7 @@ def test_fewer_members_where_not_even_the_coarsest_fit(asked):
 
 
 def test_a_flow_is_never_refused_for_a_deadline(monkeypatch):
-    """Late maps are better than none: the preset is that of the parameters, with a warning."""
+    """Late maps are better than none: the preset of the parameters is used, with a warning."""
     chooser = SimulationMaker()
     too_late = LavaError('within', 20.0, 'longer: the coarsest runs take more')
     monkeypatch.setattr(affordable, 'afford', Mock(side_effect=too_late))
@@ -420,7 +420,7 @@ def test_a_flow_is_never_refused_for_a_deadline(monkeypatch):
 
 
 def test_nothing_to_choose(asked):
-    """Without a deadline, or without lava that comes."""
+    """There is no choice without a deadline or without a vent."""
     chooser = SimulationMaker()
     usual = preset_accuracy('draft', spacing=None)
     assert chooser.accuracy(SCENE, replace(SETTINGS, deadline=0.0)) == usual

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Maps of grid_map: against the formulas of grid_map_core, with stand-ins for its messages.
+"""Grid maps compared with the formulas of grid_map_core, with stand-ins for its messages.
 
-The package itself is not on PyPI: that its own classes pass through DDS cannot be seen here.
+The package is not on PyPI, so its own classes and their transport by DDS are not tested.
 """
 
 from concurrent.futures import Future
@@ -28,12 +28,12 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Terrain
 from maps.test_layers import EASTWARD as SNAPSHOT
 
-#: A terrain of 3 rows and 4 columns, each cell of another height.
+#: A terrain of 3 rows and 4 columns with a different elevation in each cell.
 TERRAIN = Terrain(np.arange(12.0).reshape(3, 4), 2.0, origin=(100.0, -50.0))
 
 
 class GridMap:
-    """Has the fields of grid_map_msgs/msg/GridMap, and info those of GridMapInfo."""
+    """Stand-in with the fields of grid_map_msgs/msg/GridMap and, in ``info``, of GridMapInfo."""
 
     def __init__(self):
         self.header = Header()
@@ -52,13 +52,13 @@ def installed(monkeypatch):
 
 @pytest.fixture
 def absent(installed, monkeypatch):
-    """No package grid_map_msgs, also where there is one."""
+    """Hide the package grid_map_msgs if it is installed."""
     for name in ('grid_map_msgs', 'grid_map_msgs.msg'):
         monkeypatch.setitem(sys.modules, name, None)
 
 
 def position(message, row, column):
-    """Where a cell of the buffer is, as getPositionFromIndex of grid_map_core says."""
+    """Return the position of a cell of the buffer (getPositionFromIndex of grid_map_core)."""
     info, place = message.info, message.info.pose.position
     sizes = round(info.length_x / info.resolution), round(info.length_y / info.resolution)
     unwrapped = (
@@ -74,7 +74,7 @@ def position(message, row, column):
 
 
 def cells(message, layer):
-    """Values by position: Eigen reads a column after the other."""
+    """Return values by position; Eigen stores column by column."""
     array = message.data[message.layers.index(layer)]
     columns, rows = (item.size for item in array.layout.dim)
     assert [item.label for item in array.layout.dim] == ['column_index', 'row_index']
@@ -86,7 +86,7 @@ def cells(message, layer):
 
 
 def expected(terrain, values):
-    """Values by the centres of the terrain's cells."""
+    """Return values by cell centre of the terrain."""
     return {
         (
             terrain.origin[0] + (column + 0.5) * terrain.resolution,
@@ -97,13 +97,13 @@ def expected(terrain, values):
 
 
 def made(terrain=TERRAIN, **maps):
-    """The map of a terrain."""
+    """Return the grid map of a terrain."""
     maps = {'elevation': terrain.elevation, **maps}
     return codec.grid_map_message(maps, terrain, Header(frame_id='map'))
 
 
 def moved(outer, inner, *, row_major=False, offset=0):
-    """The same map with its buffer turned, as one that follows a robot has it."""
+    """Return the same map with its circular buffer shifted, as in a map around a robot."""
     message = made()
     # along x, along y: index 0 is at the largest
     matrix = TERRAIN.elevation.T[::-1, ::-1]
@@ -123,9 +123,9 @@ def moved(outer, inner, *, row_major=False, offset=0):
 
 
 def test_a_map_has_each_value_where_grid_map_looks_for_it():
-    """Every layer has the value of the terrain's cell at the position of its own cell.
+    """Each cell of each layer has the value of the terrain's cell at the same position.
 
-    Lengths, centre, header and strides are those that grid_map writes.
+    Lengths, centre, header and strides are as in grid_map.
     """
     thickness = np.where(TERRAIN.elevation > 5.0, TERRAIN.elevation, np.nan)
     message = made(thickness=thickness)
@@ -152,7 +152,7 @@ def test_a_map_has_each_value_where_grid_map_looks_for_it():
 @pytest.mark.parametrize('row_major', [False, True])
 @pytest.mark.parametrize('offset', [0, 5])
 def test_a_terrain_is_read_from_any_start_of_the_buffer(start, row_major, offset):
-    """Wherever the circular buffer starts and however it is stored, the ground is the same."""
+    """The terrain does not depend on the start and the storage order of the buffer."""
     message = moved(*start, row_major=row_major, offset=offset)
     if not row_major and not offset:
         assert cells(message, 'elevation') == expected(TERRAIN, TERRAIN.elevation)
@@ -164,7 +164,7 @@ def test_a_terrain_is_read_from_any_start_of_the_buffer(start, row_major, offset
 
 
 def test_value_that_looks_like_missing_data_is_refused():
-    """NaN is how messages say it."""
+    """The error advises NaN for missing data."""
     ground = 500.0 + np.add.outer(np.arange(20.0), np.arange(20.0))
     ground[4:8, 4:8] = -999.0
     terrain = Terrain(ground, 10.0)
@@ -174,7 +174,7 @@ def test_value_that_looks_like_missing_data_is_refused():
 
 
 def spoilt(**changes):
-    """A map with fields replaced; names with _ in them lead into parts."""
+    """Return a map with fields replaced; ``_`` in a name separates nested fields."""
     message = moved(1, 1)
     for path, value in changes.items():
         *parts, name = path.split('__')
@@ -209,26 +209,26 @@ def spoilt(**changes):
     ],
 )
 def test_a_map_that_contradicts_itself_is_refused(changes, said):
-    """The field, what it says and what would be right are named."""
+    """The error has the field, its value and the expected value."""
     with pytest.raises(LavaError) as caught:
         inputs.terrain_from_grid(spoilt(**changes), Settings())
     assert str(caught.value).startswith(f'terrain_grid.{said}')
 
 
 def test_a_map_that_is_too_large_is_refused():
-    """The limit of a terrain's cells holds for maps too."""
+    """The maximum number of terrain cells applies to grid maps too."""
     with pytest.raises(LavaError, match='max_terrain_cells'):
         inputs.terrain_from_grid(made(), Settings(max_terrain_cells=11))
 
 
 def layer(**changes):
-    """The layer lava_grid_map, with keys changed."""
+    """Return the layer lava_grid_map, with keys changed."""
     data = {'source': 'lava', 'message': 'grid_map_msgs/GridMap', 'threshold': 0.01, **changes}
     return layers_from_dict({'layers': {'lava_grid_map': data}})[0]
 
 
 def test_the_layer_shows_ground_and_lava():
-    """The message of a layer has the ground and each quantity, unscaled, and their stamp."""
+    """The message of the layer has the terrain and each quantity, unscaled, with their stamp."""
     assert outputs.message_class(layer()) is GridMap
     message = outputs.layer_message(layer(), SNAPSHOT, frame_id='map', stamp_ns=3_000_000_004)
     assert message.layers == ['elevation', 'thickness', 'temperature', 'hazard']
@@ -242,19 +242,19 @@ def test_the_layer_shows_ground_and_lava():
 
 
 def test_the_hazard_of_the_layer_has_its_limits():
-    """The key hazard of the file holds for the map as for a grid."""
+    """The key ``hazard`` of the file applies to the grid map as to an occupancy grid."""
     milder = {'lethal_thickness': 1e3, 'safe_temperature': 1e3, 'lethal_temperature': 1e4}
     messages = [
         outputs.layer_message(item, SNAPSHOT, frame_id='map', stamp_ns=0)
         for item in (layer(), layer(hazard=milder))
     ]
     lethal = [(codec.layer_values(item, 'hazard', 'map') == 100.0).sum() for item in messages]
-    # the cell whose temperature is unknown stays
+    # a cell with unknown temperature is unchanged
     assert lethal[0] > lethal[1] == 1
 
 
 def test_without_the_package_the_layer_is_refused(absent):
-    """One sentence says what is missing and what else to do; other layers need nothing."""
+    """The error names the missing package and the alternative; other layers do not need it."""
     with pytest.raises(LavaError) as caught:
         outputs.message_class(layer())
     sentence = str(caught.value)
@@ -275,14 +275,14 @@ def subscribed(**changes):
 
 
 def test_without_the_package_maps_are_not_subscribed_to(absent):
-    """The other topics are there, that of clicks unless it is switched off."""
+    """The other topics exist, and that of clicks unless it is switched off."""
     usual = {'terrain', 'terrain_info', 'terrain_cloud', 'vents', 'clicked_point'}
     assert set(subscribed()[0]) == usual
     assert set(subscribed(clicked_point_enabled=False)[0]) == usual - {'clicked_point'}
 
 
 def test_a_map_becomes_the_terrain(monkeypatch):
-    """What comes on terrain_grid is given to the simulation, or refused in the log."""
+    """Messages on terrain_grid go to the simulation, or are refused in the log."""
     topics, set_terrain, error = subscribed()
     kind, take, profile = topics['terrain_grid']
     assert kind is GridMap
@@ -300,7 +300,7 @@ def test_a_map_becomes_the_terrain(monkeypatch):
 
 
 def wire(message, *, layers=None, arrays=None):
-    """A map as CDR, made of the serialised parts; counts may lie."""
+    """Serialise a grid map to CDR from its parts; counts may be wrong."""
     assert codec.serialise(Header())[1] == 1
     body = bytearray()
 
@@ -308,7 +308,7 @@ def wire(message, *, layers=None, arrays=None):
         body.extend(bytes(-len(body) % size))
 
     def put(*values):
-        """Numbers, and texts behind their lengths."""
+        """Append numbers, and strings after their lengths."""
         for value in values:
             pad(4)
             text = f'{value}\0'.encode() if isinstance(value, str) else b''
@@ -341,7 +341,7 @@ def wire(message, *, layers=None, arrays=None):
     ],
 )
 def test_what_a_map_announces_is_bounded(monkeypatch, counts, dimensions, sentence):
-    """Memory is not taken for layers and dimensions on a message's word."""
+    """Counts in a message are checked before memory is allocated for them."""
     message = made(thickness=TERRAIN.elevation)
     layout = message.data[1].layout
     layout.dim = [*layout.dim, MultiArrayDimension(label='more', size=1)][:dimensions]

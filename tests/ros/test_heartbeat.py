@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Masks and hazard of a paused node, and of one that was killed."""
+"""Masks and hazard of a paused node and of a killed node."""
 
 import signal
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages that come in: what is taken, and what is refused with which error."""
+"""Input messages: conversion of valid ones, and errors of invalid ones."""
 
 import array
 from dataclasses import replace
@@ -25,7 +25,7 @@ RULES = Settings()
 
 _header = partial(codec.header, 'map', 0)
 
-#: Lengths that no cell has [m].
+#: Invalid sides of a cell [m].
 RESOLUTIONS = (0.0, -1.0, np.nan, 1e30, 1e-30)
 
 ELEVATION = np.arange(12, dtype=np.float32).reshape(3, 4) + 100.0
@@ -50,7 +50,7 @@ def _cloud(x, y, z):
 
 
 def test_terrain_from_image():
-    """Elevation, resolution, origin and the offset of the map arrive as they are."""
+    """Elevation, resolution, origin and offset are unchanged."""
     rules = replace(RULES, epsg=32633, offset_easting=5e5, offset_northing=4.17e6)
     terrain = inputs.terrain_from_image(*_pair(resolution=0.1), rules)
     np.testing.assert_array_equal(terrain.elevation, ELEVATION)
@@ -59,7 +59,7 @@ def test_terrain_from_image():
 
 
 def test_terrain_from_16_bit_image():
-    """16UC1 becomes metres by scale and offset, in both byte orders."""
+    """16UC1 is converted to metres by scale and offset, in both byte orders."""
     rules = replace(RULES, terrain_scale=0.1, terrain_offset=-100.0)
     for mark in '<>':
         image, info = _pair()
@@ -89,7 +89,7 @@ def test_terrain_from_16_bit_image():
         ('info.origin.orientation.z', 0.1, {}, 'terrain_info.origin.orientation is'),
         ('info.origin.orientation.w', np.nan, {}, 'terrain_info.origin.orientation is'),
         ('image', _image(np.nan, (1, 1)), {}, 'terrain.data is .1 of 12 cells without.*holes'),
-        # infinity is never an elevation, and all holes are no terrain
+        # infinity is not an elevation, and a terrain needs at least one cell with data
         ('image', _image(np.inf, (1, 1)), ALLOWED, 'terrain.data is inf'),
         ('image', _image(-np.inf, (1, 1)), ALLOWED, 'terrain.data is inf'),
         ('image', _image(np.nan), ALLOWED, 'terrain.data is .*at least one cell with data'),
@@ -98,7 +98,7 @@ def test_terrain_from_16_bit_image():
     ],
 )
 def test_malformed_terrain_is_refused(path, value, rules, said):
-    """Each thing that can be wrong with a terrain is named, with the limit that was hit."""
+    """The error of an invalid terrain has the field and the limit."""
     pair = SimpleNamespace(**dict(zip(('image', 'info'), _pair(), strict=True)))
     owner, _, name = path.rpartition('.')
     setattr(attrgetter(owner)(pair) if owner else pair, name, value)
@@ -108,7 +108,7 @@ def test_malformed_terrain_is_refused(path, value, rules, said):
 
 @pytest.mark.parametrize('value', [-999.0, -9999.0, 32767.0, 0.0])
 def test_value_that_looks_like_missing_data_is_refused(value):
-    """From an image or a cloud; NaN is how messages say it."""
+    """For images and point clouds, the error advises NaN for missing data."""
     ground = 500.0 + np.add.outer(np.arange(20.0), np.arange(20.0))
     ground[4:8, 4:8] = value
     x, y = np.meshgrid(10.0 * np.arange(20.0), 10.0 * np.arange(20.0))
@@ -125,7 +125,7 @@ def test_value_that_looks_like_missing_data_is_refused(value):
 
 
 def test_holes_are_taken_on_request():
-    """NaN cells of an image, and cells without points of a cloud, stay NaN."""
+    """NaN cells of an image, and cells without points of a cloud, remain NaN."""
     rules = replace(RULES, **ALLOWED)
     terrain = inputs.terrain_from_image(_image(np.nan, (1, 1)), _pair()[1], rules)
     assert np.argwhere(np.isnan(terrain.elevation)).tolist() == [[1, 1]]
@@ -135,9 +135,9 @@ def test_holes_are_taken_on_request():
 
 
 def test_terrain_from_cloud():
-    """Points on a grid of the cells' size are cell centres; else a cell gets the mean of its own.
+    """Points on a grid of the cells' size are cell centres; other cells get means of points.
 
-    Coordinates may be inexact, and points with NaN are absent.
+    Coordinates may be inexact, and points with NaN are ignored.
     """
     rules = replace(RULES, terrain_cloud_resolution=0.1)
     y, x = np.mgrid[0:3, 0:4] * 0.1
@@ -172,13 +172,13 @@ EAST, NORTH = [0, 10, 0, 10], [0, 0, 10, 10]
     ],
 )
 def test_malformed_terrain_cloud_is_refused(x, y, z, rules, field):
-    """Holes, infinities, a cloud too small or too wide, and the wrong frame are errors."""
+    """Holes, infinities, a cloud that is too small or too wide, and a wrong frame are errors."""
     with pytest.raises(LavaError, match=f'^terrain_cloud.{field} is'):
         inputs.terrain_from_cloud(_cloud(x, y, z), replace(RULES, **rules))
 
 
 def _wide_cloud(columns, **datatypes):
-    """A cloud of FLOAT64 columns, or of the datatypes that are named."""
+    """Return a point cloud of FLOAT64 columns, or of given datatypes."""
     kinds = {PointField.INT32: '<i4', PointField.FLOAT64: '<f8'}
     types = {name: datatypes.get(name, PointField.FLOAT64) for name in columns}
     dtype = np.dtype([(name, kinds[datatype]) for name, datatype in types.items()])
@@ -193,7 +193,7 @@ def _wide_cloud(columns, **datatypes):
 
 @pytest.mark.parametrize('axis', ['x', 'y', 'z'])
 def test_numbers_of_a_cloud_are_bounded_before_they_are_used(axis):
-    """FLOAT64 may have any number: a spread or a mean of such is none, or another one's."""
+    """FLOAT64 values may be so large that their range or mean overflows: check them first."""
     columns = {'x': [0.0, 10.0, 10.0], 'y': [0.0, 10.0, 10.0], 'z': [1.0, 2.0, 3.0]}
     columns[axis][1:] = [1e308, -1e308]
     with pytest.raises(LavaError, match=rf'terrain_cloud\.{axis} is 1e\+308, expected at most'):
@@ -210,20 +210,20 @@ def _vents(*changes, **extra):
 
 
 def test_vents_from_cloud():
-    """Vents arrive in kelvin, named by their id or their place in the message."""
+    """Vents have kelvin, and are named by their id or their index in the message."""
     first, second = inputs.vents_from_cloud(_vents({}, {'x': 9.0}), RULES)
     assert first == Vent((1.0, 2.0), 5.0, temperature=1373.15, radius=8.0, name='vent 0')
     assert (second.position, second.name) == ((9.0, 2.0), 'vent 1')
     assert inputs.vents_from_cloud(_vents({}, id=7.0), RULES)[0].name == 'vent 7'
     assert inputs.vents_from_cloud(_vents(), RULES) == ()
-    # the id may be an integer, the rest doubles
+    # the id may be an integer, the other fields doubles
     columns = {name: [value] for name, value in {'id': 42, **VENT}.items()}
     (vent,) = inputs.vents_from_cloud(_wide_cloud(columns, id=PointField.INT32), RULES)
     assert vent == replace(first, name='vent 42')
 
 
 def test_a_vent_with_a_schedule():
-    """Points of one id and place with times are one vent; the ends of a fissure are two."""
+    """Points of one id and position with times are one vent; ends of a fissure are two."""
     points = [
         {'time': time, 'discharge': discharge, 'x': x}
         for x in (1.0, 9.0)
@@ -260,7 +260,7 @@ def test_a_vent_with_a_schedule():
     ],
 )
 def test_malformed_vents_are_refused(changes, rules, field):
-    """Each thing that can be wrong with a vent or the message of vents is named."""
+    """The error of an invalid vent or message of vents names the field."""
     with pytest.raises(LavaError) as caught:
         inputs.vents_from_cloud(_vents(changes, {}), replace(RULES, **rules))
     assert caught.value.field == field
@@ -268,7 +268,7 @@ def test_malformed_vents_are_refused(changes, rules, field):
 
 @pytest.mark.parametrize('name', list(VENT))
 def test_vents_need_their_fields(name):
-    """A cloud that lacks a field is refused, and the error lists what is missing."""
+    """A cloud that lacks fields is refused, and the error lists them."""
     cloud = _vents({})
     cloud.fields = [item for item in cloud.fields if item.name != name]
     with pytest.raises(LavaError, match=f'missing: {name}$'):
@@ -276,7 +276,7 @@ def test_vents_need_their_fields(name):
 
 
 def test_vent_from_point():
-    """A click opens a vent with the defaults, whatever its stamp; its frame counts."""
+    """A click opens a vent with defaults; its stamp is ignored, its frame is not."""
     settings = Settings(default_discharge=3.0, default_temperature=1000.0, default_radius=4.0)
     point = PointStamped(header=codec.header('map', 10**18))
     point.point.x, point.point.y = 6.0, 7.0
@@ -291,7 +291,7 @@ _plain_image, _info = partial(Image, width=4, height=3), partial(MapMetaData, wi
 
 
 def _pairing(*halves):
-    """What has heard halves of a terrain at time 0."""
+    """Return a pairing that has received halves of a terrain at time 0."""
     result = inputs.TerrainPairing()
     for half in halves:
         result.add(half, 0.0)
@@ -299,9 +299,9 @@ def _pairing(*halves):
 
 
 def test_pairing():
-    """Two new halves of one size are a pair at once, in either order.
+    """Two new halves of one size are a pair immediately, in either order.
 
-    A new half of the old size takes the old partner only when no new one comes.
+    A new half of the old size pairs with the old partner only if no new one arrives.
     """
     image, info = _plain_image(), _info()
     for halves in ((image, info), (info, image)):
@@ -329,7 +329,7 @@ def test_pairing():
     ],
 )
 def test_pairing_reports_what_does_not_fit_once(halves, patience, said):
-    """After a while, sooner for halves of different sizes; then they can still be mended."""
+    """Errors appear after a while, sooner for different sizes; a later half still pairs."""
     pairing = _pairing(*halves)
     assert pairing.poll(patience - 0.1) is None
     with pytest.raises(LavaError, match=f'^{said}'):
@@ -343,7 +343,7 @@ def test_pairing_reports_what_does_not_fit_once(halves, patience, said):
 
 @pytest.mark.parametrize('lie', [False, True])
 def test_what_is_too_large_costs_nothing(lie):
-    """A terrain beyond the limit, or larger by its own word than it is, is refused before work."""
+    """A terrain above the limit, or with too little data, is refused before it is processed."""
     rules = replace(RULES, max_terrain_cells=15_999_999)
     image = Image(header=_header(), width=4000, height=4000, encoding='32FC1', step=16_000)
     if not lie:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The managed node: transitions, failed ones included, and its behaviour in each state."""
+"""The managed node: transitions, including failed ones, and its behaviour in each state."""
 
 from pathlib import Path
 import threading
@@ -39,13 +39,13 @@ PATHS = {
 
 
 def change(node, *names):
-    """Make transitions that go well."""
+    """Make transitions that succeed."""
     for name in names:
         assert node.change(name), node.log
 
 
 def refuse(node, name, words, state):
-    """Request a transition that fails; the log has the reason, and the node is in a state."""
+    """Request a transition that fails, with the reason in the log and the resulting state."""
     before = len(node.log)
     assert not node.change(name)
     assert node.state() == state
@@ -54,7 +54,7 @@ def refuse(node, name, words, state):
 
 
 def breaking(patch, name):
-    """Make a transition raise in its middle, until the patch is undone."""
+    """Make a transition raise an error in its middle, until the patch is undone."""
     method = {
         'configure': '_begin', 'activate': '_publish', 'deactivate': 'deactivate',
         'cleanup': '_close_bag',
@@ -68,7 +68,7 @@ def breaking(patch, name):
 
 @pytest.fixture
 def start(local, tmp_path):
-    """Starts a node with a slope and a vent on it, and takes it to a state."""
+    """Return a function that starts a node with a slope and a vent, and sets its state."""
     _, x = np.mgrid[0:30, 0:40]
     np.savez(tmp_path / 'slope.npz', elevation=(300.0 - x).astype(np.float32), resolution=10.0)
 
@@ -77,7 +77,7 @@ def start(local, tmp_path):
         change(node, *PATHS[state])
         if state != 'unconfigured':
             node.publish('vents')
-            # an input is taken when the simulation has been made
+            # inputs are used once the simulation has started
             node.status_now('inputs', lambda item: item['accepted'] == '2')
         return node
 
@@ -90,7 +90,7 @@ def has_lava(grid):
 
 
 def test_an_unconfigured_node_has_nothing_of_the_simulation(start):
-    """Transitions that the state does not have are refused."""
+    """Transitions that are not valid in the state are refused."""
     node = start('unconfigured')
     assert node.state() == 'unconfigured'
     alone = node.names()
@@ -141,7 +141,7 @@ def test_an_inactive_node_takes_inputs_and_publishes_no_maps(start):
     change(node, 'activate')
     assert node.wait_for_topic('height')['wet'] == 0
     status = node.status_now('simulation')
-    # the pause of before
+    # the earlier pause
     assert (status['lifecycle'], status['state']) == ('active', 'paused')
     assert node.call('pause', False)['success']
     node.status_now('simulation', lambda item: item['state'] == 'running')
@@ -150,7 +150,7 @@ def test_an_inactive_node_takes_inputs_and_publishes_no_maps(start):
 
 
 def test_activating_fails_where_the_bag_is_already_there(start, tmp_path):
-    """The node stays inactive; with another bag it is activated."""
+    """The node remains inactive; with another bag it is activated."""
     (tmp_path / 'there').mkdir()
     node = start('inactive', record=True, bag_directory='there')
     refuse(node, 'activate', 'a folder that does not exist yet', 'inactive')
@@ -160,7 +160,7 @@ def test_activating_fails_where_the_bag_is_already_there(start, tmp_path):
 
 
 def test_time_stands_still_while_inactive(start):
-    """Deactivated there is no map and no time; active again it continues with no leap."""
+    """While inactive, maps and time stop; when active again, time continues without a jump."""
     node = start('active', record=True, bag_directory='bag')
     node.run(2.0)
     change(node, 'deactivate')
@@ -189,7 +189,7 @@ def test_a_step_ends_with_the_deactivation(start):
     node = start('active')
     assert node.call('pause', True)['success']
     node.status_now('simulation', lambda item: item['state'] == 'paused')
-    # longer than any machine takes to learn of the deactivation
+    # longer than the deactivation takes on any machine
     assert node.set(time_scale=1e6)['success']
     node.run_commands()
     assert node.call('step')['success']
@@ -198,14 +198,14 @@ def test_a_step_ends_with_the_deactivation(start):
     node.run_commands()
     reached = node.worker.eruption.time
     for _ in range(3):
-        # a turn of the simulation's thread each
+        # one round of the simulation thread each
         node.run_commands()
         assert float(node.status_now('simulation')['simulated_time_s']) <= reached < 1e6
     assert node.worker.eruption.time == reached
 
 
 def test_a_failed_simulation_is_not_activated(start, monkeypatch):
-    """It says so until a reset, which an inactive node takes."""
+    """Activation reports the failure until a reset, which works in an inactive node."""
     node = start('active')
 
     def fail(*_, **__):
@@ -219,7 +219,7 @@ def test_a_failed_simulation_is_not_activated(start, monkeypatch):
         refuse(node, 'activate', 'device lost', 'inactive')
     assert node.call('reset')['success']
     status = node.status_now('simulation', lambda item: item['state'] == 'paused')
-    # not what it says of the last map, where lava may have reached the border
+    # ignore warnings about the last map, where lava may have reached the border
     assert status['message'].startswith('inactive: ')
     assert 'device lost' not in status['message']
     change(node, 'activate')
@@ -227,7 +227,7 @@ def test_a_failed_simulation_is_not_activated(start, monkeypatch):
 
 
 def test_cleaning_up_finishes_the_bag_and_leaves_the_graph(start, tmp_path):
-    """It can be configured again, but not record into the same bag."""
+    """The node can be configured again, but cannot record to the same bag."""
     node = start('unconfigured', record=True, bag_directory='bag')
     alone = node.names()
     change(node, 'configure', 'activate')
@@ -244,7 +244,7 @@ def test_cleaning_up_finishes_the_bag_and_leaves_the_graph(start, tmp_path):
 
 @pytest.mark.parametrize('is_moved', [False, True])
 def test_a_recording_that_was_ended_does_not_begin_again(start, tmp_path, is_moved):
-    """Ended by a service call or with its folder, it does not keep a node inactive."""
+    """After a service call or removal of its folder, the node can still be activated."""
     node = start('active', record=True, bag_directory='bag')
     node.newest('height')
     if is_moved:
@@ -280,7 +280,7 @@ def test_an_error_nobody_expected_leaves_the_node_unconfigured(start, monkeypatc
 
 
 def test_a_step_that_outlasts_the_cleanup_holds_up_the_next_configuration(start, monkeypatch):
-    """No two simulations run beside each other: the next waits until the last is gone."""
+    """Two simulations never run at once: the next one waits for the end of the last one."""
     monkeypatch.setattr(active_node, 'STOP_TIMEOUT', 0.1)
     node = start('active')
     begun, may_end, advance = threading.Event(), threading.Event(), Simulation.advance
@@ -299,13 +299,13 @@ def test_a_step_that_outlasts_the_cleanup_holds_up_the_next_configuration(start,
         refuse(node, 'configure', 'configure again in a while', 'unconfigured')
     finally:
         may_end.set()
-    # the step ends when it next looks, on a busy machine later
+    # the step ends at its next check, which may be late on a busy machine
     node.wait_until(lambda: node.change('configure'))
 
 
 @pytest.mark.nightly
 def test_many_cycles_leave_nothing_behind(start):
-    """Threads and memory are given back, and bags named by the time do not meet."""
+    """Threads and memory are released, and bags named by time have different names."""
 
     def resources():
         status = Path('/proc/self/status').read_text(encoding='utf-8')
@@ -320,14 +320,14 @@ def test_many_cycles_leave_nothing_behind(start):
         change(node, 'deactivate', 'cleanup')
         used.append(resources())
     threads, memory = zip(*used, strict=True)
-    # those of the middleware end a moment later
+    # threads of the middleware end later
     node.wait_until(lambda: resources()[0] <= threads[1])
     assert memory[-1] - memory[1] < 8.0, memory
     assert node.names() == alone
 
 
 def test_what_is_read_when_configured_may_be_set_before(local):
-    """Unconfigured, before and after: tools choose scene and device without a restart."""
+    """In the unconfigured state, tools can set scene and device without a restart."""
     node = local()
     assert node.set(scene='missing.yaml', frame_id='world')['success']
     refuse(node, 'configure', 'missing.yaml', 'unconfigured')
@@ -344,7 +344,7 @@ def test_what_is_read_when_configured_may_be_set_before(local):
 
 @pytest.mark.parametrize('state', PATHS)
 def test_shutdown_is_final_from_each_state(start, tmp_path, state):
-    """The bag is finished, and nothing else can be asked for."""
+    """The bag is finished, and all further transitions are refused."""
     node = start(state, record=True, bag_directory='bag')
     if state == 'active':
         node.newest('height')
@@ -357,7 +357,7 @@ def test_shutdown_is_final_from_each_state(start, tmp_path, state):
 
 
 def test_an_error_at_the_start_ends_the_process(graph):
-    """With autostart nobody would see a node that waits unconfigured: 1, and the reason."""
+    """With autostart, a failed configuration ends the process with 1 and the reason."""
     node = graph.node(program=('-c', FAULTY), device='cpu')
     assert node.wait_for_end() == 1
     reason = 'lava_node cannot start: RuntimeError: configure went wrong'
@@ -366,7 +366,7 @@ def test_an_error_at_the_start_ends_the_process(graph):
 
 @pytest.mark.parametrize('path', [(), ('configure', 'activate', 'shutdown')])
 def test_a_managed_process_ends_with_0(graph, path):
-    """In a real graph: one that waits for its manager, and one that is shut down, by SIGTERM."""
+    """On SIGTERM, an unconfigured node and one that was shut down exit with 0."""
     node = graph.node(remap=['__ns:=/managed'], device='cpu', autostart=False)
     publisher, name = graph.publisher(), '/managed/lava'
     assert publisher.state(name) == 'unconfigured'

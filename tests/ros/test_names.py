@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Two nodes of other names in one graph: namespaces, remaps, terrain, bags; each is its own."""
+"""Two nodes with other names in one graph have separate topics, terrain and bags."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ REMAPS = {
 #: Rows and columns of the terrain of each.
 SHAPES = {ETNA: [20, 30], HEKLA: [16, 24]}
 
-#: Names that each has in the graph, and names that it has not.
+#: Names that each node has in the graph, and names that it does not have.
 NAMES = {
     ETNA: (
         {'/map', '/rviz/click', '/etna/terrain', '/etna/lava/step', '/diagnostics'},
@@ -37,7 +37,7 @@ MAPS = {ETNA: ('etna/height', 'map'), HEKLA: ('hekla/height', 'hekla/hazard')}
 
 
 def terrain(directory, name):
-    """A slope with a hole in a file; a terrain image would be refused for it."""
+    """Write a slope with a hole, which would be refused in a terrain image."""
     rows, columns = SHAPES[name]
     _, x = np.mgrid[0:rows, 0:columns]
     ground = (300.0 - x).astype(np.float32)
@@ -49,7 +49,7 @@ def terrain(directory, name):
 
 @pytest.fixture
 def start(local, tmp_path):
-    """Starts an active node by its name."""
+    """Return a function that starts an active node by name."""
 
     def start_node(name, **parameters):
         path = terrain(tmp_path, name)
@@ -63,7 +63,7 @@ def start(local, tmp_path):
 
 @pytest.mark.parametrize('name', NAMES)
 def test_names_follow_namespaces_and_remaps(start, name):
-    """Everything that is relative lies in the node's namespace, all that is remapped elsewhere."""
+    """Relative names are in the node's namespace, remapped names elsewhere."""
     node = start(name)
     expected, others = NAMES[name]
     assert expected < node.names()
@@ -76,7 +76,7 @@ def test_names_follow_namespaces_and_remaps(start, name):
 
 
 def test_a_click_opens_a_vent_where_it_is_remapped_to(start):
-    """And its lava is on the maps of that node alone."""
+    """Only the maps of that node show the lava of the new vent."""
     node, other = start(ETNA), start(HEKLA)
     node.publish('click')
     node.run_commands()
@@ -88,7 +88,7 @@ def test_a_click_opens_a_vent_where_it_is_remapped_to(start):
 
 
 def test_bags_are_each_nodes_own(start, tmp_path):
-    """Bags of the same second have different names, each with the messages of its node."""
+    """Bags of the same second have different names, and contain only their node's messages."""
     nodes = {name: start(name, record=True) for name in NAMES}
     for name, node in nodes.items():
         node.newest(MAPS[name][0])
@@ -109,7 +109,7 @@ def test_bags_are_each_nodes_own(start, tmp_path):
 
 
 def launch(graph, name, **parameters):
-    """Start a node of a name as a process."""
+    """Start a node by name as a process."""
     path = terrain(graph.directory, name)
     return graph.node(
         remap=REMAPS[name], device='cpu', time_scale=20.0, terrain_file=path, **parameters
@@ -117,7 +117,7 @@ def launch(graph, name, **parameters):
 
 
 def test_the_terrain_of_a_file_is_there_for_who_comes_late(graph):
-    """One that comes by the topics takes its place, and then it alone is there."""
+    """A terrain from the topics replaces it, and is then the only one on the topics."""
     # images only: the terrain that the node publishes comes back to it
     launch(graph, HEKLA, terrain_scale=2.0)
     publisher = graph.publisher(remap=['__ns:=/hekla'])
@@ -128,15 +128,15 @@ def test_the_terrain_of_a_file_is_there_for_who_comes_late(graph):
     seen, relief = first['/hekla/terrain'], first['/hekla/relief']
     assert (seen['shape'], seen['encoding']) == ([16, 24], '32FC1')
     assert seen['max'] == pytest.approx(300.0)
-    # by the hole there is no slope; elsewhere light and shade
+    # next to the hole there is no slope; elsewhere there is relief
     assert relief['shape'] == [16, 24] and relief['min'] == -1 and 0 < relief['max'] <= 100
-    # it has come back to the node by now, and is no news
+    # the node has received its own terrain, which changes nothing
     inputs = listener.status_now('inputs', node='hekla/lava2')
     assert (inputs['accepted'], inputs['rejected']) == ('1', '0'), inputs
     publisher.publish('terrain_info', 'terrain')
     listener.wait_for_topic('/hekla/height', lambda grid: grid['shape'] == [30, 40])
     second = graph.listener(*topics)
-    # what is heard has a relief as well
+    # a received terrain has a relief as well
     second.newest(
         '/hekla/terrain',
         '/hekla/relief',
@@ -148,7 +148,7 @@ def test_the_terrain_of_a_file_is_there_for_who_comes_late(graph):
 
 
 def test_commands_reach_one_alone(graph):
-    """A pause, a parameter or a transition of one leaves the other as it was."""
+    """A pause, a parameter or a transition of one node does not affect the other."""
     for name in NAMES:
         launch(graph, name)
     publisher, listener = graph.publisher(), graph.listener()
@@ -164,7 +164,7 @@ def test_commands_reach_one_alone(graph):
     before = float(status(HEKLA)['simulated_time_s'])
     status(HEKLA, lambda item: float(item['simulated_time_s']) > before)
     assert publisher.change('deactivate', node=ETNA)
-    # beside what each has to say of its last map, or of a machine that is too slow for it
+    # except warnings about its last map or a slow machine
     etna, hekla = (status(name) for name in NAMES)
     assert (etna['lifecycle'], etna['state']) == ('inactive', 'paused')
     assert etna['message'].startswith('inactive: ')

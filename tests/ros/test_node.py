@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node: inputs, log, topics and bags, in process and in a real graph."""
+"""The node: inputs, log, topics and bags, in the test's process and in a real graph."""
 
 from collections import Counter
 import hashlib
@@ -21,12 +21,12 @@ GRIDS = ('height', 'temperature', 'hazard')
 
 @pytest.fixture
 def running(flowing):
-    """A node whose lava flows."""
+    """A node with flowing lava."""
     return flowing()
 
 
 def test_the_log_says_what_the_node_does(flowing):
-    """What it waits for, takes, chooses and records, each in one line."""
+    """The log has one line each for waiting, inputs, choices and recording."""
     node = flowing(record=True, bag_directory='bag')
     node.wait_for_log('recording to')
     node.wait_for_log('simulation running')
@@ -41,7 +41,7 @@ def test_the_log_says_what_the_node_does(flowing):
 
 
 def test_diagnostics(running):
-    """The diagnostics tell the state, the speed and the volume budget of a published frame."""
+    """The diagnostics have state, speed and volume budget of a published frame."""
     status = running.status_now('simulation')
     assert status['state'] == 'running'
     assert status['device'] == 'cpu'
@@ -58,7 +58,7 @@ def test_diagnostics(running):
     assert stamp in {item['stamp_ns'] for item in running.seen if item['topic'] in GRIDS}
 
 
-#: Messages that are refused, some of each topic, whose fault that is, and what is said of them.
+#: Refused messages of each topic, the topic to blame, and the text of the error.
 MALFORMED = (
     ('nan_hole', 'terrain', '1 of 1200 cells without data'),
     ('wrong_frame', 'terrain', "terrain.header.frame_id is 'odom'"),
@@ -72,7 +72,7 @@ MALFORMED = (
 
 
 def test_malformed_input(running):
-    """One clear error in the log for each, all in the diagnostics; the flow continues."""
+    """Each has one error in the log, and all are in the diagnostics; the flow continues."""
     for case, topic, words in MALFORMED:
         length = len(running.log)
         running.publish(case)
@@ -92,7 +92,7 @@ def test_malformed_input(running):
 
 
 def test_good_input_after_bad(running):
-    """A bad message repeated is logged once; good ones end the error, the count stays."""
+    """A repeated bad message is logged once; a good one ends the error, but not the count."""
     running.publish(*['vents_wrong_frame'] * 3)
     status = running.status_now('inputs')
     assert (status['level'], status['rejected']) == (2, '3')
@@ -103,7 +103,7 @@ def test_good_input_after_bad(running):
 
 
 def test_a_pause_and_a_step(running):
-    """After a pause nothing is published; a step is a second of the clock at the newest scale."""
+    """A pause stops publishing; a step is a second of the clock at the newest scale."""
     assert running.call('pause', True) == {'success': True, 'message': 'pausing'}
     running.at_rest(*GRIDS)
     seen = len(running.seen)
@@ -125,7 +125,7 @@ def test_a_pause_and_a_step(running):
 
 
 def test_parameters(running):
-    """Bad values are refused with a reason, some are fixed, and some wait for a start."""
+    """Bad values and read-only parameters are refused; some values apply at the next start."""
     for values, said in (
         ({'lava__density': 0.0}, 'out of range'),
         ({'time_scale': 3}, 'type'),
@@ -156,7 +156,7 @@ def test_changing_effects_does_not_stop_publishing(running):
 
 
 def test_reset(running):
-    """A reset starts again at time 0 with the same terrain and vents; a pause stays."""
+    """A reset restarts at time 0 with the same terrain and vents; a pause remains."""
     assert running.call('pause', True)['success']
     answer = running.call('reset')
     assert answer == {'success': True, 'message': 'starting again at time 0'}
@@ -188,7 +188,7 @@ def test_the_bag_describes_itself(flowing, tmp_path):
         assert bag.topics[f'/{topic}'].qos.durability == 'transient_local'
     scene = yaml.safe_load(bag.custom_data['scene'])
     assert scene['terrain']['shape'] == [30, 40]
-    # a click opened and a message replaced vents meanwhile: what each emitted is there
+    # vents opened by a click and replaced by a message: the bag has the volume of each
     fluxes = [vent['discharge'] for vent in scene['vents']]
     assert 20.0 in [item if isinstance(item, float) else item[-1][1] for item in fluxes]
     assert yaml.safe_load(bag.custom_data['parameters'])['frame_id'] == 'map'
@@ -204,7 +204,7 @@ def test_the_bag_describes_itself(flowing, tmp_path):
 
 
 def test_subscribers_of_a_real_graph(graph):
-    """All grids are published, the last also to late subscribers; the bag has the same bytes."""
+    """Late subscribers get the last grid of each topic, and the bag has the same bytes."""
     bag = graph.directory / 'bag'
     node = graph.node(time_scale=60.0, device='cpu', record=True, bag_directory=str(bag))
     publisher, listener = graph.publisher(), graph.listener(*GRIDS)
@@ -237,7 +237,7 @@ def test_subscribers_of_a_real_graph(graph):
 
 
 def test_parameters_without_effect_are_warned_of(graph):
-    """A file may be for other nodes too: each is named, and what it may have been meant for."""
+    """Unknown parameters of a file are listed with similar names, but not refused."""
     values = {'device': 'cpu', 'discharge': 60.0, 'time_scales': 2.0, 'unheard_of': 1}
     file = graph.directory / 'for_all.yaml'
     file.write_text(json.dumps({'/**': {'ros__parameters': values}}), encoding='utf-8')

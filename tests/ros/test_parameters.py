@@ -25,14 +25,14 @@ def _values(**changes):
 
 
 def test_defaults():
-    """The defaults are those of the parts; those of lava.* are the material's."""
+    """The defaults are those of the classes, and for lava.* those of the material."""
     assert parameters.settings_from(_values()) == parameters.Settings()
     values = parameters.constant_values({**constants_of(None), 'lava': Lava(density=2000.0)})
     assert values['lava.density'] == 2000.0
 
 
 def test_descriptors():
-    """Each number has a range that its default lies in; choices are told to tools."""
+    """Each number has a range that contains its default; descriptors list choices."""
     for spec in (*parameters.SOURCES, *_specs()):
         descriptor = spec.descriptor()
         assert all(choice in descriptor.additional_constraints for choice in spec.choices)
@@ -44,7 +44,7 @@ def test_descriptors():
 
 
 def test_zero_and_empty_mean_automatic():
-    """0 and '' are how ROS parameters say none."""
+    """0 and '' mean None, which ROS parameters do not have."""
     given = {'end_time': 9.0, 'spacing': 2.0, 'device': 'cpu', 'epsg': 32633}
     settings = parameters.settings_from(_values(**given, offset_easting=5e5))
     assert {name: getattr(settings, name) for name in given} == given
@@ -54,7 +54,7 @@ def test_zero_and_empty_mean_automatic():
 
 
 def test_effects_are_forced_by_name():
-    """Both lists make one mapping; an empty list is empty however ROS writes it."""
+    """Both lists make one mapping; all of ROS's forms of an empty list are empty."""
     settings = parameters.settings_from(
         _values(
             effects_on=['inertia', 'merging'],
@@ -72,7 +72,7 @@ def test_effects_are_forced_by_name():
 
 @pytest.fixture(scope='module')
 def node_with():
-    """Make nodes that have the parameters that arguments give them."""
+    """Return a function that makes a node with parameters from arguments."""
     made = []
 
     def make(*words):
@@ -96,7 +96,7 @@ LISTS = [spec.name for spec in _specs() if spec.is_list]
 @pytest.mark.parametrize('name', LISTS)
 @pytest.mark.parametrize('text', ['[]', 'null', '~', "['']", "''", 'None'])
 def test_an_empty_list_survives_a_dump(node_with, tmp_path, name, text):
-    """However it is written at the start, the node has a list that ROS's tools can write."""
+    """For each form at the start, the node has a list that ROS's tools can write."""
     file = tmp_path / 'dump.yaml'
     file.write_text(f'/lava: {{ros__parameters: {{{name}: {text}}}}}')
     for words in (('-p', f'{name}:={text}'), ('--params-file', str(file))):
@@ -131,14 +131,14 @@ def test_an_empty_list_is_set_and_loaded(node_with, value):
         ),
         ({'effects_on': ['vft']}, "effects_on is 'vft', expected an effect that the material has"),
         ({'effects_on': ['arrhenius'], 'lava.vft_b': 5000.0}, "effects_on is 'arrhenius'"),
-        # what the ranges cannot say is checked with the values together
+        # combinations of values, which ranges cannot express
         ({'frame_id': ''}, 'frame_id is'),
         ({'lava.density': -1.0}, 'lava.density is'),
         ({'preset': 'best'}, 'preset is'),
     ],
 )
 def test_wrong_values_are_refused(changes, sentence):
-    """What is no list, unknown, contradictory, empty or not of the material is named."""
+    """The error names a value that is not a list, unknown, contradictory, empty or foreign."""
     with pytest.raises(LavaError) as caught:
         parameters.settings_from(_values(**changes))
     assert str(caught.value).startswith(sentence)

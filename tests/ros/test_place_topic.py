@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrival at places: the topic of a node, its diagnostics, its bag, and files that are refused."""
+"""Arrival at places: topic, diagnostics and bag of a node, and refused files."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, image_array
 from ros.graph_publisher import elevation
 
-#: Simulated seconds in a second, and the horizon of forecasts [s].
+#: Simulated time per time of the clock [s/s], and horizon of forecasts [s].
 SCALE, HORIZON = 20.0, 400.0
 
 SCENE = """
@@ -28,7 +28,7 @@ POSTS = {f'post {x}': (x, 152.0) for x in range(44, 400, 10)}
 
 SHARES = ('p10', 'p50', 'p90')
 
-#: Members of ensembles, too few for maps of the first ones.
+#: Number of ensemble members, too few for early maps.
 MEMBERS = 3
 
 #: Easting and northing of the origin of the map [m].
@@ -37,7 +37,7 @@ CORNER = (500_000.0, 4_180_000.0)
 
 @pytest.fixture
 def folder(tmp_path):
-    """A scene, and its places: posts, a road across the valley, and a town off the map."""
+    """Files of a scene and its places: posts, a road across the valley, a town off the map."""
     np.savez(
         tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0, epsg=32633,
         offset=CORNER,
@@ -50,7 +50,7 @@ def folder(tmp_path):
 
 
 def started(local, **parameters):
-    """A node that records, with lava."""
+    """Return a node that records, with lava."""
     node = local(
         scene='scene.yaml', spacing=0.0, time_scale=SCALE, places=['places.csv'], record=True,
         bag_directory='recorded', **parameters,
@@ -61,7 +61,7 @@ def started(local, **parameters):
 
 
 def images(bag, topic):
-    """Images of a topic in a bag, by their stamps [ns]."""
+    """Return the images of a topic in a bag by stamp [ns]."""
     decoder = Decoder(bag)
 
     def read(message):
@@ -73,7 +73,7 @@ def images(bag, topic):
 
 
 def tables(bag):
-    """Messages of the topic in a bag, each as statuses by the names of places, with its stamp."""
+    """Return each message of the topic in a bag: its stamp, and statuses by name of the place."""
     decoder = Decoder(bag)
 
     def read(message):
@@ -87,17 +87,17 @@ def tables(bag):
 
 
 def cell(place):
-    """Row and column of a map position."""
+    """Return row and column of a map position."""
     return int(place[1] // 10.0), int(place[0] // 10.0)
 
 
 def same(text, value):
-    """Whether a value of a status is that of a map, to the last digit that float32 has."""
+    """Return True if a value of a status equals that of a map in float32."""
     return np.isnan(value) if text == '' else np.float32(float(text)) == np.float32(value)
 
 
 def test_topic_agrees_with_the_maps_of_its_stamp_and_with_the_geotiff(local, folder):
-    """What has arrived is in the layer `arrived`, in the export of the bag and in its table."""
+    """Arrivals are the same in the layer `arrived`, the GeoTIFF of the bag and the table."""
     node = started(local)
     for _ in range(8):
         node.run(1.0)
@@ -133,7 +133,7 @@ def test_topic_agrees_with_the_maps_of_its_stamp_and_with_the_geotiff(local, fol
 
 
 def same_ensemble(seen):
-    """The newest table of a whole ensemble whose maps were seen too, with its stamp and start."""
+    """Return the newest table of a complete ensemble with its maps, its stamp and start."""
     maps = {item['stamp_ns'] for item in seen if item['topic'] == 'arrival_time_p90'}
     starts = {
         float(status['start_time_s']): int(status['frame_stamp_ns'])
@@ -151,13 +151,13 @@ def same_ensemble(seen):
 
 
 def test_ensembles_tell_when_and_how_likely(local, folder):
-    """Times are those of the quantile maps, counted from the start of the simulation."""
+    """Times are those of the quantile maps, since the start of the simulation."""
     node = started(
         local, forecast_horizon=HORIZON / 3600.0, forecast_max_age=10.0 * HORIZON,
         ensemble_members=MEMBERS,
     )
     node.run(2.0)
-    # the next ensemble starts from here, and the one after it is of the same state
+    # the next ensemble starts from this state, and so does the one after it
     assert node.call('pause', True)['success']
     found = None
     while found is None:
@@ -185,7 +185,7 @@ def test_ensembles_tell_when_and_how_likely(local, folder):
 
 
 def test_diagnostics_name_the_places(local, folder):
-    """Those that lava has reached come first, and each has its sentence."""
+    """Places that lava has reached come first, and each place has a sentence."""
     node = started(local)
     node.run(4.0)
     status = node.status_now('places', lambda item: item['level'] == 2)
@@ -203,7 +203,7 @@ def test_diagnostics_name_the_places(local, folder):
     ],
 )
 def test_bad_files_are_refused_by_name(local, folder, text, words):
-    """The node is not configured, and is with a file that is right."""
+    """The node is not configured with a bad file, but with a valid one."""
     path = folder / 'places.csv'
     good = path.read_text()
     path.unlink()
@@ -217,7 +217,7 @@ def test_bad_files_are_refused_by_name(local, folder, text, words):
 
 
 def test_places_that_a_terrain_has_no_place_for_are_an_error_and_nothing_else(local, folder):
-    """Degrees on a terrain without a coordinate system: the node goes on without the table."""
+    """With degrees on a terrain without a coordinate system, the node runs without the table."""
     (folder / 'places.csv').write_text('name,lon,lat\nhut,15.0,37.7\n')
     np.savez(folder / 'slope.npz', elevation=elevation(), resolution=10.0)
     node = started(local)

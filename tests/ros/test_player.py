@@ -38,7 +38,7 @@ Written = dict[str, list[bytes]]
 
 @pytest.fixture
 def bag(tmp_path: Path) -> tuple[BagReader, Written]:
-    """Two seconds: /map latched at 0 s and 1 s, /text ten times a second."""
+    """A bag of two seconds: /map latched at 0 s and 1 s, /text ten times a second."""
     written: Written = {'/map': [], '/text': []}
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for tenth in range(21):
@@ -53,7 +53,7 @@ def bag(tmp_path: Path) -> tuple[BagReader, Written]:
 
 
 class Listener:
-    """Keeps the bytes of what arrives, topic by topic, in a thread of its own."""
+    """Stores the bytes of received messages by topic, in a separate thread."""
 
     def __init__(self, node: Node) -> None:
         """Subscribe to the bag's topics and the clock."""
@@ -73,17 +73,17 @@ class Listener:
         self.clock.append(message.clock.sec * SECOND + message.clock.nanosec)
 
     def counts(self) -> dict[str, int]:
-        """Number of messages received on each topic."""
+        """Return the number of messages received on each topic."""
         return {name: len(each) for name, each in self.raw.items()}
 
     def back(self) -> list[int]:
-        """Times of the clock that are earlier than the one before."""
+        """Return the times of the clock that are earlier than the previous one."""
         return [b for a, b in pairwise(self.clock) if b < a]
 
 
 @pytest.fixture
 def listener() -> Iterator[Listener]:
-    """One in a domain of this test process, where the player plays too."""
+    """A listener in the domain of this test process, which the player uses too."""
     context = Context()
     context.init(domain_id=own_domain())
     node = Node('listener', context=context)
@@ -100,7 +100,7 @@ def listener() -> Iterator[Listener]:
 
 
 def same_bytes(received: list[bytes], written: list[bytes]) -> bool:
-    """Whether messages are the same but for the zeros that DDS pads to four bytes with."""
+    """Return True if messages are equal except for DDS's zero padding to four bytes."""
     return len(received) == len(written) and all(
         got == sent + bytes(-len(sent) % 4) or got == sent
         for got, sent in zip(received, written, strict=True)
@@ -110,7 +110,7 @@ def same_bytes(received: list[bytes], written: list[bytes]) -> bool:
 def test_subscribers_get_the_recorded_bytes(
     bag: tuple[BagReader, Written], listener: Listener
 ) -> None:
-    """Every message arrives in order, byte for byte, with the clock of the bag, at the rate."""
+    """Each message arrives unchanged and in order, with the clock of the bag, at the rate."""
     reader, written = bag
     begin = time.monotonic()
     assert play(reader, rate=2, wait_for_subscribers=PATIENCE) == 23
@@ -124,16 +124,16 @@ def test_subscribers_get_the_recorded_bytes(
     assert deserialize_message(listener.raw['/text'][3], String).data.startswith('3 lava')
     assert listener.clock == sorted(listener.clock)
     assert listener.clock[0] >= 50 * SECOND
-    # Between messages too; nobody waits for the clock's subscriber to be matched.
+    # Also between messages; the player does not wait for a match of the clock's subscriber.
     assert {stamp for stamp in listener.clock if stamp % (SECOND // 10)}
-    # at 100 Hz, and with 23 messages
+    # at 100 Hz, and with each of 23 messages
     assert len(listener.clock) < 150 * took
 
 
 def test_an_offset_delivers_the_latched_map_first(
     bag: tuple[BagReader, Written], listener: Listener
 ) -> None:
-    """The map from before the start arrives, the volatile text from before does not."""
+    """The latched map from before the start arrives, the volatile text does not."""
     reader, written = bag
     play(reader, start_offset=1.55, wait_for_subscribers=PATIENCE, clock=False)
     wait_until(lambda: listener.counts() == {'/map': 1, '/text': 5})
@@ -146,7 +146,7 @@ def test_an_offset_delivers_the_latched_map_first(
 def test_signals_end_a_loop_cleanly(
     bag: tuple[BagReader, Written], listener: Listener, number: signal.Signals
 ) -> None:
-    """A player in an endless loop stops at once; then the handlers are those of before."""
+    """A player in an endless loop stops immediately, and restores the signal handlers."""
     handler = signal.getsignal(number)
 
     def interrupt() -> None:
@@ -157,7 +157,7 @@ def test_signals_end_a_loop_cleanly(
     thread.start()
     assert play(bag[0], loop=True, rate=50, wait_for_subscribers=PATIENCE) >= 50
     thread.join(PATIENCE)
-    # /clock keeps the newest time alone: any number of those that a turn begins with may be lost
+    # /clock keeps only the newest time: any number of times at the start of a loop may be lost
     assert listener.back()
     assert {50 * SECOND <= time_ns <= 52 * SECOND for time_ns in listener.clock} == {True}
     assert signal.getsignal(number) is handler
@@ -166,7 +166,7 @@ def test_signals_end_a_loop_cleanly(
 def test_topics_of_unknown_types_are_left_out(
     tmp_path: Path, listener: Listener, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """A topic whose type is not installed is named in a warning, the others are played."""
+    """A topic whose type is not installed is skipped with a warning; others are played."""
     text = serialize_message(String(data='hot'))
     unknown = MessageSchema('gone_msgs/msg/Gone', 'uint8 x\n', 'RIHS01_0')
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
@@ -177,7 +177,7 @@ def test_topics_of_unknown_types_are_left_out(
 
 
 def test_qos_is_the_recorded_one() -> None:
-    """Each policy is carried over; without limit means rmw's default."""
+    """Each policy is used; a duration without limit becomes rmw's default."""
     profile = ros_profile(QosProfile('keep_last', 3, 'best_effort', 'transient_local', 5 * SECOND))
     assert profile.depth == 3
     assert profile.reliability == ReliabilityPolicy.BEST_EFFORT
@@ -190,7 +190,7 @@ def test_qos_is_the_recorded_one() -> None:
 
 @pytest.mark.parametrize('name', ['os/msg/path', 'std_msgs/msg/Gone', '../msg/x', 'String'])
 def test_only_message_types_are_imported(name: str) -> None:
-    """A name from a bag that is no installed message type raises."""
+    """A name from a bag that is not an installed message type raises an error."""
     with pytest.raises(LavaError, match='message_type'):
         message_class(name)
 
@@ -217,7 +217,7 @@ def test_names_are_resolved_as_a_node_resolves_them(
     rules: list[str],
     names: dict[str, str],
 ) -> None:
-    """A replay takes the place of the node in its namespace; shared topics stay where they are."""
+    """A replay uses the names of the node in its namespace; global topics are unchanged."""
     data = {} if recorded is None else {'namespace': recorded}
     with BagWriter(tmp_path / 'bag', custom_data=data) as writer:
         for topic in names:
@@ -236,7 +236,7 @@ def test_names_are_resolved_as_a_node_resolves_them(
 
 @pytest.mark.parametrize('words', [['-r', 'x'], ['--nope'], ['-r', '__ns:=no slash']])
 def test_what_ros_cannot_read_is_refused(bag: tuple[BagReader, Written], words: list[str]) -> None:
-    """By the word, before anything is published."""
+    """The error names the argument, and nothing is published."""
     with pytest.raises(LavaError) as raised:
         play(bag[0], ros_arguments=['--ros-args', *words])
     assert raised.value.field in ('--ros-args', '-r')

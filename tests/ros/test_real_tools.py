@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS's own tools and Nav2's own costmaps on a node, at the root and in a namespace.
+"""A node with the real ROS tools and Nav2 costmaps, at the root and in a namespace.
 
-They are taken from the shell, or from the folder ROS_TOOLS whose env.sh sets it up. What the tools
-are told by is tested without them in test_contract.py, test_layers.py and launch_files/.
+The tools are those of the shell, or of the folder ROS_TOOLS after sourcing its env.sh. The files
+and interfaces they use are tested without them in test_contract.py, test_layers.py and
+launch_files/.
 """
 
 import os
@@ -44,12 +45,12 @@ ROBOT = {
     'inflation_layer': {'plugin': 'nav2_costmap_2d::InflationLayer', 'inflation_radius': 1.0},
 }
 
-#: A costmap that rolls with the robot; sides in metres.
+#: A costmap that moves with the robot; sides in metres.
 WINDOW = {'rolling_window': True, 'width': 150, 'height': 140}
 
 
 def _environment():
-    """The environment of the tools, None where there are none."""
+    """Return the environment of the tools, None without tools."""
     folder = os.environ.get('ROS_TOOLS')
     if folder is None:
         return dict(os.environ) if shutil.which('ros2') else None
@@ -64,7 +65,7 @@ pytestmark = pytest.mark.skipif(TOOLS is None, reason='ros2 is not there (PATH, 
 
 
 class Tools:
-    """The tools in the domain of a graph, with the checkout as a package; what they started."""
+    """The tools in the domain of a graph, with the checkout as a package."""
 
     def __init__(self, graph, namespace):
         self.graph, self.prefix = graph, f'/{namespace}' * bool(namespace)
@@ -76,7 +77,7 @@ class Tools:
         program = graph.directory / 'prefix/lib/lava_ros/lava_node'
         program.parent.mkdir(parents=True, exist_ok=True)
         if not program.exists():
-            # ros2 launch looks in every folder of the share but follows no link
+            # ros2 launch searches the share directory without following links
             for name in ('launch', 'msg_configs', 'params', 'rviz'):
                 shutil.copytree(ROOT / name, share / 'lava_ros' / name)
             kept = ('LD_LIBRARY_PATH', 'PYTHONPATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE')
@@ -98,7 +99,7 @@ class Tools:
         self._started = []
 
     def start(self, *words):
-        """Start a tool that goes on."""
+        """Start a tool that runs until it is ended."""
         child = subprocess.Popen(
             ['ros2', *words],
             cwd=self.graph.directory,
@@ -112,7 +113,7 @@ class Tools:
         return child
 
     def say(self, *words):
-        """What a tool says that ends with 0; one that looks for the node takes its time."""
+        """Return the output of a tool that exits with 0; one that discovers nodes is slow."""
         end = time.monotonic() + PATIENCE
         while True:
             ended = subprocess.run(
@@ -130,14 +131,14 @@ class Tools:
         return ended.stdout
 
     def wait_for_ends(self, topic, publishers, subscriptions):
-        """Wait until a topic has so many of each."""
+        """Wait until a topic has given numbers of publishers and subscriptions."""
         words = (f'Publisher count: {publishers}', f'Subscription count: {subscriptions}')
         end = time.monotonic() + PATIENCE
         while not all(word in (said := self.say('topic', 'info', topic)) for word in words):
             assert time.monotonic() < end, said
 
     def kill_node(self):
-        """Kill the node that was launched, and nothing else."""
+        """Kill the launched node, and nothing else."""
         said = subprocess.run(
             ['ps', '-o', 'pid=,args=', '--ppid', str(self.launched.pid)],
             capture_output=True, text=True, check=True,
@@ -146,7 +147,7 @@ class Tools:
         os.kill(int(line.split()[0]), signal.SIGKILL)
 
     def end(self, child, number=signal.SIGINT):
-        """End a tool and all that it started."""
+        """End a tool and its child processes."""
         os.killpg(child.pid, number)
         try:
             child.communicate(timeout=20.0)
@@ -155,7 +156,7 @@ class Tools:
             child.communicate()
 
     def close(self):
-        """End what still runs."""
+        """End all tools that are still running."""
         for child in reversed(self._started):
             if child.poll() is None:
                 self.end(child)
@@ -164,7 +165,7 @@ class Tools:
 
 @pytest.fixture(scope='module', params=['', 'etna'])
 def tools(graph, request):
-    """A launched node of a namespace, with Nav2's filter servers where Nav2 is."""
+    """A launched node in a namespace, with Nav2's filter servers if Nav2 is installed."""
     result = Tools(graph, request.param)
     (graph.directory / 'scene.yaml').write_text(SCENE, encoding='utf-8')
     result.has_nav2 = 'nav2_costmap_2d' in result.say('pkg', 'list')
@@ -178,21 +179,21 @@ def tools(graph, request):
     hazard = f'{result.prefix}/hazard'
     result.listener.wait_for_topic(hazard, lambda grid: grid['wet'] > 3, PATIENCE)
     assert launched.poll() is None
-    # the daemon of the tools knows nobody for a moment
+    # the daemon of the tools needs a moment for discovery
     assert any(result.node in result.say('node', 'list').split() for _ in range(20))
     yield result
     result.close()
 
 
 def test_the_node_is_told_and_asked(tools):
-    """Parameters, lifecycle, topics and services, by the command line."""
+    """The command line reads and sets parameters, lifecycle, topics and services."""
     assert 'active' in tools.say('lifecycle', 'get', tools.node)
     tools.say('param', 'set', tools.node, 'time_scale', '30.0')
     assert '30.0' in tools.say('param', 'get', tools.node, 'time_scale')
     (tools.graph.directory / 'dump.yaml').write_text(tools.say('param', 'dump', tools.node))
     loaded = tools.say('param', 'load', tools.node, 'dump.yaml').splitlines()
     assert 'Set parameter lava.ground_diffusivity successful' in loaded
-    # those that are read when the node is configured are no failure of the file
+    # read-only parameters are not a failure of the file
     failed = [line for line in loaded if 'failed' in line]
     assert all('read-only' in line for line in failed), failed
     grid = tools.say('topic', 'echo', '--once', f'{tools.prefix}/hazard', '--field', 'info')
@@ -204,12 +205,12 @@ def test_the_node_is_told_and_asked(tools):
 
 
 def test_a_recording_of_all_topics_can_be_used(tools):
-    """By rosbag2, which plays it, and by the commands of this package."""
+    """rosbag2 plays the recording, and the commands of this package read it."""
     bag = f'bag{tools.prefix.replace("/", "_")}'
     recorder = tools.start('bag', 'record', '-a', '-s', 'mcap', '-o', bag)
     # the node itself, and the recorder
     tools.wait_for_ends(f'{tools.prefix}/terrain', publishers=1, subscriptions=2)
-    # two maps that came while it has been there
+    # two maps received since it started
     since = tools.listener.hear()
     tools.listener.wait(
         lambda _: sum('hazard' in item['topic'] for item in tools.listener.seen[since:]) > 4
@@ -222,10 +223,10 @@ def test_a_recording_of_all_topics_can_be_used(tools):
 
 
 def _costmaps():
-    """Costmaps of a robot with the shipped file as it is; layers that the tools lack are left out.
+    """Return costmaps with the shipped file, without layers that the tools lack.
 
-    A static one of the robot's map, the same as a window that rolls with it, and a local costmap
-    that knows no map.
+    They are a static one of the robot's map, the same as a rolling window, and a local costmap
+    without a map.
     """
     shipped = yaml.safe_load((ROOT / 'params/nav2_filters.yaml').read_text(encoding='utf-8'))
     whole, local = (
@@ -241,13 +242,13 @@ def _costmaps():
 
 
 def _place(tools, x, y):
-    """Put the robot to a place."""
+    """Move the robot to a place."""
     words = ('--x', x, '--y', y, '--frame-id', 'map', '--child-frame-id', 'base_link')
     return tools.start('run', 'tf2_ros', 'static_transform_publisher', *words)
 
 
 def _start_costmaps(tools):
-    """Start and activate the costmaps, and return the comparison of them with mask and map."""
+    """Start and activate the costmaps, and return their comparison with mask and map."""
     costmaps = _costmaps()
     for name, values in costmaps.items():
         path = tools.graph.directory / f'{name}.yaml'
@@ -265,9 +266,9 @@ def _start_costmaps(tools):
 
 
 def _wait_for_agreement(comparison, *, after=0):
-    """Wait until each costmap has all of a mask after one, and the wall of the robot's map.
+    """Wait until each costmap has all of a mask newer than ``after``, and the robot's wall.
 
-    Only the local costmap has no wall. Returns the number of the last mask that was compared.
+    Only the local costmap has no wall. Returns the number of the last compared mask.
     """
     numbers = []
     for name in ('static', 'rolling', 'local'):
@@ -293,7 +294,7 @@ def test_costmaps_of_nav2_keep_the_robot_out(tools):
     assert any('/speed_limit' in tools.say('topic', 'list').split() for _ in range(20))
     away = _place(tools, '100', '100')
     comparison = _start_costmaps(tools)
-    # told once, when it changes: both ends have to be there before the robot comes to lava
+    # the limit is published once per change, so both ends must exist before the robot is near lava
     tools.wait_for_ends('/speed_limit', publishers=2, subscriptions=1)
     tools.end(away)
     there = _place(tools, '4040', '3290')
@@ -312,7 +313,7 @@ def test_costmaps_of_nav2_keep_the_robot_out(tools):
 
 
 def test_a_mask_has_a_heartbeat_until_the_node_dies(tools):
-    """It comes again with the time of the map in a paused simulation; its QoS promises so."""
+    """A paused simulation repeats the mask with its stamp, as its QoS promises."""
     mask = f'{tools.prefix}/keepout_mask'
     tools.say('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: true}')
     said = tools.say('topic', 'info', '-v', mask)
@@ -326,7 +327,7 @@ def test_a_mask_has_a_heartbeat_until_the_node_dies(tools):
 
 
 def test_a_node_that_is_killed_comes_back(tools):
-    """Launch restarts it, and it resumes from its bag; more than once."""
+    """Launch restarts a killed node, and it resumes from its bag, more than once."""
     tools.say('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: false}')
     node, since_ns, checkpoint = tools.node.strip('/'), 0, 0.0
 

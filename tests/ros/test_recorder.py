@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bag: names, limits, what happens when it cannot be written."""
+"""The recorder: names, limits, and bags that cannot be written."""
 
 import os
 import shutil
@@ -23,7 +23,7 @@ def _write(recorder, text, stamp_ns=1):
 
 @pytest.fixture
 def recorder(tmp_path):
-    """A recorder whose bag is open."""
+    """A recorder with an open bag."""
     result = Recorder()
     result.arm(tmp_path / 'bag')
     result.begin({})
@@ -31,7 +31,7 @@ def recorder(tmp_path):
 
 
 def test_records_what_it_is_given(tmp_path):
-    """The bytes in the bag are the bytes that were handed over, with QoS and description.
+    """The bag contains the given bytes, QoS and description.
 
     An existing folder and a second recording are refused.
     """
@@ -62,7 +62,7 @@ def test_records_what_it_is_given(tmp_path):
 
 
 def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
-    """What is known at once is refused; an error at the bag's opening is a status."""
+    """Invalid folders are refused; an error when the bag is opened is in the status."""
     (tmp_path / 'file').write_text('')
     recorder = Recorder()
     for name in ('file/bag', 300 * 'x', ''):
@@ -77,7 +77,7 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
 
 @pytest.mark.parametrize('step', ['write', 'flush'])
 def test_a_full_disk_stops_the_recording(tmp_path, recorder, monkeypatch, step):
-    """When a write fails, the recording ends and says why; writing on does nothing."""
+    """A failed write ends the recording with the reason; later writes do nothing."""
     _write(recorder, 'kept')
     recorder.flush()
 
@@ -100,7 +100,7 @@ def test_a_full_disk_stops_the_recording(tmp_path, recorder, monkeypatch, step):
     'fault', ['bag removed', 'bag replaced', 'file removed', 'parent replaced']
 )
 def test_a_bag_that_is_gone_is_reported(tmp_path, fault, is_flushed):
-    """An open file takes all that is written, though nobody will ever find it."""
+    """A removed bag is noticed, although its open file still accepts writes."""
     bag, outside = tmp_path / 'bags' / 'bag', tmp_path / 'outside'
     outside.mkdir()
     recorder = Recorder()
@@ -132,7 +132,7 @@ def test_a_bag_that_is_gone_is_reported(tmp_path, fault, is_flushed):
 
 
 def test_a_link_that_comes_before_the_first_map_is_not_followed(tmp_path):
-    """The place of the bag is that of when it was chosen and checked."""
+    """The bag is written at the path that was checked, not through a later link."""
     deep, outside = tmp_path / 'deep', tmp_path / 'outside'
     deep.mkdir()
     outside.mkdir()
@@ -147,7 +147,7 @@ def test_a_link_that_comes_before_the_first_map_is_not_followed(tmp_path):
 
 
 def test_a_bag_is_split(tmp_path):
-    """With a limit the recording goes on in new files, which the status counts."""
+    """With a limit the recording continues in new files, which the status counts."""
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag', max_duration=10.0)
     recorder.begin({'scene': 'Etna'})
@@ -164,7 +164,7 @@ def test_a_bag_is_split(tmp_path):
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
-    """A working directory with a folder outside of it and a link to that."""
+    """A working directory with a link to a folder outside it."""
     (tmp_path / 'outside').mkdir()
     (tmp_path / 'here' / 'bags').mkdir(parents=True)
     (tmp_path / 'here' / 'bags' / 'link').symlink_to(tmp_path / 'outside')
@@ -173,7 +173,7 @@ def here(tmp_path, monkeypatch):
 
 
 def test_names_of_bags(here):
-    """Without one it is the time, in the root: the given folder, that of the given bag, or bags/.
+    """The default name is the time, in the given root, the folder of the given bag, or bags/.
 
     Names inside the root are relative to the working directory, or absolute.
     """
@@ -199,14 +199,14 @@ def test_names_of_bags(here):
     ],
 )
 def test_names_outside_the_root_are_refused(here, name):
-    """Whether by an absolute path, by .., or by a link."""
+    """Absolute paths, ``..`` and links that lead outside are refused."""
     with pytest.raises(LavaError, match='bag_directory'):
         BagFolder('', '').path(name)
 
 
 @pytest.fixture
 def written(tmp_path):
-    """Writes files of bags at a system time [s]."""
+    """Return a function that writes files of bags at a system time [s]."""
 
     def write(name, seconds):
         path = tmp_path / name
@@ -218,7 +218,7 @@ def written(tmp_path):
 
 
 def test_bags_written_since_a_time_are_found(tmp_path, written):
-    """The newest first, by the newest file of each, in the root and next to the given bag."""
+    """Bags in the root and next to the given bag are listed newest first, by newest file."""
     for name, seconds in {
         'bags/old/old_0.mcap': 50.0,
         'bags/new/new_0.mcap': 40.0,
@@ -242,7 +242,7 @@ def test_bags_written_since_a_time_are_found(tmp_path, written):
 
 
 def test_a_restarted_node_does_not_overwrite_the_bag_that_was_given(tmp_path, written):
-    """It adds a number; a bag from before remains an error."""
+    """The node adds a number to the name; an older bag remains an error."""
     given = tmp_path / 'bags/etna'
     written('bags/etna/etna_0.mcap', 100.0)
     assert BagFolder('', str(given), since=101.0).path(str(given)) == given
@@ -254,7 +254,7 @@ def test_a_restarted_node_does_not_overwrite_the_bag_that_was_given(tmp_path, wr
 
 
 def test_nodes_that_share_a_folder(here):
-    """Bags named by the time never meet: not of two nodes, nor two of one node in one second."""
+    """Bags named by time differ between nodes, and within one second of one node."""
     root = here / 'outside'
     for node, end in (('/lava', ''), ('/etna/lava', '_etna_lava')):
         folder = BagFolder(str(root), '', node=node)

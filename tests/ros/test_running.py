@@ -10,7 +10,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from ros.graph_publisher import elevation
 
-#: Layers that are off unless they are named.
+#: Layers that are off by default.
 OPTIONAL = ('height_raw', 'temperature_raw', 'lava_points')
 #: Actions of a marker.
 ADD, DELETEALL = 0, 3
@@ -28,7 +28,7 @@ lava: {viscosity: 1.0e4}
 
 @pytest.fixture
 def start(local, tmp_path):
-    """Starts a node with a scene of a vent, and activates it; ``pause`` holds time then."""
+    """Return a function that starts an active node with a vent; ``pause`` holds time."""
     np.savez(tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0)
     (tmp_path / 'scene.yaml').write_text(SCENE, encoding='utf-8')
 
@@ -59,29 +59,29 @@ def labels(node, condition=bool):
 
 
 def saved(answer):
-    """The bag that an answer of ~/save names."""
+    """Return the bag named in a response of ~/save."""
     assert answer['success'], answer
     assert answer['message'].startswith('saved in ')
     return answer['message'].removeprefix('saved in ')
 
 
 def test_an_inactive_node_has_no_map_to_give(local):
-    """The answer is a map without cells."""
+    """The response of an inactive node is a map without cells."""
     node = local()
     assert node.change('configure')
     assert node.map('height')['shape'] == [0, 0]
 
 
 def test_markers_follow_the_discharge(start):
-    """Markers are there from the start, and told again when the discharge of a vent changes."""
+    """Markers are published at the start, and again when the discharge of a vent changes."""
     node = start()
     assert labels(node) == ['north: 20 m3/s, 1087 C']
     node.run(3.0)
     assert labels(node, lambda texts: ' 0 m3/s' in texts[0]) == ['north: 0 m3/s, 1087 C']
     told = [item for item in node.seen if item['topic'] == 'vents_markers']
-    # once for each discharge, not with every map
+    # once for each discharge, not with each map
     assert len(told) == 2
-    # an inactive node holds time: nobody has paused it
+    # an inactive node holds time without a pause
     assert node.change('deactivate')
     node.status_now('simulation', lambda status: status['state'] == 'paused')
     node.wait_for_log('inactive')
@@ -91,7 +91,7 @@ def test_markers_follow_the_discharge(start):
 
 
 def test_optional_layers_are_switched_on_and_off(start):
-    """Named layers are published beside those of the file, and others are not."""
+    """Named layers are published in addition to those of the file, and others are not."""
     node = start(layers_on=list(OPTIONAL), layers_off=['temperature'])
     node.run(2.0)
     newest = node.newest(
@@ -105,7 +105,7 @@ def test_optional_layers_are_switched_on_and_off(start):
     assert list(mean) == ['x', 'y', 'z', 'thickness', 'temperature']
     assert 0.1 <= mean['thickness'] < 50.0
     assert 300.0 < mean['temperature'] < 1150.0
-    # the ground falls from 500 m by 40 m, and rises by up to 12 m towards the sides
+    # the terrain falls from 500 m by 40 m, and rises by up to 12 m towards the sides
     assert 460.0 < mean['z'] - mean['thickness'] < 512.0
     assert 0.0 < mean['x'] < 400.0
     assert 100.0 < mean['y'] < 200.0
@@ -113,7 +113,7 @@ def test_optional_layers_are_switched_on_and_off(start):
 
 
 def test_get_map_gives_what_is_published(start):
-    """A latecomer gets the newest map, cell for cell the one on the topic."""
+    """The service returns the newest map, with the cells of the message on the topic."""
     node = start()
     node.run(2.0)
     assert node.call('pause', True)['success']
@@ -124,7 +124,7 @@ def test_get_map_gives_what_is_published(start):
 
 
 def test_save_makes_a_bag_of_this_moment(start, tmp_path):
-    """The bag has terrain, vents, maps and a checkpoint, and each call makes another."""
+    """The bag has terrain, vents, maps and a checkpoint, and each call makes a new bag."""
     node = start(layers_on=list(OPTIONAL))
     node.run(1.0)
     first, second = (saved(node.call('save')) for _ in range(2))
@@ -136,7 +136,7 @@ def test_save_makes_a_bag_of_this_moment(start, tmp_path):
         scene = topics[: topics.index('/height')]
         assert {'/terrain', '/terrain_info', '/vents'} <= set(scene)
         assert {f'/{topic}' for topic in ('height', 'hazard', *OPTIONAL)} <= set(topics)
-        # checkpoint_period is 0 here: this one was asked for
+        # checkpoint_period is 0 here, but save writes one
         found = newest_checkpoint(tmp_path / name).checkpoint
         assert found.time == node.worker.eruption.time
         assert found.scene.vents[0].name == 'north'
@@ -145,26 +145,26 @@ def test_save_makes_a_bag_of_this_moment(start, tmp_path):
 
 
 def test_save_while_recording_goes_into_that_bag(start, tmp_path):
-    """The recording has maps and a checkpoint of that moment, and continues until it is ended."""
+    """The recording gets maps and a checkpoint of that time, and continues until it ends."""
     node = start(pause=True, bag_directory='run')
     assert node.call('record', True)['success']
     assert saved(node.call('save')) == 'run'
-    # a killed node would leave what was saved
+    # the data survive if the node is killed
     assert newest_checkpoint(tmp_path / 'run').checkpoint.time == 0.0
     before = node.status_now('recorder')
     assert (before['state'], before['checkpoints']) == ('recording', '1')
     assert node.call('record', False)['message'] == 'recorded run'
     topics = [message.topic for message in BagReader(tmp_path / 'run').messages()]
-    # at the start of the recording, and when it was saved
+    # at the start of the recording, and at the save
     assert topics.count('/height') == topics.count('/hazard') == 2
-    # a bag that exists is not written into
+    # an existing bag is not changed
     answer = node.call('save')
     assert not answer['success']
     assert "run', expected a folder that does not exist yet" in answer['message']
 
 
 def test_a_bag_that_is_gone_while_it_is_recorded(start, tmp_path):
-    """Diagnostics, log and the service say so; nothing goes where a link in its place leads."""
+    """Diagnostics, log and service report it; a link in its place is not followed."""
     node = start(bag_directory='gone')
     bag, outside = tmp_path / 'gone', tmp_path / 'outside'
     outside.mkdir()
@@ -184,7 +184,7 @@ def test_a_bag_that_is_gone_while_it_is_recorded(start, tmp_path):
 
 
 def test_markers_go_with_their_vents(start):
-    """Vents that open, change and are removed are told, in a paused simulation too."""
+    """Markers follow vents that open, change and are removed, also in a pause."""
     node = start(pause=True)
     node.publish('click')
     assert len(labels(node, lambda texts: len(texts) == 2)) == 2
@@ -195,7 +195,7 @@ def test_markers_go_with_their_vents(start):
 
 
 def test_the_vent_that_a_click_opens_is_as_the_parameters_say(start):
-    """Also after they have been changed."""
+    """The vent has the parameters' values, also after they have changed."""
     node = start(pause=True)
     node.publish('no_vents')
     values = {'default_discharge': 7.0, 'default_temperature': 900.0, 'default_radius': 25.0}
@@ -203,7 +203,7 @@ def test_the_vent_that_a_click_opens_is_as_the_parameters_say(start):
     node.publish('click')
     (text,) = labels(node, lambda texts: len(texts) == 1 and 'click' in texts[0])
     assert text.endswith(': 7 m3/s, 900 C')
-    # kelvin in place of Celsius does not go unnoticed
+    # kelvin instead of Celsius is refused
     assert 'Celsius' not in node.log
     node.publish('kelvin_vents')
     node.wait_for_log('vents[0].temperature is 1360 Celsius, 273 K above lava.reference_')
@@ -219,7 +219,7 @@ def test_the_vent_that_a_click_opens_is_as_the_parameters_say(start):
     ],
 )
 def test_limits_of_inputs_can_be_changed(start, name, limit, case, words):
-    """Input beyond a new limit is refused, and accepted again once the limit is raised."""
+    """Input above a new limit is refused, and accepted once the limit is raised."""
     node = start(pause=True)
     before = node.status_now('inputs')
     assert node.set(**{name: limit})['success']
@@ -232,7 +232,7 @@ def test_limits_of_inputs_can_be_changed(start, name, limit, case, words):
 
 
 def test_how_terrain_is_read_can_be_changed(start):
-    """New values of the parameters are used for the next terrain and the next cloud."""
+    """New values of the parameters apply to the next terrain and the next cloud."""
     node = start(pause=True)
     node.publish('terrain_info', 'nan_hole')
     assert 'cells without data' in node.status_now('inputs')['last_error']
@@ -246,7 +246,7 @@ def test_how_terrain_is_read_can_be_changed(start):
 
 
 def test_accuracy_material_and_place_can_be_changed(start, tmp_path):
-    """Spacing and lava are those of the next reset, the projected system of the next terrain."""
+    """Spacing and lava apply at the next reset, the coordinate system at the next terrain."""
     node = start(pause=True)
     values = {'lava__density': 2000.0, 'preset': 'draft', 'spacing': 5.0}
     assert node.set(**values)['success']
@@ -263,7 +263,7 @@ def test_accuracy_material_and_place_can_be_changed(start, tmp_path):
 
 
 def test_the_end_can_be_changed(start):
-    """A simulation ends at a time that is set while it runs, and continues when it is lifted."""
+    """A simulation ends at a time set while it runs, and continues when that is removed."""
     node = start()
     assert node.set(end_time=10.0)['success']
     node.run_commands()
@@ -277,7 +277,7 @@ def test_the_end_can_be_changed(start):
 
 
 def test_how_bags_are_written_can_be_changed(start, tmp_path):
-    """Limits of a bag's files hold for the next one, the period of checkpoints at once."""
+    """Limits of files apply to the next bag, the period of checkpoints immediately."""
     node = start()
     values = {'bag_directory': 'bags/split', 'bag_max_duration': 0.4}
     assert node.set(**values)['success']
@@ -292,10 +292,10 @@ def test_how_bags_are_written_can_be_changed(start, tmp_path):
 
 
 def test_a_storm_of_saves_is_bounded(start, tmp_path):
-    """Saves that come too often are refused with the reason, and make no bag."""
+    """Saves that are too frequent are refused with the reason, and make no bag."""
     node = start()
     answers = [node.call('save')]
-    # where saves are slow their allowance grows meanwhile, and less than they take of it
+    # slow saves gain allowance in the process, but less than they use
     while len(answers) < 30 and answers[-1]['success']:
         answers.append(node.call('save'))
     assert 'one more each' in answers[-1]['message'], answers[-1]

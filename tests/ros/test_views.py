@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""RViz and Foxglove show ground, hazard and vents, of a running node and of every bag."""
+"""RViz and Foxglove show terrain, hazard and vents of a running node and of all bags."""
 
 from collections.abc import Callable
 import json
@@ -40,7 +40,7 @@ DISPLAYS = {
 #: Topics that the views draw, all of them in the map frame.
 DRAWN = {f'/{topic}' for topic in DISPLAYS} | set(FOXGLOVE['configById']['3D!lava']['topics'])
 
-#: Height from which RViz's view from above looks down [m], a constant of it.
+#: Height of the camera in RViz's top-down view [m], a constant of RViz.
 CAMERA = 500.0
 
 TERRAIN = Terrain(2000.0 + np.add.outer(np.arange(30.0), 2.0 * np.arange(40.0)), 5.0)
@@ -53,7 +53,7 @@ SNAPSHOTS = [snapshot_at(time, growing(time, TERRAIN), TERRAIN) for time in (200
 
 
 def of_the_node(directory: Path) -> Path:
-    """Record layers and scene as a node does."""
+    """Record layers and scene like a node."""
     recorder = Recorder()
     node = SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/')
     recording = SceneRecording(
@@ -82,13 +82,13 @@ def of_the_node(directory: Path) -> Path:
 
 
 def of_a_hindcast(directory: Path) -> Path:
-    """Record snapshots as a command does without a node."""
+    """Record snapshots like a command without a node."""
     write_snapshots(directory, SCENE, SNAPSHOTS, custom_data={})
     return directory
 
 
 def recovered(directory: Path) -> Path:
-    """Recover a recording that was cut off."""
+    """Recover a truncated recording."""
     whole = of_the_node(directory.with_name('whole'))
     (path,) = whole.glob('*.mcap')
     (whole / 'metadata.yaml').unlink()
@@ -98,7 +98,7 @@ def recovered(directory: Path) -> Path:
 
 
 def sample(directory: Path) -> Path:
-    """The one that comes with the package."""
+    """Return the sample bag of the package."""
     return ROOT / 'bags/sample'
 
 
@@ -107,7 +107,7 @@ WAYS = (of_the_node, of_a_hindcast, recovered, sample)
 
 @pytest.mark.parametrize('make', WAYS)
 def test_bags_hold_what_the_views_draw(make: Callable[[Path], Path], tmp_path: Path) -> None:
-    """Each topic is latched in the bag, no later than the first map; the ground is the same."""
+    """Each topic is latched in the bag by the time of the first map, with one terrain."""
     bag = BagReader(make(tmp_path / 'bag'))
     first: dict[str, Any] = {}
     for item in bag.messages():
@@ -129,7 +129,7 @@ def test_bags_hold_what_the_views_draw(make: Callable[[Path], Path], tmp_path: P
 
 
 def test_a_change_of_the_vents_is_recorded(tmp_path: Path) -> None:
-    """The discharge changes between the two frames, the ground does not."""
+    """The discharge changes between the two frames, the terrain does not."""
     for make in (of_the_node, of_a_hindcast):
         bag = BagReader(make(tmp_path / make.__name__))
         topics = [item.topic for item in bag.messages()]
@@ -140,7 +140,7 @@ def test_a_change_of_the_vents_is_recorded(tmp_path: Path) -> None:
 @pytest.mark.parametrize('elevation', [-50.0, 450.0, 2500.0, 8000.0])
 @pytest.mark.parametrize('resolution', [0.01, 30.0, 1000.0])
 def test_vents_are_below_the_camera(elevation: float, resolution: float) -> None:
-    """On mountains of any height and size, on top of the maps, with their labels."""
+    """Vents and labels are above the maps on mountains of any height and size."""
     view = RVIZ['Visualization Manager']['Views']['Current']
     assert view['Class'] == 'rviz_default_plugins/TopDownOrtho'
     terrain = Terrain(np.full((20, 30), elevation), resolution)
@@ -161,7 +161,7 @@ def test_vents_are_below_the_camera(elevation: float, resolution: float) -> None
 
 
 def test_maps_let_the_ground_show() -> None:
-    """The relief is behind, all others are transparent where there is no lava."""
+    """The relief is at the back, and other maps are transparent without lava."""
     for topic, display in DISPLAYS.items():
         if 'Color Scheme' in display:
             is_ground = topic == 'relief'
@@ -175,15 +175,15 @@ def test_maps_let_the_ground_show() -> None:
 
 
 def test_the_window_of_rviz_leaves_the_map_its_place() -> None:
-    """Panels have their docks, those at the left are a quarter of the width; Etna is in the view.
+    """Panels have docks, the left ones a quarter of the width, and Etna is in view.
 
-    Without the state of Qt's window RViz leaves the map 80 pixels.
+    Without the state of Qt's window, RViz leaves 80 pixels for the map.
     """
     window = RVIZ['Window Geometry']
     state = bytes.fromhex(window['QMainWindow State'])
     for panel in RVIZ['Panels']:
         assert panel['Name'].encode('utf-16-be') in state
-    # mark and version, then the areas with docks: which, width, height
+    # marker and version, then the areas with docks: position, width, height
     marks = struct.unpack_from('>IIBIIII', state)
     assert marks[:3] == (0xFF, 0, 0xFD)
     areas, left, docks = marks[3:6]
@@ -191,7 +191,7 @@ def test_the_window_of_rviz_leaves_the_map_its_place() -> None:
     assert 200 <= docks <= 0.3 * window['Width']
     view = RVIZ['Visualization Manager']['Views']['Current']
     terrain = scene_from_yaml(ROOT / 'examples/etna.yaml').terrain
-    # the title, the tools and the time are above and below
+    # title, tools and time are above and below
     place = {'X': window['Width'] - docks, 'Y': window['Height'] - 200}
     for axis, cells, start in zip('XY', terrain.shape[::-1], terrain.origin, strict=True):
         length = cells * terrain.resolution

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The worker without ROS: time and the clock, scenes that change, and effects."""
+"""The worker without ROS: simulated time and the clock, changing scenes, and effects."""
 
 from dataclasses import asdict, replace
 import time
@@ -24,7 +24,7 @@ from worker_bench import OUTSIDE, TERRAIN, VENT
 
 
 def test_terrain_starts_the_simulation(bench):
-    """The first terrain starts the simulation, which is shown at once."""
+    """The first terrain starts the simulation and gives a first snapshot."""
     assert bench.worker.status.state is WorkerState.WAITING
     assert bench.worker.latest is None
     bench.run(bench.worker.set_terrain(TERRAIN))
@@ -38,7 +38,7 @@ def test_terrain_starts_the_simulation(bench):
     'bench', [{'time_scale': scale} for scale in (0.01, 1.0, 1e5)], indirect=True
 )
 def test_time_follows_steps_of_the_clock(bench, step):
-    """Simulated time is where the clock is, at every scale and however coarse the clock is."""
+    """Simulated time equals the scaled clock, at each scale and resolution of the clock."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     scale = bench.worker.time_scale
     for count in range(1, 6):
@@ -46,7 +46,7 @@ def test_time_follows_steps_of_the_clock(bench, step):
         bench.wait(lambda: bench.simulation.time == pytest.approx(count * step * scale))  # noqa: B023
     status = bench.worker.status
     assert (status.lost, status.jumps, status.is_behind) == (0.0, 0, False)
-    # another scale holds from then on
+    # a new scale applies to later steps
     before = bench.simulation.time
     bench.run(bench.worker.set('time_scale', 2.0))
     bench.now += 0.5
@@ -54,17 +54,17 @@ def test_time_follows_steps_of_the_clock(bench, step):
 
 
 def look(bench, now):
-    """Move the clock, and wait until the worker has looked at it."""
+    """Set the clock, and wait until the worker has read it."""
     bench.now = now
     bench.wait(lambda: bench.worker._clock._now == now)
 
 
 @pytest.mark.parametrize('step', [0.01, 5.0, 30.0])
 def test_maps_show_where_the_clock_is(bench, step):
-    """A snapshot that is asked for at a step of the clock is of its end."""
+    """A snapshot requested at a step of the clock shows the end of the step."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     for count in range(1, 4):
-        # Held, the worker looks at neither before both have come.
+        # A held worker processes both only when both have arrived.
         bench.simulation.is_compiled.clear()
         held = bench.worker.set_effects({}, horizon=float(count))
         bench.wait(lambda: bench.worker.status.doing == 'effects')
@@ -91,7 +91,7 @@ def test_jumps_of_the_clock_are_counted_and_not_followed(bench, jump):
     assert not status.is_behind
     bench.go_on(0.5, scale)
     assert bench.worker.status.jumps == 1
-    # a new start counts from 0
+    # a new start resets the counts
     bench.run(bench.worker.reset())
     bench.wait(lambda: (bench.worker.status.jumps, bench.worker.status.lost) == (0, 0.0))
 
@@ -112,7 +112,7 @@ def test_a_clock_that_has_no_time_yet_or_jitters(bench):
 
 @pytest.mark.parametrize('bench', [{'speed': 5.0, 'time_scale': 100.0}], indirect=True)
 def test_a_slow_simulation_does_not_chase_the_clock(bench):
-    """Lost time is given up beyond the lag, and counted; the achieved speed is reported."""
+    """Time beyond the maximum lag is lost and counted; the actual speed is reported."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     for _ in range(10):
         bench.now += 0.05
@@ -123,17 +123,17 @@ def test_a_slow_simulation_does_not_chase_the_clock(bench):
     assert bench.worker.status.lost == 0.0
     for _ in range(3):
         look(bench, bench.now + 0.9 * MAX_LAG)
-    # the clock continues, but the target does not move farther
+    # the clock continues, but the target does not advance
     assert bench.worker._target <= bench.simulation.time + MAX_LAG * 100.0 + 1e-6
     bench.wait(lambda: bench.worker.status.lost > MAX_LAG)
     assert bench.worker.status.jumps == 0
-    # the lag is time of the clock, at every scale
+    # the lag is in time of the clock, at each scale
     bench.run(bench.worker.set('time_scale', 1e-3))
     bench.wait(lambda: not bench.worker.status.is_behind)
 
 
 def test_pause_and_step(bench):
-    """A pause holds time and shows the last state; a step, in a pause alone, has its length."""
+    """A pause holds time and shows the last state; a step, only in a pause, is exact."""
     with pytest.raises(LavaError, match='step'):
         bench.run(bench.worker.step(1.0))
     bench.run(bench.worker.set_terrain(TERRAIN))
@@ -155,7 +155,7 @@ def test_pause_and_step(bench):
 
 @pytest.mark.parametrize('bench', [{'end_time': 2.0, 'time_scale': 10.0}], indirect=True)
 def test_end_time(bench):
-    """The simulation stops at the end time exactly, shows it, and goes on when it is moved."""
+    """The simulation stops exactly at the end time, and continues when the end is moved."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.now += 0.9
     bench.wait_for_state(WorkerState.FINISHED)
@@ -170,7 +170,7 @@ def test_end_time(bench):
 
 
 def test_reset(bench):
-    """A reset makes a new simulation of the scene at time 0; a pause stays."""
+    """A reset makes a new simulation of the scene at time 0; a pause remains."""
     with pytest.raises(LavaError, match='reset'):
         bench.run(bench.worker.reset())
     bench.start()
@@ -186,7 +186,7 @@ def test_reset(bench):
 
 
 def test_what_the_thread_is_at_is_told(bench):
-    """While a command lasts, which one, since when and who waits; of steps the last one counts."""
+    """The status has the current command, its duration and the waiting ones, and the last step."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.wait(lambda: bench.worker.status.hold_up == '')
     bench.simulation.is_compiled.clear()
@@ -209,7 +209,7 @@ def test_what_the_thread_is_at_is_told(bench):
 
 
 def test_the_mean_leaves_pauses_out(monkeypatch):
-    """Two runs of 10 s at 3x and 1x with a long pause between them are 2x."""
+    """Two runs of 10 s at 3x and 1x with a long pause between them average 2x."""
     clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
     monkeypatch.setattr(speed, 'time', clock)
     meter = SpeedMeter()
@@ -219,13 +219,13 @@ def test_the_mean_leaves_pauses_out(monkeypatch):
         for clock.now, reached in run:
             meter.note(reached)
     assert meter.mean == pytest.approx(2.0)
-    # What is older than the window no longer counts.
+    # Notes older than the window do not count.
     assert meter.value == pytest.approx(1.0)
     assert clock.now - 507.0 < speed.SPEED_WINDOW
 
 
 def test_vents_wait_for_terrain(bench):
-    """The newest vents that come before the terrain are used with it."""
+    """The newest vents received before the terrain are used with it."""
     first = bench.worker.set_vents([OUTSIDE])
     second = bench.worker.set_vents([VENT])
     bench.wait(first.cancelled)
@@ -236,7 +236,7 @@ def test_vents_wait_for_terrain(bench):
 
 
 def test_waiting_vents_off_the_terrain_are_refused(bench):
-    """When they turn out to be off the map, the terrain starts without them."""
+    """If they are outside the terrain, the simulation starts without them."""
     vents = bench.worker.set_vents([OUTSIDE])
     bench.run(bench.worker.set_terrain(TERRAIN))
     with pytest.raises(LavaError, match=r'vents\[0\].position'):
@@ -272,7 +272,7 @@ def test_first_vents_start_again(bench):
     ],
 )
 def test_noise_of_an_input_outdates_no_forecast(bench, kind, noise, change):
-    """The simulation takes it; ``changes``, by which forecasts are dropped, counts the rest."""
+    """The simulation uses noisy inputs, but ``changes``, which drops forecasts, ignores noise."""
     session, put = bench.worker.eruption, getattr(bench.worker, f'set_{kind}')
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.set_vents([VENT]))
@@ -286,7 +286,7 @@ def test_noise_of_an_input_outdates_no_forecast(bench, kind, noise, change):
 
 
 def test_slow_drift_outdates_forecasts(bench):
-    """Each step of it is noise, and all of them together are not."""
+    """Each step of a drift is within the noise, but their sum is not."""
     session = bench.worker.eruption
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.set_vents([VENT]))
@@ -298,7 +298,7 @@ def test_slow_drift_outdates_forecasts(bench):
 
 
 def test_what_a_simulation_goes_on_from_is_known_until_it_starts_anew(bench):
-    """The origin, and what vents have emitted: closed ones, and those it was resumed with."""
+    """Origin and emitted volumes are known, also of closed vents and vents before a resume."""
     assert bench.worker.eruption.origin is None
     earlier = replace(VENT, discharge=((0.0, 7.0), (2.0, 9.0)))
     scene, origin = Scene(TERRAIN, (VENT,), lava=Lava()), Origin('bags/first', 120.0, 7)
@@ -312,7 +312,7 @@ def test_what_a_simulation_goes_on_from_is_known_until_it_starts_anew(bench):
     (vent,) = bench.worker.eruption.schedule
     assert vent.discharge == ((0.0, 4.0), (3.0, 0.0))
     assert bench.worker.eruption.origin == origin
-    # a reset is an eruption of its own
+    # a reset starts a new eruption
     bench.run(bench.worker.reset())
     assert bench.worker.eruption.schedule == ()
     assert bench.worker.eruption.origin is None
@@ -324,7 +324,7 @@ def test_what_a_simulation_goes_on_from_is_known_until_it_starts_anew(bench):
     indirect=['bench'],
 )
 def test_restarted_simulation_catches_up_before_it_is_shown(bench, reached, expected):
-    """The time shown before the restart is reached first, also while the clock stands still."""
+    """It first reaches the time shown before the restart, even if the clock stands still."""
     scene = Scene(TERRAIN, (VENT,), lava=Lava())
 
     def resume():
@@ -356,7 +356,7 @@ def test_bad_input_changes_nothing(bench):
 
 
 def test_a_refused_start_keeps_the_old_simulation(bench):
-    """A scene the simulation itself refuses leaves the old one running."""
+    """A scene that the simulation refuses leaves the old simulation running."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.refusal = LavaError('device', 'cuda:9', 'one of cpu')
     with pytest.raises(LavaError, match='cuda:9'):
@@ -367,7 +367,7 @@ def test_a_refused_start_keeps_the_old_simulation(bench):
 
 
 def test_new_terrain_is_shown_at_once(bench):
-    """A new terrain changes the snapshot, also in a pause; the same again changes nothing."""
+    """A new terrain changes the snapshot, also in a pause; an identical one does not."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.pause(True))
     other, same = (Terrain(np.ones((7, 6)), 10.0) for _ in range(2))
@@ -377,7 +377,7 @@ def test_new_terrain_is_shown_at_once(bench):
 
 
 def test_effects_follow_the_scene(bench):
-    """The table is that of the simulation, and anew with every terrain and vent."""
+    """The table of effects is that of the simulation, and changes with terrain and vents."""
     assert bench.worker.eruption.effects == {}
     bench.start()
     before = bench.worker.eruption.effects
@@ -390,7 +390,7 @@ def test_effects_follow_the_scene(bench):
 
 
 def test_effects_are_forced_while_it_runs(bench):
-    """Forced effects are taken at once; those that do not go together change nothing."""
+    """Forced effects apply immediately; incompatible ones change nothing."""
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
     bench.start()
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
@@ -404,7 +404,7 @@ def test_effects_are_forced_while_it_runs(bench):
 
 
 def test_the_last_snapshot_stays_while_effects_are_compiled(bench):
-    """Whoever asks for a frame meanwhile is not held up, and has the last one."""
+    """A request for a frame during compilation returns immediately, with the last frame."""
     bench.start()
     last = bench.worker.latest
     bench.simulation.is_compiled.clear()
@@ -426,9 +426,10 @@ def _scene(slope=0.5, **material):
 
 
 def test_every_effect_has_a_text():
-    """Each is on or off, as the choice says, with number and threshold, or that it was forced.
+    """Each effect is on or off, with number and threshold or as forced.
 
-    An effect left out beside another says which; one whose reason has gone stays on.
+    The text of an effect that another one excludes names that effect; one whose reason has
+    disappeared remains on.
     """
     scene = _scene()
 
@@ -440,7 +441,7 @@ def test_every_effect_has_a_text():
     assert known['steep'].startswith('on: slope = 0.5 > 0.087')
     assert known['yielding'] == 'off: the material has none'
     assert known['merging'] == 'off: never chosen, only forced'
-    # with or without a number of their own
+    # with or without their own number
     known = table(steep=False, helmholtz=True, merging=True)
     assert known['steep'] == 'off: forced'
     assert known['helmholtz'] == known['merging'] == 'on: forced'
@@ -456,7 +457,7 @@ def test_every_effect_has_a_text():
 
 
 def test_frames_keep_coming_while_effects_change():
-    """With the solver: while they are compiled and after that, and time goes on."""
+    """With the real solver, frames and time continue during and after compilation."""
     x = 10.0 * np.arange(40)
     scene = Scene(
         Terrain(np.tile(300.0 - 0.3 * x, (30, 1)), 10.0), (Vent((60.0, 150.0), 20.0),), lava=Lava()

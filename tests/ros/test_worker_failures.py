@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The worker when something fails or waits, its commands, and snapshots on their way."""
+"""The worker: failures, waiting commands, and snapshots in progress."""
 
 from concurrent.futures import Future
 import queue
@@ -19,7 +19,7 @@ from worker_bench import Bench, PATIENCE, TERRAIN, VENT
     ('failure', 'text'),
     [
         (RuntimeError('device lost'), 'RuntimeError: device lost'),
-        # what Warp raises is told with what helps
+        # an error of Warp is reported with a remedy
         (
             RuntimeError("Failed to allocate 64 bytes on device 'cuda:0'"),
             'out of memory with 0 particles on 5 x 4 cells: Failed to allocate 64 bytes on device '
@@ -28,7 +28,7 @@ from worker_bench import Bench, PATIENCE, TERRAIN, VENT
     ],
 )
 def test_a_failure_is_reported_and_reset_recovers(bench, failure, text):
-    """An exception in the thread is a state; the last snapshot stays; reset starts again."""
+    """An exception sets the state FAILED and keeps the last snapshot; reset starts again."""
     bench.start()
     last = bench.worker.latest
     bench.simulation.failure = failure
@@ -45,7 +45,7 @@ def test_a_failure_is_reported_and_reset_recovers(bench, failure, text):
 
 
 def test_a_failed_start_is_reported(bench):
-    """So is an exception that is not about input when a simulation is made."""
+    """An unexpected exception at the start of a simulation sets the state FAILED."""
     bench.refusal = MemoryError('too large')
     with pytest.raises(MemoryError):
         bench.run(bench.worker.set_terrain(TERRAIN))
@@ -55,7 +55,7 @@ def test_a_failed_start_is_reported(bench):
 
 @pytest.mark.parametrize('bench', [{'max_particles': 10}], indirect=True)
 def test_too_many_particles(bench):
-    """Beyond the limit the simulation fails and shows what it had; a higher limit helps."""
+    """Above the limit the simulation fails with its last state; a higher limit helps."""
     bench.start()
     bench.simulation.particle_count = 10
     bench.go_on()
@@ -72,7 +72,7 @@ def test_too_many_particles(bench):
 
 @pytest.mark.parametrize('bench', [{'speed': 1.0, 'time_scale': 1000.0}], indirect=True)
 def test_commands_are_quick_under_load(bench):
-    """A busy simulation takes a command between two slices, long before it has caught up."""
+    """A busy simulation runs a command between two slices, long before it has caught up."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.now += 1.0
     bench.wait(lambda: bench.worker._target == 1000.0)
@@ -81,7 +81,7 @@ def test_commands_are_quick_under_load(bench):
 
 
 def test_a_flood_of_vents_is_coalesced(bench):
-    """Of what waits the newest counts; simulated time goes on; nothing piles up."""
+    """Only the newest waiting vents are used, simulated time advances, and no queue grows."""
     bench.start()
     given, set_vents = [], bench.simulation.set_vents
     goes_on = threading.Event()
@@ -111,11 +111,11 @@ def test_a_flood_of_vents_is_coalesced(bench):
 
 
 def test_snapshots_come_on_request(bench):
-    """A request renews the snapshot once there is something new, and says so once."""
+    """A request updates the snapshot once there is a new state, with one notification."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.wait(lambda: len(bench.shown) == 1)
     bench.worker.request_snapshot()
-    # whatever was asked for before this is done then
+    # earlier requests are complete by then
     bench.run(bench.worker.pause(False))
     assert len(bench.shown) == 1
     bench.go_on()
@@ -126,7 +126,7 @@ def test_snapshots_come_on_request(bench):
 
 
 def test_stop_answers_what_waits():
-    """Commands that were not run hold the reason, those that come later too."""
+    """Waiting and later commands fail with the reason."""
     bench = Bench()
     waiting = bench.worker.set_vents([VENT])
     bench.run(bench.worker.pause(False))
@@ -138,7 +138,7 @@ def test_stop_answers_what_waits():
 
 
 def test_stop_answers_at_once_what_a_step_keeps_waiting():
-    """A step that does not end keeps nobody waiting for an answer."""
+    """Waiting commands fail immediately, even during a step that does not end."""
     bench = Bench()
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.simulation.is_compiled.clear()
@@ -155,7 +155,7 @@ def test_stop_answers_at_once_what_a_step_keeps_waiting():
 
 @pytest.fixture
 def copying(bench):
-    """A simulation half a second old, of which a snapshot is on its way and does not come."""
+    """A simulation after half a second with a snapshot that remains in progress."""
     bench.start()
     bench.go_on()
     bench.simulation.is_copied.clear()
@@ -167,7 +167,7 @@ def copying(bench):
 
 
 def test_the_simulation_goes_on_meanwhile(copying):
-    """Time passes while it is on its way, and what is shown then is of the moment it was begun."""
+    """Time advances during a snapshot, which then shows the time at which it started."""
     shown = len(copying.shown)
     copying.go_on()
     assert copying.worker.latest.time == 0.0
@@ -178,7 +178,7 @@ def test_the_simulation_goes_on_meanwhile(copying):
 
 
 def test_what_is_asked_for_meanwhile_comes_next(copying):
-    """However often: one more is begun when the first is there, and none is lost."""
+    """Any number of requests during a snapshot start exactly one more after it."""
     for _ in range(3):
         copying.go_on()
         copying.worker.request_snapshot()
@@ -189,7 +189,7 @@ def test_what_is_asked_for_meanwhile_comes_next(copying):
 
 
 def test_what_is_no_map_is_not_shown(bench):
-    """A flaw fails the simulation as soon as it shows; the snapshot before it stays."""
+    """An invalid map fails the simulation, and the previous snapshot remains."""
     bench.start()
     last = bench.worker.latest
     bench.simulation.flawed = True
@@ -208,7 +208,7 @@ def test_what_is_no_map_is_not_shown(bench):
 
 
 def test_a_flaw_of_the_former_simulation_is_none_of_the_next(bench):
-    """A reset meanwhile: the new simulation runs, and shows itself."""
+    """After a reset during the snapshot, the new simulation runs and is shown."""
     bench.start()
     bench.simulation.flawed = True
     bench.go_on()
@@ -228,7 +228,7 @@ def test_a_flaw_of_the_former_simulation_is_none_of_the_next(bench):
 
 
 def test_what_is_at_rest_has_been_waited_for(copying):
-    """A pause shows the state that stands still, not the one that was on its way."""
+    """A pause shows the final state, not the snapshot that was in progress."""
     copying.go_on()
     copying.worker.pause(True)
     # the pause has begun to wait for it
@@ -241,26 +241,26 @@ def test_what_is_at_rest_has_been_waited_for(copying):
 
 
 def test_the_end_waits_for_it(copying):
-    """Stopping leaves no thread behind."""
+    """A stop leaves no thread running."""
     copying.simulation.is_copied.set()
     assert copying.worker.stop(60.0)
     assert copying.worker.latest.time == pytest.approx(0.5)
 
 
 def put(commands, name, kind=''):
-    """Add a command that is nothing but its name."""
+    """Add a command that returns its name."""
     future = Future()
     commands.put(Command(name, future, kind))
     return future
 
 
 def taken(commands):
-    """The names of all that wait, oldest first."""
+    """Return the names of all waiting commands, oldest first."""
     return [commands.get(0.0).action for _ in range(len(commands))]
 
 
 def test_the_newest_of_a_kind_replaces_the_one_that_waits():
-    """The older one is cancelled; the newer one comes after what was put between them."""
+    """The older one is cancelled; the newer one runs after commands added between them."""
     commands = CommandQueue()
     old = put(commands, 'old vents', 'vents')
     put(commands, 'terrain', 'terrain')
@@ -277,7 +277,7 @@ def test_the_newest_of_a_kind_replaces_the_one_that_waits():
 
 
 def test_too_many_are_refused():
-    """Beyond the limit a command is refused, but for one that has a kind."""
+    """Above the limit, commands without a kind are refused."""
     commands = CommandQueue(limit=3)
     for _ in range(3):
         put(commands, 'click')
@@ -290,7 +290,7 @@ def test_too_many_are_refused():
 
 
 def test_a_callback_may_put_another():
-    """What a cancelled or refused command calls back may use the queue."""
+    """Callbacks of a cancelled or refused command may use the queue."""
     commands = CommandQueue(limit=1)
     first = put(commands, 'vents', 'vents')
     first.add_done_callback(lambda _: put(commands, 'from callback'))

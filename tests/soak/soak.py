@@ -1,21 +1,21 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A long run of a real node: memory, deadlines, the bag and the processor, as `make soak` does it.
+"""Soak test of a real node (`make soak`): memory, deadlines, bag and CPU time.
 
-A node in a process of its own simulates and records in files of a minute, while a thread of this
-one opens and closes vents, in storms of many at a time too, changes the terrain, sends what has to
-be refused, resets, and subscribes and leaves; a third process listens. What is judged:
+A node in a separate process simulates, and records in files of one minute. A thread of this
+process opens and closes vents, also in storms, changes the terrain, sends invalid messages,
+resets, and adds and removes subscribers; a third process subscribes. The criteria are:
 
-memory      Resident memory, once a second. The first fifth, at least a minute, is warm-up. Of the
-            rest the median of the last quarter is at most 5 % above that of the first.
-deadline    Time between two messages of a grid as the listener gets them: the publish period and
-            ``BOUND`` at most.
-bag         Every message heard is in the bag, once beside what is repeated at the start of a
-            file; every message in the bag while the listener was there was heard; each file reads
-            to its end, and by itself.
-inputs      Each bad message is refused, and nothing else; of those in a storm, which come faster
-            than they can be taken, some never arrive.
+memory      Resident memory, once a second. The first fifth, at least a minute, is warm-up. In the
+            rest, the median of the last quarter is at most 5 % above that of the first.
+deadline    Time between two received messages of a grid: at most the publish period plus
+            ``BOUND``.
+bag         Each received message is in the bag once, except repetitions at the start of a file;
+            each message in the bag was received while the listener was connected; each file is
+            readable to its end and without the others.
+inputs      Only bad messages are refused, and all of them, except those in a storm that never
+            arrive because messages come too fast.
 """
 
 import argparse
@@ -43,21 +43,21 @@ from ros.conftest import Graph
 from ros_domain import own_domain
 from soak.feeder import Feeder, GRIDS
 
-#: Time a grid may come late [s]: a step, a snapshot, a reset, and whoever shares the processor.
+#: Maximum delay of a grid [s]: a step, a snapshot, a reset, and other load on the CPU.
 BOUND = 2.0
 
-#: Time between two messages of a grid [s], as msg_configs/default.yaml has it.
+#: Time between two messages of a grid in msg_configs/default.yaml [s].
 PERIOD = 1.0
 
-#: Distance between particles [m]: some thousand of them.
+#: Particle spacing [m], for a few thousand particles.
 SPACING = 3.0
 
-#: Growth of memory that is allowed.
+#: Maximum growth of memory, as a fraction.
 GROWTH = 0.05
 
 
 class Ear:
-    """Hears what a node publishes: ``heard``, the time [s] and the content of each message."""
+    """A listener to a node: ``heard`` has the time [s] and the content of each message."""
 
     def __init__(self, graph: Graph) -> None:
         self.heard: list[tuple[float, dict[str, Any]]] = []
@@ -75,7 +75,7 @@ class Ear:
             self.heard.append((time.monotonic(), json.loads(line)))
 
     def statuses(self, task: str) -> list[dict[str, Any]]:
-        """The statuses of a task, in the order they came."""
+        """Return the statuses of a task in order of arrival."""
         return [
             item['status'][f'lava: {task}']
             for _, item in list(self.heard)
@@ -83,7 +83,7 @@ class Ear:
         ]
 
     def wait(self, is_there: Any, timeout: float = 120.0) -> None:
-        """Wait until something was heard."""
+        """Wait until a condition on the received messages holds."""
         end = time.monotonic() + timeout
         while not any(is_there(item) for _, item in list(self.heard)):
             if time.monotonic() > end:
@@ -91,27 +91,27 @@ class Ear:
             time.sleep(0.1)
 
     def close(self) -> None:
-        """Hear no more."""
+        """End the listener."""
         self._is_open = False
         self._thread.join()
 
 
 def memory_of(pid: int) -> int:
-    """Resident memory of a process [bytes]."""
+    """Return the resident memory of a process [bytes]."""
     pages = Path(f'/proc/{pid}/statm').read_text().split()[1]
     return int(pages) * os.sysconf('SC_PAGE_SIZE')
 
 
 def processor_time_of(pid: int) -> float:
-    """Processor time that a process has taken [s]."""
+    """Return the CPU time of a process [s]."""
     fields = Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
-    """Keep a node busy for so long [s], with a bag in a directory; figures by name.
+    """Keep a node busy for a time [s], with a bag in a directory; return figures by name.
 
-    ``seed`` chooses what is done.
+    ``seed`` determines the actions.
     """
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     graph, feeder = Graph(directory), Feeder(own_domain(), seed)
@@ -166,7 +166,7 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
 
 
 def show(seconds: float, memory: list[tuple[float, int]], ear: Ear) -> None:
-    """Say in a terminal how far it is."""
+    """Show the progress in a terminal."""
     if sys.stderr.isatty():
         at, size = memory[-1]
         text = f'{at:.0f} of {seconds:.0f} s, {size / 1e6:.0f} MB, {len(ear.heard)} messages'
@@ -174,7 +174,7 @@ def show(seconds: float, memory: list[tuple[float, int]], ear: Ear) -> None:
 
 
 def memory_figures(memory: list[tuple[float, int]]) -> dict[str, Any]:
-    """Growth of memory after the warm-up."""
+    """Return the growth of memory after the warm-up."""
     end = memory[-1][0]
     warm = max(60.0, 0.2 * end)
     times, sizes = (np.array(column) for column in zip(*memory, strict=True))
@@ -195,7 +195,7 @@ def memory_figures(memory: list[tuple[float, int]]) -> dict[str, Any]:
 def deadline_figures(
     heard: list[tuple[float, dict[str, Any]]], start: float, end: float
 ) -> dict[str, Any]:
-    """Times between two messages of each grid."""
+    """Return the times between two messages of each grid."""
     gaps: list[float] = []
     for topic in GRIDS:
         moments = [at for at, item in heard if item['topic'] == topic and start <= at <= end]
@@ -211,7 +211,7 @@ def deadline_figures(
 
 
 def bag_figures(bag: Path, heard: list[tuple[float, dict[str, Any]]]) -> dict[str, Any]:
-    """What of the messages heard is in the bag, and the other way round."""
+    """Compare the received messages with those in the bag."""
     reader = BagReader(bag)
     recorded: Counter[tuple[str, int]] = Counter()
     digests: dict[tuple[str, int], str] = {}
@@ -225,11 +225,11 @@ def bag_figures(bag: Path, heard: list[tuple[float, dict[str, Any]]]) -> dict[st
             digests[key] = hashlib.sha256(message.data).hexdigest()
     known = {(item['topic'], item['stamp_ns']): item['sha256'] for _, item in heard}
     first = min(stamp for _, stamp in known)
-    # What was sent before the bag was opened, or after it was closed, is not in it.
+    # Messages before the bag was opened, or after it was closed, are not in it.
     begin, end = (pick(stamp for _, stamp in recorded) for pick in (min, max))
     missing = [key for key in known if begin <= key[1] <= end and key not in recorded]
     unheard = [key for key in recorded if key[1] >= first and key not in known]
-    # On the wire messages are filled up to four bytes; those of the grids are that long already.
+    # DDS pads messages to multiples of four bytes; those of grids already have such a length.
     differ = [
         key for key in recorded if key[0] in GRIDS and digests[key] != known.get(key, digests[key])
     ]
@@ -253,14 +253,14 @@ def bag_figures(bag: Path, heard: list[tuple[float, dict[str, Any]]]) -> dict[st
 
 
 def verdicts(figures: dict[str, Any]) -> list[tuple[str, str, str, bool]]:
-    """What was measured, what is asked for, and whether it holds."""
+    """Return name, measured value, requirement and result of each criterion."""
     done, refused = figures['done'], figures['refused']
     bad, storms = done.get('bad message', 0), done.get('storm', 0)
     most, gap = bad + done.get('bad in storms', 0), figures['gap_longest_s']
     growth, files = figures['memory_growth'], figures['bag_files']
     none_of = {
-        'heard, not in the bag': figures['heard_not_recorded'],
-        'in the bag, not heard': figures['recorded_not_heard'],
+        'received, not in the bag': figures['heard_not_recorded'],
+        'in the bag, not received': figures['recorded_not_heard'],
         'grids that differ from the wire': figures['bag_differs'],
         'in the bag twice': figures['bag_twice'],
         'failures of the simulation': figures['states'].get('failed', 0),
@@ -280,7 +280,7 @@ def verdicts(figures: dict[str, Any]) -> list[tuple[str, str, str, bool]]:
 
 
 def main() -> int:
-    """Soak, print the table, and return 0 when everything holds."""
+    """Run the soak test, print the table, and return 0 if all criteria are met."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
     parser.add_argument('--minutes', type=float, default=30.0, help='how long (default: 30)')
     parser.add_argument('--seed', type=int, default=1, help='chooses what is done')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time on /clock: none, that of a replay, one that jumps; and layers of a file of one's own."""
+"""Time on /clock: missing, of a replay, or jumping; and a custom file of layers."""
 
 import signal
 import time
@@ -18,14 +18,14 @@ SECOND = 10**9
 #: Simulated seconds per second of the clock.
 SCALE = 2.0
 
-#: Seconds of the clock that the map shown last, with its time, may be behind: maps are due once a
-#: second of the clock, and the simulation may have been behind then.
+#: Maximum lag of the newest map behind the clock [s of the clock]: maps are due once a second of
+#: the clock, and the simulation may lag then.
 BEHIND = 2.0
 
-#: Seconds of the replayed bag, which may end before that, and how fast it is replayed.
+#: Start and maximum length of the replayed bag [s], and rate of the replay.
 START, LENGTH, RATE = 1000, 600, 10
 
-#: A clock that stands still is told of after a second.
+#: Program that warns of a clock that stands still after one second.
 IMPATIENT = 'from lava_ros.ros import diagnostics\ndiagnostics.PATIENCE = 1.0\n'
 
 CONFIG = """
@@ -36,7 +36,7 @@ layers:
 
 
 class Clocked:
-    """A node under /clock, whoever sends that, and a listener."""
+    """A node that follows /clock, and a listener."""
 
     def __init__(self, graph):
         self.graph, self.now = graph, 0.0
@@ -51,12 +51,12 @@ class Clocked:
         self.node.wait_for_log('simulation running', timeout=90.0)
 
     def jump(self, to):
-        """Put the clock to a time."""
+        """Set the clock to a time."""
         self.now = to
         self.publisher.clock(to)
 
     def run(self, seconds):
-        """Let the clock run for some time and return the map of its last second."""
+        """Advance the clock and return the map of its last second."""
         for _ in range(round(seconds / 0.25)):
             self.jump(self.now + 0.25)
             time.sleep(0.02)
@@ -66,12 +66,12 @@ class Clocked:
         )
 
     def simulated(self):
-        """Simulated time once it stands, as it does with the clock [s]."""
+        """Return simulated time once it stands still with the clock [s]."""
         told = []
 
         def stands(status):
             told.append(status.get('simulated_time_s'))
-            # a step of a busy machine outlasts heartbeats: it is still behind then
+            # on a busy machine a step may take longer than a heartbeat and still lag
             is_behind = 'slower' in status['message']
             return len(told) > 5 and told[-5:] == 5 * told[-1:] and not is_behind
 
@@ -83,12 +83,12 @@ class Clocked:
 
 @pytest.fixture
 def clocked(graph, alone):
-    """A node of the test's own."""
+    """A node for one test."""
     return Clocked(graph)
 
 
 def test_a_clock_that_does_not_come(clocked):
-    """There is no time, but a heartbeat, a first map and a warning."""
+    """Without a clock, time stands still, with a heartbeat, a first map and a warning."""
     silent = clocked.listener.wait_for_status(
         'simulation', lambda told: '/clock' in told['message'] and told['state'] == 'running'
     )
@@ -99,9 +99,9 @@ def test_a_clock_that_does_not_come(clocked):
 
 
 def test_the_clock_of_a_replay(clocked, tmp_path):
-    """The node follows it, stamps by it, publishes by its rate and stops with it."""
+    """The node follows the clock in simulated time, stamps and rate, and stops with it."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
-        # a graph without lava: what puts its time on /clock
+        # a graph without lava that publishes /clock
         for second in range(LENGTH + 1):
             data = serialize_message(String(data=f'{second}'))
             stamp = (START + second) * SECOND
@@ -129,12 +129,12 @@ def test_the_clock_of_a_replay(clocked, tmp_path):
     assert all('[WARN]' in line for line in said), said
     beats = [item['stamp_ns'] for item in listener.seen if item['topic'] == 'diagnostics']
     assert beats[-1] == beats[-2]
-    # no second more than there was; a busy machine that falls behind loses some of them
+    # at most the time of the clock; a busy machine may lose some
     assert clocked.simulated() <= SCALE * (beats[-1] / SECOND - START)
     stamps = [item['stamp_ns'] for item in listener.seen if item['topic'] == 'danger']
     stamps = [stamp for stamp in stamps if stamp > 0]
     assert stamps == sorted(stamps) and START * SECOND <= stamps[0] and stamps[-1] <= beats[-1]
-    # one for each second of the clock at most
+    # at most one map per second of the clock
     assert 1 < len(stamps) <= (stamps[-1] - stamps[0]) / SECOND + 2
     assert 'height' not in {item['topic'] for item in listener.seen}
     assert listener.wait_for_status('effects')['cooling'] == 'off: forced'
@@ -149,19 +149,19 @@ def test_the_clock_of_a_replay(clocked, tmp_path):
     ],
 )
 def test_a_coarse_clock(clocked, step):
-    """Simulated time follows steps above a second, as of `ros2 bag play --clock 1 --rate 5`."""
+    """Simulated time follows steps of seconds, as of `ros2 bag play --clock 1 --rate 5`."""
     clocked.run(2.0)
     before, count = clocked.simulated(), 4
     for _ in range(count):
         clocked.jump(clocked.now + step)
         time.sleep(0.3)
     after = clocked.simulated()
-    # on a busy machine the newest map may be that of an earlier step
+    # on a busy machine the newest map may be of an earlier step
     assert before + SCALE * (count - 1) * step <= after <= before + SCALE * (count * step + BEHIND)
 
 
 def test_a_clock_that_jumps(clocked):
-    """Ahead, back and to 0: simulated time does not jump; a warning; stamps follow the clock."""
+    """Jumps do not change simulated time, but stamps, and cause a warning."""
     clocked.run(2.0)
     before = clocked.simulated()
     for to in (1e6, 500.0, 0.0):
@@ -187,7 +187,7 @@ def test_a_clock_that_shows_no_time(clocked):
     for _ in range(3):
         clocked.jump(-20.0)
         time.sleep(0.2)
-    # /clock keeps the newest alone, so that not each of them need have been seen.
+    # /clock keeps only the newest time, so some may be missed.
     status = clocked.listener.wait_for_status(
         'inputs', lambda status: 'rejected.message' in status
     )

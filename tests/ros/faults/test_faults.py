@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of the simulation in a running node, and what others in the graph can throw at it.
+"""Faults of the simulation in a running node, and overload by other nodes.
 
-What goes wrong is said, survived, and never shown as a map.
+Each fault is reported and survived, and never shown as a map.
 """
 
 from dataclasses import replace
@@ -30,7 +30,7 @@ NO_MEMORY = "Failed to allocate 1342177280 bytes on device 'cpu'"
 #: Maximum permanent growth of the memory of a node under load [MiB].
 MAX_GROWTH = 64.0
 
-#: A subscriber that takes everything and never reads.
+#: A subscriber that keeps all messages and never reads them.
 DEAF = """
 import sys, time
 from nav_msgs.msg import OccupancyGrid
@@ -51,12 +51,12 @@ time.sleep(600.0)
 
 @pytest.fixture
 def node(flowing):
-    """A node whose lava flows, and which takes terrain of no more than a million cells."""
+    """A node with flowing lava that accepts terrain of at most a million cells."""
     return flowing(max_terrain_cells=1_000_000)
 
 
 def lose_device(patch):
-    """Let a step of the simulation raise."""
+    """Make a step of the simulation raise an error."""
 
     def fail(*_, **__):
         raise RuntimeError('device lost')
@@ -65,12 +65,12 @@ def lose_device(patch):
 
 
 def refuse_memory(*_):
-    """Find no memory for particles."""
+    """Fail to allocate particles."""
     raise RuntimeError(NO_MEMORY)
 
 
 def want_memory(patch):
-    """Let a step want more particles, for which there is no memory."""
+    """Make a step require more particles, without memory for them."""
     advance = Simulation.advance
 
     def grow(simulation, *arguments, **options):
@@ -95,7 +95,7 @@ def break_position(patch):
 
 
 def break_map(patch):
-    """Put one NaN into the maps that the simulation shows."""
+    """Set a cell of the simulation's maps to NaN."""
     result = PendingSnapshot.result
 
     def spoil(pending):
@@ -108,7 +108,7 @@ def break_map(patch):
 
 
 def fail(node):
-    """Let time pass until the simulation has failed, and return its status."""
+    """Advance time until the simulation has failed, and return its status."""
 
     def has_failed(status):
         node.jump(node.now + 0.5)
@@ -118,7 +118,7 @@ def fail(node):
 
 
 def recover(node):
-    """Start again, until there is lava."""
+    """Reset, and wait until there is lava."""
     assert node.call('reset')['success']
     node.run_commands()
     status = node.status_now('simulation', lambda status: status['state'] == 'running')
@@ -128,7 +128,7 @@ def recover(node):
 
 
 def goes_on(node):
-    """Time continues, and a map with lava is published."""
+    """Check that time advances and a map with lava is published."""
     before, now = node.worker.eruption.time, node.now
     node.run(2.0)
     assert node.worker.eruption.time > before
@@ -138,7 +138,7 @@ def goes_on(node):
 
 
 def memory(process='self'):
-    """Resident memory of a process, this one by default [MiB]."""
+    """Return the resident memory of a process, by default this one [MiB]."""
     status = Path(f'/proc/{process}/status').read_text(encoding='utf-8')
     (line,) = [line for line in status.splitlines() if line.startswith('VmRSS')]
     return int(line.split()[1]) / 1024.0
@@ -154,7 +154,7 @@ def memory(process='self'):
     ],
 )
 def test_a_fault_is_told_and_the_last_maps_stay(node, monkeypatch, fault, words):
-    """Error state with the reason, maps of before for who comes late, and a reset helps."""
+    """The status has the reason, late subscribers get the last maps, and a reset works."""
     with monkeypatch.context() as patch:
         fault(patch)
         status = fail(node)
@@ -163,7 +163,7 @@ def test_a_fault_is_told_and_the_last_maps_stay(node, monkeypatch, fault, words)
     (error,) = [line for line in node.log.splitlines() if '[ERROR]' in line]
     assert all(word in error for word in words), error
     assert '~/reset' in error
-    # no new map is published, and the last one is valid, also for a late subscriber
+    # no new map is published, and the last one remains valid, also for a late subscriber
     last = node.at_rest(*GRIDS)
     assert last['height']['wet'] > 0
     assert last['height']['min'] == 0
@@ -173,7 +173,7 @@ def test_a_fault_is_told_and_the_last_maps_stay(node, monkeypatch, fault, words)
 
 
 def test_no_memory_to_start_again(node, monkeypatch):
-    """A reset that finds no memory says so, and works as soon as there is some."""
+    """A reset without memory reports that, and works once memory is available."""
     with monkeypatch.context() as patch:
         patch.setattr(State, '_allocate', refuse_memory)
         assert node.call('reset')['success']
@@ -183,11 +183,11 @@ def test_no_memory_to_start_again(node, monkeypatch):
 
 
 def test_the_limit_of_particles(node):
-    """Beyond max_particles the simulation stops with the reason; a higher limit lets it go on."""
+    """Above max_particles the simulation stops with the reason; a higher limit continues it."""
     assert not node.set(max_particles=0)['success']
     assert node.set(max_particles=5)['success']
     status = fail(node)
-    # the last map shows what there was when it stopped
+    # the last map shows the state at the stop
     count = int(status['particles'])
     assert f'{count} particles, expected at most 5 (max_particles)' in status['message']
     assert count > 5
@@ -196,7 +196,7 @@ def test_the_limit_of_particles(node):
 
 
 def test_a_step_that_does_not_end_is_told(node, monkeypatch):
-    """In diagnostics, in the log once, and to whoever asks for something; then all goes on."""
+    """Diagnostics, one log line and responses of services report it; then all continues."""
     may_end, advance = threading.Event(), Simulation.advance
 
     def advance_slowly(*arguments, **options):
@@ -238,7 +238,7 @@ TOO_LARGE = {
 
 
 def test_what_is_too_large_is_refused(node):
-    """Each is named, counted and forgotten; maps go on."""
+    """Each input that is too large is reported and counted, and maps continue."""
     before = memory()
     for count, (case, words) in enumerate(TOO_LARGE.items(), 1):
         node.publish(case)
@@ -250,7 +250,7 @@ def test_what_is_too_large_is_refused(node):
 
 
 def test_new_terrain_under_a_moving_flow(node):
-    """The flow goes on over another terrain of another size; one without the vents is refused."""
+    """The flow continues on a terrain of another size; one without the vents is refused."""
     for size, names in ((48, ('higher', 'higher_info')), (40, ('terrain', 'terrain_info'))) * 2:
         node.publish(*names)
         node.run_commands()
@@ -275,7 +275,7 @@ def served(graph):
 
 
 def test_a_flood_of_vents(served):
-    """1,000 messages a second: time, maps and answers continue, memory stays, the last is used."""
+    """At 1,000 messages a second, the node works, memory is bounded and the last one is used."""
     node, publisher, listener = served
     before = memory(node.child.pid)
     # twice the middleware's queue at a time
@@ -304,7 +304,7 @@ def test_a_flood_of_vents(served):
 
 
 def test_subscribers_that_never_read(graph, served):
-    """One that keeps all and reads none, and a process that is stopped: others get their maps."""
+    """Other subscribers get maps despite one that never reads and one that is stopped."""
     _, _, listener = served
     deaf = graph.process('-c', DEAF, *GRIDS)
     stopped = graph.listener(*GRIDS)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recording when the process is killed or the disk is full: what is written stays."""
+"""Recordings of a killed process or on a full disk: written data survive."""
 
 from hashlib import sha256
 import os
@@ -13,8 +13,8 @@ import pytest
 
 from lava_ros.bag import BagReader
 
-#: How many recordings are killed, each at another moment in the period of a frame. With more than
-#: one, as in `make nightly`, a disk is also full for the file alone.
+#: Number of killed recordings, each at a different time in the period of a frame. With more than
+#: one, as in `make nightly`, the disk is also full for only the file.
 KILLS = int(os.environ.get('LAVA_KILLS', '1'))
 
 GRIDS = ('height', 'temperature', 'hazard')
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures('alone')
 
 
 def wait_for_messages(listener):
-    """Wait until a bag has some frames, and diagnostics: those are flushed with the next frame."""
+    """Wait until a bag has some frames and diagnostics, flushed with the next frame."""
     listener.status_now('recorder', lambda status: int(status['messages']) > 30)
     told = listener.seen[-1]['stamp_ns']
     listener.wait_for_topic('height', lambda grid: grid['stamp_ns'] > told)
@@ -32,7 +32,7 @@ def wait_for_messages(listener):
 
 
 def start(graph, bag):
-    """A node that records, with a publisher that has fed it and a listener that hears lava."""
+    """Start a node that records, with a publisher of its inputs and a listener to its maps."""
     where = {'bag_directory': str(bag), 'bag_root': str(bag.parent)}
     node = graph.node(device='cpu', time_scale=20.0, record=True, **where)
     publisher, listener = graph.publisher(), graph.listener(*GRIDS)
@@ -43,7 +43,7 @@ def start(graph, bag):
 
 
 def recovered(graph, bag):
-    """What `lava recover` says and the messages (topic, stamp, digest) it has saved."""
+    """Return the output of `lava recover`, and the recovered (topic, stamp, digest)."""
     copy = bag.with_name(f'{bag.name}_recovered')
     process = graph.process('-m', 'lava_ros.cli.main', 'recover', str(bag), str(copy))
     assert process.wait_for_end() == 0, process.log
@@ -58,7 +58,7 @@ def recovered(graph, bag):
 
 
 def heard_of(listener):
-    """The grids that a listener has told of."""
+    """Return the grids that a listener has received."""
     listener.hear()
     return [
         (item['topic'], item['stamp_ns'], item['sha256'])
@@ -68,7 +68,7 @@ def heard_of(listener):
 
 
 def check_kill(graph, node, listener, bag):
-    """Kill a node that records into a bag; all is there but, at most, the frame at hand."""
+    """Kill a node that records; the bag lacks at most the current frame."""
     node.end(signal.SIGKILL)
     time.sleep(1.0)
     heard = heard_of(listener)
@@ -78,7 +78,7 @@ def check_kill(graph, node, listener, bag):
     heights = sum(topic == 'height' for topic, *_ in saved)
     assert any(line.split() == [str(heights), '/height'] for line in said), said
     assert said[-1].endswith('the bag had been cut off')
-    # Messages of before the recording are none of it.
+    # Messages before the recording are not part of it.
     first = min(stamp for _, stamp, _ in saved)
     lost = [item for item in heard if item[1] >= first and item not in set(saved)]
     last = max(stamp for _, stamp, _ in heard)
@@ -90,7 +90,7 @@ def check_kill(graph, node, listener, bag):
 
 @pytest.mark.parametrize('index', range(1, KILLS))
 def test_a_killed_recording_is_recovered(graph, tmp_path, index, trial):
-    """Whenever it is killed; once more after a full disk, which is what every run tries."""
+    """A recording is recovered at any time of the kill, also after a full disk."""
     with trial('kills'):
         node, _, listener = start(graph, tmp_path / 'bag')
         time.sleep(0.5 + 0.01 * index)
@@ -100,14 +100,14 @@ def test_a_killed_recording_is_recovered(graph, tmp_path, index, trial):
 @pytest.mark.nightly
 @pytest.mark.parametrize('limit', ['any file', *['the file'] * (KILLS > 1)])
 def test_a_full_disk(graph, tmp_path, limit, trial):
-    """The node says so once, stops recording and goes on; what was written is recovered.
+    """The node logs a full disk once and runs without recording; the bag is recovered.
 
-    A limit on the size of files stands in for the disk: unlike a small disk it needs no rights.
+    A limit on the size of files replaces a small disk, which would need privileges.
     """
     bag = tmp_path / 'bag'
     node, publisher, listener = start(graph, bag)
     (file,) = bag.glob('*.mcap')
-    # A metadata.yaml has more than 1000 bytes: it cannot be written either.
+    # A metadata.yaml has more than 1000 bytes, so it cannot be written either.
     most = file.stat().st_size + 2000 if limit == 'the file' else 1000
     resource.prlimit(node.child.pid, resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
     status = listener.wait_for_status('recorder', lambda status: status['level'] == 2)
@@ -118,23 +118,23 @@ def test_a_full_disk(graph, tmp_path, limit, trial):
     errors = [line for line in node.log.splitlines() if '[ERROR]' in line and 'recording' in line]
     assert len(errors) == 1, errors
 
-    # not the wet cells: those grow no more once lava has come to the border
+    # not wet cells: their number is constant once lava has reached the border
     before = listener.status_now('simulation')
     status = listener.wait_for_status(
         'simulation',
         lambda status: float(status['simulated_time_s']) > float(before['simulated_time_s']),
     )
-    # a busy machine may be behind the clock, which is a warning
+    # a lag on a busy machine is a warning
     assert status['state'] == 'running' and status['level'] < 2, status
     heard = heard_of(listener)
     _, saved = recovered(graph, bag)
     assert {*GRIDS, 'terrain', 'diagnostics'} <= {topic for topic, *_ in saved}
-    # Frame by frame, with no gap before the place where it breaks off.
+    # All frames without a gap up to the truncation.
     end = max(stamp for topic, stamp, _ in saved if topic in GRIDS)
     first = min(stamp for topic, stamp, _ in saved)
     assert {item for item in heard if first <= item[1] < end} <= set(saved)
 
-    # With room again the next recording works; the old bag is not touched.
+    # With free space the next recording works; the old bag is unchanged.
     endless = resource.RLIM_INFINITY
     resource.prlimit(node.child.pid, resource.RLIMIT_FSIZE, (endless, endless))
     for name in ('next', 'last'):
