@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What pyproject.toml cannot state: the files that ROS looks for below share/ and lib/.
+"""Data files that ROS expects below share/ and lib/, which pyproject.toml cannot list.
 
 colcon needs this file.
 """
@@ -21,13 +21,13 @@ class LavaDistribution(Distribution):
     """Reads pyproject.toml wherever setup.py runs, and installs data files in every mode."""
 
     def parse_config_files(self, *args: object, **options: object) -> None:
-        """Read the metadata beside this file, also where colcon linked this file alone."""
+        """Read the metadata in this file's folder, also where colcon linked this file alone."""
         super().parse_config_files(*args, **options)
         if not Path('pyproject.toml').exists():
             apply_configuration(self, ROOT / 'pyproject.toml')
 
     def has_data(self) -> bool:
-        """Say whether there are data files: an editable install asks by this name."""
+        """Return True if there are data files; editable installs call this name."""
         return bool(self.has_data_files())
 
 

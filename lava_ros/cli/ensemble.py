@@ -38,7 +38,7 @@ HORIZON = '6h'
 #: Folder of the bag in the output, and folder of the maps that are weighted by an observation.
 BAG, WEIGHTED = 'atlas', 'weighted'
 
-#: Folders of the same members with barriers, and of what the barriers change.
+#: Folders of the same members with barriers, and of the comparison.
 WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
 
 
@@ -193,7 +193,7 @@ def ensemble(args: argparse.Namespace) -> int:
         files += _write_bag(folder / BAG, plan, done.weighted, report)
     if barriers:
         folder, built = output / WITH_BARRIERS, _barriers_at(args)
-        # what sentinels have called for without them is on with them from the start
+        # effects that sentinels have switched on without barriers are on from the start
         dammed = replace(plan, scene=_dammed(plan.scene, barriers, built), switched_on=())
         other = Store(folder, dammed, **kept)
         started = time.monotonic()
@@ -245,7 +245,7 @@ def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
     for file in args.places or ():
         # a file that cannot be read is refused before the runs
         places_on(read_features('--places', file, plan.scene.terrain), plan.scene.terrain)
-    # and so are a time, and one off the terrain; what becomes wider is told once
+    # a wrong time, or a barrier off the terrain, is refused before the runs as well
     _barriers_at(args)
     with_barriers(plan.scene.terrain, barriers)
     for item in barriers:
@@ -258,7 +258,7 @@ def _barriers_at(args: argparse.Namespace) -> float:
 
 
 def _dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
-    """Return the scene with barriers from the start or, as an event, from a time [s] on."""
+    """Return the scene with barriers at the start, or with an event that builds them later [s]."""
     from lava_ros.scene.events import TerrainEvent
     from lava_ros.scene.reshaping import with_barriers
 

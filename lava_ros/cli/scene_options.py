@@ -11,7 +11,7 @@ DEFAULT_MATERIAL = 'etna_basalt'
 #: Values for the gaps of a table, as in ``lava_ros.scene.effusion_rates``.
 GAPS = ('zero', 'interpolate')
 
-#: What an emplaced flow may be, as in ``lava_ros.scene.emplaced``.
+#: Roles of an emplaced flow, as in ``lava_ros.scene.emplaced``.
 EMPLACED_KINDS = ('lava', 'ground')
 
 

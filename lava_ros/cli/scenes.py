@@ -214,7 +214,7 @@ def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
 def place_as_typed(
     option: str, text: str, terrain: Terrain, *, on_terrain: bool = False
 ) -> tuple[float, float]:
-    """Return easting and northing of a place: longitude, latitude where ``in_degrees`` says so.
+    """Return easting and northing of a place: longitude, latitude if ``in_degrees`` is True.
 
     Raises:
         LavaError: The text is no place, or none on the terrain although it has to be.

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""An ensemble from its first member to its maps, resumable at any moment, and what runs it."""
+"""A run of an ensemble from its first member to its maps, resumable at any moment."""
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext

@@ -42,7 +42,7 @@ class Store:
     """A folder with the finished members of one ensemble, a file each.
 
     Attributes:
-        plan: What the members have in common, with the effects that sentinels have called for.
+        plan: Plan that all members share, with the effects that sentinels have switched on.
     """
 
     def __init__(

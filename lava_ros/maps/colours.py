@@ -18,7 +18,7 @@ GROUND = ('#7f8f7a', '#a3a383', '#bfb293', '#cfc4ae', '#e4ded2')
 
 @dataclass(frozen=True)
 class Style:
-    """How a map is drawn: its title, unit, and colours from the lowest value to the highest.
+    """Title, unit and colours of a map, the colours from the lowest value to the highest.
 
     ``classes`` has the largest value and the name of each class above 0, the lowest first, of a
     map that consists of classes. Each class has one colour.
@@ -35,8 +35,8 @@ class Style:
         return np.where(np.isfinite(values), numbers, np.nan)
 
 
-#: How maps are drawn, by what they show. Those of a comparison differ to people who do not tell
-#: red from green too.
+#: Styles of maps by quantity. Colours of a comparison remain distinct to people with red-green
+#: colour blindness.
 STYLES = {
     'thickness': Style(
         'Lava thickness', 'm',
@@ -133,7 +133,7 @@ def _time_unit(longest: float) -> tuple[str, float]:
 def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> Scale:
     """Choose the colour scale of a map from its values, NaN where nothing is shown.
 
-    ``source`` is one of ``STYLES``. ``is_saturated`` says that values may be larger than given.
+    ``source`` is one of ``STYLES``. With ``is_saturated``, true values may exceed those given.
     """
     from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, Normalize
 

@@ -29,7 +29,7 @@ from lava_ros.simulation.inundation import inundated_cells, raise_peak
 
 _LOG = logging.getLogger(__name__)
 
-#: What can be exported: the maps of a frame, and those of all maps up to it.
+#: Maps for export: those of a frame, and those accumulated from all frames up to it.
 MAPS = (*SOURCES, 'arrival', 'peak_thickness')
 
 #: What maps are written as: GeoTIFF with styles of QGIS, outline and isochrones as vector files,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What barriers change: an ensemble with them and one without, of the same members."""
+"""Comparison of an ensemble with barriers and one of the same members without."""
 
 from collections.abc import Sequence
 import csv
@@ -26,7 +26,7 @@ CHANGE, PICTURE, TABLE = 'probability_change', 'barriers.png', 'places.csv'
 #: Smallest probabilities of areas [%].
 LEAST = (10, 50, 90)
 
-#: Columns of the table of places: the place, and what there is of it without and with barriers.
+#: Columns of the table of places: each place, and its values without and with barriers.
 _VALUES = ('probability_percent', 'arrival_p10_s', 'arrival_p50_s', 'arrival_p90_s')
 _CASES = ('without', 'with')
 COLUMNS = ('name', 'kind', *(f'{value}_{case}' for value in _VALUES for case in _CASES))

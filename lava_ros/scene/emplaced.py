@@ -31,13 +31,13 @@ from lava_ros.scene.vents import VENT_TEMPERATURE_RANGE
 
 _LOG = logging.getLogger(__name__)
 
-#: Largest thickness of an emplaced flow [m]: the thickest lava lakes and domes have 400 m.
+#: Maximum thickness of an emplaced flow [m]: the thickest lava lakes and domes reach 400 m.
 MAX_THICKNESS = 500.0
 
-#: Most cells of the thickness of a flow, unless the terrain has more.
+#: Maximum number of cells of a flow, unless the terrain has more.
 MAX_CELLS = 4_000_000
 
-#: What a flow can be: lava at the start, or a part of the ground.
+#: Roles of a flow: lava at the start, or a part of the ground.
 KINDS = ('lava', 'ground')
 
 #: Keys of a flow in a scene file.
@@ -120,7 +120,7 @@ class EmplacedFlow:
             middle = np.stack(
                 [np.bincount(owner, volume * axis) / total for axis in cells.T], axis=-1
             )
-            # of a ring of lava the middle is dry
+            # the centre of a ring of lava lies outside the lava
             at = np.floor(middle).astype(np.int64)
             is_dry = self.thickness[at[:, 1], at[:, 0]] <= 0.0
             middle[is_dry] = cells[first[is_dry]]
@@ -147,16 +147,16 @@ def read_flows(
     """Read the emplaced flows of a scene file, and log the volume of each.
 
     Args:
-        label: What errors call them.
+        label: Name of the flows in errors.
         items: Plain data: a list of mappings with ``FLOW_KEYS``, of which ``file`` is required.
-        folder: What the names of files are relative to.
+        folder: Folder to which the names of files are relative.
         terrain: The ground.
 
     Returns:
         The ground, raised by the flows that are a part of it, and the other flows.
 
     Raises:
-        LavaError: A file or a number cannot be used; the message says which and why.
+        LavaError: A file or a number cannot be used.
     """
     if not isinstance(items, list):
         raise LavaError(label, items, f'a list of mappings with keys {", ".join(FLOW_KEYS)}')
@@ -193,7 +193,7 @@ def _thickness_on(
     """Read a thickness on the cells of a terrain, or on parts of them [m], 0 without lava.
 
     Args:
-        label: What errors call the flow.
+        label: Name of the flow in errors.
         path: A raster of thickness, or outlines where a thickness is given.
         terrain: The terrain.
         given: The thickness of outlines, None for a raster.
