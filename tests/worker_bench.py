@@ -142,6 +142,8 @@ class Bench:
 
     def go_on(self, seconds=0.5, scale=1.0):
         """Move the clock, and let simulated time follow by as much."""
+        # a worker that has just started may not have read the clock yet
+        self.wait(lambda: self.worker._clock._now == self.now)
         until = self.simulation.time + seconds * scale
         self.now += seconds
         self.wait(lambda: abs(self.simulation.time - until) < 1e-6)
