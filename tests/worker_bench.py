@@ -130,6 +130,10 @@ class Bench:
             assert time.monotonic() < end, self.worker.status
             time.sleep(0.005)
 
+    def wait_for_clock(self):
+        """Wait until the worker has read the present time of the clock."""
+        self.wait(lambda: self.worker._clock._now == self.now)
+
     def wait_for_state(self, state):
         self.wait(lambda: self.worker.status.state is state)
 
@@ -143,7 +147,7 @@ class Bench:
     def go_on(self, seconds=0.5, scale=1.0):
         """Move the clock, and let simulated time follow by as much."""
         # a worker that has just started may not have read the clock yet
-        self.wait(lambda: self.worker._clock._now == self.now)
+        self.wait_for_clock()
         until = self.simulation.time + seconds * scale
         self.now += seconds
         self.wait(lambda: abs(self.simulation.time - until) < 1e-6)

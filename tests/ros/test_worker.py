@@ -56,7 +56,7 @@ def test_time_follows_steps_of_the_clock(bench, step):
 def look(bench, now):
     """Set the clock, and wait until the worker has read it."""
     bench.now = now
-    bench.wait(lambda: bench.worker._clock._now == now)
+    bench.wait_for_clock()
 
 
 @pytest.mark.parametrize('step', [0.01, 5.0, 30.0])
@@ -100,7 +100,7 @@ def test_a_clock_that_has_no_time_yet_or_jitters(bench):
     """The first time of a clock is not a jump, and simulated time waits for a small step back."""
     bench.now = 0.0
     bench.run(bench.worker.set_terrain(TERRAIN))
-    bench.wait(lambda: bench.worker._clock._now == 0.0)
+    bench.wait_for_clock()
     look(bench, 1.7e9)
     bench.go_on(0.5)
     for step in (-0.25, 0.125, 0.25):
