@@ -53,6 +53,7 @@ EFFECT = Effect(
     admits='4 % of the speed: 2.5 fraction / 0.6',
     source='Einstein-Roscoe',
     exists=lambda lava: lava.crystal_law != 'none' and lava.crystals > 0.0,
+    stiffens=True,
     constants={
         'crystal_law': choice('none', 'What crystals do to viscosity', EXPONENTS),
         'crystals': number(

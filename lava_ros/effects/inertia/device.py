@@ -156,12 +156,13 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
             return
         p = load(m.ordered, i)
         height = m.flow[i][0]
+        warmth = m.mean_temperature[i]
         ground = gradient_at(m.ground, p[0], p[1])
         g = m.constants.gravity * share_of(ground)
         fall = -g * vec2(m.flow[i][1], m.flow[i][2])
         m.kick[i] = fall
         half = real(wp.float64(0.5) * m.clock[STEP])
-        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, p[3], ground, m)
+        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, warmth, ground, m)
         m.flow[i] = vec3(height, u[0], u[1])
         # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
         square = g * height * m.constants.stiffness
@@ -169,7 +170,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         mobility = real(1.0)
         drag = real(0.0)
         if wp.static(is_newtonian):
-            mobility = m.constants.weight * height * height / (real(3.0) * viscosity(m.law, p[3]))
+            mobility = m.constants.weight * height * height
+            mobility /= real(3.0) * viscosity(m.law, warmth)
             drag = g
         root = wp.sqrt(drag * drag + real(4.0) * number * square * mobility * mobility)
         advection = wp.length(u) / m.constants.reach
@@ -214,7 +216,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         old = m.ordered_velocity[i]
         free = old + time * (m.kick[i] + lift) + step * scale * push
         fall = time * g * share_of(ground)
-        new = slowed(free, fall, f[0], p[3], ground, m)
+        new = slowed(free, fall, f[0], m.mean_temperature[i], ground, m)
         m.velocity[i] = new
         if wp.static(heats):
             # the slope that the drag takes up: what heats is its work, not the weight's
