@@ -20,7 +20,8 @@ import math
 import numpy as np
 
 from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene import Lava, Scene, Vent
+from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases import case
@@ -35,74 +36,153 @@ STIFFENING = Lava(
 #: The same with a strength of three tenths of the stress at its base, and more as it cools.
 STRONG = replace(STIFFENING, yield_strength=700.0, yield_rate=0.01)
 
+#: What lava does beside flowing down the ground's slope.
+COOLING = replace(FLAT, arrhenius=True, cooling=True)
+
 #: Temperatures of vents and of the air [K], and the slope [rad].
 HOT, COLD, SLOPE = 1360.0, 300.0, math.radians(6.0)
 
-#: Flux of the sheets [m2/s], width between the walls that hold them and length [m].
-FLUX, WIDTH, LENGTH = 0.1, 36.0, 100.0
+#: Flux of the sheets [m2/s], their width and length [m], and how long they run on [s].
+FLUX, WIDTH, LENGTH, DURATION = 0.1, 180.0, 130.0, 1000.0
 
 #: Half of the length along the slope over which lava comes out [m].
 REACH = 2.5
 
+#: Spacing of the sheets' particles at a refinement of 1 [m].
+SPACING = 2.0
+
+#: When the front of a sheet is looked at [s], and the side of the cells of its reference [m].
+FRONT_TIME, CELL = 2000.0, 1.25
+
+#: Length of the bands whose mean temperature is compared [m]: particles in one place differ.
+BAND = 5.0
+
 #: Discharge of the point source [m3/s], its radius [m], and when its flow is looked at [s].
 DISCHARGE, RADIUS, END = 5.0, 10.0, 7200.0
 
-#: Smallest x, smallest y, largest x, largest y of that flow's ground [m].
-WINDOW = (-60.0, -90.0, 420.0, 90.0)
+#: Smallest x, smallest y, largest x, largest y of that flow's ground, and its cells [m].
+WINDOW, MAP = (-60.0, -90.0, 420.0, 90.0), 5.0
 
 
-def _channel(
-    lava: Lava, effects: Effects, length: float, accuracy: Accuracy, device: str
+def _fissure(
+    lava: Lava, effects: Effects, accuracy: Accuracy, device: str, *, length: float,
+    thickness: float, particles: Particles | None = None,
 ) -> case.Trial:
-    """A fissure across a channel that goes down the slope to the border, between steep walls."""
-    cell = 1.0
-    window = (-3.0 * REACH, -0.5 * WIDTH - 6.0, length, 0.5 * WIDTH + 6.0)
-    ground = case.plane(window, cell, SLOPE)
-    x, y = (
-        origin + (np.arange(count) + 0.5) * cell
-        for origin, count in zip(ground.origin, ground.shape[::-1], strict=True)
-    )
-    # above the fissure a wall too: what lies there would cool and flow back
-    walls = np.maximum(-REACH - x, 0.0) + np.maximum(np.abs(y) - 0.5 * WIDTH, 0.0)[:, None]
-    ground = Terrain(ground.elevation + 2.0 * walls, cell, origin=ground.origin)
-    half = 0.5 * WIDTH - REACH
+    """A fissure across the slope, below a wall that keeps lava from flowing back.
+
+    The ground is ``length`` long below it [m], and the flow is expected to be ``thickness`` thick
+    [m].
+    """
+    half = 0.5 * WIDTH
+    ground = case.plane((-4.0 * REACH, -half - 20.0, length, half + 20.0), 1.0, SLOPE)
+    x = ground.origin[0] + np.arange(ground.shape[1]) + 0.5
+    ground = replace(ground, elevation=ground.elevation + 3.0 * np.maximum(-REACH - x, 0.0))
     vent = Vent((0.0, -half), FLUX * WIDTH, radius=REACH, end=(0.0, half), temperature=HOT)
     return case.Trial(
-        Scene(ground, (vent,), lava, ambient_temperature=COLD), accuracy, device,
-        effects=effects, spacing=1.5 / accuracy.refinement, thickness=1.5,
+        Scene(ground, (vent,), lava, ambient_temperature=COLD), accuracy, device, effects=effects,
+        particles=particles, spacing=SPACING / accuracy.refinement, thickness=thickness,
+    )
+
+
+def _steady(
+    solution: exact.CoolingSheet, lava: Lava, accuracy: Accuracy, device: str
+) -> case.Trial:
+    """The steady sheet below such a fissure, in particles."""
+    place = np.linspace(-REACH, LENGTH, 4001)
+    profile = solution.thickness(place + REACH)
+    section = float(np.trapezoid(profile, place))
+    mean = section / (LENGTH + REACH)
+    share, y = case.strip(
+        WIDTH, round((LENGTH + REACH) * WIDTH * (accuracy.refinement / SPACING) ** 2)
+    )
+    x = case.distributed(share, place, profile)
+    particles = Particles(
+        np.column_stack([x, y]), section * WIDTH / len(x), solution.temperature(x + REACH)
+    )
+    effects = replace(SLOPING, arrhenius=True, cooling=True, yielding=lava.yield_strength > 0.0)
+    return _fissure(
+        lava, effects, accuracy, device, length=LENGTH + 50.0, thickness=mean, particles=particles
     )
 
 
 def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
-    """Thickness and temperature along the sheet, long after the front has left the map."""
+    """Thickness and temperature along the middle, when half of the sheet has come out anew."""
     runs = []
     for name, lava in (('Newtonian', STIFFENING), ('Bingham', STRONG)):
         solution = exact.CoolingSheet(
             lava, flux=FLUX, slope=SLOPE, length=LENGTH + REACH, initial=HOT, ambient=COLD,
             gravity=GRAVITY,
         )
-        effects = replace(
-            SLOPING, arrhenius=True, cooling=True, yielding=lava.yield_strength > 0.0
-        )
-        trial = _channel(lava, effects, LENGTH, accuracy, device)
-        trial.advance(6000.0)
-        first, last = 10.0, 0.8 * LENGTH
-        half = 0.5 * WIDTH - 6.0
+        trial = _steady(solution, lava, accuracy, device)
+        trial.advance(DURATION)
+        first, last, half = 10.0, 80.0, 40.0
         grid = trial.field((first, -half, last, half))
         right = solution.thickness(grid.x + REACH)
         trial.compare_mean(grid.along_x(half), right, f'thickness, {name}')
         sample = trial.sample()
         x, y = sample.position.T
-        here = (x > first) & (x < last) & (np.abs(y) < half)
-        expected = solution.temperature(x[here] + REACH)
-        apart = np.abs(sample.temperature[here] - expected).mean()
+        edges = np.arange(first, last + 0.5 * BAND, BAND)
+        middle = np.abs(y) < half
+        held, heat, right = (
+            np.histogram(x[middle], edges, weights=sample.volume[middle] * factor)[0]
+            for factor in (
+                1.0, sample.temperature[middle], solution.temperature(x[middle] + REACH)
+            )
+        )
+        apart = np.abs((heat - right) / held).mean()
         cooled = HOT - float(solution.temperature(np.array(last)))
         trial.compare(f'temperature, {name}', apart, 0.0, 'K', scale=cooled)
         runs.append(trial.run())
     return case.joined(runs)
 
 
+def _run_front(accuracy: Accuracy, device: str) -> case.Run:
+    """Front and thickness of a sheet on its way, in the middle of a wide fissure."""
+    trial = _fissure(STIFFENING, COOLING, accuracy, device, length=220.0, thickness=1.5)
+    trial.advance(FRONT_TIME)
+    x = np.arange(-REACH, 220.0, CELL) + 0.5 * CELL
+    source = np.where(x < REACH, 0.5 * FLUX / REACH, 0.0)[None]
+    thickness, _ = exact.cooling_flow(
+        STIFFENING, source, CELL, math.tan(SLOPE), FRONT_TIME, initial=HOT, ambient=COLD,
+        gravity=GRAVITY,
+    )
+    grid = trial.field((-REACH, -30.0, 210.0, 30.0))
+    line, right = grid.along_x(30.0), np.interp(grid.x, x, thickness[0])
+    found, wanted = (case.front(grid.x, values, FRONT) for values in (line, right))
+    trial.compare('front', found, wanted, 'm')
+    trial.compare_mean(line, right)
+    return trial.run()
+
+
+def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
+    """Footprint and front of a point source's flow, where it is thicker than 0.1 m."""
+    vent = Vent((0.0, 0.0), DISCHARGE, radius=RADIUS, temperature=HOT)
+    trial = case.Trial(
+        Scene(case.plane(WINDOW, MAP, SLOPE), (vent,), STIFFENING, ambient_temperature=COLD),
+        accuracy, device, effects=COOLING, spacing=2.14 / accuracy.refinement, thickness=1.5,
+    )
+    trial.advance(END)
+    thickness = np.nan_to_num(trial.simulation.snapshot().thickness)
+    wet = thickness > FRONT
+    rows, columns = (np.arange(count) for count in wet.shape)
+    beside = np.abs(rows - 0.5 * (len(rows) - 1))
+    first = round((exact.PLANE_FIRST - WINDOW[0]) / MAP - 0.5)
+    counts = np.zeros(len(columns))
+    counts[first : first + len(exact.PLANE_CELLS)] = exact.PLANE_CELLS
+    right = beside[:, None] < counts
+    apart = 1.0 - (wet & right).sum() / (wet | right).sum()
+    trial.compare('footprint', apart, 0.0, '', scale=1.0)
+    grid = trial.field((200.0, -60.0, 330.0, 60.0))
+    front = case.front(grid.x, grid.thickness.max(axis=0), FRONT)
+    trial.compare('front', front, exact.PLANE_FRONT, 'm')
+    return trial.run()
+
+
 CASES = (
     case.Case('cooling_sheet', 'steady sheet that stiffens as it cools', 'heat balance',
               _run_sheet),
+    case.Case('cooling_front', 'sheet that stiffens as it cools, on its way', 'finite volumes',
+              _run_front),
+    case.Case('cooling_plane', 'point source that stiffens as it cools', 'finite volumes',
+              _run_plane),
 )
