@@ -70,7 +70,7 @@ from lava_ros.simulation.cells import (
 )
 from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.motion_arguments import arguments_type
-from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
+from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, STAGE, State
 from lava_ros.simulation.terrain import terrain_functions
 
 #: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
@@ -116,6 +116,26 @@ def _mean_function(real: Any) -> Any:
         return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
 
     return mean_temperature
+
+
+def _whole_function(real: Any, sums_around: Any, lanes: int, parts: int) -> Any:
+    """Return the device function of the sums over all the neighbours that a thread has."""
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def sums_of(
+        lane: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
+        inverse: real,
+    ):
+        sums = sums_around(lane, ordered, cells, box, p, inverse)
+        if wp.static(parts > lanes):
+            # in the order in which threads would add up theirs
+            odd = sums_around(1, ordered, cells, box, p, inverse)
+            sums += sums_around(2, ordered, cells, box, p, inverse)
+            sums += odd + sums_around(3, ordered, cells, box, p, inverse)
+        return sums
+
+    return sums_of
 
 
 @lru_cache
@@ -196,7 +216,6 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         if wp.static('inertia' in effects):
             # the balance of momentum (effects/inertia.py) wants the slope, and has its own limits
             m.flow[i] = vec3(height, surface.x, surface.y)
-            m.mean_temperature[i] = temperature
         else:
             raised(m.rates, DIFFUSION, rate)
             if wp.static(not helmholtz):
@@ -228,9 +247,16 @@ def flow_kernels(
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
     shape_factor, slope_factor = kernel.factors
-    sums_around = sums_function(real, kernel, parts, is_short, has_heat)
-    if is_wide and kernel.wide_terms:
-        sums_around = wide_sums_function(kernel.wide_terms, has_heat)
+    sums_around, sums_with_heat = (
+        _whole_function(
+            real,
+            wide_sums_function(kernel.wide_terms, heat)
+            if is_wide and kernel.wide_terms
+            else sums_function(real, kernel, parts, is_short, heat),
+            lanes, parts,
+        )
+        for heat in (False, True)
+    )
     gradient_at, _, height_at, *_ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     load, load_pair = load4(real), load2(real)
@@ -296,18 +322,23 @@ def flow_kernels(
         radius = m.constants.radius
         inverse = real(1.0) / radius
         box = cells_around(m.cells, p[0], p[1], radius)
-        sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
-        if wp.static(parts > lanes):
-            # in the order in which threads would add up theirs
-            odd = sums_around(1, m.ordered, m.cells, box, p, inverse)
-            sums += sums_around(2, m.ordered, m.cells, box, p, inverse)
-            sums += odd + sums_around(3, m.ordered, m.cells, box, p, inverse)
+        sums = vec3()
+        mean = p[3]
+        warmer = real(0.0)
+        if wp.static(has_heat):
+            # in the course of a step it stays with the particle
+            if m.counts[STAGE] == 0:
+                more = sums_with_heat(lane, m.ordered, m.cells, box, p, inverse)
+                sums = vec3(more[0], more[1], more[2])
+                warmer = total(more[3])
+            else:
+                sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
+        else:
+            sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
         height = total(sums[0]) * real(shape_factor)
         rise_x = total(sums[1]) * inverse * real(slope_factor)
         rise_y = total(sums[2]) * inverse * real(slope_factor)
-        mean = p[3]
-        if wp.static(has_heat):
-            warmer = total(sums[3]) * real(shape_factor) / height
+        warmer *= real(shape_factor) / height
         if lane > 0:
             return
         scale = real(wp.static(norm)) * inverse * inverse
@@ -316,7 +347,11 @@ def flow_kernels(
         ground = gradient_at(m.ground, p[0], p[1])
         rise = vec2(rise_x, rise_y) * (scale * inverse)
         if wp.static(has_heat):
-            mean = mean_temperature(p[3], warmer, rise, height, radius)
+            if m.counts[STAGE] == 0:
+                mean = mean_temperature(p[3], warmer, rise, height, radius)
+                m.ordered_warmth[i] = mean
+            else:
+                mean = m.ordered_warmth[i]
         balance(i, p, mean, height, rise + ground, ground, m, fills_flow)
 
     @quick_kernel

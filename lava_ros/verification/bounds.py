@@ -134,12 +134,12 @@ BOUNDS: dict[str, dict[str, Limits]] = {
         'temperature at 1 thermal radii': (0.005, 0.003, 0.002), 'power of the surface': 0.025,
     },
     'cooling_sheet': {
-        'thickness, Newtonian': (0.014, 0.01, 0.009), 'thickness, Bingham': (0.016, 0.01, 0.008),
-        'temperature, Newtonian': (0.02, 0.016, 0.012),
-        'temperature, Bingham': (0.03, 0.022, 0.018),
+        'thickness, Newtonian': (0.005, 0.004, 0.004), 'thickness, Bingham': 0.005,
+        'temperature, Newtonian': (0.018, 0.014, 0.01),
+        'temperature, Bingham': (0.026, 0.018, 0.015),
     },
-    'cooling_front': {'front': (0.008, 0.005, 0.004), 'profile': (0.05, 0.04, 0.035)},
-    'cooling_plane': {'footprint': (0.09, 0.08, 0.075), 'front': (0.02, 0.018, 0.015)},
+    'cooling_front': {'front': (0.008, 0.005, 0.004), 'profile': (0.05, 0.04, 0.037)},
+    'cooling_plane': {'footprint': (0.1, 0.09, 0.08), 'front': (0.025, 0.02, 0.015)},
     'silicone_oil': {
         'power at 1 thermal radii': (0.026, 0.004, 0.004), 'power at 2 thermal radii': 0.002,
         'power at 3 thermal radii': (0.002, 0.0015, 0.0015),

@@ -184,7 +184,7 @@ def test_printed_formulas_follow_the_temperature_of_each_column():
 
 
 def test_edge_moves_by_its_own_temperature():
-    """Hot lava further in does not make a cold edge fluid, as a plain mean does (3.4 times as fast)."""
+    """Hot lava further in does not make a cold edge fluid. A plain mean does (3.4 times)."""
     places = lattice(12.0)
     is_edge = places[:, 0] > 11.0
     lava = Lava(**STIFF, arrhenius=0.03)

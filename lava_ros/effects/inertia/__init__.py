@@ -41,7 +41,5 @@ EFFECT = Effect(
         'velocity': Array('vec2', is_carried=True),
         # acceleration x and y [m/s2] of each ordered particle
         'kick': Array('vec2'),
-        # temperature of each ordered particle that its drag follows [K]
-        'mean_temperature': Array('real'),
     },
 )

@@ -127,6 +127,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
     load = load4(real)
+    has_warmth = effects.any('stiffens')
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     is_newtonian = speed_function(wp, real, law_type(real), effects) is None
     slowed = _drag_function(real, effects)
@@ -156,7 +157,9 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
             return
         p = load(m.ordered, i)
         height = m.flow[i][0]
-        warmth = m.mean_temperature[i]
+        warmth = p[3]
+        if wp.static(has_warmth):
+            warmth = m.ordered_warmth[i]
         ground = gradient_at(m.ground, p[0], p[1])
         g = m.constants.gravity * share_of(ground)
         fall = -g * vec2(m.flow[i][1], m.flow[i][2])
@@ -216,7 +219,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         old = m.ordered_velocity[i]
         free = old + time * (m.kick[i] + lift) + step * scale * push
         fall = time * g * share_of(ground)
-        new = slowed(free, fall, f[0], m.mean_temperature[i], ground, m)
+        warmth = p[3]
+        if wp.static(has_warmth):
+            warmth = m.ordered_warmth[i]
+        new = slowed(free, fall, f[0], warmth, ground, m)
         m.velocity[i] = new
         if wp.static(heats):
             # the slope that the drag takes up: what heats is its work, not the weight's

@@ -42,8 +42,11 @@ COOLING = replace(FLAT, arrhenius=True, cooling=True)
 #: Temperatures of vents and of the air [K], and the slope [rad].
 HOT, COLD, SLOPE = 1360.0, 300.0, math.radians(6.0)
 
-#: Flux of the sheets [m2/s], their width and length [m], and how long they run on [s].
-FLUX, WIDTH, LENGTH, DURATION = 0.1, 180.0, 130.0, 1000.0
+#: Flux of the sheets [m2/s], their width and length [m].
+FLUX, WIDTH, LENGTH = 0.1, 180.0, 130.0
+
+#: When the steady sheets are looked at [s].
+MOMENTS = (400.0, 600.0, 800.0, 1000.0)
 
 #: Half of the length along the slope over which lava comes out [m].
 REACH = 2.5
@@ -54,7 +57,7 @@ SPACING = 2.0
 #: When the front of a sheet is looked at [s], and the side of the cells of its reference [m].
 FRONT_TIME, CELL = 2000.0, 1.25
 
-#: Length of the bands whose mean temperature is compared [m]: particles in one place differ.
+#: Length of the bands whose means are compared [m]: particles in one place differ.
 BAND = 5.0
 
 #: Discharge of the point source [m3/s], its radius [m], and when its flow is looked at [s].
@@ -106,34 +109,42 @@ def _steady(
 
 
 def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
-    """Thickness and temperature along the middle, when half of the sheet has come out anew."""
+    """Thickness and temperature along the middle while half of the sheet comes out anew.
+
+    They are means over some moments, and over bands across the sheet.
+    """
     runs = []
+    first, last, half = 10.0, 80.0, 40.0
+    edges = np.arange(first, last + 0.5 * BAND, BAND)
     for name, lava in (('Newtonian', STIFFENING), ('Bingham', STRONG)):
         solution = exact.CoolingSheet(
             lava, flux=FLUX, slope=SLOPE, length=LENGTH + REACH, initial=HOT, ambient=COLD,
             gravity=GRAVITY,
         )
         trial = _steady(solution, lava, accuracy, device)
-        trial.advance(DURATION)
-        first, last, half = 10.0, 80.0, 40.0
-        grid = trial.field((first, -half, last, half))
-        right = solution.thickness(grid.x + REACH)
-        trial.compare_mean(grid.along_x(half), right, f'thickness, {name}')
-        sample = trial.sample()
-        x, y = sample.position.T
-        edges = np.arange(first, last + 0.5 * BAND, BAND)
-        middle = np.abs(y) < half
-        held, heat, right = (
-            np.histogram(x[middle], edges, weights=sample.volume[middle] * factor)[0]
-            for factor in (
-                1.0, sample.temperature[middle], solution.temperature(x[middle] + REACH)
-            )
-        )
-        apart = np.abs((heat - right) / held).mean()
+        thicknesses, excesses = [], []
+        for moment in MOMENTS:
+            trial.advance(moment)
+            grid = trial.field((first, -half, last, half))
+            line, right = grid.along_x(half), solution.thickness(grid.x + REACH)
+            thicknesses.append([_in_bands(grid.x, values, edges) for values in (line, right)])
+            sample = trial.sample()
+            x, y = sample.position.T
+            middle = np.abs(y) < half
+            x, volume = x[middle], sample.volume[middle]
+            excess = sample.temperature[middle] - solution.temperature(x + REACH)
+            excesses.append(_in_bands(x, volume * excess, edges) / _in_bands(x, volume, edges))
+        trial.compare_mean(*np.mean(thicknesses, axis=0), f'thickness, {name}')
+        apart = np.abs(np.mean(excesses, axis=0)).mean()
         cooled = HOT - float(solution.temperature(np.array(last)))
         trial.compare(f'temperature, {name}', apart, 0.0, 'K', scale=cooled)
         runs.append(trial.run())
     return case.joined(runs)
+
+
+def _in_bands(x: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Sums of values at places over the bands between edges."""
+    return np.histogram(x, edges, weights=values)[0]
 
 
 def _run_front(accuracy: Accuracy, device: str) -> case.Run:
