@@ -349,9 +349,9 @@ def flow_kernels(
         if wp.static(has_heat):
             if m.counts[STAGE] == 0:
                 mean = mean_temperature(p[3], warmer, rise, height, radius)
-                m.ordered_warmth[i] = mean
+                m.ordered_mean_temperature[i] = mean
             else:
-                mean = m.ordered_warmth[i]
+                mean = m.ordered_mean_temperature[i]
         balance(i, p, mean, height, rise + ground, ground, m, fills_flow)
 
     @quick_kernel

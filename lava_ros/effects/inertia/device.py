@@ -127,7 +127,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
     load = load4(real)
-    has_warmth = effects.any('stiffens')
+    has_mean = effects.any('stiffens')
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     is_newtonian = speed_function(wp, real, law_type(real), effects) is None
     slowed = _drag_function(real, effects)
@@ -158,8 +158,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         p = load(m.ordered, i)
         height = m.flow[i][0]
         warmth = p[3]
-        if wp.static(has_warmth):
-            warmth = m.ordered_warmth[i]
+        if wp.static(has_mean):
+            warmth = m.ordered_mean_temperature[i]
         ground = gradient_at(m.ground, p[0], p[1])
         g = m.constants.gravity * share_of(ground)
         fall = -g * vec2(m.flow[i][1], m.flow[i][2])
@@ -220,8 +220,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         free = old + time * (m.kick[i] + lift) + step * scale * push
         fall = time * g * share_of(ground)
         warmth = p[3]
-        if wp.static(has_warmth):
-            warmth = m.ordered_warmth[i]
+        if wp.static(has_mean):
+            warmth = m.ordered_mean_temperature[i]
         new = slowed(free, fall, f[0], warmth, ground, m)
         m.velocity[i] = new
         if wp.static(heats):
