@@ -14,12 +14,11 @@
 
 """The reference of the case `cooling_plane`, by finite volumes.
 
-    python docs/benchmarks/cooling_plane.py 5 2.5 1.25 0.625
+    python docs/benchmarks/cooling_plane.py 5 2.5 1.25
 
 writes a row for each side of a cell [m] to cooling_plane.csv: the front [m], and by the distance
 of a column of the map from the vent [m] how many of its cells of 5 m on one side of the axis hold
-lava thicker than 0.1 m on average. The flow is symmetric, so half of it is computed. Cells of
-0.625 m take 10 minutes, on a core that is not shared.
+lava thicker than 0.1 m on average. The flow is symmetric, so half of it is computed.
 """
 
 import csv
