@@ -144,6 +144,7 @@ class Effect:
         law: What the laws of flow need on the device beside the constants of all lavas, by name.
         heat: What the heat balance needs on the device, by name: what several give is added.
         is_surface: Whether its heat goes from a bare surface to the air at any age.
+        stiffens: Whether it makes the speed of lava depend on its temperature.
         needs_age: Whether its terms depend on the age of a column.
         needs_speed: Whether they depend on its speed.
         arrays: What it keeps on the device, by name.
@@ -171,6 +172,7 @@ class Effect:
     law: Mapping[str, Callable[[Lava], float]] = field(default_factory=dict)
     heat: Mapping[str, Callable[[Scene], float]] = field(default_factory=dict)
     is_surface: bool = False
+    stiffens: bool = False
     needs_age: bool = False
     needs_speed: bool = False
     arrays: Mapping[str, Array] = field(default_factory=dict)

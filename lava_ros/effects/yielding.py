@@ -55,6 +55,7 @@ EFFECT = Effect(
     cost=footprint_change(0.015),
     source='exact sheet, verification/exact/rheology.py',
     exists=lambda lava: lava.yield_strength > 0.0,
+    stiffens=True,
     constants={
         'yield_strength': number(
             0.0, 'Yield strength at reference_temperature; 0: none', 0.0, 1e9, 'Pa'

@@ -92,6 +92,7 @@ ARRAYS = {
     'ordered': Array('vec4'),
     'base': Array('vec4', is_carried=True),
     'drift': Array('vec4', is_carried=True),
+    'mean_temperature': Array('real', is_carried=True),
     'counts': Array('int32', 11),
     'chosen': Array('int32', 1),
     'cell': Array('int32'),
@@ -128,6 +129,8 @@ class State:
         base: Position at the start of the step [m] and displacement since then two stages ago [m],
             of each particle; none with the Euler integrator.
         drift: Displacement a stage ago [m] and velocity at the start of the step [m/s], likewise.
+        mean_temperature: Only where the speed depends on it: mean temperature around each
+            particle at the start of the step [K].
         flow: Thickness [m], velocity x and y [m/s], of each ordered particle.
         share: What each ordered particle gives to a map: to a cell of unit weight before the
             kernel's [m^(1/2)], or to the one it lies in [m].
@@ -177,6 +180,7 @@ class State:
         # a step of a fixed length takes what comes
         self.is_guarded = accuracy.fixed_step is None
         self.has_velocity = 'inertia' in effects
+        self.has_mean = effects.any('stiffens')
         self.has_age = effects.any('needs_age')
         # what froze or was merged into another has no volume and is dropped
         self.has_empty = effects.any('leaves_empty')
@@ -203,6 +207,7 @@ class State:
             'surface': self.has_surface,
             'base': self.is_staged,
             'drift': self.is_staged,
+            'mean_temperature': self.has_mean,
             'members': self.is_ranked_again,
         }
         own = {name: array for name, array in ARRAYS.items() if is_needed.get(name, True)}
@@ -324,7 +329,8 @@ class State:
     @property
     def _of_step(self) -> tuple[str, ...]:
         """Names of those that they take along from stage to stage of a step."""
-        return ('base', 'drift') if self.is_staged else ()
+        names = ('base', 'drift') if self.is_staged else ()
+        return (*names, 'mean_temperature') if self.has_mean else names
 
     def _put(self, name: str, values: np.ndarray) -> None:
         """Replace the first items of an array."""

@@ -141,7 +141,7 @@ def test_bend_is_the_largest_curvature_of_the_surface(device):
 def ordered(device, real, cell, rank, *, again):
     """Volumes of particles 1, 2, ... as they are ordered, and how many there are said to be."""
     *_, order_particles, _, list_members = _kernels(
-        real, False, False, False, False, again
+        real, False, False, False, False, False, again
     )
     count = len(cell)
     sizes = np.bincount(cell, minlength=CELLS + 1)

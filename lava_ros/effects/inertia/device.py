@@ -135,6 +135,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
     load = load4(real)
+    has_mean = effects.any('stiffens')
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     is_newtonian = speed_function(wp, real, law_type(real), effects) is None
     slowed = _drag_function(real, effects)
@@ -164,12 +165,15 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
             return
         p = load(m.ordered, i)
         height = m.flow[i][0]
+        warmth = p[3]
+        if wp.static(has_mean):
+            warmth = m.ordered_mean_temperature[i]
         ground = gradient_at(m.ground, p[0], p[1])
         g = m.constants.gravity * share_of(ground)
         fall = -g * vec2(m.flow[i][1], m.flow[i][2])
         m.kick[i] = fall
         half = real(wp.float64(0.5) * m.clock[STEP])
-        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, p[3], ground, m)
+        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, warmth, ground, m)
         m.flow[i] = vec3(height, u[0], u[1])
         # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
         square = g * height * m.constants.stiffness
@@ -177,7 +181,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         mobility = real(1.0)
         drag = real(0.0)
         if wp.static(is_newtonian):
-            mobility = m.constants.weight * height * height / (real(3.0) * viscosity(m.law, p[3]))
+            mobility = m.constants.weight * height * height
+            mobility /= real(3.0) * viscosity(m.law, warmth)
             drag = g
         root = wp.sqrt(drag * drag + real(4.0) * number * square * mobility * mobility)
         advection = wp.length(u) / m.constants.reach
@@ -226,7 +231,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         old = m.ordered_velocity[i]
         free = old + time * (m.kick[i] + lift) + step * scale * push
         fall = time * g * share_of(ground)
-        new = slowed(free, fall, f[0], p[3], ground, m)
+        warmth = p[3]
+        if wp.static(has_mean):
+            warmth = m.ordered_mean_temperature[i]
+        new = slowed(free, fall, f[0], warmth, ground, m)
         m.velocity[i] = new
         if wp.static(heats):
             # the slope that the drag takes up: what heats is its work, not the weight's

@@ -14,7 +14,7 @@
 
 """Cases that run the solver where an exact solution is known."""
 
-from lava_ros.verification.cases import confined, heat, inertia, rheology, sheets, slopes
+from lava_ros.verification.cases import confined, cooling, heat, inertia, rheology, sheets, slopes
 from lava_ros.verification.cases.case import Case, Measurement, Run
 from lava_ros.verification.cases.spreading import CASES as SPREADING
 from lava_ros.verification.cases.spreading import spread_of_fixed_volume
@@ -23,15 +23,15 @@ __all__ = ['CASES', 'EFFECT_CASES', 'Case', 'Measurement', 'Run', 'spread_of_fix
 
 #: Cases of what lava does beside flowing and spreading: they have a chart of their own.
 EFFECT_CASES = frozenset(
-    case.name for case in (*heat.CASES, *rheology.CASES, *inertia.CASES)
+    case.name for case in (*heat.CASES, *cooling.CASES, *rheology.CASES, *inertia.CASES)
 )
 
 #: Every case by its name, from the simplest.
 CASES: dict[str, Case] = {
     case.name: case
     for cases in (
-        sheets.CASES, heat.CASES, rheology.CASES, confined.CASES, SPREADING, slopes.CASES,
-        inertia.CASES,
+        sheets.CASES, heat.CASES, cooling.CASES, rheology.CASES, confined.CASES, SPREADING,
+        slopes.CASES, inertia.CASES,
     )
     for case in cases
 }

@@ -115,6 +115,13 @@ def warming_by_descent(descent: float, *, gravity: float, specific_heat: float) 
     return gravity * descent / specific_heat
 
 
+def surface_loss(lava: Lava, temperature: np.ndarray, ambient: float) -> np.ndarray:
+    """Loss eps sigma (T^4 - Ta^4) + lambda (T - Ta) [W/m2] at temperatures [K], Ta in kelvin."""
+    temperature = np.asarray(temperature)
+    radiated = lava.emissivity * STEFAN_BOLTZMANN * (temperature**4 - ambient**4)
+    return radiated + lava.convection * (temperature - ambient)
+
+
 class CoolingCurrent:
     """A steady current from a point source that radiates and convects as it spreads.
 
@@ -148,10 +155,7 @@ class CoolingCurrent:
 
     def flux(self, temperature: np.ndarray) -> np.ndarray:
         """Loss of the surface [W/m2] at temperatures [K]."""
-        fourth = np.asarray(temperature) ** 4 - self._ambient**4
-        excess = np.asarray(temperature) - self._ambient
-        radiated = self._lava.emissivity * STEFAN_BOLTZMANN * fourth
-        return radiated + self._lava.convection * excess
+        return surface_loss(self._lava, temperature, self._ambient)
 
     def temperature(self, distance: np.ndarray) -> np.ndarray:
         """T [K] at distances from the source [m]."""

@@ -1,0 +1,62 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The reference of the case `cooling_plane`, by finite volumes.
+
+    python docs/benchmarks/cooling_plane.py 5 2.5 1.25
+
+writes a row for each side of a cell [m] to cooling_plane.csv: the front [m], and by the distance
+of a column of the map from the vent [m] how many of its cells of 5 m on one side of the axis hold
+lava thicker than 0.1 m on average. The flow is symmetric, so half of it is computed.
+"""
+
+import csv
+from pathlib import Path
+import sys
+
+import numpy as np
+
+from lava_ros.verification import exact
+from lava_ros.verification.cases import cooling
+from lava_ros.verification.cases.case import FRONT, GRAVITY
+
+#: Borders of the half that is computed, all beyond the flow, and the side of the map's cells [m].
+WEST, EAST, NORTH, MAP = -20.0, 290.0, 40.0, 5.0
+
+
+def flow_on(cell: float) -> tuple[float, np.ndarray]:
+    """Return the front [m] and the wet cells of each column of the map, on cells of a side [m]."""
+    x = np.arange(WEST, EAST, cell) + 0.5 * cell
+    y = np.arange(0.0, NORTH, cell) + 0.5 * cell
+    source = (np.hypot(x, y[:, None]) < cooling.RADIUS).astype(float)
+    source *= 0.5 * cooling.DISCHARGE / (source.sum() * cell**2)
+    thickness, _ = exact.cooling_flow(
+        cooling.STIFFENING, source, cell, np.tan(cooling.SLOPE), cooling.END,
+        initial=cooling.HOT, ambient=cooling.COLD, gravity=GRAVITY,
+    )
+    front = float(x[(thickness > FRONT).any(axis=0)].max() + 0.5 * cell)
+    many = round(MAP / cell)
+    mean = thickness.reshape(round(NORTH / MAP), many, -1, many).mean(axis=(1, 3))
+    return front, (mean > FRONT).sum(axis=0)
+
+
+if __name__ == '__main__':
+    with Path(__file__).with_suffix('.csv').open('w', encoding='utf-8', newline='') as file:
+        writer = csv.writer(file, lineterminator='\n')
+        places = np.arange(WEST, EAST, MAP) + 0.5 * MAP
+        writer.writerow(['cell', 'front', *(f'{place:g}' for place in places)])
+        for cell in map(float, sys.argv[1:]):
+            front, wet = flow_on(cell)
+            writer.writerow([f'{cell:g}', f'{front:g}', *wet])
+            file.flush()

@@ -1,0 +1,199 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cases of lava that stiffens as it cools on its way down a slope of 6 degrees."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Vent
+from lava_ros.simulation import Particles
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification import exact
+from lava_ros.verification.cases import case
+from lava_ros.verification.cases.case import FLAT, FRONT, GRAVITY, SLOPING
+
+#: Its viscosity is 20 times as large after 100 K.
+STIFFENING = Lava(
+    density=2600.0, viscosity=1e4, specific_heat=1150.0, arrhenius=0.03, emissivity=0.9,
+    convection=50.0, reference_temperature=1360.0,
+)
+
+#: The same with a strength of three tenths of the stress at its base, and more as it cools.
+STRONG = replace(STIFFENING, yield_strength=700.0, yield_rate=0.01)
+
+#: What lava does beside flowing down the ground's slope.
+COOLING = replace(FLAT, arrhenius=True, cooling=True)
+
+#: Temperatures of vents and of the air [K], and the slope [rad].
+HOT, COLD, SLOPE = 1360.0, 300.0, math.radians(6.0)
+
+#: Flux of the sheets [m2/s], their width and length [m].
+FLUX, WIDTH, LENGTH = 0.1, 180.0, 130.0
+
+#: When the steady sheets are looked at [s].
+MOMENTS = (400.0, 600.0, 800.0, 1000.0)
+
+#: Half of the length along the slope over which lava comes out [m].
+REACH = 2.5
+
+#: Spacing of the sheets' particles at a refinement of 1 [m].
+SPACING = 2.0
+
+#: When the front of a sheet is looked at [s], and the side of the cells of its reference [m].
+FRONT_TIME, CELL = 2000.0, 1.25
+
+#: Length of the bands whose means are compared [m]: particles in one place differ.
+BAND = 5.0
+
+#: Discharge of the point source [m3/s], its radius [m], and when its flow is looked at [s].
+DISCHARGE, RADIUS, END = 5.0, 10.0, 7200.0
+
+#: Smallest x, smallest y, largest x, largest y of that flow's ground, and its cells [m].
+WINDOW, MAP = (-60.0, -90.0, 420.0, 90.0), 5.0
+
+
+def _fissure(
+    lava: Lava, effects: Effects, accuracy: Accuracy, device: str, *, length: float,
+    thickness: float, particles: Particles | None = None,
+) -> case.Trial:
+    """A fissure across the slope, below a wall that keeps lava from flowing back.
+
+    The ground is ``length`` long below it [m], and the flow is expected to be ``thickness`` thick
+    [m].
+    """
+    half = 0.5 * WIDTH
+    ground = case.plane((-4.0 * REACH, -half - 20.0, length, half + 20.0), 1.0, SLOPE)
+    x = ground.origin[0] + np.arange(ground.shape[1]) + 0.5
+    ground = replace(ground, elevation=ground.elevation + 3.0 * np.maximum(-REACH - x, 0.0))
+    vent = Vent((0.0, -half), FLUX * WIDTH, radius=REACH, end=(0.0, half), temperature=HOT)
+    return case.Trial(
+        Scene(ground, (vent,), lava, ambient_temperature=COLD), accuracy, device, effects=effects,
+        particles=particles, spacing=SPACING / accuracy.refinement, thickness=thickness,
+    )
+
+
+def _steady(
+    solution: exact.CoolingSheet, lava: Lava, accuracy: Accuracy, device: str
+) -> case.Trial:
+    """The steady sheet below such a fissure, in particles."""
+    place = np.linspace(-REACH, LENGTH, 4001)
+    profile = solution.thickness(place + REACH)
+    section = float(np.trapezoid(profile, place))
+    mean = section / (LENGTH + REACH)
+    share, y = case.strip(
+        WIDTH, round((LENGTH + REACH) * WIDTH * (accuracy.refinement / SPACING) ** 2)
+    )
+    x = case.distributed(share, place, profile)
+    particles = Particles(
+        np.column_stack([x, y]), section * WIDTH / len(x), solution.temperature(x + REACH)
+    )
+    effects = replace(SLOPING, arrhenius=True, cooling=True, yielding=lava.yield_strength > 0.0)
+    return _fissure(
+        lava, effects, accuracy, device, length=LENGTH + 50.0, thickness=mean, particles=particles
+    )
+
+
+def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
+    """Thickness and temperature along the middle while half of the sheet comes out anew.
+
+    They are means over some moments, and over bands across the sheet.
+    """
+    runs = []
+    first, last, half = 10.0, 80.0, 40.0
+    edges = np.arange(first, last + 0.5 * BAND, BAND)
+    for name, lava in (('Newtonian', STIFFENING), ('Bingham', STRONG)):
+        solution = exact.CoolingSheet(
+            lava, flux=FLUX, slope=SLOPE, length=LENGTH + REACH, initial=HOT, ambient=COLD,
+            gravity=GRAVITY,
+        )
+        trial = _steady(solution, lava, accuracy, device)
+        thicknesses, excesses = [], []
+        for moment in MOMENTS:
+            trial.advance(moment)
+            grid = trial.field((first, -half, last, half))
+            line, right = grid.along_x(half), solution.thickness(grid.x + REACH)
+            thicknesses.append([_in_bands(grid.x, values, edges) for values in (line, right)])
+            sample = trial.sample()
+            x, y = sample.position.T
+            middle = np.abs(y) < half
+            x, volume = x[middle], sample.volume[middle]
+            excess = sample.temperature[middle] - solution.temperature(x + REACH)
+            excesses.append(_in_bands(x, volume * excess, edges) / _in_bands(x, volume, edges))
+        trial.compare_mean(*np.mean(thicknesses, axis=0), f'thickness, {name}')
+        apart = np.abs(np.mean(excesses, axis=0)).mean()
+        cooled = HOT - float(solution.temperature(np.array(last)))
+        trial.compare(f'temperature, {name}', apart, 0.0, 'K', scale=cooled)
+        runs.append(trial.run())
+    return case.joined(runs)
+
+
+def _in_bands(x: np.ndarray, values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Sums of values at places over the bands between edges."""
+    return np.histogram(x, edges, weights=values)[0]
+
+
+def _run_front(accuracy: Accuracy, device: str) -> case.Run:
+    """Front and thickness of a sheet on its way, in the middle of a wide fissure."""
+    trial = _fissure(STIFFENING, COOLING, accuracy, device, length=220.0, thickness=1.5)
+    trial.advance(FRONT_TIME)
+    x = np.arange(-REACH, 220.0, CELL) + 0.5 * CELL
+    source = np.where(x < REACH, 0.5 * FLUX / REACH, 0.0)[None]
+    thickness, _ = exact.cooling_flow(
+        STIFFENING, source, CELL, math.tan(SLOPE), FRONT_TIME, initial=HOT, ambient=COLD,
+        gravity=GRAVITY,
+    )
+    grid = trial.field((-REACH, -30.0, 210.0, 30.0))
+    line, right = grid.along_x(30.0), np.interp(grid.x, x, thickness[0])
+    found, wanted = (case.front(grid.x, values, FRONT) for values in (line, right))
+    trial.compare('front', found, wanted, 'm')
+    trial.compare_mean(line, right)
+    return trial.run()
+
+
+def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
+    """Footprint and front of a point source's flow, where it is thicker than 0.1 m."""
+    vent = Vent((0.0, 0.0), DISCHARGE, radius=RADIUS, temperature=HOT)
+    trial = case.Trial(
+        Scene(case.plane(WINDOW, MAP, SLOPE), (vent,), STIFFENING, ambient_temperature=COLD),
+        accuracy, device, effects=COOLING, spacing=2.14 / accuracy.refinement, thickness=1.5,
+    )
+    trial.advance(END)
+    thickness = np.nan_to_num(trial.simulation.snapshot().thickness)
+    wet = thickness > FRONT
+    rows, columns = (np.arange(count) for count in wet.shape)
+    beside = np.abs(rows - 0.5 * (len(rows) - 1))
+    first = round((exact.PLANE_FIRST - WINDOW[0]) / MAP - 0.5)
+    counts = np.zeros(len(columns))
+    counts[first : first + len(exact.PLANE_CELLS)] = exact.PLANE_CELLS
+    right = beside[:, None] < counts
+    apart = 1.0 - (wet & right).sum() / (wet | right).sum()
+    trial.compare('footprint', apart, 0.0, '', scale=1.0)
+    grid = trial.field((200.0, -60.0, 330.0, 60.0))
+    front = case.front(grid.x, grid.thickness.max(axis=0), FRONT)
+    trial.compare('front', front, exact.PLANE_FRONT, 'm')
+    return trial.run()
+
+
+CASES = (
+    case.Case('cooling_sheet', 'steady sheet that stiffens as it cools', 'heat balance',
+              _run_sheet),
+    case.Case('cooling_front', 'sheet that stiffens as it cools, on its way', 'finite volumes',
+              _run_front),
+    case.Case('cooling_plane', 'point source that stiffens as it cools', 'finite volumes',
+              _run_plane),
+)

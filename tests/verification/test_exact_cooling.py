@@ -1,0 +1,128 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cooling flows: the exact sheet against its equations, finite volumes against exact solutions."""
+
+import csv
+from dataclasses import replace
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lava_ros.verification import exact
+from lava_ros.verification.cases import cooling
+from lava_ros.verification.cases.case import GRAVITY
+
+FLUX, SLOPE, HOT, COLD = cooling.FLUX, cooling.SLOPE, cooling.HOT, cooling.COLD
+TABLE = Path(__file__).parents[2] / 'docs/benchmarks/cooling_plane.csv'
+
+
+def sheet(lava, slope=SLOPE, length=100.0):
+    """The steady sheet of a lava."""
+    return exact.CoolingSheet(
+        lava, flux=FLUX, slope=slope, length=length, initial=HOT, ambient=COLD, gravity=GRAVITY
+    )
+
+
+@pytest.mark.parametrize('lava', [cooling.STIFFENING, cooling.STRONG])
+@pytest.mark.parametrize('degrees', [6.0, 20.0])
+def test_sheet_carries_its_flux_and_loses_its_heat(lava, degrees):
+    """The speed of a layer as thick, as steep and as hot, times its thickness, is the flux."""
+    slope = math.radians(degrees)
+    solution = sheet(lava, slope)
+    x = np.linspace(5.0, 95.0, 10)
+    thickness, temperature = solution.thickness(x), solution.temperature(x)
+    rise = (solution.thickness(x + 0.5) - solution.thickness(x - 0.5)) / 1.0
+    cooler = lava.reference_temperature - temperature
+    for h, h_x, cold in zip(thickness, rise, cooler, strict=True):
+        # lava as thick across a slope as steep as its surface, at the same stress at its base
+        depth, surface = h * math.cos(slope) ** 2, math.tan(slope) - h_x
+        angle = math.asin(surface)
+        speed = exact.herschel_bulkley_velocity(
+            depth, angle, density=lava.density, gravity=GRAVITY, index=1.0,
+            consistency=lava.viscosity * math.exp(lava.arrhenius * cold),
+            strength=lava.yield_strength * math.exp(lava.yield_rate * cold),
+        )
+        assert h * speed == pytest.approx(FLUX, rel=2e-3)
+    fall = (solution.temperature(x - 0.5) - solution.temperature(x + 0.5)) / 1.0
+    supply = lava.density * lava.specific_heat * FLUX
+    assert supply * fall == pytest.approx(exact.surface_loss(lava, temperature, COLD), rel=1e-4)
+
+
+def test_lava_that_keeps_its_viscosity_flows_as_an_even_sheet():
+    """Without an Arrhenius law the thickness is the same everywhere."""
+    solution = sheet(replace(cooling.STIFFENING, arrhenius=0.0))
+    thickness = solution.thickness(np.array([0.0, 50.0, 100.0]))
+    assert thickness == pytest.approx(thickness[0], rel=1e-6)
+    nu = cooling.STIFFENING.viscosity / cooling.STIFFENING.density
+    even = exact.SlopeFlux(FLUX * math.cos(SLOPE), SLOPE, nu, GRAVITY)
+    assert even.thickness / math.cos(SLOPE) == pytest.approx(thickness[0], rel=0.01)
+
+
+def flow_of(lava, source, cell, until):
+    """A flow down the slope by finite volumes."""
+    return exact.cooling_flow(
+        lava, source, cell, math.tan(SLOPE), until, initial=HOT, ambient=COLD, gravity=GRAVITY
+    )
+
+
+def test_finite_volumes_approach_the_steady_sheet():
+    """Behind the front the sheet is steady; volume is conserved and no lava warms."""
+    cell, reach, until = 1.0, cooling.REACH, 1500.0
+    x = np.arange(-reach, 150.0, cell) + 0.5 * cell
+    source = np.where(x < reach, 0.5 * FLUX / reach, 0.0)[None]
+    thickness, temperature = flow_of(cooling.STIFFENING, source, cell, until)
+    assert thickness.sum() * cell == pytest.approx(FLUX * until, rel=1e-9)
+    assert temperature.max() <= HOT
+    here = (x > 8.0) & (x < 50.0)
+    solution = sheet(cooling.STIFFENING)
+    # seen from above, the scheme leaves out cos^4 b of the speed
+    right = solution.thickness(x[here] + reach) * math.cos(SLOPE) ** (4.0 / 3.0)
+    assert thickness[0, here] == pytest.approx(right, rel=0.005)
+    assert temperature[0, here] == pytest.approx(solution.temperature(x[here] + reach), abs=0.5)
+
+
+def test_finite_volumes_spread_alike_in_all_directions():
+    """On level ground a round source makes a flow that is its own mirror image and transpose."""
+    x = np.arange(-20.0, 20.0, 2.0) + 1.0
+    source = np.where(np.hypot(x, x[:, None]) < 5.0, 0.02, 0.0)
+    thickness, temperature = exact.cooling_flow(
+        cooling.STIFFENING, source, 2.0, 0.0, 200.0, initial=HOT, ambient=COLD, gravity=GRAVITY
+    )
+    for field in (thickness, temperature):
+        assert field == pytest.approx(field.T, rel=1e-9)
+        assert field == pytest.approx(field[::-1], rel=1e-9)
+
+
+def test_reference_of_the_plane_is_the_finest_of_the_table():
+    """The numbers are those of the script, whose coarser rows differ by less and less."""
+    with TABLE.open(encoding='utf-8') as file:
+        rows = {float(row.pop('cell')): row for row in csv.DictReader(file)}
+    counts = {
+        cell: np.array([int(value) for key, value in row.items() if key != 'front'])
+        for cell, row in rows.items()
+    }
+    places = np.array([float(key) for key in rows[5.0] if key != 'front'])
+    finest = min(rows)
+    assert float(rows[finest]['front']) == exact.PLANE_FRONT
+    wet = np.flatnonzero(counts[finest])
+    assert places[wet[0]] == exact.PLANE_FIRST
+    assert counts[finest][wet].tolist() == list(exact.PLANE_CELLS)
+    apart = [
+        abs(counts[cell] - counts[finest]).sum() / counts[finest].sum()
+        for cell in sorted(rows, reverse=True)
+    ]
+    assert apart == sorted(apart, reverse=True) and apart[-2] < 0.03 < apart[0]
