@@ -168,6 +168,8 @@ def _run_front(accuracy: Accuracy, device: str) -> case.Run:
 def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
     """Footprint and front of a point source's flow, where it is thicker than 0.1 m."""
     vent = Vent((0.0, 0.0), DISCHARGE, radius=RADIUS, temperature=HOT)
+    # in symmetric groups the particles of a point source keep its axes, and the front falls behind
+    accuracy = replace(accuracy, symmetric=False)
     trial = case.Trial(
         Scene(case.plane(WINDOW, MAP, SLOPE), (vent,), STIFFENING, ambient_temperature=COLD),
         accuracy, device, effects=COOLING, spacing=2.14 / accuracy.refinement, thickness=1.5,
