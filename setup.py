@@ -29,7 +29,7 @@ EXTRAS = {
         'ros-jazzy-rclpy[fastrtps]>=7.1.6,<7.2',
         'ros-jazzy-common-interfaces>=5.3.6,<5.4',
     ],
-    'terrain': ['rasterio>=1.3.10,<2'],
+    'terrain': ['pyogrio>=0.12,<1', 'rasterio>=1.3.10,<2'],
     'plot': ['matplotlib>=3.8,<4', 'mcap-ros2-support>=0.5.5,<1', 'pillow>=10,<14'],
     'hindcast': ['scipy>=1.11,<2'],
     'completion': ['shtab>=1.7,<2'],
@@ -50,8 +50,8 @@ EXTRAS = {
     ],
 }
 EXTRAS['all'] = sorted({requirement for extra in EXTRAS.values() for requirement in extra})
-# GeoPackage and NetCDF, which few need: they bring another GDAL, and pandas.
-EXTRAS['gis'] = ['fiona>=1.10,<2', 'scipy>=1.11,<2', 'xarray>=2024.1,<2027']
+# NetCDF, which few need: it brings pandas.
+EXTRAS['gis'] = ['scipy>=1.11,<2', 'xarray>=2024.1,<2027']
 # Chromium and ffmpeg as wheels, for the tests of pages and films on machines that have neither:
 # 900 MB, too much for everybody.
 EXTRAS['look'] = ['PySide6-WebEngine>=6.12,<6.13', 'imageio-ffmpeg>=0.6,<1']

@@ -165,6 +165,9 @@ def diagnostics_of(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
         'simulated_time_s': repr(snapshot.time), 'frame_stamp_ns': str(stamp_ns),
         **budget.texts(), 'mean_speed': '50', 'spacing_m': '2.5', 'flow_width_m': '40',
         'particles_across': '16', 'footprint_error': '0.15', 'particles': '1', 'steps': '1',
+        'highest_temperature_c': repr(
+            float(np.fmax.reduce(snapshot.temperature, axis=None)) - ZERO_CELSIUS
+        ),
     }
     status = DiagnosticStatus(
         name='lava: simulation', values=[KeyValue(key=k, value=v) for k, v in values.items()]

@@ -34,7 +34,10 @@ def checkpoint(count=1000, **changes):
     elevation = random.normal(700.0, 30.0, (11, 13))
     elevation[3, 4] = np.nan
     scene = Scene(
-        Terrain(elevation, 0.1, origin=(-1.0 / 3.0, 2.0 / 3.0), epsg=3857, offset=(1e6 / 7, 0.1)),
+        Terrain(
+            elevation, 0.1, origin=(-1.0 / 3.0, 2.0 / 3.0), epsg=3857, offset=(1e6 / 7, 0.1),
+            barriers=(((0.1, 1.0 / 3.0), (0.7, 0.0)),),
+        ),
         (
             Vent((0.1, 0.9), ((0.1, 1.0 / 3.0), (0.7, 0.0)), name='é', velocity=(0.1, -0.2)),
             Vent((0.3, 1.1), 0.3, end=(0.4, 1.2), radius=0.07, temperature=1400.1),

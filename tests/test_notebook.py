@@ -57,7 +57,7 @@ def test_its_cells_run_one_after_the_other(tmp_path: Path) -> None:
     flowing = float(done.stdout.split()[-1])
     assert 0.97 * 198_000.0 < flowing < 198_000.0
     assert thickness.sum() * 30.0**2 == pytest.approx(flowing, rel=1e-4)
-    with rasterio.open(tmp_path / 'maps/probability.tif') as file:
+    with rasterio.open(tmp_path / 'maps/inundation_probability.tif') as file:
         probability = file.read(1, masked=True)
     assert np.isclose(probability.max(), 100.0)
     assert np.isin(probability.compressed(), 12.5 * np.arange(9)).all()

@@ -37,7 +37,6 @@ from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.coarse import coarsened
 from lava_ros.hindcast.run import FORCED, Settings
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.verification.benchmarks.selection import jaccard
 
 DAY, SPACING = 86400.0, 10.0
@@ -85,13 +84,14 @@ def main():
         courant: [run(case, args.device, courant, 1e-6 * n) for n in range(args.repetitions)]
         for courant in COURANT
     }
-    covered = {
-        courant: [snapshot.thickness >= COVERED for _, snapshot in found]
+    inundated = {
+        courant: [snapshot.inundated for _, snapshot in found]
         for courant, found in ends.items()
     }
-    finest = covered[min(COURANT)]
+    finest = inundated[min(COURANT)]
     for courant, found in ends.items():
-        pairs = [(one, other) for one in covered[courant] for other in finest if one is not other]
+        here = inundated[courant]
+        pairs = [(one, other) for one in here for other in finest if one is not other]
         quantities = {
             ('wall time', 's'): [taken for taken, _ in found],
             ('particles', '1'): [snapshot.particle_count for _, snapshot in found],

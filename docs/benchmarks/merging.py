@@ -26,7 +26,7 @@ many particle-steps that line asks for its error, over those it took. It makes m
   Each figure is that of three runs with the vent a third of a spacing further on.
 * etna: the first day of a hindcast case (docs/VALIDATION.md), its ground on cells of 20 m, against
   the run without merging at half of the smallest spacing. Errors: the mean of |h - reference| over
-  the mean thickness, and one less the Jaccard index of what is covered by 0.1 m.
+  the mean thickness, and one less the Jaccard index of the standing lava.
 """
 
 import argparse
@@ -44,6 +44,7 @@ from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.run import FORCED, Settings
 from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.inundation import standing_cells
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, NU, plane, Trial
@@ -52,9 +53,6 @@ from lava_ros.verification.measure import machine_name
 
 #: Looks at the number of particles in a run.
 LOOKS = 60
-
-#: Lava that counts as a covered cell [m].
-COVERED = 0.1
 
 #: Cells of the elevation to a side of those of the ground: the same at every spacing.
 COARSENESS = 2
@@ -131,8 +129,8 @@ def etna(case, spacing, merging, device, duration):
 
 def apart(one, other):
     """Errors of a map against another."""
-    either = (one > COVERED) | (other > COVERED)
-    both = (one > COVERED) & (other > COVERED)
+    here, there = standing_cells(one), standing_cells(other)
+    either, both = here | there, here & there
     return {
         'thickness': float(np.abs(one - other)[either].sum() / other[either].sum()),
         'covered': float(1.0 - both.sum() / either.sum()),

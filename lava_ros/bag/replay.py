@@ -16,7 +16,6 @@
 
 from collections.abc import Callable, Iterator
 import math
-import threading
 import time
 from typing import NamedTuple
 
@@ -135,6 +134,32 @@ def pace(
         yield due
 
 
+class StopRequest:
+    """A request to stop that the handler of a signal can make.
+
+    A handler runs in the main thread, also while that thread waits for the request. The ``set`` of
+    a ``threading.Event`` then blocks for ever: it needs the lock that the ``wait`` below it holds.
+    """
+
+    def __init__(self) -> None:
+        """Begin without a request."""
+        self._is_set = False
+
+    def set(self) -> None:
+        """Request a stop."""
+        self._is_set = True
+
+    def is_set(self) -> bool:
+        """Return whether a stop has been requested."""
+        return self._is_set
+
+    def wait(self, seconds: float) -> bool:
+        """Wait for a short time [s] unless there is a request; return whether there is one."""
+        if not self._is_set:
+            time.sleep(seconds)
+        return self._is_set
+
+
 class Transport:
     """A clock for ``pace`` that keys pause, speed up, slow down and move.
 
@@ -169,7 +194,7 @@ class Transport:
         self._since = moment
         return self._time
 
-    def wait(self, seconds: float, stop: threading.Event) -> bool:
+    def wait(self, seconds: float, stop: StopRequest) -> bool:
         """Wait for ``seconds`` of replay time [s] at most, and obey keys meanwhile.
 
         True: the replay is to stop or to continue elsewhere (``take_jump``). False also when a
@@ -188,7 +213,7 @@ class Transport:
         self._is_showing = jump != 0.0
         return jump
 
-    def _is_interrupted(self, stop: threading.Event) -> bool:
+    def _is_interrupted(self, stop: StopRequest) -> bool:
         return self.is_ended or self._jump != 0.0 or stop.is_set()
 
     def _obey(self, key: str) -> None:

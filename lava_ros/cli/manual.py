@@ -35,7 +35,8 @@ GROUPS = {
     },
     'record': {'replay': 'replay', 'info': 'info', 'recover': 'info'},
     'look': {
-        'watch': 'show', 'report': 'show', 'plot': 'show', 'animate': 'show', 'export': 'show',
+        'watch': 'show', 'report': 'show', 'plot': 'show', 'places': 'show', 'animate': 'show',
+        'export': 'show',
         'effects': 'prepare', 'materials': 'prepare', 'barrier': 'prepare',
     },
     'measure': {

@@ -78,7 +78,7 @@ _SHARED = {item[0][0]: item for item in (
     ),
     argument('--domain', None, 'ROS domain ID (default: a free one)', int),
     argument(
-        '--epsg', 'CODE', 'EPSG code of the coordinate system, for a file that names none', int
+        '--epsg', 'CODE', 'EPSG code of the coordinate system; replaces what the file states', int
     ),
     argument('--fresh', None, 'ignore the results of earlier runs', action='store_true'),
     argument('--horizon', 'TIME', 'simulated time of a run: 6h, 90min', f'{HORIZON / 3600.0:g}h'),
@@ -86,6 +86,10 @@ _SHARED = {item[0][0]: item for item in (
     argument(
         '--low-pass', 'M', 'smooth the elevation with a Gaussian of this standard deviation [m]',
         float,
+    ),
+    argument(
+        '--nodata', 'VALUE', 'value of cells without data that the terrain does not declare; '
+        'none: all such cells are ground',
     ),
     argument(
         '--off', 'EFFECT', 'switch this effect off; may be repeated', [], action='append'

@@ -17,27 +17,30 @@
 import argparse
 from collections.abc import Mapping
 import csv
-from dataclasses import asdict, fields
+from dataclasses import asdict, replace
 import json
 import math
+from pathlib import Path
+
+import numpy as np
 
 from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.output import Progress, write_json
-from lava_ros.cli.scenes import SCENE, scene_from_arguments
+from lava_ros.cli.scenes import SCENE, scene_from_arguments, terrain_options
 from lava_ros.effects import EFFECTS
 from lava_ros.effects.effect import Effect
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.files.resources import share_path
-from lava_ros.maps.gis import write_grid
+from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.numbers import percent
 from lava_ros.maps.plot import duration
 from lava_ros.scene import Scene
-from lava_ros.scene.lava import Lava
+from lava_ros.scene.lava import constant_units
 from lava_ros.scene.materials import Constant, material_named
 from lava_ros.scene.materials import materials as known_materials
-from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
-from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.scene.reshaping import Barrier, low_pass, read_barriers, with_barrier
+from lava_ros.scene.terrain_files import barrier_tags, load_terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import decide, Decision, decision_as_dict
@@ -135,8 +138,7 @@ def materials(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps([asdict(item) for item in chosen], indent=1))
         return 0
-    units = {item.name: item.metadata.get('unit', '') for item in fields(Lava)}
-    units['vent_temperature'] = 'K'
+    units = constant_units()
     sources: dict[str, int] = {}
     for material in chosen:
         print(f'{material.name}: {material.title}')
@@ -161,38 +163,59 @@ def _cited(constant: Constant, sources: dict[str, int]) -> str:
 
 
 @command(
-    argument('terrain', 'TERRAIN', 'GeoTIFF, ESRI ASCII grid or npz'),
+    argument('terrain', 'TERRAIN', 'GeoTIFF or another raster (docs/FORMATS.md), or npz'),
     argument('-o --output', 'FILE', 'elevation to write, .tif', required=True),
     argument(
         '--line', 'E,N', 'easting and northing [m] of two or more places along the crest',
         nargs='+',
     ),
+    argument(
+        '--lines', 'FILE', 'vector file of lines along crests, each with its own height [m], '
+        'width [m] and slope or else those below (docs/FORMATS.md)',
+    ),
     argument('--height', 'M', 'height above the ground [m]', float),
     argument('--width', 'M', 'width of the crest [m]', 10.0),
     argument('--slope', 'S', 'slope of the sides, rise over run', 1.0),
-    '--low-pass', '--epsg',
+    '--low-pass', '--epsg', '--nodata',
     low_pass=0.0,
 )
 def barrier(args: argparse.Namespace) -> int:
-    """Add a barrier to a terrain, and write the result to a new file.
+    """Add barriers to a terrain, and write the result to a new file.
 
-    The command raises the elevation along a line and writes it as GeoTIFF. --low-pass smooths the
-    elevation before that.
+    The command raises the elevation along a line, or the lines of a file, and writes it as
+    GeoTIFF. Where barriers overlap, the highest counts. Maps of runs on this elevation show the
+    barriers. --low-pass smooths the elevation before that.
     """
-    if not args.line and not args.low_pass:
-        raise LavaError('--line', None, 'the places of a barrier, or --low-pass')
+    if not args.line and not args.lines and not args.low_pass:
+        raise LavaError('--line', None, 'the places of a barrier, --lines, or --low-pass')
     output = file_to_write('--output', args.output, ('.tif', '.tiff'))
-    before = terrain = low_pass(load_terrain(args.terrain, epsg=args.epsg), args.low_pass)
+    terrain = load_terrain(args.terrain, **terrain_options(args))
+    before = terrain = low_pass(terrain, args.low_pass)
+    barriers = []
     if args.line:
         if args.height is None:
             raise LavaError('--height', None, 'a height [m]')
         line = tuple(_place(text) for text in args.line)
-        terrain = with_barrier(before, Barrier(line, args.height, args.width, args.slope))
-    write_grid(output, terrain.elevation, terrain, unit='m', meaning='elevation of the ground')
-    added = (terrain.elevation - before.elevation)[terrain.has_data]
-    volume = float(added.sum(dtype='float64')) * terrain.resolution**2
-    raised = int((added > 0.0).sum())
-    print(f'{raised} cells raised by up to {added.max():.1f} m: {volume:.0f} m3 of earth')
+        barriers.append(Barrier(line, args.height, args.width, args.slope))
+    if args.lines:
+        usual = {'height': args.height, 'width': args.width, 'slope': args.slope}
+        barriers += read_barriers('--lines', args.lines, before, usual)
+    for item in barriers:
+        higher = np.maximum(terrain.elevation, with_barrier(before, item).elevation)
+        terrain = replace(with_barrier(terrain, item), elevation=higher)
+        print(
+            f'barrier {item.length:.0f} m long, {item.height:g} m high, crest {item.width:g} m '
+            f'wide: {item.volume:.0f} m3 of earth by its cross-section'
+        )
+    origin = Provenance(Path(args.terrain).name, effects=(), preset='none')
+    write_grid(output, 'elevation', terrain.elevation, terrain, origin, barrier_tags(terrain))
+    if barriers:
+        added = (terrain.elevation - before.elevation)[terrain.has_data]
+        crest = max(item.crest_on(terrain.resolution) for item in barriers)
+        if any(item.crest_on(terrain.resolution) > item.width for item in barriers):
+            volume = float(added.sum(dtype='float64')) * terrain.resolution**2
+            print(f'with the crest widened to {crest:.3g} m, the elevation has {volume:.0f} m3')
+        print(f'{int((added > 0.0).sum())} cells raised by up to {added.max():.1f} m')
     print(f'written to {output}')
     return 0
 

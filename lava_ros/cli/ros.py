@@ -34,6 +34,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, scene_to_dict
+from lava_ros.scene.terrain_files import barrier_tags
 
 #: Number of last lines of the log shown when a process has failed.
 SHOWN_LINES = 40
@@ -161,8 +162,8 @@ def running_node(scene: Scene, settings: Mapping[str, Any], domain: int) -> Iter
 
 
 def _started(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
-    names = ('elevation', 'resolution', 'origin', 'offset', 'source', 'epsg')
-    grid = {name: getattr(scene.terrain, name) for name in names}
+    names = ('elevation', 'resolution', 'origin', 'offset', 'source', 'epsg', 'wkt')
+    grid = {name: getattr(scene.terrain, name) for name in names} | barrier_tags(scene.terrain)
     np.savez(folder / 'terrain.npz', **{k: v for k, v in grid.items() if v is not None})
     plain = scene_to_dict(scene) | {'terrain': {'file': 'terrain.npz'}}
     parameters = {**settings, 'scene': str(folder / 'scene.yaml')}

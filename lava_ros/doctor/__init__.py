@@ -54,6 +54,7 @@ PACKAGES = (
     ('rich', '13.7', '16', ''),
     ('warp-lang', '1.19', '2', ''),
     ('zstandard', '0.22', '1', ''),
+    ('pyogrio', '0.12', '1', 'terrain'),
     ('rasterio', '1.3.10', '2', 'terrain'),
     ('matplotlib', '3.8', '4', 'plot'),
     ('mcap-ros2-support', '0.5.5', '1', 'plot'),

@@ -46,7 +46,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType, ModuleType
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects.effect import Array, Effect, flag, with_fields
+from lava_ros.effects.effect import Array, Effect, flag, join_names, with_fields
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
@@ -69,9 +69,13 @@ EFFECTS: MappingProxyType[str, Effect] = MappingProxyType(
     {name: module.EFFECT for name, module in _MODULES.items()}
 )
 
+# a name that two of them declare is refused here, one of lava_ros itself where it is used
+for _part in ('constants', 'environment', 'law', 'heat', 'arrays'):
+    join_names(_part, EFFECTS)
+
 
 @dataclass(frozen=True)
-@with_fields({name: flag(item.is_default, item.title) for name, item in EFFECTS.items()})
+@with_fields(lambda _: {name: flag(one.is_default, one.title) for name, one in EFFECTS.items()})
 class Effects:
     """The physics that is on beside slope, spreading and viscosity: a bool for each effect.
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
+from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -74,16 +75,50 @@ def check_fields(label: str, item: Any) -> None:
             validation.flag(name, value)
 
 
-def with_fields(more: Mapping[str, Any]) -> Callable[[type], type]:
-    """A decorator that gives a class more fields, by name, before it becomes a dataclass."""
+def with_fields(
+    more: Callable[[Iterable[str]], Mapping[str, Any]]
+) -> Callable[[type], type]:
+    """Return a decorator that gives a class more fields before it becomes a dataclass.
+
+    Args:
+        more: Returns the fields by name, given the names that the class has.
+    """
 
     def extended(kind: type) -> type:
-        for name, value in more.items():
+        for name, value in more(tuple(kind.__annotations__)).items():
             kind.__annotations__[name] = type(value.default)
             setattr(kind, name, value)
         return kind
 
     return extended
+
+
+def join_names(
+    part: str, effects: Mapping[str, Effect], core: Iterable[str] = ()
+) -> dict[str, Any]:
+    """Join what effects declare as a part of theirs.
+
+    Args:
+        part: An attribute of ``Effect`` that is a mapping, such as ``law``.
+        effects: The effects, by name.
+        core: Names that are there without any effect.
+
+    Returns:
+        What each name stands for, by name.
+
+    Raises:
+        LavaError: A name is there already, and the effect does not state that it adds to it.
+    """
+    owners = dict.fromkeys(core, 'lava_ros itself')
+    joined: dict[str, Any] = {}
+    for name, effect in effects.items():
+        for key, item in getattr(effect, part).items():
+            if key in owners and key not in effect.adds_to:
+                right = f'a name that {owners[key]} does not declare'
+                raise LavaError(f'effects.{name}.{part}', key, right)
+            owners.setdefault(key, f'effects.{name}')
+            joined[key] = item
+    return joined
 
 
 def footprint_change(speed: float) -> float:
@@ -142,7 +177,8 @@ class Effect:
         excludes: Effects beside which it cannot be on, and why, by name.
         replaces: Effects whose part it takes over.
         law: What the laws of flow need on the device beside the constants of all lavas, by name.
-        heat: What the heat balance needs on the device, by name: what several give is added.
+        heat: What the heat balance needs on the device, by name.
+        adds_to: Names in ``heat`` that others declare too; their values are added up.
         is_surface: Whether its heat goes from a bare surface to the air at any age.
         stiffens: Whether it makes the speed of lava depend on its temperature.
         needs_age: Whether its terms depend on the age of a column.
@@ -171,6 +207,7 @@ class Effect:
     replaces: tuple[str, ...] = ()
     law: Mapping[str, Callable[[Lava], float]] = field(default_factory=dict)
     heat: Mapping[str, Callable[[Scene], float]] = field(default_factory=dict)
+    adds_to: tuple[str, ...] = ()
     is_surface: bool = False
     stiffens: bool = False
     needs_age: bool = False

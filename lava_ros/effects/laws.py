@@ -32,6 +32,7 @@ from lava_ros.effects import (
     possible,
     without_replaced,
 )
+from lava_ros.effects.effect import join_names
 
 if TYPE_CHECKING:
     from lava_ros.scene import Lava, Scene
@@ -47,6 +48,10 @@ LATERAL_DRAG = 2.5
 #: Constants that the laws of flow of every lava have, and those of its heat balance.
 _FLOW = ('viscosity', 'reference_temperature', 'liquidus', 'solidus')
 _HEAT = ('radiation', 'convection', 'ambient', 'solidus', 'liquidus')
+
+#: What effects add to them, by name.
+_MORE_FLOW = join_names('law', EFFECTS, _FLOW)
+_MORE_HEAT = join_names('heat', EFFECTS, _HEAT)
 
 
 class _Host:
@@ -75,16 +80,13 @@ def structure(name: str, names: tuple[str, ...], real: Any) -> Any:
 def law_values(lava: 'Lava') -> dict[str, float]:
     """The constants of the laws of flow, by name."""
     values: dict[str, float] = {name: getattr(lava, name) for name in _FLOW}
-    for effect in EFFECTS.values():
-        values |= {name: value(lava) for name, value in effect.law.items()}
-    return values
+    return values | {name: value(lava) for name, value in _MORE_FLOW.items()}
 
 
 @lru_cache
 def law_type(real: Any) -> Any:
     """Return the struct of the constants of the laws of flow."""
-    more = [name for effect in EFFECTS.values() for name in effect.law]
-    return structure('Rheology', (*_FLOW, *more), real)
+    return structure('Rheology', (*_FLOW, *_MORE_FLOW), real)
 
 
 def law_of(lava: 'Lava', real: Any) -> Any:
@@ -180,8 +182,7 @@ def heat_values(scene: 'Scene', names: tuple[str, ...]) -> dict[str, float]:
 @lru_cache
 def heat_type(real: Any) -> Any:
     """Return the struct of the constants of the heat balance."""
-    names = [*_HEAT, *(key for effect in EFFECTS.values() for key in effect.heat)]
-    return structure('HeatConstants', tuple(dict.fromkeys(names)), real)
+    return structure('HeatConstants', tuple(dict.fromkeys((*_HEAT, *_MORE_HEAT))), real)
 
 
 def heat_of(scene: 'Scene', effects: Effects, real: Any) -> Any:

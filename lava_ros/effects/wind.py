@@ -62,6 +62,7 @@ EFFECT = Effect(
         'wind_speed': number(0.0, 'Speed of the wind over the lava; 0: still', 0.0, 100.0, 'm/s'),
     },
     heat={'convection': _convection},
+    adds_to=('convection',),
     is_surface=True,
     benchmark={'wind_speed': 10.0},
 )

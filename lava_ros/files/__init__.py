@@ -22,7 +22,7 @@ import os
 from pathlib import Path
 import secrets
 import stat
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from lava_ros.errors import LavaError
 
@@ -121,12 +121,6 @@ def write_output(field: str, path: str | Path, data: str | bytes) -> None:
     """Write a file completely, text in UTF-8, or leave it as it was; errors as in ``writing``."""
     with writing(field, path) as partial:
         partial.write_bytes(data.encode() if isinstance(data, str) else data)
-
-
-def save_picture(figure: Any, path: str | Path) -> None:
-    """Write a matplotlib figure; the suffix chooses the format. LavaError as in ``writing``."""
-    with writing('output', path) as partial:
-        figure.savefig(partial)
 
 
 def _target(path: Path) -> Path:

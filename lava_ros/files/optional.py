@@ -22,9 +22,9 @@ from lava_ros.errors import LavaError
 _EXTRAS = {
     'bokeh': 'watch',
     'distributed': 'ensemble',
-    'fiona': 'gis',
     'matplotlib': 'plot',
     'mcap_ros2': 'plot',
+    'pyogrio': 'terrain',
     'rasterio': 'terrain',
     'scipy': 'hindcast',
     'shtab': 'completion',

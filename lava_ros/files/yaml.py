@@ -16,7 +16,8 @@
 
 import json
 from pathlib import Path
-from typing import Any
+import re
+from typing import Any, ClassVar
 
 import yaml
 
@@ -52,14 +53,21 @@ def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML fil
 def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | None = None) -> Any:
     """Parse YAML into plain data; errors show ``value`` instead of the text.
 
-    LavaError where the text is not YAML, or is longer, larger or deeper than allowed; or has tags
-    of Python, a value that does not fit its tag, or a value that contains itself.
+    Dates stay text. LavaError where the text is not YAML, or is longer, larger or deeper than
+    allowed; or has tags of Python, a value that does not fit its tag, a value that contains
+    itself, or a value that YAML 1.1 reads as another one than is written there: ``010``, ``1:30``
+    or ``no``.
     """
+    source = '' if value is None else f' of {value}'
     value = text if value is None else value
     if len(text) > MOST_BYTES:
         raise LavaError(field, value, f'{expected} (at most {MOST_BYTES} bytes)')
     try:
         return yaml.load(text, _Loader)
+    except _MisreadError as error:
+        mark = error.problem_mark
+        place = f'line {mark.line + 1}, column {mark.column + 1}{source}'
+        raise LavaError(field + error.place, error.typed, f'{error.problem} ({place})') from error
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
         where = f' in line {mark.line + 1}, column {mark.column + 1}' if mark else ''
@@ -87,11 +95,33 @@ def _integer(text: str) -> int:
     return int(text)
 
 
+#: Integers that YAML 1.1 does not read as decimal numbers: 010 is 8, 0x1F is 31.
+_OTHER_BASE = re.compile(r'([-+]?)0([0-9_]+|[bx].*)')
+
+
+class _MisreadError(yaml.composer.ComposerError):
+    """A value that YAML 1.1 reads as another one than is written there.
+
+    ``place`` is its place below the document, such as ``.vents[0].discharge``.
+    """
+
+    def __init__(self, place: str, typed: str, expected: str, mark: Any) -> None:
+        super().__init__(None, None, expected, mark)
+        self.place, self.typed = place, typed
+
+
 class _Loader(yaml.SafeLoader):
     """The safe loader, which stops where a text would become more than is allowed."""
 
+    yaml_implicit_resolvers: ClassVar[Any] = {
+        first: [item for item in resolvers if item[0] != 'tag:yaml.org,2002:timestamp']
+        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
     def __init__(self, text: str) -> None:
         super().__init__(text)
+        # keys and indices of the values around the present one
+        self._place: list[str] = []
         self._depth = self._deepest = self._values = 0
         # values and levels of what has an anchor, once its end is read
         self._sizes: dict[str, tuple[int, int]] = {}
@@ -113,12 +143,40 @@ class _Loader(yaml.SafeLoader):
         if wrong:
             raise yaml.composer.ComposerError(None, None, wrong, event.start_mark)
         self._depth += 1
+        if parent is not None:
+            key = index.value if isinstance(index, yaml.ScalarNode) else index
+            # a key has no index
+            place = '' if key is None else f'[{key}]' if isinstance(key, int) else f'.{key}'
+            self._place.append(place)
         node = super().compose_node(parent, index)
+        if isinstance(node, yaml.ScalarNode) and node.style is None and not is_alias:
+            self._check_plain(node, event.tag is not None)
+        if parent is not None:
+            self._place.pop()
         self._depth -= 1
         if event.anchor and not is_alias:
             self._sizes[event.anchor] = self._values - before, self._deepest - self._depth
         self._deepest = max(self._deepest, outer)
         return node
+
+    def _check_plain(self, node: Any, has_tag: bool) -> None:
+        """Refuse a plain scalar that YAML 1.1 reads as another value than is written there."""
+        kind, typed = node.tag.rpartition(':')[2], node.value
+        expected = ''
+        if has_tag or len(typed) > MOST_DIGITS:
+            return
+        if kind in ('int', 'float') and ':' in typed:
+            expected = 'a number such as 90, or text in quotes: YAML 1.1 reads 1:30 as 90'
+        elif kind == 'int' and (other := _OTHER_BASE.fullmatch(typed)):
+            read = self.construct_yaml_int(node)
+            digits = other[2].lstrip('0_') or '0'
+            meant = str(read) if digits[0] in 'bx' else other[1] + digits
+            expected = f'{meant}, or text in quotes: YAML 1.1 reads it as {read}'
+        elif kind == 'bool' and typed.lower() not in ('true', 'false'):
+            meant = str(self.construct_yaml_bool(node)).lower()
+            expected = f'{meant}, or text in quotes: YAML 1.1 reads it as {meant}'
+        if expected:
+            raise _MisreadError(''.join(self._place), typed, expected, node.start_mark)
 
     def compose_mapping_node(self, anchor: Any) -> Any:
         node = super().compose_mapping_node(anchor)
@@ -136,9 +194,6 @@ class _Loader(yaml.SafeLoader):
         wrong = ''
         if kind in ('int', 'float') and len(node.value) > MOST_DIGITS:
             wrong = f'a number of more than {MOST_DIGITS} characters'
-        elif kind in ('int', 'float') and ':' in node.value:
-            # YAML 1.1 takes 1:30 for 90
-            wrong = f'{node.value}, which is neither a number nor text in quotes'
         if wrong:
             raise yaml.constructor.ConstructorError(None, None, wrong, node.start_mark)
         try:

@@ -30,16 +30,18 @@ import numpy as np
 import lava_ros
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files import write_output, writing
+from lava_ros.files import open_input, write_output, writing
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import require
-from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
+from lava_ros.files.yaml import parse_json
+from lava_ros.forecast.assimilation import jaccard, Outline, UNIT, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, running
 from lava_ros.forecast.pool import DEATHS, Pool, process_number
 from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
 from lava_ros.forecast.sampling import Member, Susceptibility
 from lava_ros.forecast.sentinels import CalledEffect, is_sentinel, log_called, Sentinels
 from lava_ros.maps.forecast import HazardMaps
+from lava_ros.maps.places import Places
 from lava_ros.scene import scene_to_dict
 from lava_ros.simulation.backend.threads import usable_cores
 
@@ -52,8 +54,9 @@ PATIENCE = 30.0
 #: Version of the format of a folder.
 VERSION = 3
 
-#: The file in a folder that describes its ensemble.
-MANIFEST = 'ensemble.json'
+#: The file in a folder that describes its ensemble, and that with the weights of its members where
+#: an outline has weighed them.
+MANIFEST, WEIGHTS = 'ensemble.json', 'weights.json'
 
 #: Runs members, in any order, and gives the footprint of each.
 Runner = Callable[[Plan, Sequence[Member]], Generator[Footprint, None, None]]
@@ -93,7 +96,7 @@ class Store:
                 right = 'a folder that is new, empty, or of this ensemble'
                 raise LavaError('--output', str(folder), right)
             self._members.mkdir(parents=True, exist_ok=True)
-            self._write_manifest()
+            self.write_manifest(folder)
         except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
             right = f'a folder to write to ({error})'
             raise LavaError('--output', str(folder), right) from error
@@ -112,7 +115,7 @@ class Store:
         except OSError as error:
             right = f'a folder to write to ({error})'
             raise LavaError('--output', str(self._folder), right) from error
-        self._write_manifest()
+        self.write_manifest(self._folder)
 
     def write(self, footprint: Footprint) -> None:
         """Keep a member.
@@ -129,31 +132,33 @@ class Store:
                 left=np.array([footprint.left]),
             )
 
+    def keep_weights(self, weights: Weights | None, folder: Path) -> None:
+        """Keep what each member counts in a folder of maps; None: all count the same.
+
+        Raises:
+            LavaError: It cannot be written.
+        """
+        path = folder / WEIGHTS
+        if weights is None:
+            path.unlink(missing_ok=True)
+        else:
+            write_output('--output', path, json.dumps(weights.values.tolist()) + '\n')
+
     def finished(self, count: int) -> Iterator[Footprint]:
         """Read those of the first members that are there and undamaged, in order."""
-        for index in range(count):
-            footprint = self._read(index)
-            if footprint is not None:
-                yield footprint
-
-    def _read(self, index: int) -> Footprint | None:
-        try:
-            stored = read_arrays('member', self._path(index))
-            look, millimetres = stored['look'], stored['millimetres']
-            (row, column), (left,) = map(int, stored['corner']), map(float, stored['left'])
-        except (LavaError, KeyError, TypeError, ValueError, OverflowError):
-            return None
-        is_whole = look.dtype == np.uint16 and millimetres.dtype == np.uint32
-        if not is_whole or look.shape != millimetres.shape:
-            return None
-        return Footprint(index, (row, column), look, millimetres, left)
+        return stored_members(self._folder, count)
 
     def _path(self, index: int) -> Path:
-        return self._members / f'{index:07d}.npz'
+        return _member_path(self._folder, index)
 
-    def _write_manifest(self) -> None:
+    def write_manifest(self, folder: Path) -> None:
+        """Write the description of the ensemble, which the readers of its maps need.
+
+        Raises:
+            LavaError: If it cannot be written.
+        """
         text = json.dumps(self._manifest(), indent=1) + '\n'
-        write_output('--output', self._folder / MANIFEST, text)
+        write_output('--output', folder / MANIFEST, text)
 
     def _manifest(self) -> dict[str, Any]:
         plan, susceptibility = self.plan, self._susceptibility
@@ -180,6 +185,64 @@ class Store:
         return json.loads(json.dumps(manifest))
 
 
+def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> HazardMaps:
+    """Make the maps of an ensemble in a folder again, with the arrival of lava at places.
+
+    Args:
+        folder: The folder, with the members in it or beside it, and the weights if they have any.
+        plan: What its members have in common.
+        places: Places on its terrain.
+        members: Number of members in its maps.
+
+    Raises:
+        LavaError: A member is missing or damaged, or the weights cannot be read.
+    """
+    weights = [1] * members
+    try:
+        with open_input(folder / WEIGHTS) as file:
+            weights = parse_json(WEIGHTS, file.read().decode())
+        if not all(type(weight) is int and 0 <= weight <= UNIT for weight in weights):
+            raise ValueError(f'a weight is not a whole number from 0 to {UNIT}')
+    except FileNotFoundError:
+        pass
+    except (OSError, TypeError, ValueError) as error:
+        right = f'the weights of the members ({error})'
+        raise LavaError('ensemble', str(folder / WEIGHTS), right) from error
+    tally = Tally(plan, places)
+    where = folder if (folder / 'members').is_dir() else folder.parent
+    for footprint, weight in zip(stored_members(where, members), weights, strict=False):
+        tally.add(footprint, weight)
+    if not tally.count == members == len(weights):
+        right = f'a folder with {members} members, as many as in its maps'
+        raise LavaError('ensemble', f'{folder}: {tally.count} members', right)
+    return tally.maps()
+
+
+def stored_members(folder: Path, count: int) -> Iterator[Footprint]:
+    """Read those of the first members in a folder that are there and undamaged, in order."""
+    for index in range(count):
+        footprint = _read_member(folder, index)
+        if footprint is not None:
+            yield footprint
+
+
+def _read_member(folder: Path, index: int) -> Footprint | None:
+    try:
+        stored = read_arrays('member', _member_path(folder, index))
+        look, millimetres = stored['look'], stored['millimetres']
+        (row, column), (left,) = map(int, stored['corner']), map(float, stored['left'])
+    except (LavaError, KeyError, TypeError, ValueError, OverflowError):
+        return None
+    is_whole = look.dtype == np.uint16 and millimetres.dtype == np.uint32
+    if not is_whole or look.shape != millimetres.shape:
+        return None
+    return Footprint(index, (row, column), look, millimetres, left)
+
+
+def _member_path(folder: Path, index: int) -> Path:
+    return folder / 'members' / f'{index:07d}.npz'
+
+
 def _switched_on(manifest: Any) -> tuple[CalledEffect, ...]:
     """Read the effects that sentinels have called for; none of a file without such a list."""
     try:
@@ -204,13 +267,15 @@ class Ensemble:
     """A finished ensemble.
 
     Attributes:
-        maps: The maps of its members.
-        weights: What each member counts; None where all count the same.
+        maps: The maps of its members, which all count the same.
+        weights: Weights of the members by an observed outline; None without one.
+        weighted: The maps with these weights; None without an outline.
         resumed: Number of members that were in the store before.
     """
 
     maps: HazardMaps
     weights: Weights | None
+    weighted: HazardMaps | None
     resumed: int
 
 
@@ -234,11 +299,11 @@ def run_ensemble(
         members: The first members of the ensemble.
         store: Where finished ones and the plan are kept.
         runner: What runs them.
-        outline: Where lava was seen; members then weigh by how well they agree.
+        outline: Where lava was seen; the members are then also weighted by how well they agree.
         on_finished: Called after each member with the number of finished members, and of those
             that the store had before.
         on_maps: Called with the maps of the first members, in order of number, each time that
-            their number has doubled; never with an outline, nor before all sentinels have run.
+            their number has doubled; never before all sentinels have run.
             Cheap members finish first: maps of those would be of small eruptions.
 
     Raises:
@@ -248,7 +313,7 @@ def run_ensemble(
         at_most = store.plan.horizon
         validation.number('observed.time', outline.time, at_most=at_most, unit='s')
     plan = store.plan
-    tally, weights = Tally(plan), None
+    tally = Tally(plan)
     agreement = np.full(len(members), np.nan)
     done: set[int] = set()
     ahead: dict[int, Footprint] = {}
@@ -256,10 +321,8 @@ def run_ensemble(
     def take(footprint: Footprint) -> None:
         done.add(footprint.index)
         if outline is not None:
-            # weights are relative to the best member, so that all have to be there first
             reached = reached_by(footprint, plan, outline.time)
             agreement[footprint.index] = jaccard(reached, outline)
-            return
         ahead[footprint.index] = footprint
         while tally.count in ahead:
             tally.add(ahead.pop(tally.count))
@@ -293,14 +356,16 @@ def run_ensemble(
             on_maps=on_maps,
         )
     _check_complete(done, members)
-    if outline is not None:
-        weights = weigh(agreement)
-        done.clear()
-        for footprint in store.finished(len(members)):
-            done.add(footprint.index)
-            tally.add(footprint, int(weights.values[footprint.index]))
-        _check_complete(done, members)
-    return Ensemble(tally.maps(), weights, resumed)
+    if outline is None:
+        return Ensemble(tally.maps(), None, None, resumed)
+    # weights are relative to the best member, so that all have to be there first
+    weights, weighted = weigh(agreement), Tally(plan)
+    done.clear()
+    for footprint in store.finished(len(members)):
+        done.add(footprint.index)
+        weighted.add(footprint, int(weights.values[footprint.index]))
+    _check_complete(done, members)
+    return Ensemble(tally.maps(), weights, weighted.maps(), resumed)
 
 
 def _check_complete(done: set[int], members: Sequence[Member]) -> None:

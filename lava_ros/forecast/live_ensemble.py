@@ -34,6 +34,7 @@ from lava_ros.forecast.members import plan_from, running
 from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.maps.forecast import HazardMaps
+from lava_ros.maps.places import Places
 from lava_ros.simulation.checkpoint import Checkpoint
 
 #: Members of the first maps of a scene; more follow each time that there are twice as many.
@@ -56,6 +57,7 @@ class LiveEnsemble:
         max_particles: int | None = None,
         deadline: float | None = None,
         begun: float | None = None,
+        places: Places | None = None,
         number: int = 0,
         stamp_ns: int = 0,
     ) -> None:
@@ -63,13 +65,14 @@ class LiveEnsemble:
 
         ``begun`` is the start of the ensemble on the monotonic clock [s], by default now.
         ``deadline`` is the wall time after it [s] at which the ensemble ends with the members that
-        have run; None sets no limit. ``number`` and ``stamp_ns``, a ROS time [ns], identify the
-        ensemble in answers. Other arguments are those of ``LookAhead``.
+        have run; None sets no limit. The maps tell when lava comes to ``places``. ``number`` and
+        ``stamp_ns``, a ROS time [ns], identify the ensemble in answers. Other arguments are those
+        of ``LookAhead``.
 
         Raises:
             LavaError: An argument is not usable, or nothing about the scene is uncertain.
         """
-        self.number, self.stamp_ns = number, stamp_ns
+        self.number, self.stamp_ns, self._places = number, stamp_ns, places
         self.plan = plan_from(checkpoint, horizon=horizon, threshold=threshold)
         self.start = checkpoint.time
         drawn = draw_members(checkpoint.scene, members)
@@ -138,7 +141,7 @@ class LiveEnsemble:
 
     def maps(self, agreement: np.ndarray | None) -> HazardMaps:
         """The maps of the members so far, weighed by their agreement with what was seen."""
-        tally, weights = Tally(self.plan), [1] * self.count
+        tally, weights = Tally(self.plan, self._places), [1] * self.count
         if agreement is not None:
             weights = weigh(agreement[: self.count]).values.tolist()
         for footprint, weight in zip(self._footprints, weights, strict=True):

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from lava_ros.simulation.looks import Seen
     from lava_ros.simulation.simulation import Simulation
 
-#: Looks at the flow within a horizon; arrivals are known to half of the time between two, or to a
-#: time step where that is longer.
+#: Looks at the flow within a horizon, which give the peaks. Arrivals are those of the time steps;
+#: for another thickness than ``COVERED`` they are known to half of the time between two looks.
 LOOKS = 240
 
 #: Looks of the first forecast of a scene, which takes less than half of the time.

@@ -23,6 +23,7 @@ import numpy as np
 
 from lava_ros.forecast.scores import brier_score, reliability
 from lava_ros.maps.frames import Frame
+from lava_ros.maps.page_layout import shrink_title
 from lava_ros.maps.plot import INK
 from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.scene import Scene, scene_to_dict
@@ -68,10 +69,13 @@ def frame_of(scene: Scene) -> Frame:
     )
 
 
-def draw_reliability(axes: Any, probability: np.ndarray, came: np.ndarray) -> None:
+def draw_reliability(
+    axes: Any, probability: np.ndarray, came: np.ndarray, name: str = ''
+) -> None:
     """Draw a reliability diagram: the share of cells that lava reached by forecast probability.
 
-    ``probability`` is from 0 to 1; ``came`` is bool, of the same shape.
+    ``probability`` is from 0 to 1; ``came`` is bool, of the same shape. ``name`` is that of the
+    ensemble, for the title.
     """
     bins = [item for item in reliability(probability, came) if item.count]
     axes.plot([0, 100], [0, 100], color='#999999', linewidth=1.0, label='perfect')
@@ -83,9 +87,11 @@ def draw_reliability(axes: Any, probability: np.ndarray, came: np.ndarray) -> No
             f'{item.count}', place, (4, -8), textcoords='offset points', fontsize=6, color=INK
         )
     axes.set(xlim=(-4, 108), ylim=(-4, 108))
-    axes.set_xlabel('forecast probability [%]', fontsize=8, labelpad=2)
+    axes.set_xlabel('forecast probability [%] (numbers: cells)', fontsize=8, labelpad=2)
     axes.set_ylabel('cells that lava reached [%]', fontsize=8, labelpad=2)
     axes.tick_params(labelsize=7.5)
     axes.legend(fontsize=7, frameon=False, loc='upper left')
-    title = f'Reliability (numbers: cells), Brier score {brier_score(probability, came):.3g}'
-    axes.set_title(title, loc='left', fontsize=10, color=INK, pad=5)
+    title = f'Reliability, Brier score {brier_score(probability, came):.3g}'
+    title = f'{name}: {title}' if name else title
+    text = axes.set_title(title, loc='left', fontsize=10, color=INK, pad=5)
+    shrink_title(text, axes)

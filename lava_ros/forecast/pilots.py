@@ -45,7 +45,7 @@ import numpy as np
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import Accuracy, COVERED
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
 
@@ -148,7 +148,7 @@ def run_at(
         snapshot = simulation.snapshot()
         if simulation.time < until:
             break
-        covered.append(snapshot.thickness >= COVERED)
+        covered.append(snapshot.inundated)
         if mark < MARKS:
             # only the last one is part of the run
             looked += clock() - before

@@ -109,7 +109,7 @@ class Affordable:
         refinement: The terrain's resolution over it.
         members: Members of an ensemble, 1 for a single run.
         wall_time: Expected time of all runs [s].
-        error: Expected share of the covered area (``pilots.COVERED`` or thicker at the horizon)
+        error: Expected fraction of the inundated area (up to the horizon)
             that is wrong: one less the Jaccard index with the limit of fine spacing.
         cell_error: Expected share that is wrong by the cells of the terrain.
         sampling_error: Standard error of a probability of one half, 0 for a single run.

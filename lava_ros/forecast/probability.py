@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From members to maps: probability, arrival times and expected thickness.
+"""From members to maps: probability, arrival times and expected peak thickness.
 
 Members are added as whole numbers, whose sums do not depend on the order: any number of workers
 gives the same maps to the last bit.
@@ -26,8 +26,10 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import MemberFields, Plan
 from lava_ros.forecast.sentinels import CalledEffect
-from lava_ros.maps.forecast import HazardMaps, QUANTILES
+from lava_ros.maps.forecast import HazardMaps, PlaceForecast, QUANTILES
+from lava_ros.maps.places import Places
 from lava_ros.simulation.budget import GONE
+from lava_ros.simulation.inundation import inundated_cells
 
 #: In place of a look where there was no lava in any.
 NEVER = np.iinfo(np.uint16).max
@@ -59,7 +61,7 @@ def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
     """Round a member's fields to whole looks and millimetres."""
     peak = np.nan_to_num(np.asarray(member.peak, dtype=np.float64))
     millimetres = np.rint(1000.0 * np.clip(peak, 0.0, 4e6)).astype(np.uint32)
-    arrived = np.isfinite(member.arrival)
+    arrived = inundated_cells(member.arrival)
     look = np.full(arrived.shape, NEVER, dtype=np.uint16)
     before = np.floor(member.arrival[arrived].astype(np.float64) / plan.interval)
     look[arrived] = np.clip(before, 0, plan.looks - 1)
@@ -84,12 +86,27 @@ def reached_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
     return reached
 
 
+def first_looks(footprint: Footprint, places: Places) -> np.ndarray:
+    """Find the first look with a member's lava at each place, ``NEVER`` without: [places]."""
+    rows, columns = (
+        cells - first
+        for cells, first in zip((places.rows, places.columns), footprint.corner, strict=True)
+    )
+    height, width = footprint.look.shape
+    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    result = np.full(len(places), NEVER, dtype=footprint.look.dtype)
+    looks = footprint.look[rows[inside], columns[inside]]
+    np.minimum.at(result, places.owner[inside], looks)
+    return result
+
+
 class Tally:
     """Members so far, each added once, in any order."""
 
-    def __init__(self, plan: Plan) -> None:
-        """Begin without members."""
-        self._plan = plan
+    def __init__(self, plan: Plan, places: Places | None = None) -> None:
+        """Begin without members; the maps tell when lava comes to ``places``, if there are any."""
+        self._plan, self._places = plan, places
+        self._place_arrivals = np.zeros((len(places or ()), plan.looks), dtype=np.int64)
         shape = plan.scene.terrain.shape
         self._depth = np.zeros(shape, dtype=np.int64)
         # cells that no member has reached have no row in the table of arrivals
@@ -134,6 +151,10 @@ class Tally:
             self._arrivals = np.pad(self._arrivals, ((0, more), (0, 0)))
         # a cell is in a footprint once, so that no sum gets lost
         self._arrivals[row_of[arrived], footprint.look[arrived]] += weight
+        if self._places is not None:
+            first = first_looks(footprint, self._places)
+            reached = first != NEVER
+            self._place_arrivals[np.flatnonzero(reached), first[reached]] += weight
 
     def maps(self) -> HazardMaps:
         """The maps of all members.
@@ -143,31 +164,39 @@ class Tally:
         """
         if not self._total:
             raise LavaError('members', self.count, 'at least one with a weight above 0')
-        plan, terrain = self._plan, self._plan.scene.terrain
+        terrain = self._plan.scene.terrain
 
-        def on_terrain(values: np.ndarray) -> np.ndarray:
+        def on_terrain(reached_values: np.ndarray, elsewhere: float) -> np.ndarray:
+            values = np.full(terrain.shape, elsewhere)
+            values[reached] = reached_values
             return np.where(terrain.has_data, values, np.nan).astype(np.float32)
 
         reached = self._row >= 0
-        sums = np.cumsum(self._arrivals[: self._rows], axis=1)[self._row[reached]]
-        probability = np.zeros(terrain.shape)
-        probability[reached] = 100.0 * sums[:, -1] / self._total
-        arrival = {}
+        cells = self._when(self._arrivals[: self._rows][self._row[reached]])
+        return HazardMaps(
+            probability=on_terrain(cells.probability, 0.0),
+            arrival={
+                share: on_terrain(times, np.nan) for share, times in cells.arrival.items()
+            },
+            thickness=np.where(
+                terrain.has_data, 1e-3 * self._depth / self._total, np.nan
+            ).astype(np.float32),
+            members=self.count,
+            effective_members=self._total**2 / self._squares,
+            arrival_error=0.5 * self._plan.interval,
+            members_beyond=self._beyond,
+            places=None if self._places is None else self._when(self._place_arrivals),
+        )
+
+    def _when(self, arrivals: np.ndarray) -> PlaceForecast:
+        """Probability and times of the weights [places, looks] that arrive at each look."""
+        sums = np.cumsum(arrivals, axis=1)
+        times = {}
         for share in QUANTILES:
             # exact: 0.1 is no binary fraction
             needed = -(-self._total * Fraction(str(share)) // 1)
             enough = sums >= int(needed)
-            times = np.full(terrain.shape, np.nan)
-            times[reached] = np.where(
-                enough[:, -1], (enough.argmax(axis=1) + 0.5) * plan.interval, np.nan
-            )
-            arrival[share] = on_terrain(times)
-        return HazardMaps(
-            probability=on_terrain(probability),
-            arrival=arrival,
-            thickness=on_terrain(1e-3 * self._depth / self._total),
-            members=self.count,
-            effective_members=self._total**2 / self._squares,
-            arrival_error=0.5 * plan.interval,
-            members_beyond=self._beyond,
-        )
+            times[share] = np.where(
+                enough[:, -1], (enough.argmax(axis=1) + 0.5) * self._plan.interval, np.nan
+            ).astype(np.float32)
+        return PlaceForecast((100.0 * sums[:, -1] / self._total).astype(np.float32), times)

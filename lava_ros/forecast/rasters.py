@@ -29,6 +29,7 @@ from lava_ros.maps import gis
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import ENDINGS, read_features
+from lava_ros.scene.projection import coordinate_system, horizontal
 
 
 def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
@@ -36,18 +37,26 @@ def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.nda
 
     The file has areas (``areas_on``), or is a raster (``raster_on``) with values above 0 where
     lava was, 0 where it was not, and no data where nobody looked.
+
+    Raises:
+        LavaError: If the file cannot be read, or has no lava on the terrain.
     """
-    read = areas_on if Path(path).suffix.lower() in ENDINGS else raster_on
-    values = read(terrain, path, field='--observed').astype(np.float64)
+    field = '--observed'
+    # a grid may be a .txt
+    suffix = Path(path).suffix.lower()
+    read = areas_on if suffix in ENDINGS and suffix != '.txt' else raster_on
+    values = read(terrain, path, field=field).astype(np.float64)
     known = np.isfinite(values) & terrain.has_data
-    return (values > 0.0) & known, known
+    lava = (values > 0.0) & known
+    if not lava.any():
+        raise LavaError(field, str(path), f'observed lava {terrain.bounds(projected=True)}')
+    return lava, known
 
 
 def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     """Read a raster at the centres of a terrain's cells: float64, NaN where it has no data.
 
-    A GeoTIFF or an ESRI ASCII grid without a coordinate system is taken to be in the terrain's.
-    Errors name ``field``.
+    A raster without a coordinate system is taken to be in the terrain's. Errors name ``field``.
 
     Raises:
         LavaError: The file cannot be read, has more than one band, has no data on the terrain, or
@@ -67,7 +76,7 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
         band,
         result,
         src_transform=place,
-        src_crs=crs or target_crs,
+        src_crs=horizontal(crs) if crs else target_crs,
         src_nodata=np.nan,
         dst_transform=_grid(terrain),
         dst_crs=target_crs,
@@ -116,27 +125,25 @@ def _grid(terrain: Terrain) -> Any:
 
 def _coordinates(terrain: Terrain, crs: Any, path: str | Path, field: str) -> Any:
     """The terrain's coordinate system; a terrain without one is where its numbers say."""
-    from rasterio.crs import CRS
-
-    if terrain.epsg is not None:
-        return CRS.from_epsg(terrain.epsg)
-    if crs:
+    own = coordinate_system(terrain.epsg, terrain.wkt)
+    if own is None and crs:
         right = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
         raise LavaError(field, str(path), right)
-    # both are in the same metres, whatever these are called
-    return CRS.from_epsg(32631)
+    # without systems both are in the same metres, whatever these are called
+    return own or coordinate_system(32631)
 
 
 def write_atlas(
     folder: Path,
     maps: HazardMaps,
     plan: Plan,
+    origin: gis.Provenance,
     tags: Mapping[str, str],
     formats: Collection[str] | None = None,
 ) -> list[Path]:
     """Write the maps of an ensemble to a folder, replacing files of the same names.
 
-    The maps are probability, arrival times, expected thickness and elevation, each as GeoTIFF.
+    The maps are probability, arrival times, expected peak thickness and elevation, as GeoTIFF.
     ``formats`` are further formats, of ``export.FORMATS``; vector formats hold contours of
     probability and isochrones. None stands for GeoJSON where the terrain's coordinate system is
     known, else for no further format.
@@ -147,39 +154,29 @@ def write_atlas(
     Raises:
         LavaError: A file cannot be written, or a library for a format is missing.
     """
-    place, hours = gis.place_of(plan.scene.terrain), plan.horizon / 3600.0
+    place = gis.place_of(plan.scene.terrain)
     tags = {
         'members': str(maps.members),
         'effective_members': repr(maps.effective_members),
         'horizon_s': repr(plan.horizon),
         'threshold_m': repr(plan.threshold),
-        'effects': ' '.join(plan.effects),
+        'arrival_error_s': repr(maps.arrival_error),
         **tags,
     }
     layers = {
-        'inundation_probability': (
-            maps.probability, '%',
-            f'probability that lava as thick as the threshold comes within {hours:g} h',
-        ),
-        'expected_thickness': (
-            maps.thickness, 'm', 'mean over the members of the largest thickness of the lava'
-        ),
-        'elevation': (plan.scene.terrain.elevation, 'm', 'elevation of the ground without lava'),
+        'inundation_probability': maps.probability,
+        'expected_peak_thickness': maps.thickness,
+        'elevation': plan.scene.terrain.elevation,
     }
     shapes = {'inundation_probability': gis.probabilities(maps.probability, place)}
-    error = maps.arrival_error
     for share, values in maps.arrival.items():
-        percent = round(100 * share)
-        meaning = f'time by which {percent} % of the members had lava, to {error:g} s; '
-        meaning += f'no data: fewer had any within {hours:g} h'
-        layers[f'arrival_time_p{percent}'] = (values, 's', meaning)
-        shapes[f'arrival_time_p{percent}'] = gis.isochrones(values, place)
+        name = f'arrival_time_p{round(100 * share)}'
+        layers[name], shapes[name] = values, gis.isochrones(values, place)
     written = []
-    for name, (values, unit, meaning) in layers.items():
-        written.append(folder / f'{name}.tif')
-        gis.write_map(written[-1], values, place, name=name, unit=unit, meaning=meaning, tags=tags)
-        gis.write_style(written[-1], name, values)
+    for name, values in layers.items():
+        # the style belongs to its GeoTIFF
+        written += gis.write_map(folder / f'{name}.tif', name, values, place, origin, tags)[:1]
     if formats is None:
-        formats = () if place.crs is None else ('geojson',)
+        formats = gis.usual_formats(place.crs)
     title = f'lava flow, {maps.members} members'
     return [*written, *gis.write_formats(folder, formats, shapes, layers, place, title)]

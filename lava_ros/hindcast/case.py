@@ -35,26 +35,33 @@ from lava_ros.hindcast.tables import (
     check_discharge,
     check_elevation,
     check_places,
-    is_degrees,
-    read_rates,
-    read_vents,
     Series,
     series_of,
-    VentRow,
 )
 from lava_ros.scene import ENVIRONMENT, Scene, Terrain, Vent, warn_of_celsius
+from lava_ros.scene.effusion_rates import (
+    error_of_rates,
+    options_from_dict,
+    read_effusion_rates,
+)
+from lava_ros.scene.features import ENDINGS, TABLES
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import DEFAULT, lava_from_dict, Material
-from lava_ros.scene.projection import projected
 from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
 from lava_ros.scene.terrain_files import load_terrain
-from lava_ros.scene.uncertainty import uncertainty_from_dict
+from lava_ros.scene.uncertainty import Distribution, Uncertainty, uncertainty_from_dict
+from lava_ros.scene.vent_files import read_vents, VentRow
+
+
+def _vector_files(stem: str) -> tuple[str, ...]:
+    return tuple(f'{stem}{ending}' for ending in ENDINGS if ending not in TABLES)
+
 
 #: Names that the files may have, the first that is there is taken.
 FILES = (
     ('elevation.asc', 'elevation.tif'),
-    ('footprint.asc', 'footprint.tif', 'footprint.geojson'),
-    ('vent.csv',),
+    ('footprint.asc', 'footprint.tif', *_vector_files('footprint')),
+    ('vent.csv', *_vector_files('vent')),
     ('effusion_rate.csv',),
 )
 
@@ -64,7 +71,8 @@ VENT_RADIUS = 1.5
 #: Keys of ``case.yaml``.
 KEYS = (
     *('title', 'source', 'material', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
-    *('start', 'end', 'epsg', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
+    *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
+    'effusion_rate',
 )
 
 
@@ -90,6 +98,7 @@ class Case:
         end: When it ends [s].
         volume: Volume that comes out between [m3].
         low_pass: Width of the filter that the ground went through [m]; 0: none.
+        rate_error: Factor on all effusion rates that the errors of the table amount to, if any.
     """
 
     name: str
@@ -103,6 +112,7 @@ class Case:
     volume: float
     events: tuple[Event, ...] = ()
     low_pass: float = 0.0
+    rate_error: Distribution | None = None
 
     @property
     def duration(self) -> float:
@@ -155,7 +165,9 @@ def load_case(
     if not folder.is_dir():
         raise LavaError('case', str(folder), 'a folder that exists')
     found = [next(filter(Path.is_file, map(folder.joinpath, names)), None) for names in FILES]
-    missing = [' or '.join(names) for names, path in zip(FILES, found, strict=True) if not path]
+    missing = [
+        ' or '.join(names[:3]) for names, path in zip(FILES, found, strict=True) if not path
+    ]
     if missing:
         raise LavaError('case', str(folder), f'a folder that also holds {", ".join(missing)}')
     elevation, outline, vent_table, rate_table = filter(None, found)
@@ -165,13 +177,17 @@ def load_case(
     if low_pass_width is not None:
         options['low_pass'] = low_pass_width
     read = partial(
-        load_terrain, epsg=options.get('epsg'), fill_holes=options.get('fill_holes', False)
+        load_terrain,
+        epsg=options.get('epsg'),
+        nodata=options.get('nodata'),
+        fill_holes=options.get('fill_holes', False),
     )
     ground = read(elevation)
     check_elevation(ground)
     footprint = _footprint(outline, ground)
-    rates = read_rates(rate_table)
-    rows = _placed(read_vents(vent_table), ground)
+    choices = options_from_dict('case.effusion_rate', options.get('effusion_rate', {}))
+    rates = read_effusion_rates('case', rate_table, choices)
+    rows = read_vents('case', vent_table, ground)
     if vents is not None:
         rows = vents(rows, ground)
     check_places(rows, ground, footprint)
@@ -189,15 +205,15 @@ def load_case(
             Vent(
                 position=ground.to_map(*row.place),
                 discharge=_from(start, fluxes),
-                temperature=options.get('vent_temperature', hot),
-                radius=options.get('vent_radius', VENT_RADIUS * ground.resolution),
+                temperature=row.temperature or options.get('vent_temperature', hot),
+                radius=row.radius or options.get('vent_radius', VENT_RADIUS * ground.resolution),
                 end=None if row.other_end is None else ground.to_map(*row.other_end),
                 name=row.name,
             )
             for row, fluxes in zip(rows, series, strict=True)
         ),
         lava,
-        uncertainty=uncertainty_from_dict(options.get('uncertainty', {})),
+        uncertainty=_uncertainty(options, error_of_rates(rates)),
         **{key: options[key] for key in ENVIRONMENT if key in options},
     )
     warn_of_celsius(scene)
@@ -214,6 +230,7 @@ def load_case(
         volume=sum(vent.volume_between(0.0, end - start) for vent in scene.vents),
         events=_events(folder, options.get('events', []), ground, width, read),
         low_pass=width,
+        rate_error=error_of_rates(rates),
     )
 
 
@@ -226,7 +243,7 @@ def _options(folder: Path) -> dict[str, Any]:
 
 def _footprint(path: Path, ground: Terrain) -> np.ndarray:
     """Where the ground was covered: a grid of 0 and 1, or areas, of any system, cells and part."""
-    if path.suffix == '.geojson':
+    if path.suffix.lower() in ENDINGS:
         values = areas_on(ground, path, field='the footprint').astype(float)
     else:
         values = np.nan_to_num(raster_on(ground, path, field='the footprint'))
@@ -241,20 +258,13 @@ def _footprint(path: Path, ground: Terrain) -> np.ndarray:
     return covered
 
 
-def _placed(rows: tuple[VentRow, ...], ground: Terrain) -> tuple[VentRow, ...]:
-    """Vents in the elevation's metres, those given as longitude and latitude too."""
-
-    def place(point: tuple[float, float]) -> tuple[float, float]:
-        is_off = ground.epsg is not None and not ground.covers(*ground.to_map(*point))
-        if not is_off or not is_degrees(point):
-            return point
-        there = projected(ground, *point)
-        return point if ground.cell_at(*ground.to_map(*there)) is None else there
-
-    return tuple(
-        replace(row, place=place(row.place), other_end=row.other_end and place(row.other_end))
-        for row in rows
-    )
+def _uncertainty(options: Mapping[str, Any], error: Distribution | None) -> Uncertainty:
+    """What case.yaml says is uncertain, and the error of the table where it says nothing of it."""
+    found = uncertainty_from_dict(options.get('uncertainty', {}))
+    # without such a section published ranges apply (chances.py)
+    if 'uncertainty' not in options or error is None or found.discharge is not None:
+        return found
+    return replace(found, discharge=error)
 
 
 def _lava(options: Mapping[str, Any]) -> tuple[Lava, Material | None]:

@@ -37,7 +37,8 @@ CELLS = 200
 def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Plan:
     """Plan an ensemble of a case whose members run as its hindcast does, to the same end.
 
-    If the case does not say what is uncertain, everything with a published range is. Each map is a
+    If the case does not say what is uncertain, everything with a published range is, and effusion
+    rates by the errors of their table if it has any. Each map is a
     look; ``threshold`` is the thickness at which lava counts as arrived [m]. LavaError if the case
     has events, or an argument is not usable.
     """
@@ -46,7 +47,10 @@ def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Pl
         raise LavaError('case.events', len(case.events), right)
     scene = case.scene
     if scene.uncertainty == Uncertainty():
-        scene = replace(scene, uncertainty=published_uncertainty(case))
+        uncertainty = published_uncertainty(case)
+        if case.rate_error is not None:
+            uncertainty = replace(uncertainty, discharge=case.rate_error)
+        scene = replace(scene, uncertainty=uncertainty)
     typical = replace(case, scene=median_scene(scene))
     return make_plan(
         replace(scene, terrain=coarsened(scene.terrain, settings.coarseness(typical))),

@@ -68,10 +68,29 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
     fine = regridded(snapshot, terrain, spread)
     if snapshot.arrived is None:
         return fine
-    # lava that reaches less than half of a cell does not cover it
-    reached = quarters(np.isfinite(snapshot.arrived).astype(float)) >= 2.0
+    # lava that reaches less than half of a cell does not inundate it
+    reached = terrain.has_data & (quarters(snapshot.inundated.astype(float)) >= 2.0)
     arrived = np.where(reached, spread(snapshot.arrived), np.float32(np.nan))
-    return replace(fine, arrived=arrived)
+    # what it has there is in the inundated parts of its own cell
+    places = [np.ix_(some, others) for some in rows for others in columns]
+    all_parts, its_parts = np.zeros((2, *snapshot.terrain.shape))
+    for place in places:
+        np.add.at(all_parts, place, terrain.has_data)
+        np.add.at(its_parts, place, reached)
+    is_moved = snapshot.inundated & (its_parts > 0.0)
+    gain = np.where(is_moved, all_parts / np.maximum(its_parts, 1.0), 1.0)
+
+    def moved(values: np.ndarray) -> np.ndarray:
+        total, known = np.zeros((2, *terrain.shape))
+        for place in places:
+            part, is_known = values[place] * gain[place], np.isfinite(values[place])
+            total += np.where(is_known & (reached | ~is_moved[place]), part, 0.0)
+            known += is_known
+        mean = total / np.maximum(known, 1.0)
+        return np.where(terrain.has_data & (known > 0.0), mean, np.nan).astype(np.float32)
+
+    frozen = None if snapshot.frozen is None else moved(snapshot.frozen)
+    return replace(fine, arrived=arrived, thickness=moved(snapshot.thickness), frozen=frozen)
 
 
 def regridded(

@@ -28,7 +28,6 @@ import numpy as np
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings, simulate
-from lava_ros.hindcast.score import covered_by
 from lava_ros.maps.numbers import percent
 
 #: Distance between the particles of a pilot over that of the run: it takes 1/16 of the time.
@@ -89,7 +88,7 @@ def estimate_error(
     assert result.accuracy.spacing is not None
     coarser = replace(settings, spacing=COARSER * result.accuracy.spacing)
     pilot = simulate(case, coarser)
-    apart = difference(covered_by(pilot.snapshot), covered_by(result.snapshot))
+    apart = difference(pilot.snapshot.inundated, result.snapshot.inundated)
     return ExpectedError(
         particles=min(apart / (COARSER**ORDER - 1.0), 1.0),
         cells=result.resolution.cell_error,

@@ -15,7 +15,7 @@
 """What a hindcast leaves: GeoTIFF maps, a picture beside what was mapped, and a page."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from html import escape
 import math
 from pathlib import Path
@@ -29,14 +29,17 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import ExpectedError
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings
-from lava_ros.hindcast.score import covered_by, Score
-from lava_ros.maps.gis import NODATA_BYTE, write_grid
+from lava_ros.hindcast.score import Score
+from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
+from lava_ros.maps.raster_layers import NODATA
 from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.pages.report.page import write_still
 from lava_ros.pages.runs import system_words
-from lava_ros.scene.lava import Lava
+from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import raise_peak
 from lava_ros.simulation.selection import Decision
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -62,10 +65,8 @@ def write_page(
     note = f'{material.name}: {material.title}. Constants that are not listed are off.'
     run = ''.join(_row(name, value) for name, value in _run(case, settings, result).items())
     sections = (
-        f'<h2>Lava</h2>\n<p class="note">{escape(note)}</p>\n<table>\n'
-        '<thead><tr><th>constant</th><th>value</th><th>published</th><th>source</th></tr></thead>\n'
-        f'<tbody>{_constants(case, material)}</tbody></table>\n<h2>Run</h2>\n<table><tbody>'
-        f'{run}</tbody></table>'
+        f'<h2>Lava</h2>\n<p class="note">{escape(note)}</p>\n{_constants(case, material)}\n'
+        f'<h2>Run</h2>\n<table><tbody>{run}</tbody></table>'
     )
     write_still(
         output,
@@ -88,8 +89,9 @@ def facts(
         'fit, its root': f'{judged.fit:.3f}',
         'recall': f'{judged.recall:.3f}',
         'precision': f'{judged.precision:.3f}',
-        'area': f'{judged.area / 1e6:.3g} of {judged.mapped_area / 1e6:.3g} km² '
+        'inundated area': f'{judged.area / 1e6:.3f} of {judged.mapped_area / 1e6:.3f} km² '
         f'({100 * judged.area_error:+.0f} %)',
+        'standing lava': f'{judged.standing_area / 1e6:.3f} km² at the end',
         'length': f'{judged.length / 1e3:.3g} of {judged.mapped_length / 1e3:.3g} km '
         f'({100 * judged.length_error:+.0f} %)',
         'volume': f'{judged.volume / 1e6:.3g} million m³',
@@ -121,29 +123,43 @@ def warnings(case: Case, result: Result) -> list[str]:
 
 
 def _constants(case: Case, material: Material) -> str:
-    """Rows of the constants that are in use: value, range and source of each."""
-    usual, rows = asdict(Lava()), []
+    """Table of the constants that are in use, and the list of its sources."""
+    usual, rows, units = asdict(Lava()), [], constant_units()
     used: dict[str, list[Any]] = {
         'vent_temperature': sorted({vent.temperature for vent in case.scene.vents}),
         **{name: [value] for name, value in asdict(case.scene.lava).items()},
     }
     published = {'vent_temperature': material.vent_temperature, **material.constants}
+    sources: dict[str, int] = {}
+
+    def cited(source: str) -> str:
+        return f'[{sources.setdefault(source, len(sources) + 1)}]'
+
     for name, values in used.items():
         known, source, span = published.get(name), 'case.yaml', ''
         if known is None and values == [usual[name]]:
             continue
         if known is not None:
             is_own = any(value != known.value for value in values)
-            source = f'{source}, in place of {known.value}' if is_own else known.source
+            source = f'{source}, in place of {known.value}' if is_own else cited(known.source)
             if known.range:
-                span = f'{known.range[0]:g} to {known.range[1]:g} ({known.range_source})'
+                span = f'{known.range[0]:g} to {known.range[1]:g} {cited(known.range_source)}'
         shown = [f'{item:g}' if isinstance(item, float) else str(item) for item in values]
-        rows.append(_row(name, ', '.join(shown), span, source))
-    return ''.join(rows)
+        rows.append(_row(name, ', '.join(shown), units[name], span, source, numbers=3))
+    items = ''.join(f'<li>{escape(source)}</li>' for source in sources)
+    return (
+        '<table>\n<thead><tr><th>constant</th><th>value</th><th>unit</th><th>published</th>'
+        f'<th>source</th></tr></thead>\n<tbody>{"".join(rows)}</tbody></table>\n'
+        f'<ol class="note">{items}</ol>'
+    )
 
 
-def _row(name: str, *texts: str) -> str:
-    cells = ''.join(f'<td>{escape(text)}</td>' for text in texts)
+def _row(name: str, *texts: str, numbers: int = 0) -> str:
+    """A row of a table; the first ``numbers`` texts are not broken over lines."""
+    cells = ''.join(
+        f'<td class="{"number" if index < numbers else "text"}">{escape(text)}</td>'
+        for index, text in enumerate(texts)
+    )
     return f'<tr><th scope="row">{escape(name)}</th>{cells}</tr>'
 
 
@@ -156,7 +172,7 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         'elevation': f'{terrain.shape[0]} x {terrain.shape[1]} cells of {terrain.resolution:g} m'
         + (f', smoothed over {case.low_pass:g} m' if case.low_pass else '')
         + (f', simulated on cells of {cell:g} m' if cell != terrain.resolution else ''),
-        'covered means': 'lava at least 0.1 m thick reached the cell',
+        'inundated area': f'all cells that lava at least {COVERED:g} m thick has reached',
         'events': events or 'none',
         'preset': f'{settings.preset}: particles {accuracy.spacing:g} m apart where the flow is '
         f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',
@@ -177,43 +193,50 @@ def _described(decision: Decision) -> str:
 
 
 #: What a cell of the comparison says.
-NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA_BYTE
+NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA
 
 
 def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
-    """Hits, misses and false alarms, uint8, shape [rows, columns]."""
-    table = np.array([[NEITHER, MISS], [FALSE_ALARM, HIT]], np.uint8)
-    codes = table[covered_by(snapshot).astype(int), footprint.astype(int)]
+    """Hits, misses and false alarms, int16, shape [rows, columns]."""
+    table = np.array([[NEITHER, MISS], [FALSE_ALARM, HIT]], np.int16)
+    codes = table[snapshot.inundated.astype(int), footprint.astype(int)]
     codes[~snapshot.terrain.has_data & ~footprint] = UNKNOWN
     return codes
 
 
 def write_maps(
-    case: Case, result: Result, folder: Path, several: Agreement | None = None
+    case: Case,
+    settings: Settings,
+    result: Result,
+    folder: Path,
+    several: Agreement | None = None,
 ) -> list[Path]:
     """Write the maps of a hindcast, north up, on the grid of its elevation; return their paths.
 
-    ``several``, the agreement of several runs, adds a map of the share of them that covers each
-    cell. LavaError if rasterio is not installed, or a file cannot be written.
+    ``several``, the agreement of several runs, adds a map of the percentage of them that reach
+    each cell. LavaError if rasterio is not installed, or a file cannot be written.
     """
     snapshot, terrain = result.snapshot, case.scene.terrain
     assert snapshot.arrived is not None
-    dry = np.where(terrain.has_data, 0.0, np.nan)
-    thickness = np.where(terrain.has_data, snapshot.thickness, np.nan)
+    codes = comparison(snapshot, case.footprint).astype(np.float32)
     maps = {
-        'thickness': (thickness, 'm', 'thickness of the lava at the end; 0: none'),
-        'peak_thickness': (result.peak + dry, 'm', 'largest thickness in any map; 0: none'),
-        'arrival': (snapshot.arrived, 's', 'time when lava came; no data: none came'),
-        'temperature': (snapshot.temperature - 273.15, 'degC', 'temperature; no data: no lava'),
+        'thickness': snapshot.thickness,
+        'peak_thickness': raise_peak(result.peak, snapshot.arrived),
+        'arrival': snapshot.arrived,
+        'temperature': snapshot.temperature - 273.15,
+        'comparison': np.where(codes == UNKNOWN, np.float32(np.nan), codes),
     }
     if several is not None:
-        meaning = f'share of {len(several.scores)} runs whose lava came there'
-        maps['runs'] = (several.share + dry, '1', meaning)
-    codes = comparison(snapshot, case.footprint)
-    maps['comparison'] = (codes, '1', '0: neither, 1: hit, 2: miss, 3: false alarm')
+        maps['runs'] = 100.0 * several.share
+    origin = Provenance(case.name, result.effects, settings.preset)
+    compared = replace(origin, observation=f'mapped flow field of {case.name}')
+    tags = {'threshold_m': repr(COVERED), 'simulated_time_s': repr(snapshot.time)}
     return [
-        write_grid(folder / f'{name}.tif', values, terrain, unit=unit, meaning=meaning)
-        for name, (values, unit, meaning) in maps.items()
+        write_grid(
+            folder / f'{name}.tif', name, np.where(terrain.has_data, values, np.float32(np.nan)),
+            terrain, compared if name == 'comparison' else origin, tags,
+        )[0]
+        for name, values in maps.items()
     ]
 
 
@@ -232,12 +255,15 @@ def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path)
         'mapped': f'{area_words(case.area)}, {case.volume / 1e6:.3g} million m³ in '
         f'{duration(case.duration)}',
         'model': f'lava_ros {lava_ros.__version__}, depth-averaged lava as particles',
-        'coordinates': system_words(case.scene.terrain.epsg),
+        'coordinates': system_words(case.scene.terrain.epsg, case.scene.terrain.wkt),
     }
     if case.source:
         facts['source'] = case.source
+    # with the barriers that were built meanwhile
+    ground = case.events[-1].terrain if case.events else case.scene.terrain
+    frame = frame_of(replace(case.scene, terrain=ground))
     draw_sheet(
-        [Panel(frame_of(case.scene), 'comparison', codes, fissures=fissures)],
+        [Panel(frame, 'comparison', codes, fissures=fissures)],
         output,
         title=case.title,
         subtitle='  ·  '.join([f'Jaccard {judged.jaccard:.3f}', *shares]),

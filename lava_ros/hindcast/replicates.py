@@ -34,7 +34,7 @@ from lava_ros import validation
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import regridded
 from lava_ros.hindcast.run import Result, Run, Settings
-from lava_ros.hindcast.score import covered_by, judge, Score
+from lava_ros.hindcast.score import judge, Score
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.batch import side_by_side
 from lava_ros.simulation.defaults import device_of
@@ -94,9 +94,9 @@ def directions(runs: int) -> list[Direction]:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """The comparisons of several runs with the map, and of what the majority of them covers.
+    """The comparisons of several runs with the map, and of what the majority of them inundates.
 
-    ``share`` is that of the runs that cover each cell, float64, shape [rows, columns];
+    ``share`` is the fraction of the runs that inundate each cell, float64, shape [rows, columns];
     ``thickness`` is the mean where at least half of the runs do, 0 elsewhere [m].
     """
 
@@ -205,10 +205,10 @@ def _rounded(length: float) -> float:
 
 def agreement(case: Case, snapshots: Sequence[Snapshot]) -> Agreement:
     """Compare the ends of runs, on the cells of their case, with its map, alone and combined."""
-    covered = [covered_by(snapshot) for snapshot in snapshots]
-    share = np.mean(covered, axis=0)
+    inundated = [snapshot.inundated for snapshot in snapshots]
+    share = np.mean(inundated, axis=0)
     mean = np.mean([np.nan_to_num(snapshot.thickness) for snapshot in snapshots], axis=0)
     thickness = np.where(share >= 0.5, mean, 0.0)
-    pairs = zip(snapshots, covered, strict=True)
+    pairs = zip(snapshots, inundated, strict=True)
     scores = tuple(judge(case, snapshot.thickness, cells) for snapshot, cells in pairs)
     return Agreement(scores, share, thickness, judge(case, thickness, share >= 0.5))

@@ -231,7 +231,6 @@ class Run:
                 accuracy=self.settings.accuracy(self.case),
                 device=self.settings.device,
                 horizon=self.case.duration,
-                notes_arrival=True,
             )
 
     def _advancing(self, until: float, *, limit: float) -> Iterator[None]:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""How well a simulated flow covers what was mapped.
+"""How well the inundated area of a simulated flow agrees with a mapped flow field.
 
 Every number is the same when map and flow are turned by 90 degrees or mirrored.
 """
@@ -26,7 +26,7 @@ import numpy as np
 
 from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.inundation import standing_cells
 
 #: Steps to the 16 neighbours that a path may take: its length is then right to 2.7 %.
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
@@ -36,10 +36,12 @@ _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 class Score:
     """A comparison of a simulated flow with a mapped one.
 
-    ``jaccard`` is cells in both over cells in either and ``fit`` its square root, e1 of the
-    literature; ``recall`` is the share of the mapped cells that the simulation covers,
-    ``precision`` that of the simulated cells that are mapped. Lengths are those of the longest way
-    from a vent along a flow [m]. Thicknesses are of what the simulation covers [m];
+    Simulated cells are the inundated ones. ``jaccard`` is cells in both over cells in either and
+    ``fit`` its square root, e1 of the literature; ``recall`` is the fraction of the mapped cells
+    that are inundated, ``precision`` that of the inundated cells that are mapped. ``area`` is the
+    inundated area [m2], ``standing_area`` that of the lava that stands at the end. Lengths are
+    those of the longest way from a vent along a flow [m]. Thicknesses are of the lava that stands
+    at the end [m];
     ``mapped_thickness`` is the volume that came out over the mapped area. Errors are relative,
     positive where the simulated flow is too long or too large.
     """
@@ -52,6 +54,7 @@ class Score:
     misses: int
     false_alarms: int
     area: float
+    standing_area: float
     mapped_area: float
     length: float
     mapped_length: float
@@ -64,15 +67,9 @@ class Score:
     area_error: float
 
 
-def covered_by(snapshot: Snapshot) -> np.ndarray:
-    """The cells that lava has reached at any time step, bool, shape [rows, columns]."""
-    assert snapshot.arrived is not None
-    return np.isfinite(snapshot.arrived) & snapshot.terrain.has_data
-
-
 def score(
     thickness: np.ndarray,
-    covered: np.ndarray,
+    inundated: np.ndarray,
     footprint: np.ndarray,
     *,
     resolution: float,
@@ -82,16 +79,17 @@ def score(
     """Compare a simulated flow with a mapped one, on cells of a side [m].
 
     ``thickness`` is that of the simulated lava [m], NaN without data, shape [rows, columns].
-    ``covered`` and ``footprint`` are the cells of the simulated and of the mapped lava, bool.
+    ``inundated`` and ``footprint`` are the cells of the simulated and of the mapped lava, bool.
     ``vents`` are rows and columns; the emitted volume is in m3.
     """
     thickness = np.nan_to_num(thickness)
-    layer, cell = thickness[covered], resolution**2
-    hits = int((covered & footprint).sum())
-    mapped, simulated = int(footprint.sum()), int(covered.sum())
+    standing, cell = standing_cells(thickness), resolution**2
+    layer = thickness[standing]
+    hits = int((inundated & footprint).sum())
+    mapped, simulated = int(footprint.sum()), int(inundated.sum())
     jaccard = hits / (mapped + simulated - hits) if mapped + simulated else 0.0
-    ways = distances(covered | footprint, vents) * resolution
-    length, mapped_length = _longest(ways, covered), _longest(ways, footprint)
+    ways = distances(inundated | footprint, vents) * resolution
+    length, mapped_length = _longest(ways, inundated), _longest(ways, footprint)
     return Score(
         jaccard=jaccard,
         recall=hits / mapped if mapped else 0.0,
@@ -101,27 +99,28 @@ def score(
         misses=mapped - hits,
         false_alarms=simulated - hits,
         area=simulated * cell,
+        standing_area=int(standing.sum()) * cell,
         mapped_area=mapped * cell,
         length=length,
         mapped_length=mapped_length,
         volume=float(thickness.sum()) * cell,
-        mean_thickness=float(layer.mean()) if simulated else 0.0,
-        median_thickness=float(np.median(layer)) if simulated else 0.0,
-        thickest=float(layer.max()) if simulated else 0.0,
+        mean_thickness=float(layer.mean()) if layer.size else 0.0,
+        median_thickness=float(np.median(layer)) if layer.size else 0.0,
+        thickest=float(layer.max()) if layer.size else 0.0,
         mapped_thickness=emitted / (mapped * cell) if mapped else math.nan,
         length_error=length / mapped_length - 1.0 if mapped_length else math.nan,
         area_error=simulated * cell / (mapped * cell) - 1.0 if mapped else math.nan,
     )
 
 
-def judge(case: Case, thickness: np.ndarray, covered: np.ndarray) -> Score:
+def judge(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Score:
     """Compare a flow, as in ``score`` but on the cells of a case, with its map."""
     terrain = case.scene.terrain
     places = [place for vent in case.scene.vents for place in (vent.position, vent.end) if place]
     cells = [terrain.cell_at(*place) for place in places]
     return score(
         thickness,
-        covered,
+        inundated,
         case.footprint,
         resolution=terrain.resolution,
         vents=[cell for cell in cells if cell is not None],

@@ -12,31 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The tables of a case, and whether its files go together.
+"""Checks whether the files of a case go together, and effusion rates divided among vents.
 
-The tables say where the vents are, and what came out of them when. What nature does not do is a
-mistake in a file.
+What nature does not do is a mistake in a file.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 import math
-from pathlib import Path
 
 import numpy as np
 
-from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files.csv import read_table
-from lava_ros.scene import MAX_DISCHARGE, Terrain
-
-#: Columns of ``effusion_rate.csv``.
-RATE_COLUMNS = ('start_s', 'end_s', 'discharge_m3_per_s')
-
-#: Columns of ``vent.csv``: those it needs, and those it may have.
-VENT_COLUMNS = ('x', 'y')
-MORE_VENT_COLUMNS = ('name', 'x_end', 'y_end', 'start_s', 'end_s', 'share')
+from lava_ros.scene import Terrain
+from lava_ros.scene.effusion_rates import Interval
+from lava_ros.scene.projection import is_degrees
+from lava_ros.scene.vent_files import VentRow
 
 #: A discharge as (time [s], flux [m3/s]) pairs of increasing time; each holds until the next.
 Series = tuple[tuple[float, float], ...]
@@ -57,9 +48,6 @@ NEAR = 10.0
 #: Distance of the vents over the footprint's size from which on they do not belong together.
 FAR = 0.5
 
-#: Share of an interval that two of them may overlap by, for rounding.
-_OVERLAP = 1e-6
-
 #: Times nearer that the footprint has to be when it is turned over.
 _NEARER = 3.0
 
@@ -67,88 +55,14 @@ _NEARER = 3.0
 _CLIMB = 10.0
 
 
-@dataclass(frozen=True)
-class Interval:
-    """A time [s] with one discharge of all vents together [m3/s]."""
-
-    start: float
-    end: float
-    discharge: float
-
-
-@dataclass(frozen=True)
-class VentRow:
-    """A vent, in the coordinates of the elevation, and when it opens and closes [s].
-
-    Attributes:
-        place: Its centre, or one end of a fissure (x, y) [m].
-        other_end: The other end of a fissure (x, y) [m], None for a point.
-        share: Its part of the discharge, over the shares of all that are open.
-        discharge: Its own [m3/s] as long as it is open, in place of a share; None: the share.
-    """
-
-    name: str
-    place: tuple[float, float]
-    other_end: tuple[float, float] | None = None
-    start: float = -math.inf
-    end: float = math.inf
-    share: float = 1.0
-    discharge: float | None = None
-
-    @property
-    def places(self) -> tuple[tuple[float, float], ...]:
-        """Its centre, or both ends of a fissure (x, y) [m]."""
-        return (self.place,) if self.other_end is None else (self.place, self.other_end)
-
-
-def read_rates(path: Path) -> tuple[Interval, ...]:
-    """Read ``effusion_rate.csv``; LavaError for values or an order that are not usable."""
-    intervals: list[Interval] = []
-    for where, row in read_table('case', path, RATE_COLUMNS, ()):
-        start, end, discharge = (_number(where, row, name) for name in RATE_COLUMNS)
-        _check_end(where, start, end)
-        if intervals and start < intervals[-1].end - _OVERLAP * (end - start):
-            right = f'at least {intervals[-1].end:g} s, where the row before ends'
-            raise LavaError(f'{where}, start_s', start, right)
-        if not 0.0 <= discharge <= MAX_DISCHARGE:
-            right = f'0 to {MAX_DISCHARGE:g} m3/s'
-            raise LavaError(f'{where}, discharge_m3_per_s', discharge, right)
-        intervals.append(Interval(start, end, discharge))
-    if not any(item.discharge > 0.0 for item in intervals):
-        raise LavaError(str(path), 'a table without discharge', 'a discharge above 0 at some time')
-    return tuple(intervals)
-
-
-def read_vents(path: Path) -> tuple[VentRow, ...]:
-    """Read ``vent.csv``; LavaError for values that are not usable."""
-    vents = []
-    rows = read_table('case', path, VENT_COLUMNS, MORE_VENT_COLUMNS)
-    for index, (where, row) in enumerate(rows):
-        end_x, end_y = row.get('x_end', ''), row.get('y_end', '')
-        if bool(end_x) != bool(end_y):
-            raise LavaError(f'{where}, x_end and y_end', (end_x, end_y), 'both or neither')
-        opens, closes, share = (
-            _number(where, row, name) if row.get(name) else usual
-            for name, usual in (('start_s', -math.inf), ('end_s', math.inf), ('share', 1.0))
-        )
-        _check_end(where, opens, closes)
-        vents.append(
-            VentRow(
-                row.get('name') or f'vent {index}',
-                (_number(where, row, 'x'), _number(where, row, 'y')),
-                (_number(where, row, 'x_end'), _number(where, row, 'y_end')) if end_x else None,
-                opens,
-                closes,
-                validation.number(f'{where}, share', share, above=0.0),
-            )
-        )
-    return tuple(vents)
-
-
 def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[Series]:
     """Divide the discharge among the vents that are open; LavaError where none is."""
     spans = [(item.start, item.end) for item in rates]
     spans += [(vent.start, vent.end) for vent in vents]
+    for vent in vents:
+        if vent.discharge is not None and not isinstance(vent.discharge, float):
+            right = 'one number: the effusion rates of a case are those of its table'
+            raise LavaError(f'effusion rate of {vent.name}', 'a series', right)
     result: list[list[tuple[float, float]]] = [[] for _ in vents]
     row = 0
     has_shares = any(vent.discharge is None for vent in vents)
@@ -169,7 +83,7 @@ def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[S
             raise LavaError(f'vents open at {time:g} s', 0, right)
         for series, share, vent, now in zip(result, shares, vents, is_open, strict=True):
             flux = discharge * share / sum(shares) if share else 0.0
-            if vent.discharge is not None:
+            if isinstance(vent.discharge, float):
                 flux = vent.discharge if now else 0.0
             if not series or flux != series[-1][1]:
                 series.append((time, flux))
@@ -243,18 +157,9 @@ def check_discharge(vents: Sequence[Series], area: float) -> None:
             'the mean thickness of the lava',
             f'{thickness:.3g} m',
             f'{THINNEST:g} to {THICKEST:g} m: effusion_rate.csv gives {volume:.3g} m3, too {too} '
-            f'for the {area:.3g} m2 of the footprint; is discharge_m3_per_s in m3/s, and are '
-            'start_s and end_s in s?',
+            f'for the {area:.3g} m2 of the footprint; are its rates in m3/s, and its '
+            'times (start_s, end_s) in s?',
         )
-
-
-def _number(where: str, row: dict[str, str], name: str) -> float:
-    return validation.number(f'{where}, {name}', row[name])
-
-
-def _check_end(where: str, start: float, end: float) -> None:
-    if end <= start:
-        raise LavaError(f'{where}, end_s', end, f'a time after its start, {start:g} s')
 
 
 def _distance(cells: Sequence[tuple[int, int]], footprint: np.ndarray) -> float:
@@ -274,8 +179,3 @@ def _other_system(place: tuple[float, float], ground: Terrain) -> str:
     if away > 10.0 * max(x1 - x0, y1 - y0):
         return ': these are coordinates of another system, or another place'
     return ''
-
-
-def is_degrees(place: tuple[float, float]) -> bool:
-    """Whether a place can be longitude and latitude."""
-    return abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0

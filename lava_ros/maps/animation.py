@@ -28,7 +28,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, writing
-from lava_ros.files.optional import require
+from lava_ros.files.pictures import new_figure
 from lava_ros.maps import plot
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
@@ -72,13 +72,17 @@ def animate_bag(
     recording = Recording(path)
     last, start = _survey(recording, source)
     moments = np.linspace(start, last.time or 0.0, max(2, round(seconds * fps)))
-    canvas = _Canvas(last, source, width)
-    pictures = _pictures(recording, canvas, moments, progress)
-    peak = canvas.draw(last)
-    with writing('output', output) as partial:
-        if encoder is None:
-            return _write_gif(pictures, partial, fps, peak)
-        return _write_mp4(pictures, partial, fps, encoder, peak.shape)
+    # Video codecs want even sides.
+    pixels = (2 * (width // 2), 2 * round(0.8 * width / 2))
+    dpi = width / 7.6
+    with new_figure('animate', source, (pixels[0] / dpi, pixels[1] / dpi), dpi) as figure:
+        canvas = _Canvas(figure, last, source)
+        pictures = _pictures(recording, canvas, moments, progress)
+        peak = canvas.draw(last)
+        with writing('output', output) as partial:
+            if encoder is None:
+                return _write_gif(pictures, partial, fps, peak)
+            return _write_mp4(pictures, partial, fps, encoder, peak.shape)
 
 
 def ffmpeg() -> str:
@@ -114,21 +118,12 @@ def _survey(recording: Recording, source: str) -> tuple[Frame, float]:
 class _Canvas:
     """The drawing, of which only the map and the title change."""
 
-    def __init__(self, frame: Frame, source: str, width: int) -> None:
-        require('matplotlib.figure', 'animate', source)
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-
-        self._source = source
+    def __init__(self, figure: Any, frame: Frame, source: str) -> None:
+        self._source, self._canvas = source, figure.canvas
         item = frame.layers[source]
         self._scale = plot.scale_of(source, item.values, is_saturated=item.is_saturated)
-        # Video codecs want even sides.
-        pixels = (2 * (width // 2), 2 * round(0.8 * width / 2))
-        dpi = width / 7.6
-        figure = Figure(figsize=(pixels[0] / dpi, pixels[1] / dpi), dpi=dpi, facecolor='white')
-        self._canvas = FigureCanvasAgg(figure)
         axes = figure.add_axes(_MAP)
-        aspect = _MAP[2] * pixels[0] / (_MAP[3] * pixels[1])
+        aspect = _MAP[2] * figure.get_figwidth() / (_MAP[3] * figure.get_figheight())
         bounds = plot.bounds_of(frame, np.isfinite(item.values))
         least = plot.LEAST_CELLS * frame.resolution
         window = plot.window_of(bounds, plot.extent_of(frame), aspect, least)
@@ -136,7 +131,7 @@ class _Canvas:
         # Half the memory of what it comes as.
         self._ground = plot.shaded_ground(frame)[self._part].astype(np.float32)
         self._image, self._vents = plot.draw_map(axes, frame, self._ground, window, extent=extent)
-        plot.draw_contours(axes, frame, window)
+        plot.draw_contours(axes, frame, window, plot.contour_interval(frame, window))
         plot.draw_ticks(axes)
         plot.draw_scale_bar(axes, window)
         plot.draw_north(axes)

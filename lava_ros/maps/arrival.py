@@ -22,6 +22,7 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import IMAGE, Layer
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import standing_cells
 
 THICKNESS = 'thickness'
 
@@ -29,10 +30,10 @@ THICKNESS = 'thickness'
 class Arrival:
     """First times and largest thicknesses, gathered frame by frame.
 
-    Times are those that the simulation noted at its steps, where the bag has them for this
-    threshold. Else a frame shows lava that came since the frame before: it is at most
-    ``longest_gap`` older than the time of its cell. Frames on another terrain than the newest do
-    not count.
+    Times are those that the simulation noted at its steps, where the bag has them and the
+    threshold is the thickness that inundates ground. Else a frame shows lava that came since the
+    frame before: it is at most ``longest_gap`` older than the time of its cell. Frames on another
+    terrain than the newest do not count.
 
     Attributes:
         threshold: Thickness from which on lava has arrived [m].
@@ -72,14 +73,13 @@ class Arrival:
             self.times = np.full(shown.values.shape, np.nan)
             self.peak = np.zeros(shown.values.shape, dtype=np.float32)
         assert self.times is not None and self.peak is not None
-        # What is rounded to the threshold counts as being there. NaN compares as False.
-        least = self.threshold - 1e-5 * max(1.0, self.threshold)
-        self.times[np.isnan(self.times) & (shown.values >= least)] = frame.time
-        if frame.arrived is not None and math.isclose(self.threshold, COVERED):
-            noted = frame.arrived.astype(float)
-            self.is_noted |= bool(np.isfinite(noted).any())
-            # what no map shows as thick was thick in a part of a cell
-            np.fmin(self.times, noted, out=self.times, where=np.isfinite(self.times))
+        is_noted = frame.inundated is not None and bool(frame.inundated.any())
+        if is_noted and math.isclose(self.threshold, COVERED):
+            assert frame.arrived is not None
+            self.times, self.is_noted = frame.arrived.astype(float), True
+        elif not self.is_noted:
+            is_there = standing_cells(shown.values, self.threshold)
+            self.times[np.isnan(self.times) & is_there] = frame.time
         np.fmax(self.peak, shown.values, out=self.peak)
         self.is_saturated |= shown.is_saturated
         if self.frame is not None and self.frame.time is not None:

@@ -14,48 +14,51 @@
 
 """The maps of a bag -> GeoTIFF, and what else GIS programs read."""
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+import logging
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lava_ros import validation
+from lava_ros.bag.description import described, effects_on
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
+from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
+from lava_ros.maps.plot import time_note
+from lava_ros.scene import Vent
+from lava_ros.scene.projection import coordinate_system, system_name
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import inundated_cells, raise_peak
+
+_LOG = logging.getLogger(__name__)
 
 #: What can be exported.
 MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
 
-#: What maps are written as: GeoTIFF with styles of QGIS, outline and isochrones as GeoJSON or as
-#: layers of a GeoPackage, all maps in a NetCDF.
-FORMATS = ('tif', 'geojson', 'gpkg', 'nc')
+#: What maps are written as: GeoTIFF with styles of QGIS, outline and isochrones as vector files,
+#: all maps in a NetCDF.
+FORMATS = ('tif', *WRITTEN, 'nc')
 
 #: Maps of one frame: what they show.
 _SOURCES = {'height': THICKNESS, 'temperature': 'temperature', 'hazard': 'hazard'}
 
-#: Units and meanings of the maps.
-_MEANINGS = {
-    'height': ('m', 'thickness of the lava; no data: no lava'),
-    'temperature': ('degC', 'temperature of the lava; no data: no lava'),
-    'hazard': ('1', 'hazard; 0: no lava, 1 to 99: burial and heat combined, 100: lethal'),
-    'arrival': (
-        's', 'simulated time at which lava as thick as the threshold came; no data: it did not'
-    ),
-    'peak_height': ('m', 'largest thickness of the lava in any map; no data: no lava'),
-}
-
-
 class Placement(NamedTuple):
-    """Where the map frame is: easting and northing [m] of its origin; EPSG code if known."""
+    """Where the map frame is: easting and northing [m] of its origin; its system if known."""
 
     epsg: int | None
     offset: tuple[float, float]
+    wkt: str | None = None
+
+    @property
+    def system(self) -> str | None:
+        """The coordinate system as GDAL takes it, None without one."""
+        return self.wkt if self.epsg is None else f'EPSG:{self.epsg}'
 
 
 class Exported(NamedTuple):
@@ -91,8 +94,9 @@ def export_bag(
         time: Simulated time [s] to show the newest maps up to; None for the last ones.
         every: Whether height, temperature and hazard are written for every frame up to the time.
         threshold: Thickness from which on lava has arrived [m].
-        epsg: EPSG code for a bag that has none.
-        offset: Easting and northing [m] of the map frame's origin, for a bag without EPSG code.
+        epsg: EPSG code, in place of the coordinate system of the bag.
+        offset: Easting and northing [m] of the map frame's origin, for a bag without a system, or
+            together with ``epsg``.
         progress: Is told what is being done, and the share of the frames that is done.
 
     Raises:
@@ -115,10 +119,14 @@ def export_bag(
     thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
     if wants_history and thickness:
         check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
-    crs = gis.coordinate_system(placement.epsg)
+    crs = coordinate_system(placement.epsg, placement.wkt)
     gis.require_formats(formats, target, crs)
     _make_empty(target)
-    writer = _Writer(target, crs, placement.offset, Path(path).name, threshold, formats)
+    origin = provenance_of(recording)
+    writer = _Writer(
+        target, crs, placement.offset, Path(path).name, origin, threshold, formats
+    )
+    writer.vents = _vents(recording.scene)
     current = [name for name in MAPS if name in maps and name in _SOURCES]
     history = Arrival(threshold)
     last: Frame | None = None
@@ -137,12 +145,14 @@ def export_bag(
         # nobody looks for what failed in an empty folder
         target.rmdir()
         raise recording.lack(time, 'terrain and a map')
+    if note := time_note(None if every else time, last):
+        _LOG.warning(note)
     for name in () if every else current:
         writer.write_layer(name, last, f'{name}.tif')
     for name in ('arrival', 'peak_height'):
         if name in maps and history.frame is not None:
             writer.write_history(name, history.frame, history)
-    writer.finish()
+    writer.finish(last, history)
     if not writer.written:
         have = sorted({layer.source for layer in recording.layers.values()})
         raise LavaError('maps', ', '.join(maps), f'maps of what the bag has: {", ".join(have)}')
@@ -157,22 +167,53 @@ def placement_of(
 ) -> Placement:
     """Where the map frame of a bag is.
 
-    The description of the scene in the bag decides; ``epsg`` and ``offset`` [m] fill in what it
-    lacks. LavaError where they contradict it, or its own values are not usable.
+    ``epsg``, and ``offset`` [m] beside it, replace what the scene in the bag states. LavaError
+    where ``offset`` alone contradicts it, or its own values are not usable.
     """
     terrain = scene.get('terrain')
     terrain = terrain if isinstance(terrain, Mapping) else {}
-    known = terrain.get('epsg')
+    known, wkt = terrain.get('epsg'), terrain.get('wkt')
     if known is not None and (isinstance(known, bool) or not isinstance(known, int)):
         raise LavaError("the bag's terrain.epsg", known, 'an EPSG code such as 32633')
     own = validation.pair("the bag's terrain.offset", terrain.get('offset', (0.0, 0.0)))
-    if known is None:
-        return Placement(epsg, own if offset is None else offset)
-    if epsg not in (None, known):
-        raise LavaError('epsg', epsg, f'{known}, as the bag says')
-    if offset is not None and offset != own:
-        raise LavaError('offset', offset, f'{own}, as the bag says')
-    return Placement(known, own)
+    if wkt is not None and not isinstance(wkt, str):
+        raise LavaError("the bag's terrain.wkt", wkt, 'the definition of a coordinate system')
+    stated = Placement(known, own, wkt)
+    if epsg in (None, known) and stated.system:
+        if offset is not None and offset != own:
+            raise LavaError('offset', offset, f'{own}, as the bag states')
+        return stated
+    if stated.system:
+        _LOG.warning(f'EPSG:{epsg} as given, although the bag states {system_name(known, wkt)}')
+    return Placement(epsg, own if offset is None else offset)
+
+
+def _vents(scene: Mapping[str, Any]) -> list[Vent]:
+    """The vents that a bag describes; none where it does not, with a warning if it tries to."""
+    names = {item.name for item in fields(Vent)}
+    items = scene.get('vents', [])
+    try:
+        return [
+            Vent(**{name: value for name, value in item.items() if name in names})
+            for item in items
+        ]
+    except (AttributeError, TypeError, LavaError) as error:
+        _LOG.warning(f'the vents of the bag are left out: {error}')
+        return []
+
+
+def provenance_of(recording: Recording) -> gis.Provenance:
+    """Return the origin of the maps of a bag, as far as the bag describes it."""
+    data = recording.bag.custom_data
+    told = described(data)
+    parameters = told['parameters'] or {}
+    scene = data.get('case') or parameters.get('scene') or recording.bag.path.resolve().name
+    return gis.Provenance(
+        scene=str(scene),
+        effects=effects_on(told),
+        preset=str(parameters.get('preset') or 'unknown'),
+        version=data.get('version') or 'unknown',
+    )
 
 
 def _make_empty(directory: Path) -> None:
@@ -193,11 +234,13 @@ class _Writer:
     crs: Any
     offset: tuple[float, float]
     bag: str
+    origin: gis.Provenance
     threshold: float
     formats: Collection[str]
     written: list[Path] = field(default_factory=list)
-    newest: dict[str, tuple[np.ndarray, str, str]] = field(default_factory=dict)
+    newest: dict[str, np.ndarray] = field(default_factory=dict)
     place: gis.Place | None = None
+    vents: Sequence[Vent] = ()
 
     def write_layer(self, name: str, frame: Frame, file_name: str) -> None:
         """Write a layer of a frame, when it has it."""
@@ -231,7 +274,9 @@ class _Writer:
             values = history.times.astype(np.float32)
         else:
             tags['saturated'] = 'yes' if history.is_saturated else 'no'
-            values = np.where(history.peak > 0.0, history.peak, np.float32(np.nan))
+            values = history.peak
+            if history.is_noted:
+                values = raise_peak(values, history.times)
         self._write(name, values, frame, f'{name}.tif', tags)
 
     def _write(
@@ -239,28 +284,31 @@ class _Writer:
     ) -> None:
         corner = (self.offset[0] + frame.origin[0], self.offset[1] + frame.origin[1])
         self.place = gis.Place(corner, frame.resolution, self.crs)
-        unit, meaning = _MEANINGS[name]
-        self.newest[name] = values, unit, meaning
+        self.newest[name] = values
         if 'tif' in self.formats:
-            path = self.directory / file_name
-            tags = {'bag': self.bag, **tags}
-            cells = values
-            if name == 'hazard':
-                cells = np.nan_to_num(values, nan=gis.NODATA_BYTE).astype(np.uint8)
-            gis.write_map(path, cells, self.place, name, unit, meaning, tags)
-            self.written.append(path)
-            gis.write_style(path, name, values)
+            path, tags = self.directory / file_name, {'bag': self.bag, **tags}
+            files = gis.write_map(path, name, values, self.place, self.origin, tags)
+            # the style belongs to its GeoTIFF
+            self.written.append(files[0])
 
-    def finish(self) -> None:
-        """Write the newest maps in the formats that have them in one file."""
+    def finish(self, frame: Frame, history: Arrival) -> None:
+        """Write the newest maps in the formats that have them in one file.
+
+        The outline is that of the inundated area up to the frame; where the bag does not say, that
+        of the lava that stands then.
+        """
         if self.place is None:
             return
         layers: dict[str, list[dict[str, Any]]] = {}
-        if 'height' in self.newest:
-            covered = np.nan_to_num(self.newest['height'][0]) >= COVERED
-            layers['outline'] = gis.area(covered, self.place, from_m=COVERED)
+        cells, name = frame.inundated, 'inundated area'
+        if cells is None and history.times is not None and self.threshold == COVERED:
+            cells = inundated_cells(history.times)
+        if cells is None:
+            cells, name = frame.standing, 'standing lava'
+        layers['outline'] = gis.area(cells, self.place, shows=name, from_m=COVERED)
         if 'arrival' in self.newest:
-            layers['isochrones'] = gis.isochrones(self.newest['arrival'][0], self.place)
+            layers['isochrones'] = gis.isochrones(self.newest['arrival'], self.place)
+        layers |= gis.vents(self.vents, self.offset)
         self.written += gis.write_formats(
             self.directory, self.formats, layers, self.newest, self.place,
             f'lava flow of {self.bag}',

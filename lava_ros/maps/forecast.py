@@ -66,6 +66,20 @@ class Forecast:
 
 
 @dataclass(frozen=True, eq=False)
+class PlaceForecast:
+    """When lava of an ensemble first comes to places, whichever of their cells it reaches.
+
+    Attributes:
+        probability: Probability that lava comes up to the horizon, 0 to 100, shape [places].
+        arrival: Times [s] by which a fraction of the members had lava there, by the fractions in
+            ``QUANTILES``, shape [places]; NaN where fewer members had any.
+    """
+
+    probability: np.ndarray
+    arrival: dict[float, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
 class HazardMaps:
     """The maps of an ensemble on the cells of the terrain.
 
@@ -83,6 +97,7 @@ class HazardMaps:
             step comes on top.
         members_beyond: Number of members of which some lava has left the map; nothing is known of
             where it went.
+        places: Arrival at the places that were named; None without any.
     """
 
     probability: np.ndarray
@@ -92,6 +107,7 @@ class HazardMaps:
     effective_members: float
     arrival_error: float
     members_beyond: int = 0
+    places: PlaceForecast | None = None
 
     @property
     def sampling_error(self) -> float:

@@ -15,7 +15,7 @@
 """A recorded bag -> the maps it holds, moment by moment, in physical units. Needs no ROS."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 import math
 from pathlib import Path
@@ -32,7 +32,7 @@ from lava_ros.files.yaml import parse_yaml
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, IMAGE, Layer
 from lava_ros.scene import MAX_COORDINATE, Terrain
-from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import inundated_cells, standing_cells
 
 #: Called with the name of the activity and the share of it that is done, 0 to 1.
 Progress = Callable[[str, float], None]
@@ -71,8 +71,8 @@ class Frame:
         vents: Map positions [m] of the vents with a discharge, shape [vents, 2].
         time: Simulated time [s], None when the bag does not say.
         scene: What the bag says about its scene, as ``scene_to_dict`` gives it.
-        arrived: Simulated time [s] of the step with which lava from ``COVERED`` on came to a cell,
-            float32, shape [rows, columns], NaN where it has not; None when the bag does not say.
+        arrived: Simulated time [s] of the step in which lava reached a cell, float32, shape [rows,
+            columns], NaN where it has not; None when the bag does not say.
     """
 
     elevation: np.ndarray
@@ -85,19 +85,27 @@ class Frame:
     arrived: np.ndarray | None = None
 
     @property
-    def covered(self) -> np.ndarray:
-        """Cells with lava, from ``COVERED`` on where its thickness is known, bool."""
+    def standing(self) -> np.ndarray:
+        """Cells with lava now, bool; where no thickness is known, those that any layer shows."""
         thickness = self.layers.get('thickness')
         if thickness is not None:
-            # what is rounded to it counts; NaN does not
-            return thickness.values >= np.float32(COVERED * (1.0 - 1e-5))
+            return standing_cells(thickness.values)
         wet = [np.isfinite(item.values) for item in self.layers.values()]
         return np.logical_or.reduce([np.zeros(self.elevation.shape, dtype=bool), *wet])
 
     @property
-    def area(self) -> float:
-        """Ground that is ``covered`` [m2]."""
-        return float(self.covered.sum()) * self.resolution**2
+    def inundated(self) -> np.ndarray | None:
+        """Cells that lava has reached so far, bool; None when the bag does not say."""
+        return None if self.arrived is None else inundated_cells(self.arrived)
+
+    @property
+    def lava(self) -> np.ndarray:
+        """Cells that have lava now or have had it, as far as the frame says, bool."""
+        return self.standing if self.inundated is None else self.standing | self.inundated
+
+    def area(self, cells: np.ndarray) -> float:
+        """Area of some of the cells [m2]."""
+        return float(cells.sum()) * self.resolution**2
 
     @property
     def thickest(self) -> float:
@@ -260,7 +268,7 @@ class _Assembly:
         arrived = layers.pop(ARRIVED, None)
         has_vents = recording.vents in self.newest
         stamp = max(self.newest[name].publish_ns for name in self._layer_names())
-        return Frame(
+        frame = Frame(
             elevation=terrain.elevation,
             resolution=terrain.resolution,
             origin=terrain.origin,
@@ -270,6 +278,9 @@ class _Assembly:
             scene=recording.scene,
             arrived=None if arrived is None else arrived.values,
         )
+        # a layer without any time beside lava says nothing
+        is_said = frame.inundated is None or frame.inundated.any() or not frame.standing.any()
+        return frame if is_said else replace(frame, arrived=None)
 
     def _layer_names(self) -> list[str]:
         return [name for name in self._recording.layers if name in self.newest]
@@ -338,7 +349,7 @@ def _map(layer: Layer, decoder: Decoder, message: BagMessage) -> tuple[LayerFram
 def image_frame(layer: Layer, pixels: np.ndarray) -> LayerFrame:
     """A layer from the pixels of its image; an arrival of 0 is there already, not nowhere."""
     values = pixels.astype(np.float32)
-    is_there = values >= 0.0 if layer.source == ARRIVAL else values > 0.0
+    is_there = values >= 0.0 if layer.source in (ARRIVAL, ARRIVED) else values > 0.0
     return LayerFrame(layer, np.where(is_there & np.isfinite(values), values, np.nan), False)
 
 

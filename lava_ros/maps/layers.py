@@ -23,6 +23,7 @@ import numpy as np
 from lava_ros.bag.qos import LATCHED, QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, occupancy, UNKNOWN
+from lava_ros.simulation.inundation import inundated_cells, standing_cells
 
 if TYPE_CHECKING:
     # The solver's package loads Warp, which files and messages do not need.
@@ -63,8 +64,8 @@ PROBABILITY = 'inundation_probability'
 #: Share of an ensemble's members that have lava by a time, by the source that says when.
 QUANTILE_SOURCES = {'arrival_p10': 0.1, 'arrival_p50': 0.5, 'arrival_p90': 0.9}
 
-#: The source that says how thick lava gets on average over an ensemble.
-EXPECTED = 'expected_thickness'
+#: The source that says how thick lava gets at most, on average over an ensemble.
+EXPECTED = 'expected_peak_thickness'
 
 #: Quantities of an ensemble, each shown alone.
 ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)
@@ -74,6 +75,10 @@ LAVA = 'lava'
 
 #: QoS deadline and liveliness lease of a layer with a heartbeat, in heartbeats.
 DEADLINE_HEARTBEATS = 2
+
+#: Hazard index of a cell that lava has reached and left: its ground is hot, and real lava leaves a
+#: crust that the model does not have, so nobody may go there; no lava can bury anything in it now.
+DRAINED = 50
 
 #: Where classes of depth end that people can picture: a knee, somebody's height, a roof [m].
 DEPTHS = (0.5, 2.0, 5.0)
@@ -190,9 +195,10 @@ class Layer:
     def raw_values(self, snapshot: 'Shown') -> np.ndarray:
         """Return the layer's quantity on the terrain's cells; LavaError if it shows several.
 
-        float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard or probability
-        0..100, arrival [s], or time [s] of it. Dry cells are 0, or NaN for temperature and both of
-        these; cells of which nothing is known, as outside the terrain, are NaN, and for the
+        float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard index
+        (``DRAINED`` where lava has been) or probability 0..100, arrival [s], or time [s] of it.
+        Dry cells are 0, or NaN for temperature and both of these; cells of which nothing is known,
+        as outside the terrain, are NaN, and for the
         arrival ``UNKNOWN``.
         """
         if self.source == ARRIVED:
@@ -312,17 +318,25 @@ class Layer:
         return values
 
     def _quantity(self, source: str, snapshot: 'Flow') -> tuple[np.ndarray, np.ndarray]:
-        """Where this layer sees lava, bool, shape [rows, columns], and a quantity there."""
+        """Where this layer sees lava, bool, shape [rows, columns], and a quantity there.
+
+        The hazard index is above 0 in all inundated cells as well.
+        """
         if isinstance(snapshot, Forecast) and source == ARRIVAL:
-            wet = np.isfinite(snapshot.arrival)
+            wet = inundated_cells(snapshot.arrival)
             return wet, snapshot.arrival[wet]
-        wet = (snapshot.thickness > 0.0) & (snapshot.thickness >= self.threshold)
+        wet = (snapshot.thickness > 0.0) & standing_cells(snapshot.thickness, self.threshold)
         thickness, temperature = snapshot.thickness[wet], snapshot.temperature[wet]
         if source == 'thickness':
             return wet, thickness
         if source == 'temperature':
             return wet, temperature - np.float32(ZERO_CELSIUS)
-        return wet, hazard(thickness, temperature, self.hazard)
+        index = np.full(wet.shape, np.float32(DRAINED))
+        index[wet] = hazard(thickness, temperature, self.hazard)
+        came = snapshot.arrival if isinstance(snapshot, Forecast) else snapshot.arrived
+        if came is not None:
+            wet = wet | (inundated_cells(came) & np.isfinite(snapshot.thickness))
+        return wet, index[wet]
 
 
 def within(marked: np.ndarray, distance: float) -> np.ndarray:
@@ -360,7 +374,7 @@ def within(marked: np.ndarray, distance: float) -> np.ndarray:
 def hazard(
     thickness: np.ndarray, temperature: np.ndarray, limits: HazardLimits = HazardLimits()
 ) -> np.ndarray:
-    """Combine burial and heat into one number per cell.
+    """Combine burial and heat into one index of severity per cell; it is no probability.
 
     Burial grows linearly from 0 to 1 at the lethal thickness, heat from 0 at the safe to 1 at the
     lethal temperature; the hazard is ``100 (1 - (1 - burial) (1 - heat))``, as if the two struck

@@ -21,7 +21,10 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros import validation
+from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame
+from lava_ros.scene.terrain import crest_lines
 
 #: Colours of the ground from low to high: muted, so that the lava stands out.
 GROUND = ('#7f8f7a', '#a3a383', '#bfb293', '#cfc4ae', '#e4ded2')
@@ -43,6 +46,12 @@ VENT: dict[str, Any] = {
     'markeredgecolor': 'black',
     'markeredgewidth': 0.9,
 }
+
+#: How contours of the elevation and isochrones are drawn.
+CONTOUR: dict[str, Any] = {'colors': '#3b352a', 'alpha': 0.5}
+ISOCHRONE: dict[str, Any] = {'colors': '#101010', 'linewidths': 0.7}
+#: How the crests of barriers are drawn, in maps and in their legend.
+BARRIER: dict[str, Any] = {'color': '#3d2b1f', 'linewidth': 1.5}
 
 # Steps of a grid that people reckon with.
 _GRID = (1.0, 2.0, 5.0, 10.0)
@@ -75,17 +84,18 @@ STYLES = {
         ('#1c1014', '#5b0f14', '#a11d12', '#dc4a10', '#f79420', '#fee08a', '#fffbe6'),
     ),
     'hazard': Style(
-        'Hazard', '0 no lava, 100 lethal',
+        'Hazard', '50 lava has drained away, 100 lethal',
         ('#ffffb2', '#fed976', '#feb24c', '#fd8d3c', '#f03b20', '#a50026'),
     ),
     'arrival': Style(
         'Arrival of the lava', 's',
-        ('#67001f', '#b2182b', '#d6604d', '#f4a582', '#fddbc7', '#d1e5f0', '#92c5de'),
+        ('#5c0018', '#b2182b', '#e8602c', '#f6b32e', '#7fc7b0', '#2f8fc4', '#20418f'),
     ),
     'probability': Style(
         'Probability that lava comes', '%',
         ('#fff3c4', '#fdd17a', '#f99a3b', '#e2571e', '#a81d1d', '#5a0a2a'),
     ),
+    'elevation': Style('Elevation', 'm', GROUND),
     'comparison': Style(
         'Simulated and mapped', '',
         ('#f2b134', '#2166ac', '#b2182b'),
@@ -93,18 +103,47 @@ STYLES = {
     ),
 }
 
+#: Times between isochrones [s], and maximum number of isochrones.
+_STEPS = (
+    *(60, 300, 600, 1800, 3600, 7200, 6 * 3600, 12 * 3600),
+    *(days * 86_400 for days in (1, 2, 3, 7)),
+)
+MAX_ISOCHRONES = 12
+
+#: Maximum number of isochrones on a printed map.
+MAX_DRAWN_ISOCHRONES = 6
+
+#: Words on a colour bar for units of times.
+_UNIT_WORDS = {
+    'd': 'days after the start',
+    'h': 'hours after the start',
+    'min': 'minutes after the start',
+    's': 'seconds after the start',
+}
+
 #: Units of times [s], the largest first.
 _TIMES = (('d', 86_400.0), ('h', 3600.0), ('min', 60.0), ('s', 1.0))
 
 
 def titles(frame: Frame) -> tuple[str, str]:
-    """Title of a frame with its time, and a line with covered area and largest thickness."""
-    facts = [f'{area_words(frame.area)} covered' if frame.area else 'no lava']
+    """Title of a frame with its time, and a line with its areas and the largest thickness."""
+    sets = {'inundated': frame.inundated, 'standing lava': frame.standing}
+    areas = {name: frame.area(cells) for name, cells in sets.items() if cells is not None}
+    facts = [f'{area_words(area)} {name}' for name, area in areas.items() if area]
+    facts = facts or ['no lava']
     if math.isfinite(frame.thickest):
         prefix = 'over' if frame.layers['thickness'].is_saturated else 'up to'
         facts.append(f'{prefix} {frame.thickest:.3g} m thick')
     title = 'Lava flow' if frame.time is None else f'Lava flow after {duration(frame.time)}'
     return title, '  ·  '.join(facts)
+
+
+def time_note(asked: float | None, frame: Frame) -> str:
+    """Return a note if the maps of a frame are older than the time that was asked for [s]."""
+    if asked is None or frame.time is None or asked - frame.time < 1.0:
+        return ''
+    shown, wanted = (f'{duration(time)} ({time:.0f} s)' for time in (frame.time, asked))
+    return f'maps at {shown}, the newest of the recording at or before {wanted}'
 
 
 def area_words(value: float) -> str:
@@ -122,7 +161,14 @@ def duration(seconds: float) -> str:
     if minutes < 48 * 60:
         return f'{minutes // 60} h' + (f' {minutes % 60:02d} min' if minutes % 60 else '')
     hours = round(seconds / 3600.0)
-    return f'{hours // 24} d {hours % 24} h'
+    return f'{hours // 24} d' + (f' {hours % 24} h' if hours % 24 else '')
+
+
+def isochrone_times(last: float, most: int = MAX_ISOCHRONES) -> np.ndarray:
+    """Return ``most`` or fewer round times [s]; the last one is at or after ``last`` [s]."""
+    longest = max(_STEPS[-1], last / most)
+    step = next((item for item in _STEPS if last <= item * most), longest)
+    return step * np.arange(1, math.ceil(last / step) + 1)
 
 
 def extent_of(frame: Frame) -> Window:
@@ -139,6 +185,18 @@ def middles_of(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     return x, frame.origin[1] + (np.arange(rows) + 0.5) * frame.resolution
 
 
+def barriers_of(frame: Frame) -> list[np.ndarray]:
+    """Crests of the barriers on the ground, map positions [m], each of shape [places, 2]."""
+    terrain = frame.scene.get('terrain') or {}
+    try:
+        crests = crest_lines('barriers', terrain.get('barriers', ()))
+        offset = validation.pair('offset', terrain.get('offset', (0.0, 0.0)))
+    except LavaError:
+        # a foreign bag may say anything
+        return []
+    return [np.array(crest) - offset for crest in crests]
+
+
 def bounds_of(frame: Frame, shown: np.ndarray) -> Window:
     """Bounding box of a mask, bool, shape [rows, columns], and the vents; the terrain if empty."""
     x, y = middles_of(frame)
@@ -147,18 +205,30 @@ def bounds_of(frame: Frame, shown: np.ndarray) -> Window:
     return (min(xs), min(ys), max(xs), max(ys)) if xs else extent_of(frame)
 
 
-def window_of(bounds: Window, limits: Window, aspect: float, least: float) -> Window:
+def window_of(
+    bounds: Window, limits: Window, aspect: float, least: float, margin: float = MARGIN
+) -> Window:
     """The part of the map to draw: ``bounds`` with a margin, inside ``limits`` where it fits.
 
     The window is ``aspect`` times as wide as high, and at least ``least`` [m] in both directions.
     """
     x0, y0, x1, y1 = bounds
-    width = max((x1 - x0) * (1.0 + 2.0 * MARGIN), least)
-    height = max((y1 - y0) * (1.0 + 2.0 * MARGIN), least)
+    # a margin does not go beyond the ground
+    x0, x1 = _widened(x0, x1, margin, limits[0], limits[2])
+    y0, y1 = _widened(y0, y1, margin, limits[1], limits[3])
+    width, height = max(x1 - x0, least), max(y1 - y0, least)
     width, height = max(width, height * aspect), max(height, width / aspect)
     left = _inside(0.5 * (x0 + x1 - width), width, limits[0], limits[2])
     bottom = _inside(0.5 * (y0 + y1 - height), height, limits[1], limits[3])
     return (left, bottom, left + width, bottom + height)
+
+
+def _widened(
+    first: float, last: float, margin: float, low: float, high: float
+) -> tuple[float, float]:
+    """Add a margin, a fraction of the length, to both ends of a span, but not beyond limits."""
+    more = margin * (last - first)
+    return min(first, max(first - more, low)), max(last, min(last + more, high))
 
 
 def _inside(start: float, length: float, low: float, high: float) -> float:
@@ -203,6 +273,33 @@ class Scale:
     names: Sequence[str] = ()
 
 
+def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
+    """Return the values of the first and the last colour of a map, which are round numbers.
+
+    ``source`` is one of ``STYLES``; ``values`` are those of the map, NaN where nothing is shown.
+    """
+    known = values[np.isfinite(values)]
+    most = float(known.max()) if known.size else 1.0
+    if source in ('hazard', 'probability'):
+        return 0.0, 100.0
+    if source == 'arrival':
+        unit = _time_unit(most)[1]
+        return 0.0, unit * _round_up(max(most / unit, 1e-6))
+    if source == 'elevation':
+        low = float(known.min()) if known.size else 0.0
+        return low, most if most > low else low + 1.0
+    if source == 'temperature':
+        low = math.floor(float(known.min()) / 100.0) * 100.0 if known.size else 0.0
+        return low, max(math.ceil(most / 100.0) * 100.0, low + 100.0)
+    # A few deep cells must not make the rest all one colour.
+    return 0.0, _round_up(max(float(np.percentile(known, 99.5)), 1e-6)) if known.size else 1.0
+
+
+def _time_unit(longest: float) -> tuple[str, float]:
+    """Name and length [s] of the unit that suits times up to a longest one [s]."""
+    return next(item for item in _TIMES if longest >= 2.0 * item[1] or item[1] == 1.0)
+
+
 def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> Scale:
     """Choose the colour scale of a map from its values, NaN where nothing is shown.
 
@@ -211,27 +308,16 @@ def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> 
     from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, Normalize
 
     style = STYLES[source]
-    colours = LinearSegmentedColormap.from_list(source, style.colours)
-    known = values[np.isfinite(values)]
-    most = float(known.max()) if known.size else 1.0
     if style.names:
         count = len(style.names)
         norm = BoundaryNorm(np.arange(count + 1) + 0.5, count)
         return Scale(ListedColormap(style.colours), norm, 'neither', '', names=style.names)
-    if source in ('hazard', 'probability'):
-        return Scale(colours, Normalize(0.0, 100.0), 'neither', style.label)
-    if source == 'arrival':
-        label, unit = next(item for item in _TIMES if most >= 2.0 * item[1] or item[1] == 1.0)
-        top = Normalize(0.0, _round_up(max(most / unit, 1e-6)))
-        return Scale(colours, top, 'neither', label, unit)
-    if source == 'temperature':
-        low = math.floor(float(known.min()) / 100.0) * 100.0 if known.size else 0.0
-        high = max(math.ceil(most / 100.0) * 100.0, low + 100.0)
-        return Scale(colours, Normalize(low, high), 'neither', style.label)
-    # A few deep cells must not make the rest all one colour.
-    high = _round_up(max(float(np.percentile(known, 99.5)), 1e-6)) if known.size else 1.0
+    colours = LinearSegmentedColormap.from_list(source, style.colours)
+    low, high = limits_of(source, values)
+    most = float(np.max(values, where=np.isfinite(values), initial=-math.inf))
+    label, unit = _time_unit(most) if source == 'arrival' else (style.label, 1.0)
     past = 'max' if is_saturated or most > high else 'neither'
-    return Scale(colours, Normalize(0.0, high), past, style.label)
+    return Scale(colours, Normalize(low / unit, high / unit), past, label, unit)
 
 
 def _round_up(
@@ -274,6 +360,9 @@ def draw_map(
     )
     for ends in fissures:
         axes.plot(*np.transpose(ends), color='black', linewidth=1.6, path_effects=halo(), zorder=3)
+    for crest in barriers_of(frame):
+        look = BARRIER | {'path_effects': halo(), 'zorder': 4}
+        axes.plot(*crest.T, scalex=False, scaley=False, **look)
     (vents,) = axes.plot(*frame.vents.T, zorder=7, **VENT)
     axes.set(facecolor='#ededed', xlim=(window[0], window[2]), ylim=(window[1], window[3]))
     for spine in axes.spines.values():
@@ -288,28 +377,69 @@ def draw_colour_bar(figure: Any, axes: Any, scale: Scale) -> None:
     bar = figure.colorbar(ScalarMappable(scale.norm, scale.colours), cax=axes, extend=scale.past)
     if scale.names:
         bar.set_ticks(np.arange(len(scale.names)) + 1.0, labels=scale.names)
-    bar.set_label(scale.label, fontsize=9, color=INK)
+    bar.set_label(_UNIT_WORDS.get(scale.label, scale.label), fontsize=9, color=INK)
     bar.ax.tick_params(labelsize=8, color='#666666', width=0.6, length=3)
     bar.outline.set_linewidth(0.6)
 
 
-def draw_contours(axes: Any, frame: Frame, window: Window) -> None:
-    """Thin lines of equal elevation, every fifth of them labelled."""
+def contour_interval(frame: Frame, window: Window) -> float:
+    """Return the interval of elevation contours that suits a window [m]; 0 on flat ground."""
+    shown = _part(frame, window)[2]
+    if not np.isfinite(shown).any():
+        return 0.0
+    relief = float(np.nanmax(shown)) - float(np.nanmin(shown))
+    return _round_up(relief / 16.0, _GRID) if relief > 0.0 else 0.0
+
+
+def _part(frame: Frame, window: Window) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates of the columns and rows in a window [m], and their elevation."""
     x, y = middles_of(frame)
     columns = (x >= window[0]) & (x <= window[2])
     rows = (y >= window[1]) & (y <= window[3])
-    shown = frame.elevation[np.ix_(rows, columns)]
-    if min(shown.shape) < 2 or not np.isfinite(shown).any():
+    return x[columns], y[rows], frame.elevation[np.ix_(rows, columns)]
+
+
+def draw_contours(axes: Any, frame: Frame, window: Window, interval: float) -> None:
+    """Draw lines of equal elevation at an interval [m]; every fifth is thicker and labelled."""
+    x, y, shown = _part(frame, window)
+    if interval <= 0.0 or min(shown.shape) < 2 or not np.isfinite(shown).any():
         return
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
-    if high <= low:
+    numbers = np.arange(math.ceil(low / interval), math.ceil(high / interval))
+    for chosen, width in ((numbers % 5 != 0, 0.4), (numbers % 5 == 0, 0.9)):
+        levels = numbers[chosen] * interval
+        if not levels.size:
+            continue
+        look = {'linewidths': width, **CONTOUR}
+        lines = axes.contour(x, y, shown, levels=levels, **look)
+        if width > 0.5:
+            axes.clabel(lines, levels, fontsize=6.5, fmt='%g m', inline_spacing=2)
+
+
+def draw_isochrones(axes: Any, frame: Frame, times: np.ndarray) -> None:
+    """Draw and label lines of equal arrival time at round times.
+
+    ``times`` are arrival times [s], shape [rows, columns], NaN where no lava arrived.
+    """
+    known = times[np.isfinite(times)]
+    if not known.size or min(times.shape) < 2:
         return
-    step = _round_up((high - low) / 16.0)
-    levels = np.arange(math.ceil(low / step) * step, high, step)
-    lines = axes.contour(
-        x[columns], y[rows], shown, levels=levels, colors='#3b352a', linewidths=0.45, alpha=0.45
-    )
-    axes.clabel(lines, levels[::4], fontsize=6.5, fmt='%g m', inline_spacing=2)
+    first, last = float(known.min()), float(known.max())
+    times_drawn = map(float, isochrone_times(last, MAX_DRAWN_ISOCHRONES))
+    levels = [time for time in times_drawn if first < time < last]
+    if not levels:
+        return
+    lines = axes.contour(*middles_of(frame), times, levels=levels, zorder=4, **ISOCHRONE)
+    lines.set_path_effects(halo(1.5))
+    for time, parts in zip(levels, lines.allsegs, strict=True):
+        # one label for each, in the middle of its longest part
+        longest = max(parts, key=len, default=np.empty((0, 2)))
+        if len(longest):
+            x, y = map(float, longest[len(longest) // 2])
+            axes.text(
+                x, y, duration(time), fontsize=6.5, color=INK, ha='center', va='center',
+                path_effects=halo(), zorder=6, clip_on=True,
+            )
 
 
 def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
@@ -340,24 +470,28 @@ def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
         label.set(rotation=90, verticalalignment='center')
 
 
-def halo() -> list[Any]:
+def halo(width: float = 2.5) -> list[Any]:
     """Path effects that keep thin lines and texts readable on any ground."""
     from matplotlib.patheffects import withStroke
 
-    return [withStroke(linewidth=2.5, foreground='#ffffff')]
+    return [withStroke(linewidth=width, foreground='#ffffff')]
+
+
+def scale_bar_length(width: float) -> float:
+    """Return the length of the scale bar for a map of a width [m]: 1, 2 or 5 times 10^n m."""
+    return _round_up(0.11 * width, _GRID)
 
 
 def draw_scale_bar(axes: Any, window: Window) -> None:
-    """A bar of a round length in the lower left corner."""
+    """Draw a bar of a round length in the lower left corner."""
     width, height = window[2] - window[0], window[3] - window[1]
-    length = _round_up(0.13 * width)
+    length = scale_bar_length(width)
     label = f'{length / 1000.0:g} km' if length >= 1000.0 else f'{length:g} m'
     left, bottom = window[0] + 0.04 * width, window[1] + 0.045 * height
     ends = ([left, left + length], [bottom, bottom])
     look = {'color': INK, 'path_effects': halo()}
     axes.plot(*ends, linewidth=3.0, solid_capstyle='butt', **look)
-    middle, above = left + 0.5 * length, bottom + 0.012 * height
-    axes.text(middle, above, label, fontsize=8, ha='center', va='bottom', **look)
+    axes.text(left, bottom + 0.012 * height, label, fontsize=8, ha='left', va='bottom', **look)
 
 
 def draw_north(axes: Any) -> None:
@@ -378,9 +512,7 @@ def draw_north(axes: Any) -> None:
     )
 
 
-def draw_overview(
-    axes: Any, frame: Frame, ground: np.ndarray, shown: np.ndarray, window: Window
-) -> None:
+def draw_overview(axes: Any, frame: Frame, shown: np.ndarray, window: Window) -> None:
     """The whole terrain in the corner that hides the least lava, unless it is shown anyway."""
     x0, y0, x1, y1 = extent_of(frame)
     if (window[2] - window[0]) * (window[3] - window[1]) > 0.6 * (x1 - x0) * (y1 - y0):
@@ -397,7 +529,7 @@ def draw_overview(
     edge = 0.16 / (box.width * figure.get_figwidth())
     left, bottom = _emptiest_corner(frame, shown, window, width, height, edge)
     inset = axes.inset_axes((left, bottom, width, height))
-    picture = ground.copy()
+    picture = shaded_ground(frame)
     picture[shown] = (0.75, 0.10, 0.05, 1.0)
     inset.imshow(picture, extent=(x0, x1, y0, y1), origin='lower', interpolation='antialiased')
     sides = (window[2] - window[0], window[3] - window[1])

@@ -20,37 +20,32 @@ from dataclasses import dataclass
 import logging
 import math
 from pathlib import Path
-from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.files import save_picture
-from lava_ros.files.optional import require
+from lava_ros.files.pictures import new_figure, read_logo, save_picture
+from lava_ros.maps import overlays as overlay_files
 from lava_ros.maps import plot
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Frame
+from lava_ros.maps.overlays import COLOURS, OverlayStyle
+from lava_ros.maps.page_layout import choose_page, DPI, Imprint, shrink_title
 from lava_ros.maps.plot import halo, INK, Scale, Window
 from lava_ros.scene.features import Feature
 from lava_ros.scene.projection import transformed
 
 _LOG = logging.getLogger(__name__)
 
-#: What every page says.
-BANNER = 'SIMULATION, NOT VERIFIED'
+#: Metres in an inch of paper.
+_INCH = 0.0254
 
-#: Sides of A4 [inches], and pixels per inch of a picture.
-_LONG, _SHORT, _DPI = 11.69, 8.27, 150
+#: Room for half of a label in degrees [inches].
+_DEGREES_ROOM = 0.36
 
-#: Around the page, above the maps, and around each map: left, right, bottom, top [inches].
-_MARGIN, _HEADER, _AROUND = 0.4, 0.98, (0.42, 0.78, 0.42, 0.3)
-
-#: Height of a line of the notes, and width of a letter [inches].
-_LINE, _LETTER = 0.15, 0.061
-
-#: Colours of outlines and overlays, by turns.
-_COLOURS = ('#0b3c8c', '#111111', '#00693c', '#7b1fa2', '#8c510a')
+#: Limits of the denominator of a scale.
+MIN_SCALE, MAX_SCALE = 10.0, 1e8
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,59 +91,169 @@ def draw_sheet(
     notes: Mapping[str, str] | None = None,
     overlays: Mapping[str, Sequence[Feature]] | None = None,
     charts: Sequence[Callable[[Any], None]] = (),
+    extent: Window | None = None,
+    scale: float | None = None,
+    imprint: Imprint | None = None,
 ) -> None:
     """Draw maps, and optional charts, on one page whose layout shows the lava largest.
 
     All maps show the same area, and maps of the same kind share a colour scale. Panels and
     overlays must be in the same coordinate system. The suffix of the file chooses the format.
-    LavaError where matplotlib is not installed, or the picture cannot be written.
-    """
-    require('matplotlib.figure', 'plot', str(output))
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    notes, overlays = notes or {}, overlays or {}
+    Args:
+        panels: The maps.
+        output: The file.
+        title: Title of the page, and of the file in its metadata.
+        subtitle: Line below the title.
+        notes: What is known of the maps, by term.
+        overlays: Features of each file by its name.
+        charts: Each draws into axes that it is given.
+        extent: What the maps show at least: easting and northing [m] of the south-western and of
+            the north-eastern corner; None for the lava with the places within reach.
+        scale: The N of a scale 1:N on paper; None for the largest one.
+        imprint: Who publishes the page.
+
+    Raises:
+        LavaError: If matplotlib is not installed, the maps do not fit on the page, the logo
+            cannot be read, or the picture cannot be written.
+    """
+    notes, overlays, imprint = dict(notes or {}), overlays or {}, imprint or Imprint()
+    logo = read_logo('--logo', imprint.logo) if imprint.logo else None
     # what all maps show, in projected coordinates
-    bounds = _union(_moved(plot.bounds_of(item.frame, item.shown), item) for item in panels)
     limits = _union(_moved(plot.extent_of(item.frame), item) for item in panels)
-    page = _page(len(panels) + len(charts), bounds, notes)
+    bounds, margin = extent, 0.0
+    if bounds is None:
+        bounds = _union(_moved(plot.bounds_of(item.frame, item.shown), item) for item in panels)
+        bounds = overlay_files.bounds_with_places(bounds, limits, overlays.values())
+        margin = plot.MARGIN
+    legend, charted = _legend(panels, overlays), len(panels) + len(charts)
+    if scale is not None:
+        notes['scale'] = f'1:{scale:,.0f} on A4 paper'.replace(',', ' ')
     least = plot.LEAST_CELLS * min(item.frame.resolution for item in panels)
-    width, height = page.map_size
-    seen = plot.window_of(bounds, limits, width / height, least)
-    figure = Figure(figsize=(page.width, page.height), dpi=_DPI, facecolor='white')
-    FigureCanvasAgg(figure)
+    # the note on places beyond the map takes room, which makes the map smaller
+    for _ in range(2):
+        page = choose_page(charted, bounds, notes, [name for name, _ in legend])
+        width, height = page.map_size
+        if scale is None:
+            around = _union([limits, bounds])
+            seen = plot.window_of(bounds, around, width / height, least, margin)
+        else:
+            seen = _at_scale(bounds, scale, page.map_size)
+        gone = [item for known in overlays.values() for item in overlay_files.hidden(known, seen)]
+        if beyond := ', '.join(filter(None, dict.fromkeys(item.name for item in gone))):
+            notes['beyond the map'] = beyond
+    for name, features in overlays.items():
+        if count := sum(item in gone for item in features):
+            _LOG.warning(f'{name}: {count} of {len(features)} features lie outside the map')
+    interval = plot.contour_interval(panels[0].frame, _moved(seen, panels[0], -1.0))
+    legend = [
+        (f'elevation contours every {interval:g} m' if name == _CONTOURS else name, handle)
+        for name, handle in legend
+        if interval or name != _CONTOURS
+    ]
     scales = _scales(panels)
-    handles: dict[str, Any] = {}
-    for index, panel in enumerate(panels):
-        axes, bar = page.axes(figure, index)
-        ground, window = plot.shaded_ground(panel.frame), _moved(seen, panel, -1.0)
-        scale = scales[panel.source]
-        picture = plot.picture_of(panel.values, ground, scale)
-        plot.draw_map(axes, panel.frame, picture, window, panel.fissures)
-        plot.draw_contours(axes, panel.frame, window)
-        epsg = placement_of(panel.frame.scene).epsg
-        plot.draw_ticks(axes, panel.offset if epsg else None)
-        if epsg:
-            _draw_degrees(axes, window, panel.offset, epsg)
-        for number, (name, cells) in enumerate((panel.outlines or {}).items()):
-            handles.setdefault(name, _outline(axes, panel.frame, cells, number))
-        for number, (name, features) in enumerate(overlays.items(), len(panel.outlines or {})):
-            handles.setdefault(name, _overlay(axes, features, panel.offset, number))
-        if index == 0:
-            plot.draw_north(axes)
-            if len(panels) < 4:
-                plot.draw_overview(axes, panel.frame, ground, panel.shown, window)
-        plot.draw_scale_bar(axes, window)
-        plot.draw_colour_bar(figure, figure.add_axes(bar), scale)
-        heading = panel.title or plot.STYLES[panel.source].title
-        axes.set_title(heading, loc='left', fontsize=10, color=INK, pad=5)
-    _warn_of_hidden(overlays, seen)
-    for index, draw in enumerate(charts, len(panels)):
-        draw(page.axes(figure, index)[0])
+    with new_figure('plot', output, (page.width, page.height), DPI) as figure:
+        for index, panel in enumerate(panels):
+            axes, bar = page.axes(figure, index)
+            _draw_panel(axes, panel, scales[panel.source], seen, interval, overlays)
+            if index == 0:
+                plot.draw_north(axes)
+                # an overview would hide places
+                if len(panels) < 4 and not overlays:
+                    window = _moved(seen, panel, -1.0)
+                    plot.draw_overview(axes, panel.frame, panel.shown, window)
+            plot.draw_colour_bar(figure, figure.add_axes(bar), scales[panel.source])
+        for index, draw in enumerate(charts, len(panels)):
+            draw(page.axes(figure, index)[0])
+        page.write(figure, title, subtitle, notes, legend, imprint, logo)
+        author = ', '.join(filter(None, (imprint.author, imprint.agency)))
+        save_picture(figure, output, title=title, author=author)
+
+
+def _draw_panel(
+    axes: Any,
+    panel: Panel,
+    scale: Scale,
+    seen: Window,
+    interval: float,
+    overlays: Mapping[str, Sequence[Feature]],
+) -> None:
+    """Draw all that is on a map that shows a window in projected coordinates."""
+    frame, window = panel.frame, _moved(seen, panel, -1.0)
+    picture = plot.picture_of(panel.values, plot.shaded_ground(frame), scale)
+    plot.draw_map(axes, frame, picture, window, panel.fissures)
+    plot.draw_contours(axes, frame, window, interval)
+    system = placement_of(frame.scene).system
+    plot.draw_ticks(axes, panel.offset if system else None)
+    if system:
+        _draw_degrees(axes, window, panel.offset, system)
+    if panel.source == 'arrival':
+        plot.draw_isochrones(axes, frame, panel.values)
+    for number, cells in enumerate((panel.outlines or {}).values()):
+        if cells.any():
+            look = _outline_style(number)
+            axes.contour(
+                *plot.middles_of(frame), cells.astype(float), levels=[0.5],
+                colors=look['color'], linewidths=look['linewidth'], linestyles=look['linestyle'],
+            )
+    first = len(panel.outlines or {})
+    styled = [
+        (features, OverlayStyle.of(number))
+        for number, features in enumerate(overlays.values(), first)
+    ]
+    overlay_files.draw_overlays(axes, styled, window, panel.offset)
+    plot.draw_scale_bar(axes, window)
+    heading = panel.title or plot.STYLES[panel.source].title
+    text = axes.set_title(heading, loc='left', fontsize=10, color=INK, pad=5)
+    shrink_title(text, axes)
+
+
+#: Stands in a legend for the contours until their interval is chosen; not shorter than its text.
+_CONTOURS = 'elevation contours every 00000 m'
+
+
+def _legend(
+    panels: Sequence[Panel], overlays: Mapping[str, Sequence[Feature]]
+) -> list[tuple[str, Any]]:
+    """Names and symbols of everything on the maps that has no colour bar."""
+    outlines = dict.fromkeys(name for panel in panels for name in panel.outlines or {})
+    entries = [(_CONTOURS, _line(color=plot.CONTOUR['colors'], alpha=plot.CONTOUR['alpha']))]
+    if any(plot.barriers_of(panel.frame) for panel in panels):
+        entries.insert(0, ('barrier', _line(**plot.BARRIER)))
     if any(len(panel.frame.vents) for panel in panels):
-        handles = {'vent': _line(**plot.VENT)} | handles
-    page.write(figure, title, subtitle, notes, handles)
-    save_picture(figure, output)
+        entries.insert(0, ('vent', _line(**plot.VENT)))
+    if any(panel.source == 'arrival' for panel in panels):
+        look = {'color': plot.ISOCHRONE['colors'], 'linewidth': plot.ISOCHRONE['linewidths']}
+        entries.append(('isochrones of the arrival', _line(**look)))
+    entries += [(name, _line(**_outline_style(index))) for index, name in enumerate(outlines)]
+    count = len(outlines)
+    return entries + [
+        (name, OverlayStyle.of(number).handle(features))
+        for number, (name, features) in enumerate(overlays.items(), count)
+    ]
+
+
+def _outline_style(number: int) -> dict[str, Any]:
+    line = ('solid', 'dashed', 'dotted')[number % 3]
+    return {'color': COLOURS[number % len(COLOURS)], 'linewidth': 1.5, 'linestyle': line}
+
+
+def _at_scale(bounds: Window, scale: float, size: tuple[float, float]) -> Window:
+    """Return the window around a rectangle [m] that a map of a size [inches] shows at 1:N.
+
+    Raises:
+        LavaError: If the rectangle does not fit.
+    """
+    sides = [_INCH * scale * length for length in size]
+    spans = (bounds[2] - bounds[0], bounds[3] - bounds[1])
+    if spans[0] > sides[0] or spans[1] > sides[1]:
+        least = max(span / (_INCH * length) for span, length in zip(spans, size, strict=True))
+        raise LavaError(
+            '--scale', f'1:{scale:g}',
+            f'1:{math.ceil(least)} or smaller, so that lava and places, or the extent, fit on A4',
+        )
+    x, y = 0.5 * (bounds[0] + bounds[2]), 0.5 * (bounds[1] + bounds[3])
+    return (x - 0.5 * sides[0], y - 0.5 * sides[1], x + 0.5 * sides[0], y + 0.5 * sides[1])
 
 
 def _moved(window: Window, panel: Panel, sign: float = 1.0) -> Window:
@@ -171,179 +276,26 @@ def _scales(panels: Sequence[Panel]) -> dict[str, Scale]:
     return result
 
 
-@dataclass(frozen=True)
-class _Page:
-    """The layout of a page: its size, the height of its footer [inches], and its grid."""
-
-    width: float
-    height: float
-    rows: int
-    columns: int
-    footer: float
-
-    @property
-    def map_size(self) -> tuple[float, float]:
-        width = (self.width - 2.0 * _MARGIN) / self.columns - _AROUND[0] - _AROUND[1]
-        room = self.height - _HEADER - self.footer
-        return width, room / self.rows - _AROUND[2] - _AROUND[3]
-
-    def axes(self, figure: Any, index: int) -> tuple[Any, tuple[float, float, float, float]]:
-        """Axes for a map, and where its colours go."""
-        width, height = self.map_size
-        row, column = divmod(index, self.columns)
-        left = _MARGIN + column * (width + _AROUND[0] + _AROUND[1]) + _AROUND[0]
-        top = self.height - _HEADER - row * (height + _AROUND[2] + _AROUND[3]) - _AROUND[3]
-        room = (left / self.width, (top - height) / self.height)
-        size = (width / self.width, height / self.height)
-        bar = ((left + width + 0.08) / self.width, room[1], 0.13 / self.width, size[1])
-        return figure.add_axes((*room, *size)), bar
-
-    def write(
-        self,
-        figure: Any,
-        title: str,
-        subtitle: str,
-        notes: Mapping[str, str],
-        handles: Mapping[str, Any],
-    ) -> None:
-        """Write all that is not on a map."""
-
-        def text(x: float, down: float, words: str, **look: Any) -> Any:
-            y = 1.0 - down / self.height
-            return figure.text(x / self.width, y, words, va='center', color=INK, **look)
-
-        from matplotlib.patches import Rectangle
-
-        strip = (0.0, 1.0 - 0.22 / self.height)
-        amber = Rectangle(strip, 1.0, 0.22 / self.height, color='#f5c542', linewidth=0.0)
-        figure.add_artist(amber)
-        text(0.5 * self.width, 0.11, BANNER, fontsize=8.5, weight='bold', ha='center')
-        # a bold letter is 0.65 of its size wide
-        size = min(16.0, (self.width - 2.0 * _MARGIN) * 72.0 / (0.65 * max(len(title), 1)))
-        text(_MARGIN, 0.5, title, fontsize=size, weight='bold')
-        text(_MARGIN, 0.8, subtitle, fontsize=9)
-        if handles:
-            figure.legend(
-                handles.values(),
-                handles.keys(),
-                loc='upper left',
-                bbox_to_anchor=(_MARGIN / self.width, self.footer / self.height),
-                ncols=6,
-                fontsize=7.5,
-                frameon=False,
-                borderaxespad=0.0,
-                borderpad=0.0,
-            )
-        columns = _columns(notes, self.width)
-        for number, lines in enumerate(columns):
-            left = _MARGIN + number * (self.width - 2.0 * _MARGIN) / len(columns)
-            for line, words in enumerate(lines):
-                down = self.height - self.footer + 0.3 + (line + 0.5) * _LINE
-                text(left, down, words, fontsize=7.5)
-
-
-def _page(count: int, bounds: Window, notes: Mapping[str, str]) -> _Page:
-    """The page on which the lava is largest."""
-    width, height = (max(bounds[axis + 2] - bounds[axis], 1.0) for axis in (0, 1))
-
-    def size(page: _Page) -> float:
-        room = page.map_size
-        # a place that stays empty looks like a map that is missing
-        full = count / (page.rows * page.columns)
-        return min(room[0] / width, room[1] / height) * math.sqrt(full)
-
-    pages = []
-    for sides in ((_LONG, _SHORT), (_SHORT, _LONG)):
-        footer = 0.45 + _LINE * max((len(lines) for lines in _columns(notes, sides[0])), default=0)
-        for columns in range(1, count + 1):
-            rows = math.ceil(count / columns)
-            page = _Page(*sides, rows=rows, columns=columns, footer=footer)
-            if min(page.map_size) > 0.8:
-                pages.append(page)
-    if not pages:
-        raise LavaError('maps', count, 'fewer maps: they do not fit on one page')
-    return max(pages, key=size)
-
-
-def _columns(notes: Mapping[str, str], width: float) -> list[list[str]]:
-    """The notes as lines, in as many columns as are readable."""
-    count = round(width / 3.9)
-    letters = int((width - 2.0 * _MARGIN) / count / _LETTER) - 2
-    blocks = [
-        wrap(f'{term}: {words}', letters, subsequent_indent='    ')
-        for term, words in notes.items()
-    ]
-    total = sum(map(len, blocks))
-    columns: list[list[str]] = [[]]
-    for block in blocks:
-        if len(columns) < count and len(columns[-1]) >= total / count:
-            columns.append([])
-        columns[-1] += block
-    return [*columns, *([] for _ in range(count - len(columns)))]
-
-
 def _line(**look: Any) -> Any:
     from matplotlib.lines import Line2D
 
     return Line2D([], [], **look)
 
 
-def _outline(axes: Any, frame: Frame, cells: np.ndarray, number: int) -> Any:
-    """Draw the outline of some cells; returns what the legend shows."""
-    style, colour = ('solid', 'dashed', 'dotted')[number % 3], _COLOURS[number % len(_COLOURS)]
-    if cells.any():
-        axes.contour(
-            *plot.middles_of(frame), cells.astype(float), levels=[0.5], colors=colour,
-            linewidths=1.5, linestyles=style,
-        )
-    return _line(color=colour, linewidth=1.5, linestyle=style)
-
-
-def _overlay(
-    axes: Any, features: Sequence[Feature], offset: tuple[float, float], number: int
-) -> Any:
-    """Draw features of others; returns what the legend shows."""
-    colour = _COLOURS[number % len(_COLOURS)]
-    point: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 5, 'color': colour}
-    point['markeredgecolor'] = 'white'
-    line: dict[str, Any] = {'color': colour, 'linewidth': 1.4}
-    for feature in features:
-        for ring in feature.rings:
-            x, y = (ring - offset).T
-            look = point if feature.kind == 'Point' else line
-            axes.plot(x, y, path_effects=halo(), zorder=5, scalex=False, scaley=False, **look)
-        if feature.name and feature.kind == 'Point':
-            axes.annotate(
-                feature.name, (x[0], y[0]), (4, 4), textcoords='offset points', fontsize=7,
-                color=colour, path_effects=halo(), zorder=6, annotation_clip=True,
-            )
-    return _line(**(point if all(item.kind == 'Point' for item in features) else line))
-
-
-def _warn_of_hidden(overlays: Mapping[str, Sequence[Feature]], seen: Window) -> None:
-    """Log which overlays have features that are not on the map."""
-    low, high = seen[:2], seen[2:]
-    for name, features in overlays.items():
-        count = sum(
-            not any(((ring >= low) & (ring <= high)).all(axis=1).any() for ring in item.rings)
-            for item in features
-        )
-        if count:
-            _LOG.warning(f'{name}: {count} of {len(features)} features lie outside the map')
-
-
-def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], epsg: int) -> None:
+def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system: str) -> None:
     """Longitudes along the upper edge, latitudes along the right one, inside the map."""
     from matplotlib.ticker import MaxNLocator
 
     steps = np.linspace(0.0, 1.0, 9)
     x0, y0, x1, y1 = window
+    box, figure = axes.get_position(), axes.figure
+    inches = (box.width * figure.get_figwidth(), box.height * figure.get_figheight())
     for axis in (0, 1):
         x = x0 + steps * (x1 - x0) if axis == 0 else np.full(9, x1)
         y = np.full(9, y1) if axis == 0 else y0 + steps * (y1 - y0)
         try:
             easting, northing = x + offset[0], y + offset[1]
-            degrees = transformed(f'EPSG:{epsg}', 'EPSG:4326', easting, northing)[axis]
+            degrees = transformed(system, 'EPSG:4326', easting, northing)[axis]
         except (LavaError, ValueError):
             # without rasterio, or outside the projection
             return
@@ -354,8 +306,8 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], epsg: 
         digits = max(0, math.ceil(-math.log10(ticks[1] - ticks[0]) - 1e-9))
         for value in ticks:
             share = float(np.interp(value, degrees, steps, left=-1.0, right=2.0))
-            # the corner belongs to the north arrow, and both edges want the other
-            if 0.1 < share < 0.93:
+            # the corner belongs to the north arrow, and at the ends half of a label is cut off
+            if 0.1 < share < 1.0 - max(_DEGREES_ROOM / inches[axis], 0.07):
                 letter = ('WE', 'SN')[axis][int(value >= 0.0)]
                 words = f'{abs(value):.{digits}f}° {letter}'
                 place = (share, 1.0) if axis == 0 else (1.0, share)

@@ -26,10 +26,13 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.picture import draw_reliability
 from lava_ros.forecast.rasters import seen_in_file
 from lava_ros.forecast.scores import brier_parts
-from lava_ros.maps.plot import STYLES
-from lava_ros.maps.sheet import BANNER, draw_sheet, Panel
+from lava_ros.maps.page_layout import BANNER, Imprint
+from lava_ros.maps.plot import duration, isochrone_times, MAX_DRAWN_ISOCHRONES, STYLES, Window
+from lava_ros.maps.sheet import draw_sheet, Panel
+from lava_ros.pages.onset import Onset
 from lava_ros.pages.runs import read_run, Run
 from lava_ros.scene.features import read_features
+from lava_ros.scene.projection import coordinate_system, is_degrees, projected, system_name
 
 
 def draw_runs(
@@ -44,11 +47,16 @@ def draw_runs(
     source: str | None = None,
     overlays: Sequence[str] = (),
     observed: str | None = None,
+    extent: Sequence[float] | None = None,
+    scale: float | None = None,
+    onset: Onset | None = None,
+    imprint: Imprint | None = None,
 ) -> dict[str, Any]:
     """Draw bags and ensembles on one page.
 
     Texts and files are the options of `lava plot`. ``time`` is a simulated time [s], None for the
-    last one; no ``layers`` are all there are.
+    last one; no ``layers`` are all there are. ``extent`` is west, south, east and north in the
+    coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N.
 
     Returns:
         The text, titles and scores of the page as plain data.
@@ -65,8 +73,10 @@ def draw_runs(
         ]
     _check_together(runs)
     shown = list(_shown(runs, layers))
+    window = None if extent is None else _window(extent, runs)
     features = {
-        Path(path).stem: read_features('--overlay', path, runs[0].terrain) for path in overlays
+        name: read_features('--overlay', path, runs[0].terrain)
+        for name, path in _named(overlays).items()
     }
     charts: list[Callable[[Any], None]] = []
     scores = {}
@@ -79,7 +89,9 @@ def draw_runs(
         for run in (run for run in runs if run.is_ensemble):
             came, known = seen[run.name]
             likely = 0.01 * np.nan_to_num(run.panels['probability'].values[known])
-            charts.append(partial(draw_reliability, probability=likely, came=came[known]))
+            shown_as = run.name if len(runs) > 1 else ''
+            chart = partial(draw_reliability, probability=likely, came=came[known], name=shown_as)
+            charts.append(chart)
             parts = brier_parts(likely, came[known])
             scores[run.name] = {'brier_score': parts.score, 'brier_skill': parts.skill}
     title = title or ' / '.join(dict.fromkeys(run.title for run in runs))
@@ -87,13 +99,15 @@ def draw_runs(
         title = f'{volcano}: {title}'
     subtitle = runs[0].summary if len(runs) == 1 else ''
     notes = {'date': date} if date else {}
+    if onset is not None:
+        notes |= _moments(onset, runs, [panel for _, panel in shown])
     notes |= _facts(runs)
     if source:
         notes['elevation'] = f'{source}, {notes["elevation"].rpartition(", ")[2]}'
     panels = [panel for _, panel in shown]
     draw_sheet(
         panels, output, title=title, subtitle=subtitle, notes=notes, overlays=features,
-        charts=charts,
+        charts=charts, extent=window, scale=scale, imprint=imprint,
     )
     return {
         'title': title,
@@ -105,13 +119,62 @@ def draw_runs(
     }
 
 
+def _named(paths: Sequence[str]) -> dict[str, str]:
+    """Files by a name for each: that of the file, with as much of its path as tells it apart."""
+    names: dict[str, str] = {}
+    for path in dict.fromkeys(paths):
+        parts = Path(path).resolve().with_suffix('').parts
+        tails = ('/'.join(parts[-count:]) for count in range(1, len(parts)))
+        names[next((name for name in tails if name not in names), path)] = path
+    return names
+
+
+def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
+    """The extent in the terrain's coordinates; LavaError where no terrain is in it."""
+    west, south, east, north = (float(value) for value in extent)
+    shown = ' '.join(f'{value:g}' for value in extent)
+    terrain = runs[0].terrain
+    if not (west < east and south < north):
+        raise LavaError('--extent', shown, 'WEST SOUTH EAST NORTH, west < east and south < north')
+    system = coordinate_system(terrain.epsg, terrain.wkt)
+    if system and is_degrees((west, south)) and is_degrees((east, north)):
+        corners = [projected(terrain, x, y) for x in (west, east) for y in (south, north)]
+        (west, south), (east, north) = np.min(corners, axis=0), np.max(corners, axis=0)
+    window = (float(west), float(south), float(east), float(north))
+    for run in runs:
+        x0, y0, x1, y1 = run.terrain.extent
+        x, y = run.terrain.offset
+        if west >= x1 + x or east <= x0 + x or south >= y1 + y or north <= y0 + y:
+            expected = f'an extent with some of {run.name} {run.terrain.bounds(projected=True)}'
+            raise LavaError('--extent', shown, expected)
+    return window
+
+
+def _moments(onset: Onset, runs: Sequence[Run], panels: Sequence[Panel]) -> dict[str, str]:
+    """The onset, and the absolute times of maps and of isochrones."""
+    notes = {'start of the eruption': onset.words()}
+    for end in dict.fromkeys(run.end for run in runs):
+        if end is not None:
+            term = 'forecast until' if runs[0].is_ensemble else 'maps show'
+            notes[term] = '; '.join(filter(None, (notes.get(term), onset.words(end))))
+    last = max(
+        (float(np.nanmax(panel.values)) for panel in panels
+         if panel.source == 'arrival' and np.isfinite(panel.values).any()),
+        default=0.0,
+    )
+    if last > 0.0:
+        times = map(float, isochrone_times(last, MAX_DRAWN_ISOCHRONES))
+        notes['isochrones'] = '; '.join(f'{duration(it)}: {onset.words(it)}' for it in times)
+    return notes
+
+
 def _check_together(runs: Sequence[Run]) -> None:
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
         raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')
-    systems = {run.terrain.epsg for run in runs}
+    systems = {(run.terrain.epsg, run.terrain.wkt) for run in runs}
     if len(systems) > 1:
-        told = ' and '.join(f'EPSG:{item}' if item else 'none' for item in systems)
+        told = ' and '.join(system_name(*item) for item in systems)
         raise LavaError('coordinate systems of the runs', told, 'the same for all')
 
 

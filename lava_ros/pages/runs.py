@@ -14,9 +14,10 @@
 
 """What was computed and lies on disk, a bag or an ensemble -> maps and facts for people."""
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
+import logging
 import math
 from pathlib import Path
 from typing import Any
@@ -24,32 +25,40 @@ from typing import Any
 import numpy as np
 
 import lava_ros
+from lava_ros.bag.description import described, effects_on
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import opened_raster
 from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.ensemble import MANIFEST
+from lava_ros.forecast.members import Plan
 from lava_ros.forecast.picture import frame_of
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.frames import Frame, Recording
-from lava_ros.maps.gis import coordinate_system
-from lava_ros.maps.plot import area_words, duration, STYLES, titles
+from lava_ros.maps.plot import area_words, duration, STYLES, time_note, titles
 from lava_ros.maps.sheet import Panel
-from lava_ros.pages.report.description import described
 from lava_ros.scene import Scene, scene_from_dict, Terrain
-from lava_ros.simulation.accuracy import COVERED
+from lava_ros.scene.projection import coordinate_system, system_name
+from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.budget import VolumeBudget
+
+_LOG = logging.getLogger(__name__)
 
 #: Maps of an ensemble: file, what is drawn of it, title.
 ENSEMBLE_MAPS = {
     'probability': ('inundation_probability', 'probability', STYLES['probability'].title),
     **{
-        name: (f'arrival_time_p{share}', 'arrival', f'Lava came by then: {share} % of the members')
-        for name, share in (('arrival_p10', 10), ('arrival', 50), ('arrival_p90', 90))
+        name: (f'arrival_time_p{share}', 'arrival', words)
+        for name, share, words in (
+            ('arrival_p10', 10, 'Early arrival (1 run in 10)'),
+            ('arrival', 50, 'Median arrival (1 run in 2)'),
+            ('arrival_p90', 90, 'Late arrival (9 runs in 10)'),
+        )
     },
-    'thickness': ('expected_thickness', 'thickness', 'Expected thickness of the lava'),
+    'thickness': ('expected_peak_thickness', 'thickness', 'Expected peak thickness of the lava'),
 }
 
 #: Maps that are drawn by default, of a bag and of an ensemble.
@@ -60,8 +69,21 @@ _USUAL = (
 
 
 @dataclass(frozen=True, eq=False)
+class Members:
+    """The members of an ensemble: their plan and number, and the effective number by weight."""
+
+    plan: Plan
+    count: int
+    effective: float
+
+
+@dataclass(frozen=True, eq=False)
 class Run:
-    """A bag or an ensemble: its maps by name, its facts by term, and the ground."""
+    """A bag or an ensemble: its maps by name, its facts by term, and the ground.
+
+    ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None where it
+    is unknown. ``ensemble`` is None for a bag.
+    """
 
     name: str
     title: str
@@ -70,6 +92,8 @@ class Run:
     facts: Mapping[str, str]
     terrain: Terrain
     is_ensemble: bool
+    end: float | None
+    ensemble: Members | None = None
 
     @property
     def usual(self) -> list[str]:
@@ -103,6 +127,9 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
     recording = Recording(path)
     frame = recording.frame_at(time)
     scene = _scene(frame)
+    if scene is not None and not len(frame.vents):
+        # after the end of the emission the page still shows where the lava came from
+        frame = replace(frame, vents=frame_of(scene).vents)
     fissures = _fissures(scene)
     maps = {
         name: Panel(frame, name, item.values, '', item.is_saturated, fissures)
@@ -115,16 +142,25 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
             title = f'Time of arrival of the lava, {COVERED:g} m thick'
             maps['arrival'] = Panel(frame, 'arrival', times, title, fissures=fissures)
     terrain = frame.scene.get('terrain') or {}
+    note = time_note(time, frame)
+    if note:
+        _LOG.warning(f'{path.resolve().name}: {note}')
     return Run(
         path.resolve().name,
         *titles(frame),
         maps,
-        {**_emitted(recording, frame, scene), **_model(recording), **_ground(frame)},
+        {
+            **({'time': note} if note else {}),
+            **_emitted(recording, frame, scene),
+            **_model(recording),
+            **_ground(frame),
+        },
         Terrain(
             frame.elevation, frame.resolution, frame.origin, terrain.get('epsg'),
-            terrain.get('offset', (0.0, 0.0)),
+            terrain.get('offset', (0.0, 0.0)), wkt=terrain.get('wkt'),
         ),
         is_ensemble=False,
+        end=frame.time,
     )
 
 
@@ -144,8 +180,9 @@ def _fissures(scene: Scene | None) -> np.ndarray:
 
 
 def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
-    if frame.arrived is not None:
+    if frame.arrived is not None and np.isfinite(frame.arrived).any():
         return frame.arrived
+    # a simulation that does not note the times publishes a map without any
     history = Arrival(COVERED)
     for item in recording.frames():
         if frame.time is None or item.time is None or item.time <= frame.time:
@@ -179,7 +216,7 @@ def _vents(scene: Scene | None) -> dict[str, str]:
     flux = f'{sum(vent.peak for vent in scene.vents):.4g} m³/s'
     if any(len(vent.series) > 1 for vent in scene.vents):
         flux += ' at most'
-    return {'discharge': flux + (f' from {count} vents' if count > 1 else '')}
+    return {'effusion rate': flux + (f' from {count} vents' if count > 1 else '')}
 
 
 def _model(recording: Recording) -> dict[str, str]:
@@ -197,33 +234,38 @@ def _model(recording: Recording) -> dict[str, str]:
         error = moments[-1].number('footprint_error')
         if math.isfinite(error):
             words.append(f'expected error of the footprint {100.0 * error:.2g} %')
-    states: dict[str, object] = {}
-    for change in told['effects'] or ():
-        states |= change['effects']
-    on = [name.replace('_', ' ') for name, text in states.items() if str(text).startswith('on')]
-    facts = {'model': ', '.join(words)}
-    return facts | ({'physics': ', '.join(on)} if on else {})
+    return {'model': ', '.join(words), **_processes(effects_on(told) or ())}
+
+
+def _processes(effects: Iterable[str]) -> dict[str, str]:
+    """The effects that are on, in plain words."""
+    words = [_plain(name) for name in effects]
+    return {'processes included': ', '.join(words)} if words else {}
+
+
+def _plain(effect: str) -> str:
+    return EFFECTS[effect].title if effect in EFFECTS else effect.replace('_', ' ')
 
 
 def _ground(frame: Frame) -> dict[str, str]:
     terrain = frame.scene.get('terrain') or {}
-    epsg, source = terrain.get('epsg'), terrain.get('source')
+    source = terrain.get('source')
     cells = f'maps in cells of {frame.resolution:g} m'
     return {
         'elevation': f'{source}, {cells}' if source else cells,
-        'coordinates': system_words(epsg),
+        'coordinates': system_words(terrain.get('epsg'), terrain.get('wkt')),
     }
 
 
-def system_words(epsg: int | None) -> str:
+def system_words(epsg: int | None, wkt: str | None) -> str:
     """The coordinate system by its code, and by its name where GDAL is installed."""
     if not epsg:
-        return 'of the map frame: no coordinate system'
+        return system_name(None, wkt) if wkt else 'of the map frame: no coordinate system'
     try:
-        wkt = coordinate_system(epsg).to_wkt()
-    except ImportError:
+        known = coordinate_system(epsg).to_wkt()
+    except LavaError:
         return f'EPSG:{epsg}'
-    return f'{wkt.split(chr(34))[1]} (EPSG:{epsg})'
+    return f'{known.split(chr(34))[1]} (EPSG:{epsg})'
 
 
 def _ensemble(folder: Path) -> Run:
@@ -246,9 +288,16 @@ def _ensemble(folder: Path) -> Run:
             maps[name] = Panel(frame, source, values, title, fissures=_fissures(scene))
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
+        observation = tags.get('observation', 'none')
         # an ensemble that runs again may still have the maps of before
         on = tags.get('effects', '').split()
-        reasons = [f'{item.effect}: {item.reason}' for item in reviewed if item.effect in on]
+        reasons = [
+            f'{_plain(item.effect)}: {item.reason}' for item in reviewed if item.effect in on
+        ]
+        ran = Plan(
+            scene, horizon, Accuracy(**plan['accuracy']), Effects(**plan['effects']), threshold,
+            int(plan['looks']),
+        )
     except (OSError, KeyError, TypeError, ValueError) as error:
         right = f'an ensemble that has finished its maps ({error})'
         raise LavaError('ensemble', str(folder), right) from error
@@ -262,19 +311,25 @@ def _ensemble(folder: Path) -> Run:
     facts = {
         'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
         **_vents(scene),
-        'members': f'{members}, effective number {effective:.3g}; standard error of a probability '
-        f'of 50 %: {50.0 / effective**0.5:.2g} percentage points',
+        'runs': f'{members}'
+        + (f', which count like {effective:.3g} of equal weight' if observation != 'none' else '')
+        + f'; a probability of 50 % is known to {50.0 / effective**0.5:.2g} percentage points '
+        '(standard error)',
         'inundation': f'lava of {threshold:g} m or more within {duration(horizon)}',
+        **({'weighted by': observation} if observation != 'none' else {}),
         'uncertain': ', '.join(sorted(known.get('uncertainty') or {})) or 'nothing of the scene',
         'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
         f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}',
-        **({'physics': ', '.join(on).replace('_', ' ')} if on else {}),
-        **({'switched on': '; '.join(reasons).replace('_', ' ')} if reasons else {}),
+        **_processes(on),
+        **({'switched on': '; '.join(reasons)} if reasons else {}),
         **_ground(frame),
     }
     title = f'Lava within {duration(horizon)}, {members} runs'
+    if observation != 'none':
+        title += ' weighted by observed lava'
     return Run(
-        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True
+        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True,
+        end=horizon, ensemble=Members(ran, int(members), effective),
     )
 
 

@@ -31,6 +31,7 @@ from lava_ros.ros.allowance import Allowance
 from lava_ros.ros.forecast_topics import ForecastTopics
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
+from lava_ros.ros.place_topic import load_places, PlaceTopic
 from lava_ros.ros.publishers import LayerPublishers, published_layers, ScenePublisher
 from lava_ros.ros.recorder import BagFolder, Recorder
 from lava_ros.ros.recording import CheckpointRecording, SceneRecording
@@ -81,6 +82,7 @@ class ActiveNode:
         )
         names = ['msg_config', 'forecast_config'][: 2 if settings.forecast_horizon else 1]
         configs = {name: find_config(getattr(settings, name), field=name) for name in names}
+        features = load_places(settings.places)
         layers = published_layers(*configs.values(), settings=settings)
         self.is_active = self._is_paused = False
         self._is_recording_wanted = settings.record or sources.was_recording
@@ -122,6 +124,10 @@ class ActiveNode:
             worker=self._worker,
             settings=lambda: self._settings,
             choice=lambda: maker.choice,
+            features=features,
+        )
+        self._places = PlaceTopic(
+            entities, self._recorder, features, frame_id=settings.frame_id
         )
         rates = self._layers.rates.union(*(item.rates for item in self._forecasts.publishers))
         for rate in sorted(rates):
@@ -335,8 +341,22 @@ class ActiveNode:
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
         self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
         self._forecasts.publish(repeat=repeat)
+        if repeat:
+            self._publish_places(repeat=True)
         self._recorder.flush()
         self._log.recorder(self._recorder)
+
+    def _publish_places(self, *, repeat: bool = False) -> None:
+        """Publish when lava arrives at places, as of the newest maps."""
+        snapshot = self._layers.shown
+        if snapshot is not None and self.is_active:
+            self._places.publish(
+                snapshot,
+                *self._forecasts.valid,
+                stamp_ns=self._layers.shown_stamp_ns,
+                recorded_ns=now_ns(self._node),
+                repeat=repeat,
+            )
 
     def _is_at_rest(self) -> bool:
         return self._worker.status.state is not WorkerState.RUNNING
@@ -350,6 +370,7 @@ class ActiveNode:
         stamp_ns = now_ns(self._node)
         if self.is_active:
             self._layers.publish_heartbeats(stamp_ns)
+        self._publish_places()
         is_simulated = self._node.get_clock().ros_time_is_active
         clock = self._clock_watch.look(
             stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
@@ -371,6 +392,7 @@ class ActiveNode:
                 self._inputs.log.status(),
                 diagnostics.recorder_status(self._recorder.status, self._checkpoints.last),
                 *self._forecasts.statuses(),
+                *self._places.statuses(),
             ],
         )
         diagnostics.sign(message, self._node.get_fully_qualified_name(), worker.device)

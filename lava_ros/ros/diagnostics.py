@@ -25,6 +25,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
+from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.ros.ensemble_forecasts import AheadStatus, Live
 from lava_ros.ros.followed_clock import MAX_LAG
 from lava_ros.ros.recorder import Recorder, RecorderStatus
@@ -33,7 +34,7 @@ from lava_ros.ros.session import Eruption, is_on
 from lava_ros.ros.sources import DeadlineChoice
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import temperature_doubts, Terrain
-from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import inundated_cells
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -91,7 +92,6 @@ def simulation_status(
         }
     if snapshot is not None:
         values |= snapshot_values(snapshot, frame_stamp_ns)
-        values['wet_cells'] = int((snapshot.thickness >= COVERED).sum())
     if not is_active:
         message = f'inactive: {message}'
     return status('simulation', level, message, values)
@@ -100,16 +100,27 @@ def simulation_status(
 def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
     """The values of a status for a snapshot; ``stamp_ns`` is the stamp of its maps [ns]."""
     steps = snapshot.steps
+    areas = {'standing_area_m2': repr(snapshot.area(snapshot.standing))}
+    if snapshot.arrived is not None:
+        areas['inundated_area_m2'] = repr(snapshot.area(snapshot.inundated))
     return {
         'simulated_time_s': repr(snapshot.time),
         'frame_stamp_ns': stamp_ns,
         'particles': snapshot.particle_count,
+        **areas,
         **snapshot.budget.texts(),
         'steps': steps.count,
         'step_s': f'{steps.length:.6g}',
         'step_limit': steps.limit,
         'step_stages': steps.stages,
+        # NaN without lava
+        'highest_temperature_c': f'{_highest(snapshot.temperature) - ZERO_CELSIUS:.6g}',
     }
+
+
+def _highest(temperature: np.ndarray) -> float:
+    """Return the largest value of a map, NaN if it has none."""
+    return float(np.fmax.reduce(temperature, axis=None))
 
 
 def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
@@ -149,7 +160,7 @@ def ahead_status(
         }
     if latest is not None and not is_ensemble:
         values['particles'] = latest.shown.particle_count
-        values['cells_reached'] = int(np.isfinite(latest.shown.arrival).sum())
+        values['cells_reached'] = int(inundated_cells(latest.shown.arrival).sum())
     elif latest is not None:
         ensemble, maps = latest.shown, latest.shown.maps
         values |= {

@@ -17,6 +17,7 @@
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass, replace
 import queue
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -26,9 +27,11 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
+from lava_ros.maps.places import Places, places_on
 from lava_ros.ros.session import Fork
 from lava_ros.ros.worker_status import finish
 from lava_ros.scene import Terrain
+from lava_ros.scene.features import Feature
 
 #: Moments that are remembered to find the simulated time of a stamp.
 _MOMENTS = 512
@@ -62,6 +65,7 @@ class ForecastRules:
         members: Members of an ensemble beside it, 0 for none.
         deadline: Wall time for a forecast and its ensemble [s], 0 for any.
         time_scale: Simulated time per time of the clock [s/s].
+        features: Places where ensembles also tell when lava arrives.
     """
 
     horizon: float
@@ -72,6 +76,7 @@ class ForecastRules:
     members: int = 0
     deadline: float = 0.0
     time_scale: float = 1.0
+    features: tuple[Feature, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -123,6 +128,7 @@ class EnsembleForecasts:
         self._terrain: Terrain | None = None
         self._moments: deque[tuple[float, float]] = deque(maxlen=_MOMENTS)
         self._agreement: list[float] | None = None
+        self._places: tuple[Terrain, Places | None] | None = None
 
     @property
     def is_busy(self) -> bool:
@@ -159,7 +165,16 @@ class EnsembleForecasts:
             'deadline': rules.deadline or None,
             'agreement': self._agreement,
             'outlines': self.status.outlines,
+            'places': self._places_on(rules.features, fork.checkpoint.scene.terrain),
         }
+
+    def _places_on(self, features: tuple[Feature, ...], terrain: Terrain) -> Places | None:
+        """Put places on a terrain; None without any, or where their topic reports an error."""
+        if features and (self._places is None or self._places[0] is not terrain):
+            self._places = terrain, None
+            with suppress(LavaError):
+                self._places = terrain, places_on(features, terrain)
+        return None if self._places is None else self._places[1]
 
     def send(self, order: Callable[..., None], *, changes: int, time_scale: float) -> None:
         """Send waiting outlines to the process, unless the scene has just changed."""

@@ -24,6 +24,7 @@ from rclpy.node import Node
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
+from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
 from lava_ros.ros import diagnostics
 from lava_ros.ros.ensemble_forecasts import Ahead, ForecastRules, Live
@@ -34,6 +35,7 @@ from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.sources import DeadlineChoice
 from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
+from lava_ros.scene.features import Feature
 
 #: How long forecasts may take to end [s]: a copy of the state that is being taken is waited for.
 STOP_TIMEOUT = 4.0
@@ -48,7 +50,8 @@ class ForecastTopics:
 
     Messages are stamped with the time at which their forecast starts. A forecast is withdrawn, by
     maps on which nothing is known, as soon as scene or effects have changed or it is too old.
-    ``choice`` returns what was chosen to meet the deadline, None without a deadline.
+    ``choice`` returns what was chosen to meet the deadline, None without a deadline. ``features``
+    are places where ensembles also tell when lava arrives.
     """
 
     entities: Entities
@@ -57,6 +60,7 @@ class ForecastTopics:
     worker: SimulationWorker
     settings: Callable[[], Settings]
     choice: Callable[[], DeadlineChoice | None] = lambda: None
+    features: tuple[Feature, ...] = ()
 
     def __post_init__(self) -> None:
         """Create publishers and the forecaster; LavaError where arrivals differ in threshold."""
@@ -104,6 +108,16 @@ class ForecastTopics:
             self._forecasts.publish(latest, forecaster.staleness(latest), repeat=repeat)
             self._ensembles.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
+    @property
+    def valid(self) -> tuple[Forecast | None, EnsembleForecast | None]:
+        """The newest forecast and the newest ensemble, None for one that does not hold."""
+        forecaster = self._forecaster
+        latest, ensemble = forecaster.latest, forecaster.ensembles.latest
+        return (
+            None if latest is None or forecaster.staleness(latest) else latest.shown,
+            None if ensemble is None or forecaster.staleness(ensemble) else ensemble.shown,
+        )
+
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
         """Weigh members by the lava observed at ``clock`` [s]; LavaError without ensembles."""
         if not self._forecaster.is_wanted:
@@ -146,6 +160,7 @@ class ForecastTopics:
             members=members,
             deadline=settings.deadline,
             time_scale=settings.time_scale,
+            features=self.features,
         )
 
 

@@ -39,6 +39,7 @@ from lava_ros.scene import (
     Terrain,
     Vent,
 )
+from lava_ros.scene.missing_data import check_missing
 
 #: Fields a cloud of vents has to have; ``z`` is there for viewers.
 VENT_FIELDS = ('x', 'y', 'z', 'discharge', 'temperature', 'radius')
@@ -51,6 +52,9 @@ PATIENCE, ABSENCE = 2.0, 10.0
 
 #: Value of a mask's cell from which on there is lava; negative ones are unknown.
 LEAST_LAVA = 50
+
+#: What a publisher of terrain can do about a value that looks like missing data.
+NAN_ADVICE = 'NaN in place of {0} if these cells have no data'
 
 #: Largest value of a cell of an occupancy grid.
 MOST_CELL = 100
@@ -84,6 +88,9 @@ def terrain_from_image(image: Image, info: MapMetaData, settings: Settings) -> T
     if (image.width, image.height) != (info.width, info.height):
         raise _size_mismatch(image, info)
     pixels = image_array(image, 'terrain').astype(np.float64)
+    check_missing(
+        'terrain.data', pixels, resolution, unit=settings.terrain_scale, advice=NAN_ADVICE
+    )
     elevation = pixels * settings.terrain_scale + settings.terrain_offset
     origin = info.origin.position
     return Terrain(elevation, resolution, (origin.x, origin.y), settings.epsg, settings.offset)
@@ -121,6 +128,7 @@ def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
     np.divide(total, count, out=mean, where=count > 0)
     elevation = mean.reshape(height, width)
     _check_elevation(name, elevation, settings)
+    check_missing(f'{name}.z', elevation, resolution, advice=NAN_ADVICE)
     origin = (float(low[0]), float(low[1]))
     return Terrain(elevation, resolution, origin, settings.epsg, settings.offset)
 
@@ -138,6 +146,7 @@ def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
     elevation = codec.layer_values(message, codec.ELEVATION, name)
     _check_cells(f'{name}.size', elevation.shape[1], elevation.shape[0], settings)
     _check_elevation(name, elevation, settings)
+    check_missing(f'{name}.data', elevation, info.resolution, advice=NAN_ADVICE)
     centre = info.pose.position
     origin = (centre.x - 0.5 * info.length_x, centre.y - 0.5 * info.length_y)
     return Terrain(elevation, info.resolution, origin, settings.epsg, settings.offset)

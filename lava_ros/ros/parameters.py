@@ -48,6 +48,10 @@ WHEN = 'read-only while the node is configured'
 CHECKPOINT_PERIOD = 60.0
 
 
+#: An element of each list, by the first word of its name.
+_EXAMPLES = {'effects': 'inertia', 'layers': 'lava_points', 'places': 'villages.geojson'}
+
+
 @dataclass(frozen=True)
 class ParameterSpec:
     """One parameter, whose default gives it its type; a list is one of texts.
@@ -88,7 +92,7 @@ class ParameterSpec:
         if self.is_list:
             if not isinstance(value, list):
                 kind = self.name.partition('_')[0]
-                example = 'inertia' if kind == 'effects' else 'lava_points'
+                example = _EXAMPLES[kind]
                 raise LavaError(self.name, value, f"a list of {kind}, such as ['{example}']")
             # a list with one empty text is how ROS writes an empty list of texts
             texts = tuple(text for text in value if text != '')
@@ -136,7 +140,7 @@ SOURCES = (
     _FixedSpec(
         'terrain_file',
         '',
-        'Terrain to start with (GeoTIFF, ESRI ASCII grid, npz), also in place of that of the '
+        'Terrain to start with (GeoTIFF or another raster, npz), also in place of that of the '
         'scene file; empty: from the scene file or the topics',
     ),
     _FixedSpec(
@@ -248,12 +252,17 @@ class Settings:
         '0: no deadline',
         (0.0, 1e6),
     )
+    places: tuple[str, ...] = _fixed(
+        [''],
+        'Files of points, lines and areas (.geojson, .gpkg, .csv) for which place_arrivals and '
+        'the diagnostics tell when lava arrives there',
+    )
     clicked_point_enabled: bool = _fixed(
         True,
         'Subscribe to clicked_point, whose points open vents; false: clicks in RViz open no vents',
     )
     default_discharge: float = _parameter(
-        10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
+        10.0, 'Effusion rate of a vent opened by a click [m3/s]', (0.0, 1e6)
     )
     default_temperature: float = _parameter(
         round(constants_of(None)['lava'].reference_temperature - ZERO_CELSIUS, 2),

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 import signal
-import threading
 import time
 
 from rclpy.context import Context
@@ -30,7 +29,7 @@ from rosgraph_msgs.msg import Clock
 from lava_ros import validation
 from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
-from lava_ros.bag.replay import Transport
+from lava_ros.bag.replay import StopRequest, Transport
 from lava_ros.errors import LavaError
 from lava_ros.ros.arguments import start_ros
 from lava_ros.ros.codec import message_class, time_message
@@ -88,7 +87,7 @@ def play(
     patience = validation.number(
         'wait_for_subscribers', wait_for_subscribers, at_least=0.0, unit='s'
     )
-    stop = threading.Event()
+    stop = StopRequest()
     tick = replay.TICK if clock else QUIET_TICK
     now, wait = time.monotonic, stop.wait
     if transport is not None:
@@ -155,7 +154,7 @@ class _Player:
         if not self._publishers:
             raise LavaError('bag', str(bag.path), 'a topic whose message type is installed')
 
-    def wait_for_subscribers(self, timeout: float, stop: threading.Event) -> None:
+    def wait_for_subscribers(self, timeout: float, stop: StopRequest) -> None:
         """Wait up to ``timeout`` [s] for a subscriber on every topic."""
         deadline = time.monotonic() + timeout
         while timeout > 0.0 and not stop.is_set():
@@ -199,8 +198,8 @@ def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
 
 
 @contextmanager
-def _set_on_signals(stop: threading.Event) -> Iterator[None]:
-    """Set an event on SIGINT and SIGTERM, and put back the handlers afterwards."""
+def _set_on_signals(stop: StopRequest) -> Iterator[None]:
+    """Request a stop on SIGINT and SIGTERM, and put back the handlers afterwards."""
     previous = {
         number: signal.signal(number, lambda *_: stop.set())
         for number in (signal.SIGINT, signal.SIGTERM)

@@ -301,7 +301,7 @@ class Eruption:
 
 def _is_same(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
     """Return True if two terrains have the same cells, and elevations within ``within`` [m]."""
-    names = ('shape', 'resolution', 'origin', 'epsg', 'offset')
+    names = ('shape', 'resolution', 'origin', 'epsg', 'wkt', 'offset')
     return (
         all(getattr(one, name) == getattr(other, name) for name in names)
         and np.allclose(one.elevation, other.elevation, rtol=0.0, atol=within, equal_nan=True)

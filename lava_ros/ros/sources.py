@@ -264,7 +264,6 @@ class SimulationMaker:
             device=settings.device,
             effects=settings.forced,
             horizon=settings.horizon,
-            notes_arrival=True,
         )
 
     def accuracy(self, scene: Scene, settings: Settings) -> Accuracy:

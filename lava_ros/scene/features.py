@@ -12,172 +12,204 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Points, lines and areas of others: GeoJSON, GeoPackage and tables -> a terrain's coordinates."""
+"""Points, lines and areas of other programs' files -> a terrain's coordinates."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+import logging
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.files import open_input
+from lava_ros.files import vectors
+from lava_ros.files.columns import angle, understood
 from lava_ros.files.csv import read_table
-from lava_ros.files.optional import require
-from lava_ros.files.yaml import parse_json
-from lava_ros.scene.projection import transformed
+from lava_ros.scene.projection import coordinate_system, transformed
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
-#: Ends of the names of files that can be read.
-ENDINGS = ('.geojson', '.json', '.gpkg', '.csv')
+_LOG = logging.getLogger(__name__)
 
-#: Columns that say where a row of a table is: in the terrain's own system, or in degrees.
-OWN_COLUMNS = (('x', 'y'), ('easting', 'northing'))
-DEGREE_COLUMNS = (('lon', 'lat'), ('longitude', 'latitude'))
+#: Ends of the names of tables, and of all files that can be read.
+TABLES = ('.csv', '.tsv', '.txt')
+ENDINGS = (*vectors.ENDINGS, *TABLES)
+
+#: Columns of a table for the place of a row, in the terrain's system and in degrees.
+PLACES = (('x', 'y'), ('lon', 'lat'))
+
+#: Columns of a table that hold well-known text.
+_WKT = ('wkt', 'geometry', 'geom', 'the_geom', 'shape')
 
 _DEGREES = 'EPSG:4326'
-
-# What errors call it, its geometry, the system of that (None: the terrain's), what is known of it.
-_Found = tuple[str, Mapping[str, Any], str | None, Mapping[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
     """A point, a line or an area: a ``Point``, ``LineString`` or ``Polygon``.
 
-    ``rings`` are eastings and northings [m], shape [places, 2]: one array, but for an area its
-    outer ring and its holes. Errors call it by ``where``.
+    ``rings`` are coordinates in ``system``, shape [places, 2]: one array, but for an area its
+    outer ring and its holes. A ``system`` of None is that of the terrain: eastings and northings
+    [m]. Errors call the feature by ``where``, which the parts of one feature share.
     """
 
     where: str
     kind: str
     rings: tuple[np.ndarray, ...]
     properties: Mapping[str, Any]
+    system: str | None = None
 
     @property
     def name(self) -> str:
         """What it is called; may be empty."""
-        return str(self.properties.get('name') or '')
+        return _name(self.where, self.properties)
+
+    def on(self, terrain: Terrain) -> 'Feature':
+        """Return the feature in the system of a terrain; LavaError where that is not possible."""
+        if self.system is None:
+            return self
+        places = _on(terrain, np.concatenate(self.rings), self.system, self.where)
+        ends = np.cumsum([len(ring) for ring in self.rings])[:-1]
+        return replace(self, rings=tuple(np.split(places, ends)), system=None)
+
+
+def _name(where: str, properties: Mapping[str, Any]) -> str:
+    """Return the name of a feature; may be empty."""
+    # of two columns for a name the first is taken
+    for header, value in properties.items():
+        if value and understood(where, [header], ['name'])[0]:
+            return str(value)
+    return ''
+
+
+def _called(where: str, properties: Mapping[str, Any]) -> str:
+    """Return the place of a feature in its file, and its name if it has one, for errors."""
+    name = _name(where, properties)
+    return f'{where} ({name})' if name else where
 
 
 def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Feature]:
+    """Read the features of a file in the system of a terrain.
+
+    Raises:
+        LavaError: As ``load_features``, or a coordinate system is not known.
+    """
+    return [feature.on(terrain) for feature in load_features(field, path)]
+
+
+def load_features(field: str, path: str | Path) -> list[Feature]:
     """Read the features of a file; a feature of several parts becomes several features.
 
-    GeoJSON is in longitude and latitude unless it names another system, a GeoPackage in the system
-    of its layers. A table (.csv) has columns ``x,y`` or ``easting,northing`` in the terrain's
-    system, or ``lon,lat`` in degrees; with ``x_end,y_end`` or ``lon_end,lat_end`` a row is a line.
-    Coordinates of the result are in the terrain's system. LavaError where the file cannot be read,
-    has no features, or has no known coordinate system.
+    The file is one of ``vectors.FORMATS``, or a table with the columns ``x,y`` (or their synonyms
+    in ``columns.COLUMNS``) in the terrain's system, ``lon,lat`` in degrees, or well-known text.
+    With ``x_end,y_end`` or ``lon_end,lat_end`` a row of a table is a line. Features of a file that
+    names no coordinate system are in the terrain's.
+
+    Raises:
+        LavaError: The file cannot be read or has no features. Errors name ``field``, or a feature.
     """
     path = Path(path)
-    readers = {'.csv': _from_table, '.gpkg': _from_geopackage}
     suffix = path.suffix.lower()
     if suffix not in ENDINGS:
         raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
+    is_table = suffix in TABLES
+    found = list(_from_table(field, path) if is_table else vectors.read_vectors(field, path))
+    if not is_table and any(system is None for _, _, system, _ in found):
+        _LOG.warning(f'{path} names no coordinate system: it is taken to be that of the terrain')
     features = []
-    for where, geometry, system, properties in readers.get(suffix, _from_geojson)(field, path):
+    for where, geometry, system, properties in found:
+        where = _called(where, properties)
+        if geometry is None:
+            _LOG.warning(f'{where} has no geometry and is left out')
+            continue
         for kind, part in _parts(where, geometry):
             rings = part if kind == 'Polygon' else [part]
             try:
                 arrays = [np.array(ring, dtype=float).reshape(len(ring), -1) for ring in rings]
-                arrays = [ring[:, :2] for ring in arrays]
                 places = np.concatenate(arrays)
             except (TypeError, ValueError):
                 raise LavaError(where, part, 'a geometry of numbers') from None
             if places.shape[1] != 2 or not (np.abs(places) <= MAX_COORDINATE).all():
                 raise LavaError(where, part, 'a geometry of two coordinates for each place')
-            places = _on(terrain, places, system, where)
-            ends = np.cumsum([len(ring) for ring in arrays])[:-1]
-            features.append(Feature(where, kind, tuple(np.split(places, ends)), properties))
+            features.append(Feature(where, kind, tuple(arrays), properties, system))
     if not features:
         raise LavaError(field, str(path), 'a file with at least one point, line or area')
     return features
 
 
 def _parts(where: str, geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The single geometries of one; a point is a list of one place."""
-    if not isinstance(geometry, Mapping):
-        raise LavaError(where, geometry, 'a feature with a geometry')
-    kind, places = str(geometry.get('type')), geometry.get('coordinates')
-    single = kind.removeprefix('Multi')
-    if single not in ('Point', 'LineString', 'Polygon') or not isinstance(places, (list, tuple)):
-        raise LavaError(where, kind, 'a point, a line or an area')
+    """Yield the single geometries of a geometry; a point is a list of one place."""
+    kind = str(geometry['type'])
+    if kind == 'GeometryCollection':
+        for item in geometry['geometries']:
+            yield from _parts(where, item)
+        return
+    single, places = kind.removeprefix('Multi'), geometry.get('coordinates')
+    if single not in ('Point', 'LineString', 'Polygon') or not places:
+        shown = kind if places else f'an empty {kind}'
+        raise LavaError(where, shown, 'a point, a line or an area')
     for part in places if single != kind else [places]:
         yield single, [part] if single == 'Point' else part
 
 
-def _on(terrain: Terrain, places: np.ndarray, system: str | None, where: str) -> np.ndarray:
-    """Places [count, 2] of a system in that of a terrain."""
-    if system is None:
-        return places
-    if terrain.epsg is None:
+def _on(terrain: Terrain, places: np.ndarray, system: str, where: str) -> np.ndarray:
+    """Transform places [count, 2] from a system to that of a terrain."""
+    own = coordinate_system(terrain.epsg, terrain.wkt)
+    if own is None:
         right = 'coordinates of the terrain, which has no coordinate system'
         raise LavaError(where, f'coordinates of {system}', right)
     try:
-        return transformed(system, f'EPSG:{terrain.epsg}', *places.T).T
+        return transformed(system, own, *places.T).T
     except ValueError as error:
         right = f'places of a coordinate system that GDAL knows ({error})'
         raise LavaError(where, f'places of {system}', right) from error
 
 
-def _from_table(field: str, path: Path) -> Iterator[_Found]:
+def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
+    """Yield the rows of a table as features."""
     rows = read_table(field, path, (), None)
-    pairs = [pair for pair in (*OWN_COLUMNS, *DEGREE_COLUMNS) if set(pair) <= set(rows[0][1])]
-    if len(pairs) != 1:
-        right = ' or '.join(','.join(pair) for pair in (*OWN_COLUMNS, *DEGREE_COLUMNS))
-        raise LavaError(f'{path}, first line', ','.join(rows[0][1]), f'the columns {right}')
-    system = _DEGREES if pairs[0] in DEGREE_COLUMNS else None
+    header = list(rows[0][1])
+    wanted = [f'{name}{end}' for pair in PLACES for name in pair for end in ('', '_end')]
+    columns, _ = understood(str(path), header, wanted)
+    pairs = [pair for pair in PLACES if set(pair) <= set(columns)]
+    wkt = next((name for name in header if name.lower() in _WKT), None)
+    if len(pairs) + (wkt is not None) != 1:
+        right = ' or '.join(','.join(pair) for pair in PLACES)
+        raise LavaError(f'{path}, first line', ','.join(header), f'the columns {right} or wkt')
+    if wkt is not None:
+        found = vectors.geometries_of_wkt(field, [row[wkt] for _, row in rows])
+        for (where, row), geometry in zip(rows, found, strict=True):
+            text = row.pop(wkt)
+            if geometry is None and text:
+                raise LavaError(f'{where}, {wkt}', text, 'well-known text: POINT (500300 4179200)')
+            yield where, geometry, None, _filled(row)
+        return
+    (pair,) = pairs
+
+    def place(where: str, row: dict[str, str], end: str) -> list[float] | None:
+        names = [f'{name}{end}' for name in pair]
+        cells = [row.pop(columns[name].header, '') if name in columns else '' for name in names]
+        if end and not any(cells):
+            return None
+        if not all(cells):
+            shown = ' and '.join(columns[name].header for name in names if name in columns)
+            raise LavaError(f'{where}, {shown}', tuple(cells), 'both or neither')
+        if pair == ('x', 'y'):
+            return [columns[name].number(where, cell)
+                    for name, cell in zip(names, cells, strict=True)]
+        # a comma in a cell is a decimal comma
+        return [angle(f'{where}, {columns[name].header}', cell.replace(',', '.'), axis)
+                for name, cell, axis in zip(names, cells, ('longitude', 'latitude'), strict=True)]
+
     for where, row in rows:
-        ends = [[row.pop(f'{name}{end}', '') for name in pairs[0]] for end in ('', '_end')]
-        kind = {'type': 'LineString', 'coordinates': ends}
-        if not any(ends[1]):
-            kind = {'type': 'Point', 'coordinates': ends[0]}
-        yield where, kind, system, {name: text for name, text in row.items() if text}
+        called = _called(where, row)
+        start, end = place(called, row, ''), place(called, row, '_end')
+        kind: dict[str, Any] = {'type': 'Point', 'coordinates': start}
+        if end is not None:
+            kind = {'type': 'LineString', 'coordinates': [start, end]}
+        yield where, kind, None if pair == ('x', 'y') else _DEGREES, _filled(row)
 
 
-def _from_geojson(field: str, path: Path) -> Iterator[_Found]:
-    try:
-        with open_input(path) as file:
-            data = parse_json(field, file.read().decode('utf-8-sig'))
-    except (OSError, UnicodeDecodeError) as error:
-        raise LavaError(field, str(path), f'a readable file ({error})') from error
-    items = data.get('features', [data]) if isinstance(data, Mapping) else None
-    if not isinstance(items, list) or not all(isinstance(item, Mapping) for item in items):
-        raise LavaError(field, str(path), 'GeoJSON: a FeatureCollection')
-    # before RFC 7946 a file could name its system, and QGIS still writes such
-    named = data.get('crs') or {}
-    properties = named.get('properties') if isinstance(named, Mapping) else None
-    system = properties.get('name') if isinstance(properties, Mapping) else None
-    for index, item in enumerate(items):
-        known = item.get('properties')
-        geometry = item.get('geometry', item)
-        if geometry is not None:
-            yield (
-                f'{path}, feature {index}', geometry, str(system or _DEGREES),
-                known if isinstance(known, Mapping) else {},
-            )
-
-
-def _from_geopackage(field: str, path: Path) -> Iterator[_Found]:
-    require('fiona', 'GeoPackage', str(path))
-    import fiona
-    from fiona.errors import FionaError
-
-    try:
-        with open_input(path) as file:
-            if file.read(15) != b'SQLite format 3':
-                raise LavaError(field, str(path), 'a GeoPackage')
-        # an absolute path is no URL
-        place = path.absolute()
-        for layer in fiona.listlayers(place):
-            with fiona.open(place, layer=layer, enabled_drivers=['GPKG']) as source:
-                for item in source:
-                    if item.geometry is not None:
-                        yield (
-                            f'{path}, {layer} {item.id}', item.geometry.__geo_interface__,
-                            source.crs_wkt or None, dict(item.properties),
-                        )
-    except (OSError, FionaError) as error:
-        raise LavaError(field, str(path), f'a GeoPackage that GDAL can read ({error})') from error
+def _filled(row: Mapping[str, str]) -> dict[str, str]:
+    """Return the cells of a row that are not empty."""
+    return {name: text for name, text in row.items() if text}

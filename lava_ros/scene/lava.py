@@ -16,16 +16,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.effects import EFFECTS, laws, possible
-from lava_ros.effects.effect import check_fields, number, with_fields
+from lava_ros.effects.effect import check_fields, join_names, number, with_fields
 from lava_ros.errors import LavaError
 
 
 @dataclass(frozen=True)
-@with_fields({key: item for one in EFFECTS.values() for key, item in one.constants.items()})
+@with_fields(partial(join_names, 'constants', EFFECTS))
 class Lava:
     """Material constants; each field says what it is, in which unit and within which limits.
 
@@ -89,3 +90,9 @@ class Lava:
     def yield_strength_at(self, temperature: float) -> float:
         """Yield strength [Pa] at a temperature [K]."""
         return laws.strength_at(self, temperature)
+
+
+def constant_units() -> dict[str, str]:
+    """Return the unit of each constant of a lava and of the vent temperature by name."""
+    units = {item.name: item.metadata.get('unit') or '' for item in fields(Lava)}
+    return {'vent_temperature': 'K', **units}

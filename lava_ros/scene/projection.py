@@ -16,6 +16,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+import json
+import logging
 import math
 from typing import Any
 
@@ -27,8 +29,13 @@ from lava_ros.files import MOST_CELLS
 from lava_ros.files.optional import require
 from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RANGE, Terrain
 
+_LOG = logging.getLogger(__name__)
+
 #: EPSG code of WGS 84 longitude and latitude.
 WGS84 = 4326
+
+#: Length of a degree of latitude [m].
+METRES_PER_DEGREE = 111_195.0
 
 #: Beyond this latitude UTM is not defined [degrees].
 MAX_UTM_LATITUDE = 84.0
@@ -46,8 +53,8 @@ class Raster:
     """A grid on its way to a Terrain: cells may be degrees and not square, row 0 is the south.
 
     ``corner`` is the lower-left one in the file's coordinates; ``offset`` is None unless the file
-    has one. ``wkt`` describes a coordinate system that has no EPSG code. ``is_metric`` says that
-    coordinates are metres by the definition of the format.
+    has one. ``wkt`` is as in ``Terrain``. ``is_metric`` says that coordinates are metres by the
+    definition of the format. ``barriers`` are those of ``Terrain``, in a file's own metres.
     """
 
     elevation: np.ndarray
@@ -59,13 +66,12 @@ class Raster:
     wkt: str | None = None
     is_metric: bool = False
     source: str = ''
+    barriers: tuple[tuple[tuple[float, float], ...], ...] = ()
 
     @property
     def system(self) -> str:
         """What the file says its coordinates are."""
-        if self.epsg is not None:
-            return f'EPSG:{self.epsg}'
-        return 'a coordinate system without a code' if self.wkt else 'no coordinate system'
+        return system_name(self.epsg, self.wkt)
 
     @property
     def is_placed(self) -> bool:
@@ -73,15 +79,87 @@ class Raster:
         return self.epsg is not None or self.wkt is not None
 
 
+def system_name(epsg: int | None, wkt: str | None) -> str:
+    """Return the EPSG code of a coordinate system, or its name if it has no code."""
+    if epsg is not None:
+        return f'EPSG:{epsg}'
+    return f'{[*wkt.split(chr(34)), "", ""][1]}, no EPSG code' if wkt else 'no coordinate system'
+
+
+def coordinate_system(epsg: int | None, wkt: str | None = None) -> Any:
+    """Return the horizontal coordinate system of a terrain for rasterio, None without one.
+
+    Args:
+        epsg: EPSG code, as ``Terrain.epsg``.
+        wkt: Full definition, as ``Terrain.wkt``. The EPSG code takes precedence.
+
+    Raises:
+        LavaError: If GDAL cannot use the code or the definition.
+    """
+    if epsg is None and wkt is None:
+        return None
+    rasterio = rasterio_for('coordinate systems')
+    try:
+        if epsg is not None:
+            return rasterio.crs.CRS.from_epsg(epsg)
+        return horizontal(rasterio.crs.CRS.from_wkt(wkt))
+    except rasterio.errors.CRSError as error:
+        name = 'epsg' if epsg is not None else 'terrain.wkt'
+        expected = f'a coordinate system GDAL knows ({error})'
+        raise LavaError(name, epsg or str(wkt)[:40], expected) from error
+
+
+def horizontal(crs: Any) -> Any:
+    """Return the horizontal part of a rasterio coordinate system, which may be compound."""
+    parts = _definition(crs)
+    if parts.get('type') != 'CompoundCRS':
+        return crs
+    return type(crs).from_user_input(json.dumps(parts['components'][0]))
+
+
+def vertical_unit(crs: Any) -> tuple[str, float]:
+    """Return the unit of the heights of a compound system, and its length [m].
+
+    The length is NaN for depths and for other units than lengths; ``'', 1`` stands for a system
+    without heights.
+    """
+    parts = _definition(crs)
+    if parts.get('type') != 'CompoundCRS':
+        return '', 1.0
+    # of a bound system the source is meant
+    heights = parts['components'][1]
+    heights = heights.get('source_crs', heights)
+    axis = heights['coordinate_system']['axis'][0]
+    unit = axis['unit']
+    if isinstance(unit, str):
+        unit = {'name': unit, 'conversion_factor': 1.0 if unit == 'metre' else math.nan}
+    if axis['direction'] == 'down':
+        return f'{unit["name"]} of depth', math.nan
+    return unit['name'], float(unit['conversion_factor'])
+
+
+def _definition(crs: Any) -> dict[str, Any]:
+    """The parts of a coordinate system by name (PROJJSON), empty where PROJ has none."""
+    from rasterio.errors import CRSError
+
+    try:
+        return dict(crs.to_dict(projjson=True))
+    except CRSError:
+        return {}
+
+
 def with_epsg(raster: Raster, epsg: int | None) -> Raster:
-    """Give the raster the coordinate system the user names, unless it has another."""
-    if epsg is None:
+    """Give the raster the coordinate system that the user names, also in place of its own."""
+    if epsg in (None, raster.epsg):
         return raster
-    if isinstance(epsg, bool) or not isinstance(epsg, int) or epsg < 1024:
-        raise LavaError('terrain.epsg', epsg, 'an EPSG code such as 32633')
-    if raster.is_placed and raster.epsg != epsg:
-        raise LavaError('terrain.epsg', epsg, f'absent: the file says {raster.system}')
-    return replace(raster, epsg=epsg)
+    x, y = raster.corner
+    has_degrees = abs(x) <= 180.0 and abs(y) <= 90.0 and min(raster.dx, raster.dy) < SMALLEST_CELL
+    if has_degrees and not coordinate_system(epsg).is_geographic:
+        right = f'the code of a system in degrees: cells are {raster.dx:.3g} wide at {x:g}, {y:g}'
+        raise LavaError('terrain.epsg', epsg, right)
+    if raster.is_placed:
+        _LOG.warning(f'EPSG:{epsg} as given, although the file states {raster.system}')
+    return replace(raster, epsg=epsg, wkt=None)
 
 
 def in_square_metres(raster: Raster, resolution: float | None) -> Raster:
@@ -115,13 +193,9 @@ def _crs(raster: Raster) -> Any:
 
     Such a raster is only ever turned into itself at another cell size, so which does not matter.
     """
-    rasterio = rasterio_for('coordinate systems')
-    try:
-        if raster.wkt is not None:
-            return rasterio.crs.CRS.from_wkt(raster.wkt)
-        return rasterio.crs.CRS.from_epsg(raster.epsg or 32631)
-    except rasterio.errors.CRSError as error:
-        raise LavaError('terrain.epsg', raster.epsg, f'a known EPSG code ({error})') from error
+    if not raster.is_placed:
+        return coordinate_system(32631)
+    return coordinate_system(raster.epsg, raster.wkt)
 
 
 def _target_epsg(raster: Raster) -> int | None:
@@ -136,9 +210,9 @@ def _target_epsg(raster: Raster) -> int | None:
     try:
         (longitude,), (latitude,) = transformed(crs, f'EPSG:{WGS84}', [x], [y])
     except ValueError as error:
-        if crs.is_projected:
+        if not crs.is_geographic:
             return raster.epsg
-        right = f'a place on Earth in EPSG:{raster.epsg} ({error})'
+        right = f'a place on Earth in {raster.system} ({error})'
         raise LavaError('terrain file corner', raster.corner, right) from error
     if crs.is_projected and not abs(latitude) <= MAX_UTM_LATITUDE:
         return raster.epsg
@@ -244,16 +318,21 @@ def cropped(raster: Raster, window: tuple[float, float, float, float]) -> Raster
     )
 
 
+def is_degrees(place: tuple[float, float]) -> bool:
+    """Return True if a place can be longitude and latitude."""
+    return abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0
+
+
 def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[float, float]:
     """Easting and northing [m] of a place; LavaError for a terrain without coordinate system."""
-    if terrain.epsg is None:
+    target = coordinate_system(terrain.epsg, terrain.wkt)
+    if target is None:
         right = 'easting and northing: the terrain has no coordinate system'
         raise LavaError('longitude, latitude', (longitude, latitude), right)
-    target = f'EPSG:{terrain.epsg}'
     try:
         (x,), (y,) = transformed(f'EPSG:{WGS84}', target, [longitude], [latitude])
     except ValueError as error:
-        right = f'a place in the domain of {target} ({error})'
+        right = f'a place in the domain of {system_name(terrain.epsg, terrain.wkt)} ({error})'
         raise LavaError('longitude, latitude', (longitude, latitude), right) from error
     return (float(x), float(y))
 

@@ -14,21 +14,29 @@
 
 """Terrain -> terrain: barriers of earth along a line, no short waves, finer cells."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+import logging
 import math
 from math import dist
+from pathlib import Path
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files.columns import understood
 from lava_ros.files.optional import require
+from lava_ros.scene.features import read_features
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
+
+_LOG = logging.getLogger(__name__)
 
 #: Smallest and largest numbers of barriers, and units: that of 1983 on Etna was 18 m high.
 LIMITS = {'height': (0.1, 200.0, 'm'), 'width': (0.1, 1000.0, 'm'), 'slope': (0.05, 100.0, '')}
+
+_LOG = logging.getLogger(__name__)
 
 #: Places nearer to each other than this are one [m].
 APART = 1e-3
@@ -64,6 +72,30 @@ class Barrier:
             )
             object.__setattr__(self, name, value)
 
+    @property
+    def length(self) -> float:
+        """Length of the crest [m]."""
+        return sum(dist(a, b) for a, b in pairwise(self.line))
+
+    @property
+    def volume(self) -> float:
+        """Earth that it takes on even ground [m3]: its cross-section along it, and its round ends.
+
+        It is that of the crest as wide as given. At a bend, the sides add as much earth on the
+        outside as they share on the inside, to first order.
+        """
+        run = self.height / self.slope
+        inner, outer = 0.5 * self.width, 0.5 * self.width + run
+        # a cone without its top: both ends together
+        ends = math.pi * self.height * (outer**2 + outer * inner + inner**2) / 3.0
+        return self.length * self.height * (self.width + run) + ends
+
+    def crest_on(self, resolution: float) -> float:
+        """Width of the crest [m] on cells of a size [m]: never so narrow that lava finds a gap."""
+        # cells whose centre is nearer than half of it are crossed, and those leave no gap to
+        # diagonals
+        return max(self.width, math.sqrt(2.0) * resolution)
+
     @classmethod
     def from_dict(cls, label: str, data: object) -> 'Barrier':
         """Build a barrier from the plain data of a YAML file; LavaError names what is wrong."""
@@ -72,20 +104,60 @@ class Barrier:
         return cls(**values)  # type: ignore[arg-type]
 
 
+def read_barriers(
+    field: str, path: str | Path, terrain: Terrain, usual: Mapping[str, float | None]
+) -> list[Barrier]:
+    """Read the barriers of a file: its lines, with their height, width and slope.
+
+    Args:
+        field: What errors call the file.
+        path: A file for ``features.read_features``.
+        terrain: The ground, whose coordinate system the result has.
+        usual: Height and width of the crest [m], and slope, of lines without their own.
+
+    Raises:
+        LavaError: The file cannot be read, has points or areas, or a number is not usable.
+    """
+    barriers = []
+    unknown: dict[str, None] = {}
+    for feature in read_features(field, path, terrain):
+        if feature.kind != 'LineString':
+            raise LavaError(feature.where, f'a {feature.kind}', 'a line')
+        columns, others = understood(str(path), feature.properties, (*LIMITS, 'name'))
+        unknown |= dict.fromkeys(others)
+        numbers = {
+            name: columns[name].number(feature.where, feature.properties[columns[name].header])
+            if name in columns else value
+            for name, value in usual.items()
+        }
+        line = tuple((float(x), float(y)) for x, y in feature.rings[0])
+        try:
+            barriers.append(Barrier(line, **numbers))  # type: ignore[arg-type]
+        except LavaError as error:
+            name = error.field.removeprefix('barrier.')
+            raise LavaError(f'{feature.where}, {name}', error.value, error.expected) from None
+    if unknown:
+        _LOG.warning(
+            f'{path}: attributes that are not understood are ignored: {", ".join(unknown)} '
+            f'(of a barrier: name, {", ".join(LIMITS)})'
+        )
+    return barriers
+
+
 def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
     """Raise a terrain by a barrier; LavaError where its line touches no cell with data.
 
     The ground is raised by the full height within half the width of the line. Beyond that it is
-    raised less and less, to nothing where the barrier's sides reach the ground. If the barrier is
-    narrower than a cell, the cells that the line crosses are raised to the full height, so that
-    lava finds no gap.
+    raised less and less, to nothing where the barrier's sides reach the ground. If the crest is
+    narrower than ``crest_on``, it is widened to that, so that lava finds no gap, and a warning
+    says so.
     """
     rows, columns = terrain.shape
     cell = terrain.resolution
     x = terrain.origin[0] + terrain.offset[0] + (np.arange(columns) + 0.5) * cell
     y = terrain.origin[1] + terrain.offset[1] + (np.arange(rows) + 0.5) * cell
-    # cells whose centre is nearer than this are crossed, and those cells leave no gap to diagonals
-    half = max(0.5 * barrier.width, np.sqrt(0.5) * cell)
+    crest = barrier.crest_on(cell)
+    half = 0.5 * crest
     reach = half + barrier.height / barrier.slope
     distance = np.full(terrain.shape, np.inf)
     for start, end in pairwise(barrier.line):
@@ -98,7 +170,16 @@ def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
     if not (terrain.has_data & (added > 0.0)).any():
         right = f'a line {terrain.bounds(projected=True)}'
         raise LavaError('barrier.line', barrier.line, right)
-    return replace(terrain, elevation=(terrain.elevation + added).astype(np.float32))
+    if crest > barrier.width:
+        _LOG.warning(
+            f'the crest of the barrier, {barrier.width:g} m wide, becomes {crest:.3g} m wide on '
+            f'cells of {cell:g} m, so that lava finds no gap'
+        )
+    return replace(
+        terrain,
+        elevation=(terrain.elevation + added).astype(np.float32),
+        barriers=(*terrain.barriers, barrier.line),
+    )
 
 
 def _distance(

@@ -16,20 +16,28 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from functools import partial
 import logging
 from pathlib import Path
 from typing import Any
 
 from lava_ros import validation
 from lava_ros.effects import EFFECTS, possible
-from lava_ros.effects.effect import check_fields, number, with_fields
+from lava_ros.effects.effect import check_fields, join_names, number, with_fields
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
+from lava_ros.scene.effusion_rates import (
+    error_of_rates,
+    Interval,
+    options_from_dict,
+    read_effusion_rates,
+    series_of_rates,
+)
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import default_lava, lava_from_dict
 from lava_ros.scene.terrain import Terrain
-from lava_ros.scene.terrain_files import load_terrain, terrain_path
+from lava_ros.scene.terrain_files import load_terrain, TERRAIN_OPTIONS, terrain_path
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict, uncertainty_to_dict
 from lava_ros.scene.vents import check_vents, Vent, vents_from_list
 
@@ -46,7 +54,7 @@ KELVIN = 273.15
 
 
 @dataclass(frozen=True, eq=False)
-@with_fields({key: item for one in EFFECTS.values() for key, item in one.environment.items()})
+@with_fields(partial(join_names, 'environment', EFFECTS))
 class Scene:
     """Everything a simulation needs to know about the world.
 
@@ -137,6 +145,7 @@ def constants_of(scene: Scene | None) -> dict[str, Any]:
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
     """Plain data that describes a scene, the elevation itself left out: for logs and bags."""
     terrain = scene.terrain
+    barriers = [[list(place) for place in crest] for crest in terrain.barriers]
     return {
         'terrain': {
             'shape': list(terrain.shape),
@@ -145,6 +154,8 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
             'epsg': terrain.epsg,
             'offset': list(terrain.offset),
             **({'source': terrain.source} if terrain.source else {}),
+            **({'barriers': barriers} if barriers else {}),
+            **({'wkt': terrain.wkt} if terrain.wkt else {}),
         },
         'vents': [
             {name: value for name, value in asdict(vent).items() if value not in (None, '')}
@@ -162,35 +173,66 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
 
 
 def read_scene(
-    path: str | Path, *, terrain: Terrain | None = None, fill_holes: bool = False
+    path: str | Path, *, terrain: Terrain | None = None, options: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], Terrain]:
     """Read a scene file without making a scene of it: what ``scene_from_dict`` takes.
 
     A name for which there is no file is looked for in the package's ``examples/``.
 
+    In the file, the ``effusion_rate`` of a vent may be a mapping: ``file``, a table relative to
+    the scene file, and the fields of ``effusion_rates.Options``. The errors of such tables are the
+    uncertainty of the effusion rate unless the file has one.
+
     The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
     the scene file or ``st_helens.npz`` of the package, and the options of
-    ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``fill_holes``
-    fills the holes of the file's own, whatever the file says. LavaError where the file cannot be
-    read, or has other keys, or its ground is not usable.
+    ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``options`` of
+    ``load_terrain`` replace those of the file. LavaError where the file cannot be read, or has
+    other keys, or its ground is not usable.
     """
     path = find_file(path, 'examples', field='scene', expected='a readable YAML file')
     data = validation.keys('scene', read_yaml('scene', path), allowed=SCENE_KEYS)
     ground = data.pop('terrain', None)
     if terrain is None:
-        options: dict[str, Any] = validation.keys(
+        known: dict[str, Any] = validation.keys(
             'scene.terrain',
             ground,
-            allowed=['file', 'epsg', 'resolution', 'offset', 'window', 'fill_holes'],
+            allowed=['file', *TERRAIN_OPTIONS],
             required=['file'],
         )
-        name = options.pop('file')
+        name = known.pop('file')
         if not isinstance(name, str):
             raise LavaError('scene.terrain.file', name, 'the name of a file, text')
-        if fill_holes:
-            options['fill_holes'] = True
-        terrain = load_terrain(terrain_path(name, path.parent), **options)
-    return data, terrain
+        terrain = load_terrain(terrain_path(name, path.parent), **known | dict(options or {}))
+    return _with_rates(data, path.parent), terrain
+
+
+def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Replace the tables of effusion rates of a scene by what they hold, and use their errors."""
+    vents = data.get('vents')
+    read: list[Interval] = []
+    if not isinstance(vents, list):
+        return data
+    vents = list(vents)
+    for index, vent in enumerate(vents):
+        rate = vent.get('effusion_rate') if isinstance(vent, Mapping) else None
+        if not isinstance(rate, Mapping):
+            continue
+        label = f'vents[{index}].effusion_rate'
+        name = rate.get('file')
+        if not isinstance(name, str):
+            raise LavaError(f'{label}.file', name, 'the name of a table')
+        rest = {key: value for key, value in rate.items() if key != 'file'}
+        rates = read_effusion_rates(label, folder / name, options_from_dict(label, rest))
+        read += rates
+        vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
+    error, uncertain = error_of_rates(read), data.get('uncertainty', {})
+    data = {**data, 'vents': vents}
+    if error is not None and isinstance(uncertain, Mapping) and not (
+        {'discharge', 'effusion_rate'} & uncertain.keys()
+    ):
+        known = uncertainty_to_dict(Uncertainty(discharge=error))
+        data['uncertainty'] = {**uncertain, **known}
+    return data
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:

@@ -32,6 +32,9 @@ RESOLUTION_RANGE = (1e-4, 1e5)
 #: Largest height above or below zero that ground can have [m]: Mars has 22 km.
 MAX_ELEVATION = 1e5
 
+#: Largest definition of a coordinate system [characters].
+MAX_WKT = 100_000
+
 #: Largest distance of places from the origin of the map and of a projected system [m].
 MAX_COORDINATE = 1e9
 
@@ -48,6 +51,10 @@ class Terrain:
         epsg: EPSG code of the projected coordinate system the map frame is an offset of.
         offset: Easting and northing [m] of the map frame's origin in that system.
         source: Where it is from, for people; may be empty.
+        barriers: Crests of the barriers that have been built on it, each two or more eastings and
+            northings [m]. Maps draw them.
+        wkt: Full definition (WKT) of the coordinate system, where ``epsg`` does not give it all: a
+            local system without a code, or a projected one with a vertical datum.
     """
 
     elevation: np.ndarray
@@ -56,6 +63,8 @@ class Terrain:
     epsg: int | None = None
     offset: tuple[float, float] = (0.0, 0.0)
     source: str = ''
+    barriers: tuple[tuple[tuple[float, float], ...], ...] = ()
+    wkt: str | None = None
 
     def __post_init__(self) -> None:
         """Validate and normalise every field; LavaError names one that is not usable."""
@@ -95,6 +104,12 @@ class Terrain:
             or not 1024 <= self.epsg < 2**31
         ):
             raise LavaError('terrain.epsg', self.epsg, 'an EPSG code such as 32633, or None')
+        put(self, 'barriers', crest_lines('terrain.barriers', self.barriers))
+        if self.wkt is not None and not (
+            isinstance(self.wkt, str) and 0 < len(self.wkt) <= MAX_WKT
+        ):
+            right = f'the definition of a coordinate system, up to {MAX_WKT} characters, or None'
+            raise LavaError('terrain.wkt', str(self.wkt)[:40], right)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -156,3 +171,21 @@ class Terrain:
     def to_map(self, easting: float, northing: float) -> tuple[float, float]:
         """Turn projected coordinates [m] into map coordinates [m]."""
         return (easting - self.offset[0], northing - self.offset[1])
+
+
+def crest_lines(field: str, lines: object) -> tuple[tuple[tuple[float, float], ...], ...]:
+    """Check the crests of barriers: lists of two or more pairs of numbers [m].
+
+    Raises:
+        LavaError: They are something else. The error names ``field``.
+    """
+    right = 'a list of crests, each two or more [easting, northing] m'
+    if not isinstance(lines, list | tuple):
+        raise LavaError(field, lines, right)
+    for line in lines:
+        if not isinstance(line, list | tuple) or len(line) < 2:
+            raise LavaError(field, line, right)
+    return tuple(
+        tuple(validation.pair(field, place, most=MAX_COORDINATE) for place in line)
+        for line in lines
+    )

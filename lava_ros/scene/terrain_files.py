@@ -12,36 +12,61 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Elevation files -> Terrain: GeoTIFF, ESRI ASCII grids and npz; what looks wrong in them."""
+"""Elevation files -> Terrain: rasters that GDAL reads, and npz; what looks wrong in them."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 from itertools import product
+import json
 import logging
+import math
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files import open_input
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import is_installed, require
 from lava_ros.files.rasters import opened_raster
+from lava_ros.files.yaml import parse_json
+from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE, without_value
 from lava_ros.scene.projection import (
+    coordinate_system,
     cropped,
+    horizontal,
     in_square_metres,
+    METRES_PER_DEGREE,
     Raster,
     rasterio_for,
+    vertical_unit,
     WGS84,
     with_epsg,
 )
-from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
+from lava_ros.scene.terrain import crest_lines, MAX_SIDE_CELLS, Terrain
 
 _LOG = logging.getLogger(__name__)
 
-#: Names that say metres in a raster's band or coordinate system.
-METRES = ('', 'm', 'metre', 'metres', 'meter', 'meters')
+#: Units of elevation by the names that rasters use, in lower case [m].
+UNITS = {
+    **dict.fromkeys(('', 'm', 'metre', 'metres', 'meter', 'meters'), 1.0),
+    **dict.fromkeys(('ft', 'foot', 'feet', 'international foot', 'international feet'), 0.3048),
+    **dict.fromkeys(
+        ('us-ft', 'ftus', 'us survey foot', 'us survey feet', 'foot_us'), 1200.0 / 3937.0
+    ),
+    **dict.fromkeys(('dm', 'decimetre', 'decimetres', 'decimeter', 'decimeters'), 0.1),
+    **dict.fromkeys(('cm', 'centimetre', 'centimetres', 'centimeter', 'centimeters'), 0.01),
+}
+
+#: Unit of the heights in an old .prj file of ESRI.
+_ZUNITS = re.compile(r'^\s*zunits\s+(\S+)', re.IGNORECASE | re.MULTILINE)
+
+#: Largest .prj file that is read [characters].
+MAX_PRJ = 1 << 16
 
 #: The terrain that comes with the package.
 DEMO = Path(__file__).with_name('st_helens.npz')
@@ -49,15 +74,19 @@ DEMO = Path(__file__).with_name('st_helens.npz')
 #: Largest code that a file may name, far above those of EPSG.
 MOST_EPSG = 999_999
 
+#: Name of the tag of a GeoTIFF, or the key of an .npz file, with the crests of barriers as JSON.
+_BARRIERS = 'lava_ros_barriers'
+
 NPZ_KEYS = (
-    'elevation', 'resolution', 'dx', 'dy', 'origin', 'epsg', 'offset', 'row_order', 'source',
+    'elevation', 'resolution', 'dx', 'dy', 'origin', 'epsg', 'wkt', 'offset', 'row_order',
+    'source', _BARRIERS,
 )
+
+#: Options of ``load_terrain`` that a scene file may give.
+TERRAIN_OPTIONS = ('epsg', 'resolution', 'offset', 'window', 'fill_holes', 'nodata')
 
 #: Heights of ground [m]: below the first nothing is, above the second nothing on Earth.
 LOWEST, HIGHEST = -12_000.0, 9_000.0
-
-#: A height that is a trench of the ocean, or no data: then no ground is so little above it [m].
-MARK, LEAST_GAP = -9999.0, 1000.0
 
 #: Depth of a cell below all its neighbours, in cells, from which on it is an error of the file.
 PIT_DEPTH = 2.0
@@ -86,21 +115,23 @@ def load_terrain(
     offset: tuple[float, float] | None = None,
     window: tuple[float, float, float, float] | None = None,
     fill_holes: bool = False,
+    nodata: float | str | None = None,
 ) -> Terrain:
     """Read an elevation file, log what was understood, and warn of what looks wrong.
 
-    GeoTIFF (.tif, .tiff) and ESRI ASCII grids (.asc) need rasterio. Files in degrees, and those
-    whose projection stretches lengths (Web Mercator), are reprojected to their UTM zone; cells
-    that are not square become square, as long as the shorter side. Elevations have to be metres.
+    The formats of ``files.rasters.FORMATS`` need rasterio. Files in degrees, and those whose
+    projection stretches lengths (Web Mercator), are reprojected to their UTM zone; cells that are
+    not square become square, as long as the shorter side. Elevations in feet, by the unit of the
+    band, the vertical coordinate system or an ESRI ``.prj`` file, become metres.
 
     An .npz file holds ``elevation`` [m], shape [rows, columns], and ``resolution`` [m], or ``dx``
     and ``dy``; x and y are metres. Optional are ``origin`` and ``offset`` (x, y) [m], ``epsg``,
     ``row_order``: ``south`` (the default: row 0 has the smallest y) or ``north``, and ``source``,
-    text that says where it is from.
+    text that says where it is from, and ``wkt`` as in ``Terrain``.
 
     Args:
         path: The file.
-        epsg: EPSG code of the file's coordinates, for a file that does not say it.
+        epsg: EPSG code of the file's coordinates, in place of what the file states.
         resolution: Side of the cells to make [m], None for the file's own.
         offset: Easting and northing [m] of the map frame's origin, None for the lower-left corner
             of the grid. An .npz file's own origin and offset stay as they are.
@@ -108,6 +139,8 @@ def load_terrain(
             for all. Cells that are cut by its border are kept.
         fill_holes: Fill the cells without data that data surround, and pits of a single cell, from
             what is around.
+        nodata: Value of the cells without data, as it is stored in the file, in addition to what
+            the file declares; ``'none'`` if all undeclared values are ground.
 
     Raises:
         LavaError: The file cannot be read, or what it holds cannot be used; the message says what
@@ -121,13 +154,18 @@ def load_terrain(
         is_file = False
     if not is_file:
         raise LavaError('terrain file', str(path), 'a file that exists')
+    if epsg is not None and (isinstance(epsg, bool) or not isinstance(epsg, int) or epsg < 1024):
+        raise LavaError('terrain.epsg', epsg, 'an EPSG code such as 32633')
     if resolution is not None:
         resolution = validation.number('terrain.resolution', resolution, above=0.0, unit='m')
     if offset is not None:
         offset = validation.pair('terrain.offset', offset)
     if validation.flag('terrain.fill_holes', fill_holes):
         require('scipy', 'terrain.fill_holes', True)
-    raster = _read_npz(path) if path.suffix.lower() == '.npz' else _read_gdal(path)
+    if nodata is not None and nodata != 'none':
+        nodata = validation.number('terrain.nodata', nodata)
+    is_npz = path.suffix.lower() == '.npz'
+    raster = _read_npz(path, nodata) if is_npz else _read_gdal(path, nodata, epsg)
     source = with_epsg(raster, epsg)
     _check_heights(source, path)
     raster = in_square_metres(source, resolution)
@@ -142,6 +180,8 @@ def load_terrain(
         epsg=raster.epsg,
         offset=offset,
         source=raster.source or path.name,
+        barriers=raster.barriers,
+        wkt=raster.wkt,
     )
     wrong = _holes_and_pits(terrain)
     if fill_holes and wrong.any():
@@ -150,7 +190,7 @@ def load_terrain(
     return terrain
 
 
-def _read_npz(path: Path) -> Raster:
+def _read_npz(path: Path, nodata: float | str | None) -> Raster:
     arrays = read_arrays('terrain file', path)
     data: Any = validation.keys('terrain file', arrays, allowed=NPZ_KEYS, required=['elevation'])
     order = validation.choice('row_order', str(data.get('row_order', 'south')), ('south', 'north'))
@@ -160,6 +200,7 @@ def _read_npz(path: Path) -> Raster:
         raise LavaError('terrain file elevation', found, 'numbers [m] of shape [rows, columns]')
     sides = ('resolution', 'resolution') if 'resolution' in data else ('dx', 'dy')
     dx, dy = (validation.number(name, data.get(name), above=0.0, unit='m') for name in sides)
+    elevation = _with_missing(elevation.astype(np.float32), dy, nodata, path)
     epsg = None
     if 'epsg' in data:
         code = validation.number('epsg', data['epsg'])
@@ -167,7 +208,7 @@ def _read_npz(path: Path) -> Raster:
     none = np.zeros(2)
     offset, origin = (validation.pair(name, data.get(name, none)) for name in ('offset', 'origin'))
     return Raster(
-        elevation=(elevation[::-1] if order == 'north' else elevation).astype(np.float32),
+        elevation=elevation[::-1] if order == 'north' else elevation,
         dx=dx,
         dy=dy,
         corner=(origin[0] + offset[0], origin[1] + offset[1]),
@@ -175,64 +216,140 @@ def _read_npz(path: Path) -> Raster:
         offset=offset,
         is_metric=True,
         source=str(data.get('source', '')),
+        barriers=_barriers({_BARRIERS: str(data[_BARRIERS])}, epsg, path)
+        if _BARRIERS in data else (),
+        wkt=str(data['wkt']) if 'wkt' in data else None,
     )
 
 
-def _read_gdal(path: Path) -> Raster:
+def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Raster:
     with opened_raster('terrain file', path) as source:
         _check_band(source, path)
         elevation = source.read(1, out_dtype=np.float32)
         elevation[source.read_masks(1) == 0] = np.nan
-        transform, crs = source.transform, source.crs
+        transform, crs, tags = source.transform, source.crs, source.tags()
         scale, shift = source.scales[0], source.offsets[0]
+        unit = _unit_of_heights(source, path)
+    code = horizontal(crs).to_epsg() if crs else None
+    given = crs if epsg is None else coordinate_system(epsg)
+    cell = abs(transform.e) * (METRES_PER_DEGREE if given and given.is_geographic else 1.0)
+    # the marks of missing data are stored values, whatever their unit
+    elevation = _with_missing(elevation, cell, nodata, path, scale * unit)
     # what is not finite then is no terrain
     with np.errstate(over='ignore', invalid='ignore'):
-        elevation *= np.float32(scale)
-        elevation += np.float32(shift)
+        elevation *= np.float32(scale * unit)
+        elevation += np.float32(shift * unit)
     if transform.e < 0.0:
         elevation = np.flipud(elevation)
     bottom = min(transform.f, transform.f + transform.e * elevation.shape[0])
-    code = crs.to_epsg() if crs else None
     return Raster(
         elevation=elevation,
         dx=transform.a,
         dy=abs(transform.e),
         corner=(transform.c, bottom),
         epsg=code,
-        wkt=crs.to_wkt() if crs and code is None else None,
+        wkt=_full_definition(crs, code, unit),
+        barriers=_barriers(tags, code, path),
     )
 
 
+def barrier_tags(terrain: Terrain) -> dict[str, str]:
+    """Return the barriers of a terrain as tags of its file, which ``load_terrain`` reads."""
+    if not terrain.barriers:
+        return {}
+    return {_BARRIERS: json.dumps({'epsg': terrain.epsg, 'crests': terrain.barriers})}
+
+
+def _barriers(
+    tags: Mapping[str, str], epsg: int | None, path: Path
+) -> tuple[tuple[tuple[float, float], ...], ...]:
+    """Read the barriers of a file, which only maps show: damage is no reason to refuse it."""
+    if _BARRIERS not in tags:
+        return ()
+    try:
+        known = parse_json(_BARRIERS, tags[_BARRIERS])
+        if known['epsg'] != epsg:
+            # other programs copy tags when they take a file to another system
+            raise LavaError(f'{_BARRIERS}.epsg', known['epsg'], f'{epsg}, that of the file')
+        return crest_lines(_BARRIERS, known['crests'])
+    except (LavaError, KeyError, TypeError, ValueError) as error:
+        _LOG.warning(f'{path.name}: maps will not show its barriers: {error}')
+        return ()
+
+
+def _full_definition(crs: Any, code: int | None, unit: float) -> str | None:
+    """WKT of what the EPSG code of the horizontal part does not say; heights are in metres."""
+    part = horizontal(crs) if crs and unit != 1.0 else crs
+    return part.to_wkt() if part and part.to_epsg() is None else None
+
+
+def _with_missing(
+    elevation: np.ndarray, cell: float, nodata: float | str | None, path: Path, unit: float = 1.0
+) -> np.ndarray:
+    """Make the cells of a value NaN; without one raise LavaError for a likely undeclared value."""
+    if isinstance(nodata, float):
+        return without_value(elevation, nodata)
+    if nodata is None:
+        field = f'elevation of {path.name}'
+        check_missing(field, elevation, cell, unit=unit, advice=NODATA_ADVICE)
+    return elevation
+
+
+def _unit_of_heights(source: Any, path: Path) -> float:
+    """Return the unit of the elevations of a raster [m], by any of its marks.
+
+    Raises:
+        LavaError: If a mark is not understood, or two marks contradict each other.
+    """
+    name, factor = vertical_unit(source.crs) if source.crs else ('', 1.0)
+    marks = {name: factor} if name else {}
+    if name := (source.units[0] or '').strip():
+        marks[name] = UNITS.get(name.lower(), math.nan)
+    prj = path.with_suffix('.prj')
+    if prj.is_file():
+        with open_input(prj) as file:
+            text = file.read(MAX_PRJ).decode(errors='replace')
+        # "NO" stands for no heights
+        if (zunits := _ZUNITS.search(text)) and zunits[1].lower() != 'no':
+            marks[zunits[1]] = UNITS.get(zunits[1].lower(), math.nan)
+    factors = list(marks.values()) or [1.0]
+    # the foot and the US survey foot differ by 2 parts in a million
+    if not all(math.isclose(item, factors[0], rel_tol=1e-5) for item in factors):
+        expected = f'one unit of elevation, of {", ".join(filter(None, UNITS))}'
+        raise LavaError(f'unit of the elevations of {path.name}', ' and '.join(marks), expected)
+    if factors[0] != 1.0:
+        _LOG.info(f'{path.name}: elevations in {" and ".join(marks)} become metres')
+    return factors[0]
+
+
 def _check_band(source: Any, path: Path) -> None:
-    """Refuse what is not an elevation in metres on a north-up grid."""
+    """Refuse what is not an elevation on a north-up grid."""
     transform = source.transform
-    unit = (source.units[0] or '').lower()
+    kind = np.dtype(source.dtypes[0])
     right = ''
     if source.count != 1:
         right = f'one band of elevations, not {source.count}'
-    elif np.dtype(source.dtypes[0]).kind not in 'iuf':
-        right = f'numbers, not {source.dtypes[0]}'
+    elif kind.kind not in 'iuf':
+        right = f'numbers, not {kind}'
+    elif kind.itemsize == 1 and (source.scales[0], source.offsets[0]) == (1.0, 0.0):
+        right = f'elevations: {kind} is the type of a picture or a mask '
+        right += '(gdal_translate -ot Int16 if these are heights)'
     elif max(source.shape) > MAX_SIDE_CELLS:
         right = f'at most {MAX_SIDE_CELLS} cells a side, not {source.shape}'
     elif transform.is_identity or transform.b or transform.d or transform.a <= 0.0:
         right = 'a georeferenced grid with north up (gdalwarp makes one)'
-    elif unit not in METRES:
-        right = f'elevations in metres, not {unit}'
     if right:
         raise LavaError('terrain file', str(path), right)
 
 
 def _check_heights(raster: Raster, path: Path) -> None:
-    """Raise LavaError for heights that no ground has: marks of missing data, and feet."""
+    """Raise LavaError for heights that no ground has."""
     known = raster.elevation[np.isfinite(raster.elevation)]
     if not known.size:
         return
     low, high = float(known.min()), float(known.max())
-    above = known[known > low]
-    stands_apart = low == MARK and bool(above.size) and float(above.min()) > low + LEAST_GAP
-    if low < LOWEST or stands_apart:
-        right = f'at least {LOWEST:g} m; a cell without data has the value that the header calls '
-        right += f'NODATA_value (gdal_edit.py -a_nodata {low:g} says it in a GeoTIFF)'
+    if low < LOWEST:
+        right = f'at least {LOWEST:g} m ({NODATA_ADVICE.format(f"{low:g}")})'
         raise LavaError(f'a height of {path.name}', low, right)
     # what does not say where it is may be another planet
     if high > HIGHEST and raster.is_placed:

@@ -282,8 +282,10 @@ def uncertainty_from_dict(data: object) -> Uncertainty:
     where = 'uncertainty'
     names = [item.name for item in fields(Uncertainty)]
     values: dict[str, Any] = {}
-    for name, item in validation.keys(where, data, allowed=names).items():
-        label = f'{where}.{name}'
+    for key, item in validation.keys(where, data, allowed=[*names, 'effusion_rate']).items():
+        label, name = f'{where}.{key}', 'discharge' if key == 'effusion_rate' else key
+        if name in values:
+            raise LavaError(label, item, 'either effusion_rate or discharge')
         if name in ('position', 'terrain'):
             kind = Displacement if name == 'position' else Roughness
             parts = [part.name for part in fields(kind)]

@@ -147,7 +147,7 @@ def _discharge(label: str, value: object) -> float | tuple[tuple[float, float], 
             raise LavaError(f'{label}[{index}][0]', time, f'a time after {pairs[-1][0]:g} s')
         pairs.append((time, flux))
     if not pairs:
-        raise LavaError(label, value, 'a flux [m3/s] or at least one (s, m3/s) pair')
+        raise LavaError(label, value, 'an effusion rate [m3/s] or at least one (s, m3/s) pair')
     return tuple(pairs)
 
 
@@ -216,7 +216,8 @@ def vents_from_list(
     """Build vents from the plain data of a YAML file.
 
     Each item is a mapping with the fields of ``Vent``; ``projected: [easting, northing]`` may
-    stand in place of ``position`` (and ``projected_end`` of ``end``). ``temperature`` [K] is that
+    stand in place of ``position`` (and ``projected_end`` of ``end``), and ``effusion_rate`` in
+    place of ``discharge``. ``temperature`` [K] is that
     of vents that have none of their own; None: the usual one. LavaError where the data is not such
     a list.
     """
@@ -226,8 +227,14 @@ def vents_from_list(
     vents = []
     for index, item in enumerate(items):
         where = f'vents[{index}]'
-        allowed = [*names, 'projected', 'projected_end']
-        data = validation.keys(where, item, allowed=allowed, required=['discharge'])
+        allowed = [*names, 'projected', 'projected_end', 'effusion_rate']
+        data = validation.keys(where, item, allowed=allowed)
+        if ('effusion_rate' in data) == ('discharge' in data):
+            shown = data.get('effusion_rate')
+            right = 'absent beside discharge' if 'discharge' in data else 'a value: this key is '
+            raise LavaError(f'{where}.effusion_rate', shown, right + 'required' * (shown is None))
+        if 'effusion_rate' in data:
+            data['discharge'] = _discharge(f'{where}.effusion_rate', data.pop('effusion_rate'))
         for source, target in (('projected', 'position'), ('projected_end', 'end')):
             if source in data:
                 if target in data:

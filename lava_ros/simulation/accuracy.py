@@ -24,7 +24,8 @@ from lava_ros.scene import Scene
 #: Smoothing kernels by name: equations 3.6 to 3.8 of the paper, and Wendland C2.
 KERNELS = ('wendland', 'poly6', 'spiky', 'visc')
 
-#: Thickness from which on ground counts as covered [m].
+#: Minimum thickness of lava that inundates ground [m]: ``inundation.py`` defines both sets of
+#: cells that are counted by it.
 COVERED = 0.1
 
 #: Least thickness that a flow is expected to have [m].

@@ -41,6 +41,7 @@ from lava_ros.files.yaml import parse_json
 from lava_ros.scene import ENVIRONMENT, Lava, Scene, scene_to_dict, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
+from lava_ros.simulation.inundation import standing_cells
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
@@ -346,8 +347,7 @@ def take(simulation: 'Simulation') -> Checkpoint:
     vents, counted = simulation._counted
     is_counted = [vents is simulation._vents and n in counted for n in range(len(vents.vents))]
     arrays['vents.counted'] = np.array(is_counted, dtype=np.int32)
-    if simulation._notes_arrival:
-        arrays['arrived.times'] = simulation._state.arrived.numpy()
+    arrays['arrived.times'] = simulation._state.arrived.numpy().copy()
     for effect, step in simulation._after_step.items():
         if hasattr(step, 'save'):
             arrays |= {f'{effect}.{name}': array for name, array in step.save().items()}
@@ -393,12 +393,17 @@ def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
         is_counted = fitting('vents.counted', vents['counted'], shape, np.int32)
         counted = np.flatnonzero(is_counted).tolist()
     simulation._counted = simulation._vents, set(counted)
-    if simulation._notes_arrival:
-        target, times = simulation._state.arrived, parts.pop('arrived')['times']
-        target.assign(fitting('arrived.times', times, target.shape, np.float32))
     for effect, step in simulation._after_step.items():
         if hasattr(step, 'load'):
             step.load(parts.pop(effect, {}))
+    target = simulation._state.arrived
+    if 'arrived' in parts:
+        times = parts.pop('arrived').get('times')
+        target.assign(fitting('arrived.times', times, target.shape, np.float32))
+    elif 'solidification' in simulation._after_step:
+        # written without times: lava that flows has those of the next step
+        frozen = standing_cells(simulation._after_step['solidification'].thickness())
+        target.assign(np.where(frozen, np.float32(checkpoint.time), np.float32(-1.0)))
     if parts:
         raise LavaError('checkpoint.arrays', sorted(parts), 'those of the effects that are on')
     if simulation.time != checkpoint.time:

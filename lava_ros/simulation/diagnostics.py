@@ -154,12 +154,10 @@ def snapshot_of(
     """Put together what is shown of a moment; state, vents and volume as of ``moment_of``.
 
     ``copies`` are the grids on the terrain, thickness, temperature and, with solidification, what
-    has frozen of it, and where it is noted the arrival; and what was gathered.
+    has frozen of it, then the arrival; and what was gathered.
     """
     grids, numbers = copies
-    arrived = None
-    if hasattr(state, 'arrived'):
-        arrived, grids = np.where(grids[-1] < 0.0, np.float32(np.nan), grids[-1]), grids[:-1]
+    arrived, grids = np.where(grids[-1] < 0.0, np.float32(np.nan), grids[-1]), grids[:-1]
     return Snapshot(
         terrain=terrain,
         thickness=grids[0],

@@ -22,6 +22,7 @@ import warp as wp
 from lava_ros.simulation.backend.compiled import cos_pi, quick_kernel, sin_pi
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import bin_function
+from lava_ros.simulation.own_ground import note_function
 from lava_ros.simulation.state import FULL, IS_LAST, NEWCOMERS, PARTICLES, State, TIME
 
 #: Relative error of the time at which a particle is due.
@@ -219,6 +220,7 @@ def emission_function(
     group_of, next_two = group_function(symmetric), due_function(symmetric)
     place_of = place_function(symmetric)
     put = bin_function(real, False)
+    note = note_function(real, True)
     # other particles move at the same time, so their number must not change
     total = NEWCOMERS if bins else PARTICLES
 
@@ -245,6 +247,8 @@ def emission_function(
             volume, heat = real(outlets.particle_volume), real(outlets.shape[v, 5])
             p = vec4(real(place[0]), real(place[1]), volume, heat)
             m.particle[i] = p
+            # its thickness is not known yet: this one makes its square a cell
+            note(p, volume / (m.ground.resolution * m.ground.resolution), m)
             if wp.static(bins):
                 put(i, p, m)
         return due

@@ -12,12 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""When lava comes where, from looks at a flow, on its device.
+"""Peaks of a flow and when lava comes where, from looks at it, on its device.
 
-Lava that was not there at a look and is there at the next came in between. Where it was there but
-thin, its thickness grew evenly. Where it was not, the front ran evenly: new cells are numbered by
-their distance from the lava of the look before, and each is as early as its number among those of
-its branch, up to where that ends. Lava that is connected with none before came at once.
+The times are those that the simulation notes at its steps (``own_ground.py``), for lava of the
+thickness that inundates ground. For another thickness looks tell them. Lava that was not there at
+a look and is there at the next came in between. Where it was there but thin, its thickness grew
+evenly. Where it was not, the front ran evenly: new cells are numbered by their distance from the
+lava of the look before, and each is as early as its number among those of its branch, up to where
+that ends. Lava that is connected with none before came at once.
 """
 
 from functools import partial
@@ -60,7 +62,8 @@ class _Looks:
     the share of the time between two looks that had passed then, -1 where a front ran. ``place``
     numbers those cells along a front, from 1 on, and ``last`` is the largest number of their
     branch. ``count`` has the looks so far, the number of a flaw and the rectangle of wet cells;
-    ``rows`` and ``columns`` are 1 where lava was.
+    ``rows`` and ``columns`` are 1 where lava was. ``noted`` are the times that the simulation has
+    noted, an empty array where looks tell them.
     """
 
     threshold: wp.float32
@@ -75,6 +78,7 @@ class _Looks:
     last: wp.array2d(dtype=wp.int32)
     thickness: wp.array2d(dtype=wp.float32)
     temperature: wp.array2d(dtype=wp.float32)
+    noted: wp.array2d(dtype=wp.float32)
 
 
 @wp.func
@@ -100,6 +104,12 @@ def _compare(
     j = thread % known.shape[1]
     if known[i, j] == wp.uint8(0):
         return
+    is_noted = looks.noted.shape[0] > 0
+    if is_noted:  # noqa: SIM102, `and` would read an array that is empty
+        # lava that has drained between two looks was there
+        if looks.noted[i, j] >= wp.float32(0.0):
+            looks.rows[i] = 1
+            looks.columns[j] = 1
     height = thickness[i, j]
     heat = temperature[i, j]
     if not (wp.isfinite(height) and height >= wp.float32(0.0)):
@@ -116,7 +126,7 @@ def _compare(
         return
     if heat > looks.temperature[i, j] or wp.isnan(looks.temperature[i, j]):
         looks.temperature[i, j] = heat
-    if height < looks.threshold or looks.look[i, j] > 0:
+    if is_noted or height < looks.threshold or looks.look[i, j] > 0:
         return
     number = looks.count[_LOOKS] + 1
     looks.look[i, j] = number
@@ -226,7 +236,10 @@ def _write(
     j = first_column + thread % columns
     arrival = wp.float64(_NEVER)
     look = looks.look[i, j]
-    if look > 0:
+    if looks.noted.shape[0] > 0:
+        if looks.noted[i, j] >= wp.float32(0.0):
+            arrival = wp.max(wp.float64(looks.noted[i, j]), looks.times[0])
+    elif look > 0:
         share = wp.float64(looks.share[i, j])
         if share < wp.float64(0.0):
             share = wp.float64(0.0)
@@ -235,8 +248,11 @@ def _write(
                 share = place / wp.float64(looks.last[i, j])
         before = looks.times[wp.max(look - 2, 0)]
         arrival = before + share * (looks.times[look - 1] - before)
-    thickness, temperature = looks.thickness[i, j], looks.temperature[i, j]
-    shown[thread] = wp.vec3d(arrival, wp.float64(thickness), wp.float64(temperature))
+    thickness = wp.float64(looks.thickness[i, j])
+    # what has come and gone between two looks was as thick as the threshold
+    if looks.noted.shape[0] > 0 and arrival > looks.times[0]:
+        thickness = wp.max(thickness, wp.float64(looks.threshold))
+    shown[thread] = wp.vec3d(arrival, thickness, wp.float64(looks.temperature[i, j]))
 
 
 class Seen(NamedTuple):
@@ -261,7 +277,15 @@ class Seen(NamedTuple):
 class Looks:
     """First times and largest values of a flow, cell by cell."""
 
-    def __init__(self, shape: tuple[int, int], threshold: float, most: int, device: Any) -> None:
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        threshold: float,
+        most: int,
+        device: Any,
+        *,
+        noted: Any = None,
+    ) -> None:
         """Start without looks.
 
         Args:
@@ -269,6 +293,8 @@ class Looks:
             threshold: Thickness from which on lava has arrived [m], above 0.
             most: Looks there can be.
             device: Warp device.
+            noted: Times at which lava as thick as the threshold has reached each cell [s], -1
+                before, which the simulation writes; None to find them by the looks.
         """
         self._shape, self._cells = shape, shape[0] * shape[1]
         self._looks = _Looks()
@@ -282,6 +308,9 @@ class Looks:
         arrays |= {name: arrays[name].reshape(shape) for name in maps}
         unknown = wp.full((2, *shape), np.nan, dtype=wp.float32, device=device)
         arrays |= {'thickness': unknown[0], 'temperature': unknown[1]}
+        if noted is None:
+            noted = wp.empty((0, 0), dtype=wp.float32, device=device)
+        arrays['noted'] = noted
         for name, array in arrays.items():
             setattr(self._looks, name, array)
 

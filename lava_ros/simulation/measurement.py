@@ -20,8 +20,9 @@ import numpy as np
 
 from lava_ros.effects.scales import Columns, volume_quantile
 from lava_ros.scene import Terrain
-from lava_ros.simulation.accuracy import Accuracy, COVERED
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.course import NARROW
+from lava_ros.simulation.inundation import standing_cells
 from lava_ros.simulation.resolution import is_extended, Resolution
 from lava_ros.simulation.snapshot import ParticleSample, Snapshot
 
@@ -56,7 +57,7 @@ def measure_columns(snapshot: Snapshot, sample: ParticleSample) -> Columns:
         ground_slope=_slopes(ground, cell)[here],
         temperature=sample.temperature[some],
         speed=np.hypot(*sample.velocity[some].T),
-        width=measure_widths(thickness >= COVERED, cell)[here],
+        width=measure_widths(standing_cells(thickness), cell)[here],
     )
 
 
@@ -69,7 +70,7 @@ def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | N
     """
     assert accuracy.spacing is not None and accuracy.thickness is not None
     thickness, cell = np.nan_to_num(snapshot.thickness), snapshot.terrain.resolution
-    wet = thickness >= COVERED
+    wet = standing_cells(thickness)
     if not wet.any():
         return None
     rows, columns = _window(wet, *np.nonzero(wet))

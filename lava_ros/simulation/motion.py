@@ -26,7 +26,6 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.simulation import state as at
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.backend import compiled
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
@@ -35,6 +34,7 @@ from lava_ros.simulation.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.heat import temperature_function
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import bin_function, NeighborGrid
+from lava_ros.simulation.own_ground import note_function
 from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import terrain_functions
 from lava_ros.simulation.timestep import pace_type
@@ -88,37 +88,8 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
 
 
 @lru_cache
-def _note_function(real: Any) -> Any:
-    """Return the device function that notes a time in cells where lava has not been before.
-
-    They are the particle's own and those whose middle is in the square of ground that it stands
-    for. Threads that meet in a cell write the same time.
-    """
-    vec4 = wp.types.vector(4, real)
-
-    @wp.func
-    def note(p: vec4, thickness: real, m: arguments_type(real)):
-        inverse = real(1.0) / m.ground.resolution
-        x, y = (p[0] - m.ground.x0) * inverse, (p[1] - m.ground.y0) * inverse
-        # a square that is a cell less reaches into the cells whose middle the whole one has
-        half = wp.max(real(0.5) * (wp.sqrt(p[2] / thickness) * inverse - real(1.0)), real(0.0))
-        south = wp.max(int(wp.floor(y - half)), 0)
-        north = wp.min(int(wp.floor(y + half)) + 1, m.ground.rows)
-        west = wp.max(int(wp.floor(x - half)), 0)
-        east = wp.min(int(wp.floor(x + half)) + 1, m.ground.columns)
-        time = wp.float32(m.clock[at.TIME])
-        for row in range(south, north):
-            for column in range(west, east):
-                if m.arrived[row, column] < wp.float32(0.0):
-                    m.arrived[row, column] = time
-
-    return note
-
-
-@lru_cache
 def motion_function(
-    real: Any, effects: Effects, is_staged: bool, is_guarded: bool, bins: bool, has_surface: bool,
-    notes_arrival: bool,
+    real: Any, effects: Effects, is_staged: bool, is_guarded: bool, bins: bool, has_surface: bool
 ) -> Any:
     """Return the device function that moves the i-th of the ordered particles.
 
@@ -136,7 +107,7 @@ def motion_function(
     vec4 = wp.types.vector(4, real)
     temperature_after = temperature_function(real, effects)
     heats = temperature_after is not None
-    note = _note_function(real)
+    note = note_function(real, False)
     has_age = effects.any('needs_age')
     has_mean = effects.any('stiffens')
     falls = 'viscous_heating' in effects
@@ -222,9 +193,8 @@ def motion_function(
             p = vec4(new[0], new[1], p[2], temperature)
         else:
             p = vec4(x + dx, y + dy, p[2], temperature)
-        if wp.static(notes_arrival):  # noqa: SIM102, the static test decides
-            if m.counts[at.IS_LAST] == 1 and f[0] >= real(wp.static(COVERED)):
-                note(p, f[0], m)
+        if m.counts[at.IS_LAST] == 1:
+            note(p, f[0], m)
         store(m.particle, i, p)
         if wp.static(bins):
             place(i, p, m)
@@ -236,7 +206,7 @@ def motion_of(state: State) -> Any:
     """The device function ``motion_function`` for the particles of a state."""
     return motion_function(
         state.real, state.effects, state.is_staged, state.is_guarded, state.bins_in_motion,
-        state.has_surface, hasattr(state, 'arrived'),
+        state.has_surface,
     )
 
 

@@ -21,6 +21,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import EFFECTS
+from lava_ros.effects.effect import join_names
 from lava_ros.effects.laws import heat_type, law_type
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
@@ -31,6 +32,12 @@ from lava_ros.simulation.terrain import ground_type
 
 #: Thickness over the expected one up to which the Helmholtz solve converges in full.
 THICKEST = 2.0
+
+#: What kernels read beside arrays of ``State``.
+_OTHERS = ('arrived', 'ground', 'cells', 'constants', 'law', 'heat')
+
+#: The arrays that effects add, by name.
+_MORE_ARRAYS = join_names('arrays', EFFECTS, (*ARRAYS, *_OTHERS))
 
 
 @lru_cache
@@ -76,13 +83,8 @@ def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -
 @lru_cache
 def arguments_type(real: Any) -> Any:
     """What kernels read and write: arrays of ``State``, the ground, the cells, constants."""
-    kinds, types = kinds_of(real), {}
-    for arrays in (ARRAYS, *(effect.arrays for effect in EFFECTS.values())):
-        for name, array in arrays.items():
-            types[name] = wp.array(dtype=kinds[array.dtype])
-            if array.is_carried:
-                types[f'ordered_{name}'] = types[name]
-    types |= {
+    kinds = kinds_of(real)
+    types = {
         'arrived': wp.array2d(dtype=wp.float32),
         'ground': ground_type(real),
         'cells': cell_frame(real),
@@ -90,6 +92,10 @@ def arguments_type(real: Any) -> Any:
         'law': law_type(real),
         'heat': heat_type(real),
     }
+    for name, array in (ARRAYS | _MORE_ARRAYS).items():
+        types[name] = wp.array(dtype=kinds[array.dtype])
+        if array.is_carried:
+            types[f'ordered_{name}'] = types[name]
     members = {'__annotations__': types, '__module__': __name__}
     return wp.struct(type('MotionArguments', (), members))
 

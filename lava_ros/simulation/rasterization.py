@@ -18,7 +18,9 @@ A kernel sum reaches its radius past the last particle, and the paper's borders 
 Here lava is where the particles' own areas V / h, smoothed by the same kernel, cover more than
 half of the ground: at a straight border that is where the lava ends, whatever the radius. Of a
 cell at the border a part is covered, by the cover in its middle and its gradient, and the cell's
-thickness is the mean over all of it.
+thickness is the mean over all of it. A cell of which less than half is covered, and which lava at
+least ``COVERED`` thick has not reached (``own_ground.py``), holds none: maps of thickness and of
+arrival then end at the same cells.
 
 The volume is kept: each particle shares all of its own out to the cells that are covered,
 
@@ -35,12 +37,14 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
-from lava_ros.simulation.backend.threads import launch_over
+from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.own_ground import cells_function
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.terrain import ground_type, StaggeredTerrain
 
@@ -54,12 +58,16 @@ _LEAST_NEAR = 1e-3
 #: In place of a weight: particles are in reach of the cell, but do not cover it.
 _BESIDE = wp.constant(wp.float32(-1.0))
 
+#: In place of a temperature: the cell is in the own square of a particle.
+_OWN = wp.constant(wp.float32(-1.0))
+
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
+def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, Any]:
     norm, shape, slope, *_ = smoothing_kernel(kernel_name, real, ratio)
     _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
+    cells_of = cells_function(real)
 
     @wp.func
     def middle(first: wp.float64, n: int, resolution: wp.float64) -> real:
@@ -85,6 +93,16 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         return wp.where(middle > real(0.0), real(1.0) - small, small)
 
     @quick_kernel(fast_math=False)
+    def mark(k: int, m: arguments_type(real), temperature: wp.array2d(dtype=wp.float32)):
+        """Mark the cells of a particle's own square."""
+        if k >= m.counts[PARTICLES]:
+            return
+        cells = cells_of(load(m.ordered, k), m.flow[k][0], m.ground)
+        for i in range(cells[0], cells[1]):
+            for j in range(cells[2], cells[3]):
+                temperature[i, j] = _OWN
+
+    @quick_kernel(fast_math=False)
     def weigh(
         thread: int,
         m: arguments_type(real),
@@ -96,6 +114,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         """Weigh the cells that are covered, and mark those that are not but have lava in reach."""
         i = thread // thickness.shape[1]
         j = thread % thickness.shape[1]
+        is_own = temperature[i, j] == _OWN
         temperature[i, j] = wp.float32(wp.nan)
         if terrain.known[i, j] == wp.uint8(0):
             thickness[i, j] = wp.float32(wp.nan)
@@ -143,7 +162,9 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         weight = wp.float32(part * wp.sqrt(mean * typical) / cover)
         # a cover that is no number is not dry ground
         thickness[i, j] = wp.where(weight > wp.float32(0.0), weight, wp.float32(wp.nan))
-        if part == real(0.0) and cover > real(0.0):
+        is_reached = is_own or m.arrived[i, j] >= wp.float32(0.0)
+        is_rim = part < real(0.5) and mean >= real(wp.static(COVERED)) and not is_reached
+        if cover > real(0.0) and (part == real(0.0) or is_rim):
             thickness[i, j] = _BESIDE
 
     @quick_kernel(fast_math=False)
@@ -241,7 +262,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         if height != real(0.0):
             temperature[i, j] = wp.float32(heat / height)
 
-    return weigh, share_out, gather
+    return mark, weigh, share_out, gather
 
 
 class Raster:
@@ -280,12 +301,15 @@ class Raster:
     def fill(self, state: State, neighbors: NeighborGrid) -> None:
         """Fill thickness and temperature from the ordered particles' flow.
 
-        Between the passes ``thickness`` holds the cells' weights.
+        Between the passes ``thickness`` holds the cells' weights. No temperature is below 0 before
+        the first of them, which marks cells so.
         """
-        weigh, share_out, gather = _kernels(state.real, *self._choice)
+        mark, weigh, share_out, gather = _kernels(state.real, *self._choice)
         cells = self.thickness.size
         maps = [self.thickness, self.temperature]
-        inputs = [neighbors.motion_arguments(state), self._terrain.exact_ground, self._radius]
+        way = neighbors.motion_arguments(state)
+        inputs = [way, self._terrain.exact_ground, self._radius]
+        launch_over(state, mark, [way, self.temperature], least=LEAST_MOVES)
         launch_over(state, weigh, [*inputs, *maps], count=cells)
         launch_over(state, share_out, [*inputs, self.thickness])
         launch_over(state, gather, [*inputs, *maps], count=cells)

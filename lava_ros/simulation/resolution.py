@@ -95,7 +95,8 @@ class Resolution:
     def text(self) -> str:
         """Say it in a line."""
         if math.isnan(self.width):
-            return f'spacing {self.spacing:.3g} m; the width of the flow is unknown: no discharge'
+            reason = 'the width of the flow is unknown: no effusion rate'
+            return f'spacing {self.spacing:.3g} m; {reason}'
         # 180 and not 1.8e+02
         width, across, error, particles, cells = (
             float(f'{value:.2g}')

@@ -70,7 +70,7 @@ from lava_ros.simulation.snapshot import (
 )
 from lava_ros.simulation.stage import Stage
 from lava_ros.simulation.state import centre_of, count_in, room_for, State
-from lava_ros.simulation.terrain import StaggeredTerrain
+from lava_ros.simulation.terrain import sampled, StaggeredTerrain
 from lava_ros.simulation.vents import check_rates, Emission, VentSet
 
 #: Particles there is room for at the start.
@@ -113,7 +113,6 @@ class Simulation:
         device: str | None = None,
         horizon: float = HORIZON,
         particles: Particles | None = None,
-        notes_arrival: bool = False,
     ) -> None:
         """Prepare a simulation at time 0.
 
@@ -125,7 +124,6 @@ class Simulation:
             device: ``cpu`` or ``cuda:0``; the first CUDA device when there is one, else the CPU.
             horizon: How far ahead the choice of effects and of the spacing looks [s].
             particles: Lava that is on the terrain at the start.
-            notes_arrival: Whether snapshots say when lava came where.
 
         Raises:
             LavaError: The device does not exist, a particle is not on the terrain, or an effect is
@@ -149,8 +147,7 @@ class Simulation:
         self._emitted_before = 0.0
         self._most_particles = 0
         self._after_step: dict[str, Any] = {}
-        self._notes_arrival = notes_arrival
-        self._arrived: tuple[tuple[Any, ...], Any] | None = None
+        self._arrived: tuple[Terrain, Any] | None = None
         self._place(scene.terrain)
         self._start_with(particles)
         check_rates(scene.vents, self.particle_volume)
@@ -326,7 +323,8 @@ class Simulation:
 
     def looks(self, threshold: float, most: int) -> Looks:
         """Make ready for ``most`` looks at lava from ``threshold`` [m] on (``looking``)."""
-        return Looks(self.scene.terrain.shape, threshold, most, self._device)
+        noted = self._state.arrived if math.isclose(threshold, COVERED) else None
+        return Looks(self.scene.terrain.shape, threshold, most, self._device, noted=noted)
 
     def looking(self, looks: Looks) -> Iterator[None]:
         """Take a look as ``look`` does, in parts as ``advancing``."""
@@ -481,10 +479,8 @@ class Simulation:
             LavaError: The checkpoint does not fit together, or the device does not exist.
         """
         scene, effects, accuracy = checkpoint.scene, checkpoint.effects, checkpoint.accuracy
-        notes_arrival = 'arrived.times' in checkpoint.arrays
         simulation = cls(
-            scene, effects=effects, accuracy=accuracy, device=device, horizon=checkpoint.horizon,
-            notes_arrival=notes_arrival,
+            scene, effects=effects, accuracy=accuracy, device=device, horizon=checkpoint.horizon
         )
         return restore(simulation, checkpoint)
 
@@ -518,7 +514,6 @@ class Simulation:
         snapshot = self.snapshot()
         columns = measure_columns(snapshot, sample)
         distance = float(np.median(np.sqrt(columns.volume / columns.thickness)))
-        area = np.count_nonzero(np.nan_to_num(snapshot.thickness) >= COVERED)
         terrain = self.scene.terrain
         sources = np.reshape([vent.position for vent in self.scene.vents], (-1, 2))
         heights = terrain.elevations_at(np.concatenate([sample.position, sources]))
@@ -530,7 +525,7 @@ class Simulation:
             kernel_radius=self.radius,
             duration=max(self._horizon, self.time),
             is_measured=True,
-            is_extended=is_extended(area * terrain.resolution**2, distance),
+            is_extended=is_extended(snapshot.area(snapshot.standing), distance),
         )
 
     def _watch(self, *, is_due: bool = False) -> None:
@@ -603,7 +598,8 @@ class Simulation:
         self._terrain = shared.own() if 'solidification' in self.effects else shared
         self._neighbors = NeighborGrid(self._terrain, self.radius, accuracy.ratio, self._device)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
-        more = ('solidification' in self.effects) + self._notes_arrival
+        # what has frozen, and the arrival
+        more = ('solidification' in self.effects) + 1
         self._raster = Raster(
             self._terrain, output_radius, accuracy.kernel, accuracy.ratio, self._device, more=more
         )
@@ -619,14 +615,17 @@ class Simulation:
         self._cover()
 
     def _note_arrival(self, terrain: Terrain) -> None:
-        """Let the motion note when lava comes, on from what is known of these cells."""
-        if not self._notes_arrival:
-            return
-        cells = terrain.shape, terrain.resolution, terrain.origin
-        if self._arrived is None or self._arrived[0] != cells:
-            never = wp.full(terrain.shape, -1.0, dtype=wp.float32, device=self._device)
-            self._arrived = cells, never
-        self._state.arrived = self._arrived[1]
+        """Let the motion note when lava reaches cells, beginning with what is known of them."""
+        if self._arrived is None:
+            times = np.full(terrain.shape, -1.0, dtype=np.float32)
+            self._arrived = terrain, wp.array(times, dtype=wp.float32, device=self._device)
+        former, noted = self._arrived
+        cells = [(item.shape, item.resolution, item.origin) for item in (former, terrain)]
+        if cells[0] != cells[1]:
+            times = sampled(read(noted), former, terrain, outside=-1.0)
+            noted = wp.array(times, dtype=wp.float32, device=self._device)
+        self._arrived = terrain, noted
+        self._state.arrived = noted
 
     def _start_with(self, particles: Particles | None) -> None:
         if particles is None:
@@ -744,8 +743,7 @@ class Simulation:
         self._stage.compute_flow()
         self._reader.before_writing()
         self._fill_raster()
-        if self._notes_arrival:
-            wp.copy(raster.grids[-1], state.arrived)
+        wp.copy(raster.grids[-1], state.arrived)
         numbers = self._diagnostics.take(state, self._vents)
         copies = self._reader.begin([raster.grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self._vents, self._emitted_before

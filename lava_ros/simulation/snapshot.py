@@ -23,6 +23,7 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.inundation import inundated_cells, standing_cells
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,8 @@ class Snapshot:
         steps: The time stepping so far.
         frozen: The frozen part of ``thickness`` [m], float32, same shape; None without
             solidification.
-        arrived: Time at which lava from ``COVERED`` on came to a cell, to a step [s], float32,
-            same shape, NaN where it has not come; None where that is not noted.
+        arrived: Time of the end of the step in which lava reached a cell (``own_ground.py``) [s],
+            float32, same shape, NaN where it has not; None in a snapshot made of maps without it.
     """
 
     time: float
@@ -73,6 +74,22 @@ class Snapshot:
     steps: StepReport
     frozen: np.ndarray | None = None
     arrived: np.ndarray | None = None
+
+    @property
+    def inundated(self) -> np.ndarray:
+        """Cells that lava has reached so far, bool, shape [rows, columns]."""
+        if self.arrived is None:
+            raise ValueError('a snapshot without arrival times')
+        return inundated_cells(self.arrived)
+
+    @property
+    def standing(self) -> np.ndarray:
+        """Cells with lava now, flowing or solidified, bool, shape [rows, columns]."""
+        return standing_cells(self.thickness)
+
+    def area(self, cells: np.ndarray) -> float:
+        """Area of some of the cells [m2]."""
+        return float(cells.sum()) * self.terrain.resolution**2
 
     def flaw(self) -> str:
         """Say what makes this snapshot unfit to be shown as a map; empty when nothing does."""

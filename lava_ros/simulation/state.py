@@ -154,8 +154,8 @@ class State:
         rates: Reciprocal of the step each limit allows [1/s].
         top: Elevation of the highest ground that lava came from, above the terrain's mean [m].
         left: Volume that has left the terrain [m3], float64.
-        arrived: Only where arrivals are noted (``Simulation``): time at which lava came to each
-            cell of the terrain [s], -1 before, float32, shape [rows, columns].
+        arrived: Time at which lava reached each cell of the terrain [s], -1 before, float32, shape
+            [rows, columns]; kept by ``Simulation``.
 
     What effects keep besides is declared in their files (``Effect.arrays``).
     """

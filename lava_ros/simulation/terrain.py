@@ -130,6 +130,23 @@ def _raise(real: Any) -> Any:
     return raise_top
 
 
+def sampled(
+    values: np.ndarray, before: Terrain, after: Terrain, *, outside: float
+) -> np.ndarray:
+    """Give each cell of a terrain the value of the cell of another that its middle is in.
+
+    ``values`` have the shape of the terrain ``before``; cells beyond it are ``outside``.
+    """
+    index, is_inside = [], []
+    for axis in (0, 1):
+        middles = (np.arange(after.shape[axis]) + 0.5) * after.resolution
+        middles += after.origin[1 - axis] - before.origin[1 - axis]
+        place = np.floor(middles / before.resolution).astype(int)
+        is_inside.append((place >= 0) & (place < before.shape[axis]))
+        index.append(np.clip(place, 0, before.shape[axis] - 1))
+    return np.where(np.logical_and.outer(*is_inside), values[np.ix_(*index)], outside)
+
+
 @lru_cache(maxsize=1)
 def ringed_heights(terrain: Terrain) -> np.ndarray:
     """Elevation above the mean [m] with one more cell around, shape [rows + 2, columns + 2].

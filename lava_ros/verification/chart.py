@@ -22,8 +22,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from lava_ros.files import save_picture
-from lava_ros.files.optional import require
+from lava_ros.files.pictures import new_figure, save_picture
 from lava_ros.maps.numbers import percent, seconds
 from lava_ros.verification.rows import pareto_front, Point, points, presets_of, Row
 
@@ -44,10 +43,6 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.
     """
-    require('matplotlib.figure', 'chart', str(output))
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     everything = [item for item in points(rows) if math.isfinite(item.cost)]
     # of what lacks a result only presets are shown, where they would be at least
     everything = [item for item in everything if item.preset or math.isfinite(item.error)]
@@ -58,28 +53,28 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
     columns = max(1, min(len(cases), 3))
     lines = max(1, math.ceil(len(cases) / columns))
     width, height = (7.2, 5.2) if columns == 1 else (4.0 * columns, 3.3 * lines + 1.1)
-    figure = Figure(figsize=(width, height), dpi=130, facecolor='white')
-    FigureCanvasAgg(figure)
-    for index, name in enumerate(cases):
-        axes = figure.add_subplot(lines, columns, index + 1)
-        found = [point for point in everything if point.case == name]
-        _draw_case(axes, found, colours)
-        axes.set_title(titles.get(name, name), loc='left', fontsize=10, color=_INK)
-        if index % columns == 0:
-            axes.set_ylabel('largest relative error', fontsize=9, color=_INK)
-        if index + columns >= len(cases):
-            axes.set_xlabel('wall time for an hour of the flow', fontsize=9, color=_INK)
-    top = 1.0 - 0.2 / height
-    figure.text(0.012, top, 'What accuracy costs', fontsize=14, weight='bold', color=_INK,
-                va='center')
-    figure.text(0.988, top, rows[0].machine, fontsize=9, color='#555555', va='center', ha='right')
-    _draw_legend(figure, colours, height)
-    if not cases:
-        figure.text(0.5, 0.45, 'No time was simulated: there is no cost to show', ha='center',
-                    color='#555555')
-    else:
-        figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.62 / height), w_pad=1.2, h_pad=1.2)
-    save_picture(figure, output)
+    with new_figure('chart', output, (width, height), dpi=130) as figure:
+        for index, name in enumerate(cases):
+            axes = figure.add_subplot(lines, columns, index + 1)
+            found = [point for point in everything if point.case == name]
+            _draw_case(axes, found, colours)
+            axes.set_title(titles.get(name, name), loc='left', fontsize=10, color=_INK)
+            if index % columns == 0:
+                axes.set_ylabel('largest relative error', fontsize=9, color=_INK)
+            if index + columns >= len(cases):
+                axes.set_xlabel('wall time for an hour of the flow', fontsize=9, color=_INK)
+        top = 1.0 - 0.2 / height
+        figure.text(0.012, top, 'What accuracy costs', fontsize=14, weight='bold', color=_INK,
+                    va='center')
+        figure.text(0.988, top, rows[0].machine, fontsize=9, color='#555555', va='center',
+                    ha='right')
+        _draw_legend(figure, colours, height)
+        if not cases:
+            figure.text(0.5, 0.45, 'No time was simulated: there is no cost to show', ha='center',
+                        color='#555555')
+        else:
+            figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.62 / height), w_pad=1.2, h_pad=1.2)
+        save_picture(figure, output, title='What accuracy costs')
 
 
 def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> None:

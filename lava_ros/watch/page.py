@@ -51,6 +51,8 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, PROBABILITY
 from lava_ros.maps.plot import (
+    BARRIER,
+    barriers_of,
     bounds_of,
     duration,
     extent_of,
@@ -106,7 +108,8 @@ class Page:
         self._time: float | None = None
         self._elevation: np.ndarray | None = None
         style = {'stylesheets': [InlineStyleSheet(css=_STYLE)], 'sizing_mode': 'stretch_width'}
-        self.title, self.status = Div(**style), Div(**style)
+        # a $$ in the name of a bag does not begin a formula
+        self.title, self.status = (Div(disable_math=True, **style) for _ in range(2))
         self.choice = RadioButtonGroup(labels=[], active=None, height=38, **style)
         self.slider = Slider(start=0, end=1, value=0, step=1, show_value=False, title='', **style)
         self._names: list[str] = []
@@ -191,10 +194,14 @@ class Page:
     def _draw_ground(self, frame: Frame) -> None:
         least = LEAST_CELLS * frame.resolution
         left, bottom, right, top = window_of(
-            bounds_of(frame, frame.covered), extent_of(frame), 1.5, least
+            bounds_of(frame, frame.lava), extent_of(frame), 1.5, least
         )
         self._window.data = {'left': [left], 'right': [right], 'bottom': [bottom], 'top': [top]}
         self.vents.data = {'x': frame.vents[:, 0], 'y': frame.vents[:, 1]}
+        crests = barriers_of(frame)
+        self.barriers.data = {
+            name: [crest[:, axis] for crest in crests] for axis, name in enumerate(('xs', 'ys'))
+        }
         if self._elevation is None or not np.array_equal(
             self._elevation, frame.elevation, equal_nan=True
         ):
@@ -236,6 +243,8 @@ class Page:
         self.relief = plot.image_rgba(**image).data_source
         lava = plot.image(**image, color_mapper=self._mapper, alpha=0.85)
         self.map = lava.data_source
+        look = {'line_color': BARRIER['color'], 'line_width': BARRIER['linewidth']}
+        self.barriers = plot.multi_line(xs=[], ys=[], **look).data_source
         self.vents = plot.scatter(
             x=[], y=[], marker='triangle', size=13, fill_color='white', line_color='black'
         ).data_source

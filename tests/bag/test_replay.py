@@ -17,13 +17,23 @@
 from collections.abc import Iterator
 from itertools import islice, pairwise
 from pathlib import Path
+import sys
 import threading
 
 import pytest
 
 from bag.conftest import Bag, SECOND, small_bag
 from lava_ros.bag import BagReader
-from lava_ros.bag.replay import JUMP, LOOP_PAUSE, pace, schedule, SPEEDS, Step, Transport
+from lava_ros.bag.replay import (
+    JUMP,
+    LOOP_PAUSE,
+    pace,
+    schedule,
+    SPEEDS,
+    Step,
+    StopRequest,
+    Transport,
+)
 from lava_ros.errors import LavaError
 
 
@@ -151,6 +161,28 @@ def test_the_clock_stands_still_between_rounds(bag: Bag) -> None:
     assert back[1].round == 1
 
 
+def test_a_stop_may_be_requested_at_any_line_of_a_wait() -> None:
+    """The handler of a signal runs in the thread that waits, between any two lines of it."""
+    stop, lines = StopRequest(), []
+
+    def handle(frame: object, event: str, _: object) -> object:
+        lines.append(event)
+        stop.set()
+        return handle
+
+    def wait() -> None:
+        sys.settrace(handle)
+        stop.wait(0.01)
+        sys.settrace(None)
+
+    thread = threading.Thread(target=wait, daemon=True)
+    thread.start()
+    thread.join(60.0)
+    assert not thread.is_alive()
+    assert len(lines) > 3
+    assert stop.is_set() and stop.wait(0.0)
+
+
 class Desk:
     """Somebody who presses keys at given times, and a clock that moves when waited for."""
 
@@ -159,7 +191,7 @@ class Desk:
         self.time = 0.0
         self.presses = sorted((when, name.rstrip('0123456789')) for name, when in presses.items())
         self.changes: list[tuple[bool, float]] = []
-        self.stop = threading.Event()
+        self.stop = StopRequest()
         self.transport = Transport(
             self.read,
             now=lambda: self.time,

@@ -29,12 +29,13 @@ from eruption import footprint, write_case
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, read_grid
 from lava_ros.cli.options import seconds_of
+from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import occupancy
 from lava_ros.pages.runs import read_run
 
 MAPS = (
-    'inundation_probability', 'expected_thickness', 'arrival_time_p10', 'arrival_time_p50',
+    'inundation_probability', 'expected_peak_thickness', 'arrival_time_p10', 'arrival_time_p50',
     'arrival_time_p90',
 )
 
@@ -98,7 +99,7 @@ def test_maps_of_a_scene(scene, tmp_path):
     half = maps['arrival_time_p50'] >= 0.0
     np.testing.assert_array_equal(half, probability >= 50.0)
     assert (maps['arrival_time_p10'][half] <= maps['arrival_time_p50'][half]).all()
-    assert ((maps['expected_thickness'] > 0.0) >= (probability > 0.0)).all()
+    assert ((maps['expected_peak_thickness'] > 0.0) >= (probability > 0.0)).all()
     with rasterio.open(out / 'arrival_time_p50.tif') as file:
         assert file.crs.to_epsg() == 32633 and file.units == ('s',)
         assert file.bounds[:2] == CORNER and file.tags()['members'] == '8'
@@ -120,7 +121,24 @@ def test_maps_of_a_scene(scene, tmp_path):
     third = json.loads(report.read_text())
     assert third['resumed'] == 8 and third['effective_members'] < 8.0
     assert 0.3 < third['observed']['jaccard_mean'] < third['observed']['jaccard_best'] <= 1.0
-    assert read(out / 'inundation_probability.tif').sum() > probability.sum()
+    assert read(out / 'weighted/inundation_probability.tif').sum() > probability.sum()
+    # the maps without weights are as they were, in every file
+    for name, values in maps.items():
+        np.testing.assert_array_equal(read(out / f'{name}.tif'), values)
+        for folder, observation in ((out, 'none'), (out / 'weighted', 'seen.tif, 600 s')):
+            with rasterio.open(folder / f'{name}.tif') as file:
+                assert file.tags()['observation'].startswith(observation)
+            assert (folder / f'{name}.qml').exists()
+    grids = [
+        read_grid(next(BagReader(folder).messages(['/lava/inundation_probability']))).cells
+        for folder in (out / 'atlas', out / 'weighted/atlas')
+    ]
+    np.testing.assert_array_equal(grids[0], occupancy(probability))
+    assert not np.array_equal(*grids)
+    page = tmp_path / 'page.json'
+    words = ['plot', out, out / 'weighted', '--layers', 'probability', '--json', page]
+    done(*words, '-o', tmp_path / 'page.png')
+    assert 'seen.tif, 600 s' in json.loads(page.read_text())['notes']['weighted by']
 
 
 def test_effects_that_the_flow_calls_for_are_named(scene, tmp_path):
@@ -147,8 +165,9 @@ def test_effects_that_the_flow_calls_for_are_named(scene, tmp_path):
     on = [name for name, text in change['effects'].items() if text.startswith('on')]
     assert on == found['effects']
     facts = read_run(out).facts
-    assert facts['physics'] == ', '.join(name.replace('_', ' ') for name in on)
-    assert facts['switched on'] == f'yielding: {reason}'
+    # pages say it in plain words
+    assert facts['processes included'] == ', '.join(EFFECTS[name].title for name in on)
+    assert facts['switched on'] == f'yield strength: {reason}'
     # a finished ensemble says it again
     assert reason in done(*words) and json.loads(report.read_text())['resumed'] == 3
 

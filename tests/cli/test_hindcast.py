@@ -15,6 +15,7 @@
 """`lava hindcast`, `lava calibrate`, `lava barrier` and `lava materials`."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_cas
 from lava_ros.bag import BagReader
 from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
 from lava_ros.maps.frames import Recording
+from lava_ros.pages.runs import read_run
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
 
@@ -63,7 +65,11 @@ def test_a_hindcast_leaves_numbers_maps_page_and_bag(tmp_path):
             assert file.shape == SHAPE
             assert (file.transform.c, file.transform.a) == (CORNER[0], CELL)
             assert file.transform.f == CORNER[1] + SHAPE[0] * CELL
-            grids[name] = file.read(1)[::-1]
+            grids[name] = file.read(1, masked=True)[::-1]
+            # hindcasts and exports have the same value without data, and no lava is no data
+            assert file.nodata == -9999 and (out / f'{name}.qml').exists()
+            tags = file.tags()
+            assert (tags['scene'], tags['preset']) == ('valley', 'draft') and tags['effects']
     codes = grids['comparison']
     for code, name in ((HIT, 'hits'), (MISS, 'misses'), (FALSE_ALARM, 'false_alarms')):
         assert (codes == code).sum() == score[name]
@@ -77,6 +83,13 @@ def test_a_hindcast_leaves_numbers_maps_page_and_bag(tmp_path):
                  f'{score["jaccard"]:.3f}', 'data:image/png;base64,'):
         assert part in text
     assert '<b>' not in text
+    # no number is broken over lines, and each has its unit
+    row = re.search('<th scope="row">viscosity</th>(.*?)</tr>', text)
+    assert row is not None
+    cells = re.findall('<td class="(.*?)">(.*?)</td>', row[1])
+    assert cells[:2] == [('number', '20000'), ('number', 'Pa s')]
+    assert re.fullmatch(r'1000 to 100000 \[\d\]', cells[2][1])
+    assert '.number { white-space: nowrap;' in text
     assert (out / 'comparison.png').stat().st_size > 10_000
 
     # a frame for each map, at the end of the step in which it was due, and what describes the run
@@ -88,6 +101,26 @@ def test_a_hindcast_leaves_numbers_maps_page_and_bag(tmp_path):
     assert frame.time == times[-1] == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4
     assert Recording(out / 'bag').frame_at(times[1]).time == times[1]
+
+
+def test_maps_and_bag_of_a_hindcast_agree(valley, tmp_path):
+    """Exported, the bag has the same thickness and arrival, no data and origin, to the cell."""
+    done(*valley)
+    done('export', tmp_path / 'out/bag', '-o', tmp_path / 'maps')
+    for name, other in (('thickness', 'height'), ('arrival', 'arrival')):
+        with (
+            rasterio.open(tmp_path / f'out/{name}.tif') as file,
+            rasterio.open(tmp_path / f'maps/{other}.tif') as exported,
+        ):
+            assert file.nodata == exported.nodata and file.units == exported.units
+            tags = ('scene', 'effects', 'preset', 'lava_ros', 'observation')
+            assert [file.tags()[tag] for tag in tags] == [exported.tags()[tag] for tag in tags]
+            if name == 'thickness':
+                np.testing.assert_array_equal(file.read(1), exported.read(1))
+    # at its end no vent emits; a page still shows where the lava came from
+    assert not len(Recording(tmp_path / 'out/bag').frame_at().vents)
+    vents = read_run(tmp_path / 'out/bag').panels['thickness'].frame.vents
+    np.testing.assert_allclose(vents + CORNER, [VENT])
 
 
 def test_the_number_of_maps_does_not_change_the_result(tmp_path):
@@ -139,9 +172,9 @@ def test_more_runs_say_how_sure_it_is(valley, tmp_path):
     assert runs['count'] == len(runs['jaccard']) == 2
     assert runs['lowest'] <= runs['mean'] <= runs['highest']
     with rasterio.open(tmp_path / 'out/runs.tif') as file:
-        share = file.read(1)
-    assert set(np.unique(share)) <= {0.0, 0.5, 1.0}
-    assert (share >= 0.5).sum() * CELL**2 == pytest.approx(runs['majority']['area'])
+        percent = file.read(1)
+    assert set(np.unique(percent)) <= {0.0, 50.0, 100.0}
+    assert (percent >= 50.0).sum() * CELL**2 == pytest.approx(runs['majority']['area'])
     page = (tmp_path / 'out/hindcast.html').read_text()
     assert f'{runs["majority"]["jaccard"]:.3f} (where at least half' in page
     assert not (tmp_path / 'out/.unfinished').exists()
@@ -216,7 +249,10 @@ def test_barrier_is_written(tmp_path):
     x, y = VENT
     line = [f'{x - 100},{y - 200}', f'{x + 100},{y - 200}']
     words = ['barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--line', *line]
-    assert 'm3 of earth' in done(*words, '--height', '8', '--width', '30', '--epsg', '32633')
+    said = done(*words, '--height', '8', '--width', '30', '--epsg', '32633')
+    # 200 m of 8 m x 38 m, and a cone without its top
+    ends = np.pi * 8.0 * (23.0**2 + 23.0 * 15.0 + 15.0**2) / 3.0
+    assert f'{200.0 * 8.0 * 38.0 + ends:.0f} m3 of earth' in said and 'widened' not in said
     with (
         rasterio.open(case / 'elevation.asc') as before,
         rasterio.open(tmp_path / 'new.tif') as after,
@@ -226,6 +262,23 @@ def test_barrier_is_written(tmp_path):
         added = after.read(1) - before.read(1)
     assert added.max() == pytest.approx(8.0, abs=1e-3)
     assert (added > 0.0).sum() < 120
+    said = done(*words, '--height', '8', '--width', '2', '--epsg', '32633')
+    assert 'with the crest widened to ' in said
+
+
+def test_barriers_of_a_file(tmp_path):
+    """Lines with their own heights; where two overlap the higher one counts."""
+    case = write_case(tmp_path / 'valley')
+    lines = tmp_path / 'lines.csv'
+    x, y = VENT
+    lines.write_text(f'x,y,x_end,y_end,height\n{x - 100},{y},{x + 100},{y},10\n'
+                     f'{x},{y - 100},{x},{y + 100},\n')
+    said = done('barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--lines', lines,
+                '--height', '4')
+    assert 'raised by up to 10.0 m' in said
+    assert 'height is missing' in refused(
+        'barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--lines', lines
+    )
 
 
 @pytest.mark.parametrize(
@@ -260,7 +313,8 @@ def test_a_case_in_degrees_runs_without_a_warning(tmp_path):
     words = ['hindcast', folder, '--preset', 'draft', '--device', 'cpu', '--maps', '1']
     status, out, err = lava(*words, '-o', tmp_path / 'out')
     said = [line for line in err.splitlines() if line.startswith('lava hindcast: ')]
-    # what the elevation was taken for; there is no bag without ROS 2
-    assert [line for line in said if 'no bag' not in line] == [said[0]]
-    assert 'EPSG:4326 taken to EPSG:32633' in said[0]
+    # how the elevation and the effusion rates were read; there is no bag without ROS 2
+    ground, rates = (line for line in said if 'no bag' not in line)
+    assert 'EPSG:4326 taken to EPSG:32633' in ground
+    assert '2 intervals of mean rates, 0 to 1800 s, 2.7e+04 m3 in all' in rates
     assert status == 0 and 'area' in out

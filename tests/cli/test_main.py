@@ -15,6 +15,7 @@
 """`lava`: its parser and manual page, what it prints, and its status."""
 
 import json
+import math
 import os
 from pathlib import Path
 import re
@@ -180,15 +181,16 @@ def island(tmp_path):
 
 def test_vents_from_a_file(island, tmp_path):
     """Points and fissures; one with a bend becomes two that share its discharge by length."""
-    crs = {'properties': {'name': 'EPSG:32740'}}
+    crs = {'type': 'name', 'properties': {'name': 'EPSG:32740'}}
     line = [[365_300, 7_650_400], [365_300, 7_650_500], [365_600, 7_650_500]]
     shapes = [
-        {'properties': {'name': 'bent', 'discharge': 8},
+        {'type': 'Feature', 'properties': {'name': 'bent', 'discharge': 8},
          'geometry': {'type': 'LineString', 'coordinates': line}},
-        {'properties': {}, 'geometry': {'type': 'Point', 'coordinates': line[2]}},
+        {'type': 'Feature', 'properties': {},
+         'geometry': {'type': 'Point', 'coordinates': line[2]}},
     ]
     path = tmp_path / 'vents.geojson'
-    path.write_text(json.dumps({'features': shapes, 'crs': crs}))
+    path.write_text(json.dumps({'type': 'FeatureCollection', 'features': shapes, 'crs': crs}))
     words = ('--terrain', island, '--vents', str(path))
     first, second, point = scene_of(*words).vents
     assert (first.name, first.discharge, second.discharge) == ('bent', 2.0, 6.0)
@@ -196,17 +198,65 @@ def test_vents_from_a_file(island, tmp_path):
     np.testing.assert_allclose(second.end, point.position)
     assert (point.end, point.discharge) == (None, 50.0)
     for more, named in (
-        (('--discharge', '5'), '--discharge is 5.0, expected no --discharge, since'),
+        (('--discharge', '5'), '--effusion-rate is 5.0, expected no --effusion-rate, since'),
         (('--vent', '365300,7650400'), 'no --vent together with --vents'),
     ):
         with pytest.raises(LavaError, match=named):
             scene_of(*words, *more)
     path.write_text('{"type": "Point", "coordinates": [10.0, 20.0]}')
-    with pytest.raises(LavaError, match='a vent of .*feature 0 is .*a place on the terrain'):
+    with pytest.raises(LavaError, match=r'a vent of .* .vent 0. is .*a place on the terrain'):
         scene_of(*words)
 
 
-@pytest.mark.parametrize('place', ['365300,7650400', '55.7018,-21.2430'])
+@pytest.mark.parametrize(
+    ('start', 'end', 'series'),
+    [
+        ('', '', ((-math.inf, 9.0),)),
+        ('60', '', ((60.0, 9.0),)),
+        ('', '90', ((0.0, 9.0), (90.0, 0.0))),
+        ('60', '90', ((60.0, 9.0), (90.0, 0.0))),
+    ],
+)
+def test_vents_of_a_file_open_and_close(start, end, series, island, tmp_path):
+    """An effusion rate that is one number holds from the start to the end of the vent."""
+    text = f'x,y,q,start_s,end_s\n365300,7650400,9,{start},{end}\n'
+    (tmp_path / 'vents.csv').write_text(text)
+    (vent,) = scene_of('--terrain', island, '--vents', str(tmp_path / 'vents.csv')).vents
+    assert vent.series == series
+
+
+def test_a_table_of_effusion_rates_of_the_command(island, tmp_path):
+    """It is divided among the vents, given ones or those of the scene; its error is used."""
+    (tmp_path / 'rates.csv').write_text('date;TADR;error\n2021-09-19;20;5\n2021-09-20;40;10\n')
+    (tmp_path / 'vents.csv').write_text(
+        'X,Y,share\n365300,7650400,1\n365500,7650400,2\n'
+    )
+    words = ('--terrain', island, '--effusion-rate', str(tmp_path / 'rates.csv'))
+    start = ('--eruption-start', '2021-09-18T23:00:00Z', '--porosity', '0.25')
+    scene = scene_of(*words, *start, '--vents', str(tmp_path / 'vents.csv'))
+    first, second = scene.vents
+    assert first.series[:2] == ((3600.0, pytest.approx(40.0 / 3.0)), (90000.0, 0.0))
+    assert second.peak == pytest.approx(80.0 / 3.0)
+    assert scene.uncertainty.discharge is not None
+    for rate in ((), ('--effusion-rate', '5')):
+        with pytest.raises(LavaError, match='share of .vent 1. is 2.0, expected none without a'):
+            scene_of('--terrain', island, '--vents', str(tmp_path / 'vents.csv'), *rate)
+    (summit,) = scene_of(*words).vents
+    assert summit.discharge == ((0.0, 30.0), (86400.0, 0.0))
+    for more, sentence in (
+        (('--effusion-rate', '7', '--gaps', 'zero'), '--gaps is .zero., expected no --gaps with'),
+        (('--gaps', 'none'), 'there are zero, interpolate'),
+        (('--porosity', '2'), 'porosity is 2.0, expected at least 0 and below 1'),
+        (('--eruption-start', 'now'), "start is 'now', expected a date such as 2021-09-19"),
+        (('--effusion-rate', 'nowhere.csv'), '--effusion-rate is .nowhere.csv., expected a file'),
+    ):
+        assert re.search(sentence, refused('effects', *words, *more))
+
+
+@pytest.mark.parametrize(
+    'place', ['365300,7650400', '55.7018,-21.2430', '55°42\'6.5"E,21°14\'34.8"S',
+              '21 14 34.8 S, 55 42 6.5 E'],
+)
 def test_vent_discharge_and_material_of_the_command(place, island, caplog):
     """A vent is placed on the map or on the globe; what is not typed is usual."""
     caplog.set_level('INFO')

@@ -22,14 +22,16 @@ from typing import Any
 
 from matplotlib.image import imread
 import numpy as np
+import pyogrio
 import pytest
+from rasterio.warp import transform
 import yaml
 
 from cli.calls import done, refused
 from command_line import lava
 from lava_ros.maps.export import MAPS
 from lava_ros.scene import Terrain
-from recording import record, TERRAIN
+from recording import GRIDS, record, TERRAIN
 
 
 def plot(folder: Path, *words: object) -> dict[str, Any]:
@@ -87,14 +89,15 @@ def test_a_bag(bag, tmp_path):
     notes = said['notes']
     assert 'expected error of the footprint 15 %' in notes.pop('model')
     assert notes.items() >= {
-        'computed': '2026-09-21', 'discharge': '10 m³/s', 'elevation': 'maps in cells of 5 m',
+        'computed': '2026-09-21', 'effusion rate': '10 m³/s', 'elevation': 'maps in cells of 5 m',
         'coordinates': 'WGS 84 / UTM zone 33N (EPSG:32633)',
     }.items()
     said = plot(
         tmp_path, bag, '--layers', 'arrival', '--time', '400', '--volcano', 'Etna',
         '--source', 'INGV 2014', '--date', '2026-11-23',
     )
-    assert said['title'] == 'Etna: Lava flow after 400 s'.replace('400 s', '7 min')
+    assert said['title'] == 'Etna: Lava flow after 7 min'
+    assert 'time' not in said['notes']
     assert said['maps'] == ['Time of arrival of the lava, 0.1 m thick']
     assert said['notes']['elevation'] == 'INGV 2014, maps in cells of 5 m'
     assert said['notes']['date'] == '2026-11-23'
@@ -124,14 +127,13 @@ def test_formats_of_an_ensemble(ensemble, monkeypatch):
     """The command given again writes what was not asked for before; what cannot be is refused."""
     words = [*ensemble_words(ensemble.parent), '--formats', 'gpkg']
     with monkeypatch.context() as patch:
-        patch.setitem(sys.modules, 'fiona', None)
-        assert "pip install 'lava_ros[gis]'" in refused(*words)
-    fiona = pytest.importorskip('fiona')
+        patch.setitem(sys.modules, 'pyogrio', None)
+        assert "pip install 'lava_ros[terrain]'" in refused(*words)
     done(*words)
-    layers = fiona.listlayers(ensemble / 'lava.gpkg')
+    layers = [name for name, _ in pyogrio.list_layers(ensemble / 'lava.gpkg')]
     assert {'inundation_probability', 'arrival_time_p50'} <= set(layers)
-    with fiona.open(ensemble / 'lava.gpkg', layer='arrival_time_p50') as layer:
-        assert layer.crs.to_epsg() == 32633 and 'time_s' in layer.schema['properties']
+    found = pyogrio.read_info(ensemble / 'lava.gpkg', layer='arrival_time_p50')
+    assert found['crs'] == 'EPSG:32633' and 'time_s' in found['fields']
 
 
 def test_several_runs(bag, ensemble, tmp_path):
@@ -141,10 +143,10 @@ def test_several_runs(bag, ensemble, tmp_path):
     assert said['maps'] == [
         f'{path.parent.name}/flow: Lava thickness' for path in (bag, other)
     ]
-    assert said['notes']['discharge'] == '10 m³/s'
-    assert said['notes']['result'].count('covered') == 2
+    assert said['notes']['effusion rate'] == '10 m³/s'
+    assert said['notes']['result'].count('standing lava') == 2
     said = plot(tmp_path, bag, ensemble)
-    assert said['maps'][1] == 'members: Expected thickness of the lava'
+    assert said['maps'][1] == 'members: Expected peak thickness of the lava'
     nowhere = record(tmp_path / 'nowhere', terrain=Terrain(TERRAIN.elevation, 5.0, TERRAIN.origin))
     picture = tmp_path / 'no.png'
     assert 'the same for all' in refused('plot', bag, nowhere, '-o', picture)
@@ -174,12 +176,94 @@ def test_overlays(bag, tmp_path, caplog, seen):
         (('--overlay', 'none.csv'), '--overlay is .none.csv., expected a file that exists'),
         (('--observed', 'none.geojson'), '--observed is'),
         (('--time', '9h'), 'time is'),
+        (('--extent', '5', '1', '4', '2'), '--extent is .5 1 4 2., expected WEST SOUTH EAST'),
+        (('--extent', '1', '2', '3', '4'), '--extent is .1 2 3 4., expected an extent with'),
+        (('--extent', 'nan', '2', '3', '4'), '--extent is nan'),
+        (('--scale', '1:0'), '--scale is .0., expected'),
+        (('--scale', '1:20'), '--scale is .1:20., expected 1:[0-9]+ or smaller'),
+        (('--scale', 'large'), '--scale is'),
+        (('--onset', '2006-07-14T22:00'), '--onset is .*offset from UTC'),
+        (('--onset', 'yesterday'), '--onset is'),
+        (('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Etna'), '--timezone is'),
+        (('--timezone', 'Europe/Rome'), '--timezone is .*together with --onset'),
+        (('--logo', 'none.png'), '--logo is .none.png., expected a PNG or JPEG'),
     ],
 )
 def test_what_cannot_be_drawn(bag, tmp_path, words, named):
     """One sentence, and no picture."""
     assert re.search(named, refused('plot', bag, '-o', tmp_path / 'a.png', *words))
     assert not (tmp_path / 'a.png').exists()
+
+
+def test_maps_older_than_asked_for_say_so(bag, tmp_path, caplog):
+    """The page and the log name both times; an export does too."""
+    said = plot(tmp_path, bag, '--time', '550s')
+    assert said['title'] == 'Lava flow after 7 min'
+    note = 'maps at 7 min (400 s), the newest of the recording at or before 9 min (550 s)'
+    assert said['notes']['time'] == note and note in caplog.text
+    caplog.clear()
+    done('export', bag, '-o', tmp_path / 'maps', '--at', '550s')
+    assert note in caplog.text
+    caplog.clear()
+    assert 'time' not in plot(tmp_path, bag)['notes'] and 'the newest' not in caplog.text
+
+
+def test_dates_and_times(ensemble, tmp_path):
+    """The onset gives the times of maps, isochrones and horizon, in UTC and local."""
+    onset = ('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Rome')
+    bag = record(tmp_path / 'flow', config=GRIDS)
+    notes = plot(tmp_path, bag, '--layers', 'arrival', '--time', '600', *onset)['notes']
+    assert notes['start of the eruption'] == '2006-07-14 22:00 UTC (2006-07-15 00:00 CEST)'
+    assert notes['maps show'] == '2006-07-14 22:10 UTC (2006-07-15 00:10 CEST)'
+    assert notes['isochrones'].startswith('5 min: 2006-07-14 22:05 UTC (2006-07-15 00:05 CEST)')
+    notes = plot(tmp_path, ensemble, '--onset', '2026-01-01T13:00+01:00', *onset[2:])['notes']
+    assert notes['forecast until'] == '2026-01-01 12:03 UTC (13:03 CET)'
+
+
+@pytest.mark.parametrize('command', ['plot', 'report'])
+def test_observed_lava_off_the_map_is_refused(command, bag, ensemble, tmp_path):
+    """An outline elsewhere gives neither a page nor a score."""
+    crs = {'properties': {'name': 'EPSG:32633'}}
+    ring = [[0, 0], [100, 0], [100, 100], [0, 100], [0, 0]]
+    area = {'type': 'Polygon', 'coordinates': [ring], 'crs': crs}
+    (tmp_path / 'far.geojson').write_text(json.dumps(area))
+    page = tmp_path / {'plot': 'a.png', 'report': 'a.html'}[command]
+    for run in (ensemble, bag) if command == 'plot' else (ensemble,):
+        said = refused(command, run, '-o', page, '--observed', tmp_path / 'far.geojson')
+        assert re.search('--observed is .*far.geojson.*observed lava on the terrain', said)
+    assert not page.exists()
+
+
+def test_words_are_plain(ensemble, tmp_path):
+    """No name of an effect or of a quantile stands on a page."""
+    said = plot(tmp_path, ensemble)
+    assert said['maps'][1:] == [
+        'Early arrival (1 run in 10)', 'Median arrival (1 run in 2)', 'Late arrival (9 runs in 10)'
+    ]
+    assert 'physics' not in said['notes']
+    assert 'radiation' in said['notes']['processes included']
+    assert said['notes']['runs'].startswith('4; a probability of 50 % is known to 25 percentage')
+
+
+def test_extent_in_degrees(bag, tmp_path):
+    """It is that of the same corners in metres."""
+    pictures = []
+    metres = (499_980.0, 4_180_050.0, 500_050.0, 4_180_100.0)
+    x, y = transform('EPSG:32633', 'EPSG:4326', metres[::2], metres[1::2])
+    for extent in (metres, (x[0], y[0], x[1], y[1])):
+        plot(tmp_path, bag, '--layers', 'hazard', '--extent', *extent)
+        pictures.append(imread(tmp_path / 'map.png')[200:-200])
+    assert float((pictures[0] != pictures[1]).any(axis=-1).mean()) < 0.02
+
+
+@pytest.mark.parametrize(
+    'words',
+    [('--overlay', 'a.csv'), ('--scale', '1:2000'), ('--author', 'A'), ('--logo', 'a.png')],
+)
+def test_page_options_are_refused_for_the_report_of_a_bag(bag, tmp_path, words):
+    """The report of a single bag has no page to print: the error names the option."""
+    assert f'{words[0]} is' in refused('report', bag, '-o', tmp_path / 'a.html', *words)
+    assert not (tmp_path / 'a.html').exists()
 
 
 def test_an_ensemble_without_maps(ensemble, tmp_path):
@@ -199,7 +283,7 @@ def test_reports(bag, ensemble, tmp_path, seen):
     assert 'data:image/png;base64,' in text and 'brier score of members' in text
     assert 'Simulation, not verified.' in text
     done('report', bag, ensemble, '-o', page)
-    assert 'members: Expected thickness of the lava' in page.read_text()
+    assert 'members: Expected peak thickness of the lava' in page.read_text()
     refused('report', bag, '-o', page, '--observed', seen)
 
 

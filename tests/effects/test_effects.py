@@ -14,6 +14,7 @@
 
 """Effects as a key; those that are off, or whose files are deleted, leave nothing behind."""
 
+from dataclasses import replace
 import os
 from pathlib import Path
 import shutil
@@ -24,6 +25,7 @@ import pytest
 import warp as wp
 
 from lava_ros.effects import EFFECTS, Effects
+from lava_ros.effects.effect import Effect, join_names, number
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Vent
 from lava_ros.verification.cases.case import plane
@@ -35,7 +37,7 @@ ROOT = Path(__file__).parents[2]
 BARE_ARRAYS = {
     'particle', 'ordered', 'flow', 'cell', 'rank', 'remainder', 'ordered_remainder', 'clock',
     'counts', 'chosen', 'rates', 'stage', 'top', 'left', 'limit_time', 'base', 'drift',
-    'ordered_base', 'ordered_drift', 'share', 'home',
+    'ordered_base', 'ordered_drift', 'share', 'home', 'arrived',
 }
 
 #: The kernels it launches, in their order.
@@ -91,6 +93,13 @@ for left_out in sys.argv[1:]:
         scene = Scene(ground, (vent,), material.lava)
         assert left_out not in effects_for(scene)
         scene_to_dict(scene)
+"""
+
+
+#: An effect that declares a name which is there already, and makes a simulation.
+TOY = """
+from lava_ros.effects.effect import Array, Effect, number
+EFFECT = Effect(rank=200, title='toy', {})
 """
 
 
@@ -174,3 +183,32 @@ def test_what_does_not_go_together_is_refused(pair):
     """Two forms of one effect, or a momentum beside a balance, are an error that names one."""
     with pytest.raises(LavaError, match='effects'):
         Effects(**{'arrhenius': False, **dict.fromkeys(pair, True)})
+
+
+@pytest.mark.parametrize('part', ['constants', 'environment', 'law', 'heat', 'arrays'])
+def test_names_of_effects_are_their_own(part):
+    """A name that another effect declares is refused, and what only adds to it is not."""
+    names = [(one, key) for one, item in EFFECTS.items() for key in getattr(item, part)]
+    for owner, key in names:
+        toy = Effect(rank=200, title='toy', **{part: {key: number(0.0, '', 0.0, 1.0)}})
+        words = rf"^effects.toy.{part} is '{key}', expected a name that effects.{owner} does not"
+        with pytest.raises(LavaError, match=words):
+            join_names(part, {**EFFECTS, 'toy': toy})
+        assert join_names(part, {**EFFECTS, 'toy': replace(toy, adds_to=(key,))})
+
+
+@pytest.mark.parametrize(
+    ('part', 'key', 'value'),
+    [
+        ('environment', 'gravity', "number(1.0, '', 0.0, 2.0)"),
+        ('law', 'viscosity', 'lambda lava: 1.0'),
+        ('heat', 'ambient', 'lambda scene: 1.0'),
+        ('arrays', 'ground', "Array('real')"),
+    ],
+)
+def test_names_of_the_solver_are_not_an_effects(tmp_path, part, key, value):
+    """They are refused before anything is computed with them."""
+    shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
+    (tmp_path / 'lava_ros/effects/toy.py').write_text(TOY.format(f"{part}={{'{key}': {value}}}"))
+    with pytest.raises(AssertionError, match=f"effects.toy.{part} is '{key}', expected a name"):
+        said_by('import lava_ros.simulation.simulation', (), tmp_path)

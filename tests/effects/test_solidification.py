@@ -14,12 +14,14 @@
 
 """Lava that freezes into terrain."""
 
+import math
+
 import numpy as np
 import pytest
 
 from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation import Particles
-from lava_ros.simulation.terrain import ringed_heights
+from lava_ros.simulation.inundation import inundated_cells
 from solver import incline, only, simulated
 
 #: Isothermal but for a temperature it comes with: what is given below 1200 K freezes at once.
@@ -50,8 +52,14 @@ def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
 
 
 def frozen_in(simulation):
-    """Thickness of what has frozen [m], to all its digits."""
+    """Thickness of what has frozen, as maps show it [m], to all its digits."""
     return simulation._after_step['solidification'].thickness()
+
+
+def raised_in(simulation):
+    """How much what has frozen has raised the ground [m], shape [rows, columns]."""
+    terrain = simulation._terrain
+    return (terrain.height.numpy().astype(float) - terrain.bare.numpy())[1:-1, 1:-1]
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
@@ -66,25 +74,40 @@ def test_an_even_layer_freezes_into_an_even_layer(device, precision):
     assert snapshot.budget.frozen == pytest.approx(300.0 * 200.0 * 2.0, rel=1e-12)
     exact = frozen_in(simulation)
     assert exact.sum() * 100.0 == pytest.approx(120000.0, rel=1e-12)
-    inside = snapshot.frozen[13:27, 18:42]
-    assert inside == pytest.approx(np.full_like(inside, 2.0), abs=1e-3)
+    raised = raised_in(simulation)
+    for shown in (snapshot.frozen, raised):
+        inside = shown[14:26, 19:41]
+        assert inside == pytest.approx(np.full_like(inside, 2.0), abs=1e-3)
     assert (snapshot.temperature[snapshot.frozen > 0.0] == 1200.0).all()
     assert np.array_equal(snapshot.thickness, snapshot.frozen)
-    ground = ringed_heights(hillside())[1:-1, 1:-1]
-    raised = simulation._terrain.height.numpy()[1:-1, 1:-1]
-    assert raised - ground == pytest.approx(exact, abs=1e-5)
+    assert raised.sum() * 100.0 == pytest.approx(120000.0, rel=1e-5)
+    # it is shown where it stood, and not as wide as the ground is raised
+    layer_cells = np.zeros((40, 60), dtype=bool)
+    layer_cells[10:30, 15:45] = True
+    np.testing.assert_array_equal(exact > 0.0, layer_cells)
+    assert exact[layer_cells] == pytest.approx(2.0, rel=0.2)
+    assert ((raised > 0.01) & ~layer_cells).any()
 
 
 def test_a_lone_column_makes_no_spike(device):
-    """A column freezes over its own area, and no higher than it was thick."""
+    """A column raises the ground no higher than it was thick, and is shown in its own square."""
     particles = Particles([[303.0, 201.0]], 300.0, 1100.0)
     simulation = freezing(device, hillside(200, 300, 2.0), particles)
     thickness = simulation.sample().thickness[0]
     simulation.advance(1.0)
-    frozen = simulation.snapshot().frozen
-    assert frozen.sum() * 4.0 == pytest.approx(300.0, rel=1e-6)
-    assert 0.2 * thickness < frozen.max() < thickness
-    assert np.abs(np.diff(frozen, axis=1)).max() < 0.3 * frozen.max()
+    raised = raised_in(simulation)
+    assert raised.sum() * 4.0 == pytest.approx(300.0, rel=1e-4)
+    assert 0.2 * thickness < raised.max() < thickness
+    assert np.abs(np.diff(raised, axis=1)).max() < 0.3 * raised.max()
+    snapshot = simulation.snapshot()
+    assert snapshot.frozen.sum() * 4.0 == pytest.approx(300.0, rel=1e-6)
+    side = math.sqrt(300.0 / thickness) / 2.0
+    rows, columns = np.nonzero(snapshot.frozen)
+    for cells in (rows, columns):
+        assert np.ptp(cells) + 1 == pytest.approx(side, abs=1.0)
+    # what the cells at the rim of the square do not show is in the others
+    assert snapshot.frozen.max() < thickness * (side / (side - 1.0)) ** 2
+    np.testing.assert_array_equal(inundated_cells(snapshot.arrived), snapshot.frozen > 0.0)
 
 
 def test_volume_is_exact_beside_the_border_and_beside_holes(device):
@@ -145,7 +168,7 @@ def test_a_frozen_flow_diverts_a_second_one(device):
     diverted = simulation.sample().position
     assert np.array_equal(frozen_in(simulation), frozen)
 
-    raised = Terrain(hillside().elevation + frozen, 10.0)
+    raised = Terrain(hillside().elevation + raised_in(simulation), 10.0)
     same = flow(raised)
     same.advance(5.0)
     same.advance(1800.0)

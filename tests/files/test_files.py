@@ -38,7 +38,8 @@ from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml, read_yaml
 from lava_ros.hindcast.calibration import read_trials
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.tables import read_rates
+from lava_ros.scene.effusion_rates import read_effusion_rates
+from lava_ros.scene.features import ENDINGS, load_features
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.verification.rows import read_csv
 from recording import record
@@ -48,7 +49,10 @@ READERS: dict[str, Callable[[Path], Any]] = {
     'bag.mcap': BagReader,
     'one.mcap': attachments_of,
     'scene.yaml': lambda path: read_yaml('scene', path),
-    'rates.csv': read_rates,
+    'rates.csv': lambda path: read_effusion_rates('case', path),
+    **{
+        f'vents{ending}': lambda path: load_features('--vents', path) for ending in ENDINGS
+    },
     'rows.csv': read_csv,
     'ground.tif': load_terrain,
     'ground.asc': load_terrain,
@@ -349,7 +353,7 @@ def test_what_is_read(tmp_path, monkeypatch):
         ('a: *b', "undefined alias 'b' in line 1, column 4"),
         ('a: ' + '[' * 5000 + ']' * 5000, '50 levels of lists and mappings in line 1, column 53'),
         ('- &a0 []\n' + ''.join(f'- &a{i + 1} [*a{i}]\n' for i in range(60)), '50 levels'),
-        ('a: 1\nb: 2001-99-99', 'a value that is no timestamp in line 2, column 4'),
+        ('a: 1\nb: !!timestamp 2001-99-99', 'a value that is no timestamp in line 2, column 4'),
         ('!!timestamp x', 'no timestamp'),
         ('!!int x', 'no int'),
         ('!!int ""', 'no int'),
@@ -359,7 +363,6 @@ def test_what_is_read(tmp_path, monkeypatch):
         ('9' * 4301, 'a number of more than 100 characters in line 1, column 1'),
         ('0x' + 'f' * 60_000, 'a number of more than 100 characters'),
         ('1:30' + ':30' * 1000, 'a number of more than 100 characters'),
-        ('duration: 1:30', '1:30, which is neither a number nor text in quotes in line 1, column'),
         ('a: 1\nb: {c: 1, c: 2}', 'the key c twice in line 2, column 11'),
         ('? [a]\n: b', 'unhashable key'),
         ('a\0', 'unacceptable character'),
@@ -376,6 +379,43 @@ def test_what_is_refused(text, reason):
     assert reason in caught.value.expected
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 3 * LONGEST_VALUE
+
+
+@pytest.mark.parametrize(
+    ('text', 'field', 'typed', 'expected'),
+    [
+        ('discharge: 010', '.discharge', '010', '10, or text in quotes: YAML 1.1 reads it as 8'),
+        ('- {x: [1, 0512345]}', '[0].x[1]', '0512345', '512345, .* as 169189 .line 1, column 11'),
+        ('a: -0_7', '.a', '-0_7', '-7, or text'),
+        ('a: 00', '.a', '00', '0, or text'),
+        ('a: 0x1F', '.a', '0x1F', '31, or text in quotes'),
+        ('a: 0b11', '.a', '0b11', '3, or text in quotes'),
+        ('a: 1\nduration: 1:30', '.duration', '1:30', 'a number such as 90, .*line 2, column 11'),
+        ('a: 12:30.5', '.a', '12:30.5', 'a number such as 90'),
+        ('fill_holes: yes', '.fill_holes', 'yes', 'true, or text'),
+        ('name: NO', '.name', 'NO', 'false, or text'),
+        ('Off: 1', '', 'Off', 'false, or text'),
+        ('a: &x 010\nb: *x', '.a', '010', '10, or text'),
+    ],
+)
+def test_yaml_refuses_what_version_1_1_reads_otherwise(text, field, typed, expected):
+    """The error has the field, the value as it is written, and what to write instead."""
+    with pytest.raises(LavaError, match=expected) as caught:
+        parse_yaml('scene', text)
+    assert (caught.value.field, caught.value.value) == ('scene' + field, typed)
+
+
+@pytest.mark.parametrize(
+    ('text', 'value'),
+    [
+        ('"010"', '010'), ("'no'", 'no'), ('010.5', 10.5), ('08', '08'), ('1_000', 1000),
+        ('0', 0), ('0.5', 0.5), ('True', True), ('2021-09-19', '2021-09-19'), ('~', None),
+        ('2021-09-19T14:00:00Z', '2021-09-19T14:00:00Z'), ('!!int 010', 8),
+    ],
+)
+def test_yaml_reads_what_is_written(text, value):
+    """Text in quotes, decimal numbers, true and false are themselves; dates stay text."""
+    assert parse_yaml('scene', f'a: {text}') == {'a': value}
 
 
 @pytest.mark.parametrize('name', ['none.yaml', '.', 'a\0b', 'x' * 5000, 'latin.yaml'])

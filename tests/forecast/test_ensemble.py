@@ -167,11 +167,12 @@ def test_an_outline_weighs_finished_members(tmp_path: Path) -> None:
     lava = np.nan_to_num(fast.arrival, nan=np.inf) <= 1200.0
     outline = Outline(1200.0, lava, np.ones_like(lava))
     ensemble = run(tmp_path, Discs(0), outline=outline)
-    assert ensemble.weights is not None
-    assert ensemble.maps.effective_members < 12.0
-    assert ensemble.maps.effective_members == ensemble.weights.effective_members
+    assert ensemble.weights is not None and ensemble.weighted is not None
+    assert ensemble.weighted.effective_members < 12.0
+    assert ensemble.weighted.effective_members == ensemble.weights.effective_members
     # lava that is faster than most goes further
-    assert ensemble.maps.probability.sum() > 1.2 * prior.maps.probability.sum()
+    assert ensemble.weighted.probability.sum() > 1.2 * prior.maps.probability.sum()
+    assert same(ensemble.maps, prior.maps)
     with pytest.raises(LavaError, match=r'observed\.time'):
         run(tmp_path, Discs(0), outline=replace(outline, time=2.0 * HORIZON))
 

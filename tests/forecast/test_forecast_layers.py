@@ -114,7 +114,7 @@ def _shown(source, message=OCCUPANCY_GRID, *, withdrawn=False, **changes):
         ('arrival_p10', {'step': 30.0}, [[100, 100, 0], [0, 0, -1]]),
         ('arrival_p50', {'step': 30.0}, [[100, 0, 0], [0, 0, -1]]),
         ('arrival_p90', {'step': 30.0}, [[100, 0, 0], [0, 0, -1]]),
-        ('expected_thickness', {'range': [0.0, 10.0], 'threshold': 0.1},
+        ('expected_peak_thickness', {'range': [0.0, 10.0], 'threshold': 0.1},
          [[50, 20, 0], [0, 0, -1]]),
     ],
 )
@@ -138,7 +138,7 @@ def test_grids(source, changes, grid):
         ('peak_thickness', FORECAST.thickness, NAN),
         ('peak_temperature', FORECAST.temperature - np.float32(273.15), NAN),
         ('inundation_probability', ENSEMBLE.maps.probability, NAN),
-        ('expected_thickness', ENSEMBLE.maps.thickness, NAN),
+        ('expected_peak_thickness', ENSEMBLE.maps.thickness, NAN),
     ],
 )
 def test_images(source, image, gone):

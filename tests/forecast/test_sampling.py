@@ -232,7 +232,7 @@ def test_rasters_of_nowhere_are_refused(tmp_path: Path) -> None:
         with pytest.raises(LavaError, match='--observed'):
             seen_in_file(path, GROUND)
     (tmp_path / 'other.tif').write_text('<VRTDataset rasterXSize="8" rasterYSize="6"/>')
-    with pytest.raises(LavaError, match='a GeoTIFF or an ESRI ASCII grid'):
+    with pytest.raises(LavaError, match='a virtual raster with files of the same folder'):
         seen_in_file(tmp_path / 'other.tif', GROUND)
     flat = write(tmp_path / 'flat.tif', ones, transform=Affine(0.0, 0.0, 5e5, 0.0, -20.0, 4.18e6))
     endless = write(tmp_path / 'nan.tif', ones, transform=Affine(20, 0, math.nan, 0, -20, 4.18e6))

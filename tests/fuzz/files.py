@@ -31,6 +31,7 @@ from pathlib import Path
 import random
 import struct
 from typing import Any
+import warnings
 import zipfile
 import zlib
 
@@ -40,6 +41,7 @@ from mcap.opcode import Opcode
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
 import rasterio
+from rasterio.shutil import copy
 from rasterio.transform import from_origin
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, PointCloud2
@@ -350,18 +352,102 @@ def other_grid(chance: random.Random, text: str) -> str:
     return '\n'.join(lines) + '\n'
 
 
+def hostile_vents(chance: random.Random, folder: Path) -> Path:
+    """Write a vector file of any format of which some bytes, or its end, are other ones."""
+    from pyogrio import raw
+
+    name, driver = chance.choice((
+        ('geojson', 'GeoJSON'), ('gpkg', 'GPKG'), ('kml', 'LIBKML'), ('kml', 'KML'),
+        ('shz', 'ESRI Shapefile'), ('shp', 'ESRI Shapefile'),
+    ))
+    kind, places = chance.choice((
+        ('MultiPoint', [[25.0, 15.0], [35.0, 25.0]]),
+        ('MultiLineString', [[[25.0, 15.0], [35.0, 25.0]], [[5.0, 5.0], [5.0, 9.0]]]),
+        ('MultiPolygon', [[[[5.0, 5.0], [9.0, 5.0], [9.0, 9.0], [5.0, 5.0]]]]),
+    ))
+    known = {'name': 'a', 'Q': 3.0, 'radius': 5.0, 'remark': 'b'}
+    known[chance.choice(list(known))] = chance.choice((*FLOATS[:10], *TEXTS, None))
+    feature = {
+        'type': 'Feature', 'properties': known, 'geometry': {'type': kind, 'coordinates': places}
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')
+        meta, _, geometry, values = raw.read(json.dumps(feature).encode('utf-8', 'replace'))
+        path = folder / f'vents.{name}'
+        raw.write(path, geometry, values, meta['fields'], driver=driver, geometry_type=kind)
+    part = chance.choice(sorted(folder.glob('vents.*')))
+    data = part.read_bytes()
+    for _ in range(chance.choice((0, 1, 1, 4, 16))):
+        data = _set(chance, data)
+    if chance.random() < 0.2:
+        data = data[: chance.randrange(len(data))]
+    if chance.random() < 0.3 and name in ('geojson', 'kml'):
+        words = data.split(b'"' if name == 'geojson' else b'>')
+        words[chance.randrange(len(words))] = chance.choice(TEXTS).encode('utf-8', 'replace')
+        data = (b'"' if name == 'geojson' else b'>').join(words)
+    part.write_bytes(data)
+    return path
+
+
+#: Valid tables of effusion rates.
+RATES = (
+    'start_s,end_s,discharge_m3_per_s,error\n0,1800,1,0.5\n1800,3600,0.5,0.1\n',
+    'date;TADR\n2021-09-19;5,5\n2021-09-20T12:00:00Z;3,5\n2021-09-21;1\n',
+    'time_h\tcumulative_volume\n0\t0\n2\t50\n4\t80\n',
+)
+
+
+def hostile_rates(chance: random.Random, folder: Path) -> Path:
+    """Write a table of effusion rates with any text in a cell."""
+    text = chance.choice(RATES)
+    separator = next(item for item in '\t;,' if item in text)
+    rows = [line.split(separator) for line in text.splitlines()]
+    row = chance.choice(rows)
+    row[chance.randrange(len(row))] = chance.choice((*_CELLS, '2021-09-20', '12:30', 'start_h'))
+    path = folder / 'rates.csv'
+    path.write_text('\n'.join(separator.join(row) for row in rows) + '\n', encoding='utf-8')
+    return path
+
+
+#: Drivers that write the other formats, by suffix.
+_DRIVERS = {
+    'vrt': ('VRT',), 'img': ('HFA',), 'nc': ('netCDF',), 'gpkg': ('GPKG',), 'flt': ('EHdr',),
+    'grd': ('GSAG', 'GSBG', 'GS7BG'),
+}
+
+
 def hostile_raster(chance: random.Random, folder: Path) -> Path:
     """Write a raster of which a number in the header or the way it is kept is another one."""
     values = np.add.outer(np.arange(20.0), np.zeros(20)).astype(np.float32)
-    kind = chance.choice(('npz', 'npz', 'asc', 'tif', 'tif'))
+    kind = chance.choice(('npz', 'npz', 'asc', 'asc', 'tif', 'tif', *_DRIVERS))
     path = folder / f'ground.{kind}'
     if kind == 'asc':
         path.write_text(other_grid(chance, grid(0.0, 0.0, values)), encoding='utf-8')
     elif kind == 'npz':
         _write_npz(chance, path, values)
+    elif kind in _DRIVERS:
+        _write_other(chance, path, values)
     else:
         _write_tif(chance, path, values)
     return path
+
+
+def _write_other(chance: random.Random, path: Path, values: np.ndarray) -> None:
+    source = path.with_name('source.tif')
+    with rasterio.open(
+        source, 'w', driver='GTiff', height=20, width=20, count=1, dtype='float32',
+        crs='EPSG:32633', transform=from_origin(500_000.0, 4_180_000.0, 10.0, 10.0),
+    ) as file:
+        file.write(values, 1)
+    copy(source, path, driver=chance.choice(_DRIVERS[path.suffix[1:]]))
+    damaged = path.with_suffix('.hdr')
+    damaged = damaged if damaged.exists() and chance.random() < 0.5 else path
+    data = damaged.read_bytes()
+    if chance.random() < 0.3:
+        data = data[: chance.randrange(len(data))]
+    else:
+        data = _set(chance, data[:1000]) + data[1000:]
+    damaged.write_bytes(data)
 
 
 def _npy(value: Any) -> bytes:

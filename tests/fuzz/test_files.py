@@ -23,14 +23,25 @@ import warnings
 
 from hypothesis import given, Phase, settings
 from hypothesis import strategies as st
+import numpy as np
 import pytest
 
 from command_line import lava
-from fuzz.files import hostile_bag, hostile_case, hostile_raster, hostile_scene
+from fuzz.files import (
+    hostile_bag,
+    hostile_case,
+    hostile_raster,
+    hostile_rates,
+    hostile_scene,
+    hostile_vents,
+)
 from fuzz.limits import bounded
 from lava_ros.bag.replay import schedule
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
+from lava_ros.scene import Terrain
+from lava_ros.scene.effusion_rates import Options, read_effusion_rates
+from lava_ros.scene.vent_files import read_vents
 from recording import record
 
 #: Files of each kind, and bags, which take seconds each: 25 and 6 in every test run, 500 in
@@ -138,6 +149,44 @@ def test_rasters(seed: int, folder: Callable[[], Path], trial: Any) -> None:
     path = hostile_raster(random.Random(seed), folder())
     with trial('files') as row:
         row['refused'] += bool(call('effects', '--terrain', path)[0])
+
+
+GROUND = Terrain(np.zeros((6, 7)), 10.0)
+
+
+@files
+@given(seed=SEEDS)
+def test_vents(seed: int, folder: Callable[[], Path], trial: Any) -> None:
+    """A vector file with other bytes: its vents have finite numbers, or one error has a name."""
+    path = hostile_vents(random.Random(seed), folder())
+    with trial('files') as row, bounded(MEMORY):
+        try:
+            vents = read_vents('--vents', path, GROUND)
+        except LavaError as error:
+            row['refused'] += 1
+            assert error.field
+        else:
+            places = [place for vent in vents for place in vent.places]
+            assert np.isfinite(places).all() and places
+
+
+@files
+@given(seed=SEEDS)
+def test_tables_of_rates(seed: int, folder: Callable[[], Path], trial: Any) -> None:
+    """A table with any text in a cell: intervals in order, or one error with a name."""
+    chance = random.Random(seed)
+    path = hostile_rates(chance, folder())
+    options = Options(gaps=chance.choice((None, 'zero', 'interpolate')))
+    with trial('files') as row, bounded(MEMORY):
+        try:
+            rates = read_effusion_rates('--effusion-rate', path, options)
+        except LavaError as error:
+            row['refused'] += 1
+            assert error.field
+        else:
+            numbers = [(item.start, item.end, item.discharge) for item in rates]
+            assert np.isfinite(numbers).all()
+            assert all(start < end and rate >= 0.0 for start, end, rate in numbers)
 
 
 @files

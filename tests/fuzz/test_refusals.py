@@ -142,6 +142,10 @@ WRONG: dict[type, dict[str, st.SearchStrategy[Any]]] = {
         'origin': st.sampled_from(NOT_PAIRS),
         'offset': st.sampled_from(NOT_PAIRS),
         'epsg': st.sampled_from((0, -1, 1023, 1.5, '32633', True, [], math.nan, 10**30)),
+        'barriers': st.sampled_from(
+            (1.0, [1.0], 'barrier', [[(1.0, 2.0)]], [[(math.nan, 0.0), (1.0, 1.0)]])
+        ),
+        'wkt': st.sampled_from(('', 0, 1.5, True, [], b'PROJCS[]', 'x' * 100_001)),
     },
     Vent: {
         'position': st.sampled_from(NOT_PAIRS),

@@ -36,8 +36,10 @@ from eruption import (
 )
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.tables import Interval, series_of, VentRow
+from lava_ros.hindcast.tables import series_of
+from lava_ros.scene.effusion_rates import Interval
 from lava_ros.scene.materials import material_named
+from lava_ros.scene.vent_files import VentRow
 
 ETNA = Path(__file__).parents[3] / 'shared/data/etna2001'
 
@@ -172,11 +174,15 @@ def _as_areas(folder: Path) -> None:
     place = from_origin(CORNER[0], CORNER[1] + SHAPE[0] * CELL, CELL, CELL)
     areas = shapes(np.flipud(footprint()).astype(np.uint8), transform=place)
     features = [
-        {'geometry': transform_geom('EPSG:32633', 'EPSG:4326', area)}
+        {
+            'type': 'Feature', 'properties': {},
+            'geometry': transform_geom('EPSG:32633', 'EPSG:4326', area),
+        }
         for area, value in areas if value
     ]
     (folder / 'footprint.asc').unlink()
-    (folder / 'footprint.geojson').write_text(json.dumps({'features': features}))
+    data = {'type': 'FeatureCollection', 'features': features}
+    (folder / 'footprint.geojson').write_text(json.dumps(data))
 
 
 def test_footprint_of_any_kind(tmp_path: Path) -> None:
@@ -294,7 +300,9 @@ WRONG: dict[str, tuple[Change, str]] = {
         'footprint.geojson ... places of EPSG:4326 ... of a coordinate system',
     ),
     'areas that are none': (
-        _all(_without('footprint.asc'), _text('footprint.geojson', '{"features": []}')),
+        _all(_without('footprint.asc'), _text(
+            'footprint.geojson', '{"type": "FeatureCollection", "features": []}'
+        )),
         'the footprint ... at least one point, line or area',
     ),
     'footprint of thicknesses': (
@@ -306,7 +314,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     ),
     'nodata that the header does not name': (
         _all(_grid('elevation', _holed()), _changed('elevation.asc', 'value -9999', 'value -1')),
-        'a height of elevation.asc ... -9999 ... NODATA_value',
+        'elevation of elevation.asc ... -9999 in ... --nodata -9999',
     ),
     # of a low hill: those of a mountain would be out of range
     'heights in centimetres': (
@@ -321,7 +329,7 @@ WRONG: dict[str, tuple[Change, str]] = {
         "effusion_rate.csv, line 2, discharge_m3_per_s ... 'twenty' ... a finite number",
     ),
     'a negative discharge': (
-        _changed(RATES, ',20', ',-20'), 'line 2, discharge_m3_per_s ... -20 ... 0 to',
+        _changed(RATES, ',20', ',-20'), 'line 2, discharge_m3_per_s ... -20 ... at least 0',
     ),
     'a discharge that is no number': (
         _changed(RATES, ',20', ',nan'), "line 2, discharge_m3_per_s ... 'nan' ... finite",
@@ -336,7 +344,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     ),
     'other columns': (
         _changed(RATES, COLUMNS, 'day,to,q'),
-        'first line ... day,to,q ... start_s,end_s,discharge_m3_per_s',
+        'first line ... day,to,q ... start, end and effusion_rate',
     ),
     'a column twice': (
         _vents(f'x,x,y\n{X},{X},{Y}'), 'vent.csv, first line ... x,x,y ... the column x once',
@@ -345,7 +353,7 @@ WRONG: dict[str, tuple[Change, str]] = {
         _changed(RATES, '5400.0,10800.0,10', '5400.0,10'), 'line 3 ... 5400.0,10 ... 3 values',
     ),
     'no rows': (_vents('x,y'), 'vent.csv ... 1 lines ... at least one row'),
-    'no discharge at all': (_rates('0,5400,0', '5400,10800,0'), 'without discharge ... above 0'),
+    'no discharge at all': (_rates('0,5400,0', '5400,10800,0'), 'without lava ... above 0'),
     'half a fissure': (
         _vents(f'x,y,x_end,y_end\n{X},{Y},{X},'), 'line 2, x_end and y_end ... both or neither',
     ),

@@ -26,7 +26,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import COARSER, difference, estimate_error, ORDER
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Settings, simulate
-from lava_ros.hindcast.score import covered_by, judge
+from lava_ros.hindcast.score import judge
 
 MEASURED = Path(__file__).parents[2] / 'docs/benchmarks/expected_error_h100.csv'
 
@@ -38,7 +38,7 @@ def test_the_part_of_the_particles_is_that_of_a_pilot(valley: Case) -> None:
     found = estimate_error(valley, settings, result)
     coarser = replace(settings, spacing=COARSER * result.accuracy.spacing)
     pilot = simulate(valley, coarser)
-    apart = difference(covered_by(pilot.snapshot), covered_by(result.snapshot))
+    apart = difference(pilot.snapshot.inundated, result.snapshot.inundated)
     assert 0.0 < apart < 1.0
     assert found.particles == pytest.approx(apart / (COARSER**ORDER - 1.0))
     assert found.cells == result.resolution.cell_error > 0.0
@@ -51,7 +51,7 @@ def test_chance_is_the_difference_of_two_runs(valley: Case) -> None:
     """Two of four runs share half of what either covers where they fork."""
     settings = Settings('draft', device='cpu', maps=1)
     result = simulate(valley, settings)
-    covered = covered_by(result.snapshot)
+    covered = result.snapshot.inundated
     one = judge(valley, result.snapshot.thickness, covered)
     fraction = covered * 1.0
     fork = np.argwhere(covered)[: int(covered.sum()) // 2]

@@ -27,7 +27,7 @@ from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
 from lava_ros.hindcast.replicates import agreement, Direction, directions, run_replicates
 from lava_ros.hindcast.run import Run, Settings, simulate
-from lava_ros.hindcast.score import covered_by, judge
+from lava_ros.hindcast.score import judge
 from lava_ros.scene import Terrain
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
@@ -56,7 +56,7 @@ def test_lava_comes_down_the_valley(valley: Case) -> None:
     assert all(0.0 <= time - due <= 60.0 for time, due in zip(times, dues, strict=True))
     assert times[-1] == valley.duration
     result = run.result()
-    judged = judge(valley, result.snapshot.thickness, covered_by(result.snapshot))
+    judged = judge(valley, result.snapshot.thickness, result.snapshot.inundated)
     assert judged.jaccard > 0.3
     budget = result.snapshot.budget
     assert budget.emitted == pytest.approx(valley.volume)
@@ -191,6 +191,26 @@ def test_maps_come_back_on_the_finer_cells() -> None:
         assert np.isnan(values[5, 3])
     assert np.nansum(fine.thickness) * 100.0 == thickness.sum() * 400.0 - 500.0
     assert refined(snapshot, coarse, 1) is snapshot
+
+
+@pytest.mark.parametrize('shape', [(6, 8), (7, 9), (9, 6)])
+def test_refined_lava_stands_on_inundated_cells_and_keeps_its_volume(shape):
+    """Also where larger cells end in the middle of smaller ones."""
+    ground = Terrain(np.zeros(shape), 10.0)
+    coarse = coarsened(ground, 2)
+    arrived = np.full(coarse.shape, np.nan, np.float32)
+    arrived[1:3, 1:3] = 7.0
+    thickness = np.where(np.isfinite(arrived), 3.0, 0.0).astype(np.float32)
+    thickness[1, 1] = 1.0
+    snapshot = replace(
+        Snapshot(1.0, coarse, thickness, np.full_like(thickness, np.nan), None, 1, None),
+        arrived=arrived, frozen=thickness / 2.0,
+    )
+    fine = refined(snapshot, ground, 2)
+    assert not (fine.standing & ~fine.inundated).any() and fine.inundated.any()
+    for name in ('thickness', 'frozen'):
+        before, after = getattr(snapshot, name), getattr(fine, name)
+        assert after.sum() * 100.0 == pytest.approx(before.sum() * 400.0, rel=1e-6)
 
 
 #: Of several runs.

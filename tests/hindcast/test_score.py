@@ -32,6 +32,7 @@ from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.score import distances, Score, score
 from lava_ros.scene.materials import material_named
+from lava_ros.simulation.inundation import standing_cells
 
 FOOTPRINT = np.zeros((40, 30), bool)
 FOOTPRINT[5:30, 10:16] = True
@@ -43,16 +44,16 @@ def _flow() -> np.ndarray:
     """Lava two metres thick, two cells to the east of the map and five rows short."""
     thickness = np.zeros(FOOTPRINT.shape, np.float32)
     thickness[10:30, 12:18] = 2.0
-    thickness[10:30, 18] = 0.1
+    thickness[10:30, 18] = 0.09
     return thickness
 
 
 def _scored(thickness: np.ndarray, footprint: np.ndarray, vent: Any = VENT,
             emitted: float = 1.0) -> Score:
-    """The score of lava that covers where it is thicker than a decimetre."""
-    covered = thickness > 0.1
+    """The score of lava that has reached the cells where it stands."""
+    inundated = standing_cells(thickness)
     return score(
-        thickness, covered, footprint, resolution=10.0, vents=[vent], emitted=emitted
+        thickness, inundated, footprint, resolution=10.0, vents=[vent], emitted=emitted
     )
 
 
@@ -63,11 +64,12 @@ def test_numbers_are_those_of_counted_cells() -> None:
     assert found.jaccard == pytest.approx(80 / 190)
     assert found.fit == pytest.approx((80 / 190) ** 0.5)
     assert (found.recall, found.precision) == (pytest.approx(80 / 150), pytest.approx(80 / 120))
-    assert (found.area, found.mapped_area) == (12_000.0, 15_000.0)
+    assert (found.area, found.standing_area) == (12_000.0, 12_000.0)
+    assert found.mapped_area == 15_000.0
     assert found.area_error == pytest.approx(-0.2)
     assert (found.mean_thickness, found.median_thickness, found.thickest) == (2.0, 2.0, 2.0)
     assert found.mapped_thickness == pytest.approx(2.0)
-    assert found.volume == pytest.approx(24_000.0 + 20 * 0.1 * 100.0)
+    assert found.volume == pytest.approx(24_000.0 + 20 * 0.09 * 100.0)
     none = _scored(np.full(FOOTPRINT.shape, np.nan), FOOTPRINT, emitted=0.0)
     assert (none.jaccard, none.recall, none.precision) == (0.0, 0.0, 0.0)
     assert (none.length, none.volume, none.mean_thickness) == (0.0, 0.0, 0.0)

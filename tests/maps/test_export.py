@@ -15,6 +15,7 @@
 """GeoTIFF and what else GIS programs read say what the bag said, where it was."""
 
 import json
+from pathlib import Path
 import sys
 from xml.etree import ElementTree
 
@@ -25,12 +26,16 @@ from rasterio.warp import transform
 
 from lava_ros.cli.main import main
 from lava_ros.errors import LavaError
+from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps import gis
 from lava_ros.maps.export import export_bag, MAPS
 from lava_ros.maps.frames import Recording
-from lava_ros.maps.gis import coordinate_system, NODATA, NODATA_BYTE
+from lava_ros.maps.gis import coordinate_system
+from lava_ros.maps.plot import MAX_ISOCHRONES, STYLES
+from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.scene import Terrain
-from recording import GRIDS, record, silenced, TERRAIN
+from lava_ros.scene.features import load_features
+from recording import GRIDS, record, silenced, TERRAIN, VENT
 
 
 @pytest.fixture(scope='module')
@@ -71,11 +76,10 @@ def test_values_come_back_as_the_frame_has_them(bag, out):
         values = frame.layers[source].values
         with rasterio.open(out / f'{name}.tif') as file:
             cells = file.read(1)[::-1]
-            nodata = NODATA_BYTE if name == 'hazard' else NODATA
-            assert file.nodata == nodata
+            assert file.nodata == NODATA
             expected = np.where(np.isfinite(values), values, dry)
-            np.testing.assert_allclose(cells, np.where(outside, nodata, expected), rtol=1e-6)
-            np.testing.assert_array_equal(file.read_masks(1)[::-1] == 0, cells == nodata)
+            np.testing.assert_allclose(cells, np.where(outside, NODATA, expected), rtol=1e-6)
+            np.testing.assert_array_equal(file.read_masks(1)[::-1] == 0, cells == NODATA)
 
 
 def test_a_cell_is_where_it_was(out):
@@ -178,8 +182,7 @@ def test_a_bag_without_coordinate_system(tmp_path):
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
-        ({'epsg': 32632}, 'epsg is 32632, expected 32633, as the bag says'),
-        ({'offset': (1.0, 2.0)}, 'offset is .*as the bag says'),
+        ({'offset': (1.0, 2.0)}, 'offset is .*as the bag states'),
         ({'time': 100.0}, 'time is 100.0, expected 200 to 800 s'),
         ({'threshold': 0.01}, 'threshold is 0.01'),
         ({'threshold': float('nan')}, 'threshold is nan'),
@@ -219,7 +222,9 @@ def test_outline_and_isochrones(floats, tmp_path):
         json.loads((tmp_path / f'out/{name}.geojson').read_text())['features']
         for name in ('outline', 'isochrones')
     )
-    assert [item['properties'] for item in outline] == [{'from_m': 0.1, 'area_m2': 80 * 25.0}]
+    assert [item['properties'] for item in outline] == [
+        {'shows': 'inundated area', 'from_m': 0.1, 'area_m2': 80 * 25.0}
+    ]
     (ring,) = outline[0]['geometry']['coordinates'][0]
     # 15 degrees east is 500 km east in zone 33; the flow is there from -50 m to -10 m
     assert all(14.999 < x < 15.0 and 37.7 < y < 37.8 for x, y in ring)
@@ -234,7 +239,7 @@ def test_places_outside_the_projection(tmp_path):
     place = gis.Place((1e8, 4e6), 10.0, gis.coordinate_system(32633))
     features = gis.area(np.ones((2, 2), dtype=bool), place)
     with pytest.raises(LavaError, match='corner of the map') as caught:
-        gis.write_geojson(tmp_path / 'outline.geojson', features, place)
+        gis.write_formats(tmp_path, ['geojson'], {'outline': features}, {}, place, '')
     assert caught.value.value == place.corner
 
 
@@ -256,7 +261,7 @@ def test_areas():
     for last in (40.0, 3000.0, 86_400.0, 86_400.0 * 1000):
         times = np.linspace(0.0, last, 100).reshape(10, 10)
         ends = [item['properties']['time_s'] for item in gis.isochrones(times, place)]
-        assert 1 <= len(ends) <= gis.MOST_ISOCHRONES and ends[-1] >= last
+        assert 1 <= len(ends) <= MAX_ISOCHRONES and ends[-1] >= last
     assert gis.isochrones(np.full((3, 3), np.nan), place) == []
     percent = np.array([[np.nan, 5.0, 10.0], [49.0, 50.0, 95.0]])
     found = [item['properties'] for item in gis.probabilities(percent, place)]
@@ -266,23 +271,82 @@ def test_areas():
     ]
 
 
-def test_styles_of_qgis(floats, tmp_path):
-    """Each GeoTIFF has one, from the colour of the least to that of the most."""
+def painted(style: Path, value: float) -> tuple[float, str]:
+    """Opacity (0 to 1) and colour with which QGIS draws a value by a style."""
+    drawn = ElementTree.parse(style).find('pipe/rasterrenderer')
+    assert drawn is not None
+    if drawn.get('type') == 'paletted':
+        found = [item for item in drawn.iter('paletteEntry') if float(item.get('value')) == value]
+        return (1.0, str(found[0].get('color'))) if found else (0.0, '')
+    items = list(drawn.iter('item'))
+    stops = [float(item.get('value', 'nan')) for item in items]
+    assert stops == sorted(stops) and len(set(stops)) == len(stops)
+    alpha = np.interp(value, stops, [float(item.get('alpha', 'nan')) for item in items])
+    nearest = min(items, key=lambda item: abs(float(item.get('value', 'nan')) - value))
+    return float(alpha) / 255.0, str(nearest.get('color'))
+
+
+def test_every_file_of_a_bag_has_a_style(floats, tmp_path):
+    """Each GeoTIFF has a .qml, from the colour of the least to that of the most."""
     export_bag(floats, tmp_path / 'out')
     names = {path.stem for path in (tmp_path / 'out').glob('*.qml')}
     assert names == {path.stem for path in (tmp_path / 'out').glob('*.tif')}
-    root = ElementTree.parse(tmp_path / 'out/height.qml').getroot()
-    drawn = root.find('pipe/rasterrenderer')
-    assert drawn is not None and drawn.get('type') == 'singlebandpseudocolor'
-    values = [float(item.get('value', '')) for item in drawn.iter('item')]
-    assert (values[0], values[-1]) == (0.0, pytest.approx(3.26))
+    style = tmp_path / 'out/height.qml'
+    assert painted(style, 0.0)[0] == 0.0
+    assert painted(style, 4.0) == (1.0, STYLES['thickness'].colours[-1])
+
+
+@pytest.mark.parametrize('name', RASTER_LAYERS)
+def test_style_leaves_cells_without_lava_transparent(name, tmp_path):
+    """QGIS paints lava in all layers, ground without lava in none, and times are in hours."""
+    layer = RASTER_LAYERS[name]
+    values = np.array([[0.0, 1.0, 2.0, np.nan]]) * (36_000.0 if layer.unit == 's' else 1.0)
+    style = write_style(tmp_path / 'map.tif', name, values)
+    for value in values[0, 1:3]:
+        assert painted(style, float(value))[0] == 1.0
+    if layer.drawn in ('arrival', 'temperature', 'elevation'):
+        # cells without lava, or without ground, are no data in the file
+        assert painted(style, 0.0)[0] == 1.0
+    else:
+        assert painted(style, 0.0)[0] == 0.0
+    labels = [item.get('label') for item in ElementTree.parse(style).iter('item')]
+    if layer.unit == 's':
+        assert (labels[0], labels[-1]) == ('0 h', '20 h')
+
+
+@pytest.mark.parametrize('name', RASTER_LAYERS)
+def test_every_raster_states_what_it_is(name, tmp_path):
+    """Description, unit, one value without data, and where the map is from."""
+    values = np.array([[0.0, 3.0], [np.nan, 2.0]])
+    origin = gis.Provenance('etna.yaml', ('steep', 'cooling'), 'draft', '9.9', 'seen.geojson')
+    place = gis.Place((0.0, 0.0), 1.0, None)
+    path, _ = gis.write_map(tmp_path / 'map.tif', name, values, place, origin, {'members': '4'})
+    with rasterio.open(path) as file:
+        assert file.nodata == NODATA and file.descriptions == (name,)
+        assert file.units == (RASTER_LAYERS[name].unit,)
+        tags = file.tags()
+        cells = file.read(1, masked=True)[::-1]
+    assert RASTER_LAYERS[name].meaning in tags['TIFFTAG_IMAGEDESCRIPTION']
+    told = {'scene': 'etna.yaml', 'effects': 'steep cooling', 'preset': 'draft',
+            'lava_ros': '9.9', 'observation': 'seen.geojson', 'members': '4'}
+    assert tags.items() >= told.items()
+    dry = RASTER_LAYERS[name].drawn == 'thickness'
+    np.testing.assert_array_equal(np.ma.getmaskarray(cells), [[dry, False], [True, False]])
+    np.testing.assert_array_equal(cells[~cells.mask], values[~cells.mask])
+
+
+def test_a_raster_without_a_row_in_the_table_is_refused(tmp_path):
+    """The error lists the names there are."""
+    place = gis.Place((0.0, 0.0), 1.0, None)
+    with pytest.raises(LavaError, match='name is .depth., expected .*thickness'):
+        gis.write_map(tmp_path / 'a.tif', 'depth', np.ones((2, 2)), place, gis.Provenance('a'))
 
 
 @pytest.mark.parametrize(
     ('format_name', 'module', 'words'),
     [
         ('tif', 'rasterio', r"pip install 'lava_ros\[terrain\]'"),
-        ('gpkg', 'fiona', r"GeoPackage is .*fiona.*'lava_ros\[gis\]'"),
+        ('gpkg', 'pyogrio', r"gpkg is .*pyogrio.*'lava_ros\[terrain\]'"),
         ('nc', 'xarray', r"NetCDF is .*xarray.*'lava_ros\[gis\]'"),
     ],
 )
@@ -294,16 +358,27 @@ def test_without_the_library(format_name, module, words, floats, tmp_path, monke
     assert not (tmp_path / 'out').exists()
 
 
-def test_a_geopackage(floats, tmp_path):
-    """Outline and isochrones are layers of it, in the coordinates of the map."""
-    fiona = pytest.importorskip('fiona')
-    export_bag(floats, tmp_path / 'out', formats=['gpkg'])
-    path = tmp_path / 'out/lava.gpkg'
-    assert fiona.listlayers(path) == ['outline', 'isochrones']
-    with fiona.open(path, layer='outline') as layer:
-        assert layer.crs.to_epsg() == 32633
-        assert layer.bounds == (499_950.0, 4_180_070.0, 499_990.0, 4_180_120.0)
-        assert [item['properties']['area_m2'] for item in layer] == [2000.0]
+@pytest.mark.parametrize('ending', WRITTEN)
+def test_vector_formats(ending, floats, tmp_path):
+    """Outline, isochrones and vents come back from each format, at their places."""
+    out = tmp_path / 'out'
+    exported = export_bag(floats, out, formats=[ending])
+    assert sorted(exported.files) == sorted(out.iterdir())
+    paths = [path for path in exported.files if path.suffix == f'.{ending}']
+    found = [item for path in paths for item in load_features('--overlay', path)]
+    areas = [item for item in found if item.kind == 'Polygon']
+    (outline,) = (item for item in areas if 'time_s' not in item.properties)
+    times = {float(item.properties['time_s']) for item in areas if item is not outline}
+    assert times == {300.0, 600.0, 900.0}
+    assert float(outline.properties['area_m2']) == 2000.0
+    (ring,) = outline.on(TERRAIN).rings
+    ends = [(499_950.0, 4_180_070.0), (499_990.0, 4_180_120.0)]
+    np.testing.assert_allclose([ring.min(axis=0), ring.max(axis=0)], ends, atol=0.02)
+    (vent,) = (item for item in found if item.kind == 'Point')
+    place = np.add(VENT.position, TERRAIN.offset)
+    np.testing.assert_allclose(vent.on(TERRAIN).rings[0], [place], atol=0.02)
+    name = 'effusion_rate' if ending not in ('shp', 'zip') else 'effusion_r'
+    assert float(vent.properties[name]) == VENT.discharge
 
 
 def test_a_netcdf(floats, tmp_path):

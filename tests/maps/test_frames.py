@@ -262,7 +262,7 @@ def test_the_threshold_decides(grids, tmp_path):
 
 
 def test_times_are_those_that_the_simulation_noted(tmp_path):
-    """Maps 200 s apart give them to the step, for this threshold alone, where maps have lava."""
+    """Maps 200 s apart give them to the step, for this threshold alone; drained cells have one."""
 
     def noted(time: float) -> np.ndarray:
         times = np.where(growing(time) > 0.0, 100.0 * np.arange(40) + 37.5, np.nan)
@@ -273,7 +273,10 @@ def test_times_are_those_that_the_simulation_noted(tmp_path):
     found = arrival_of(bag, 0.1)
     assert found.times is not None and found.is_noted
     np.testing.assert_array_equal(found.times[12, :8], 100.0 * np.arange(8) + 37.5)
-    assert not np.isfinite(found.times[25]).any()
+    assert (found.times[25] == 12.0).all()
+    frame = Recording(bag).frame_at()
+    assert frame.inundated is not None and frame.inundated[25].all()
+    assert not frame.standing[25].any()
     other = arrival_of(bag, 0.5)
     assert other.times is not None and not other.is_noted
     assert other.times[12, 0] == 200.0

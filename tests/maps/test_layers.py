@@ -25,6 +25,7 @@ import yaml
 from lava_ros.bag import LATCHED
 from lava_ros.errors import LavaError
 from lava_ros.maps import layers as kinds
+from lava_ros.maps.forecast import Forecast
 from lava_ros.maps.layer_files import layers_from_dict, load_layers, switched
 from lava_ros.maps.layers import hazard, HazardLimits, within
 from lava_ros.scene import Terrain
@@ -89,6 +90,41 @@ def test_grids(changes, expected):
     values = _layer(**changes).values(SNAPSHOT)
     assert values.dtype == np.int8
     assert values.tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ('changes', 'expected'),
+    [
+        ({'range': None}, [[50, 50, 100], [100, 0, -1]]),
+        # a mask closes inundated ground, and a margin goes around it
+        ({**MASK, 'threshold': 0.01}, [[100, 100, 100], [100, 0, -1]]),
+        ({**MASK, 'margin': 5.0}, [[100, 100, 100], [100, 100, -1]]),
+        ({'scale': [50, 10]}, [[30, 30, 10], [10, 0, -1]]),
+        # 60 is above what drained ground has
+        ({**MASK, 'step': 60.0}, [[0, 0, 100], [100, 0, -1]]),
+    ],
+)
+@pytest.mark.parametrize('kind', ['snapshot', 'forecast'])
+def test_the_hazard_of_inundated_ground_is_never_0(kind, changes, expected):
+    """Ground that lava has left is hot and holds a crust; thickness and temperature are of now."""
+    thickness = np.array([[0.0, 0.005, 3.0], [0.2, 0.0, np.nan]], np.float32)
+    came = np.array([[1.0, 1.0, 1.0], [np.nan, np.nan, np.nan]], np.float32)
+    shown = _snapshot(thickness, np.where(thickness > 0.0, 900.0, np.nan))
+    source = 'hazard'
+    if kind == 'snapshot':
+        shown = dataclasses.replace(shown, arrived=came)
+    else:
+        source = 'peak_hazard'
+        shown = Forecast(
+            0.0, 10.0, 0.1, shown.terrain, came, thickness, shown.temperature, 1.0, 1
+        )
+    changes = {'range': [0.0, 100.0], 'threshold': 0.01, **changes}
+    layer = _layer(source='hazard', **changes)
+    if kind == 'forecast':
+        layer = dataclasses.replace(layer, source=source)
+    assert layer.values(shown).tolist() == expected
+    height = _layer(threshold=0.1).values(shown)
+    assert height.tolist() == [[0, 0, 3], [1, 0, -1]]
 
 
 def test_raw_images():

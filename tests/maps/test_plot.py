@@ -29,7 +29,7 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame, LayerFrame
 from lava_ros.maps.layers import IMAGE, Layer
 from lava_ros.maps.numbers import percent, seconds
-from lava_ros.maps.plot import duration, scale_of
+from lava_ros.maps.plot import barriers_of, duration, scale_of
 from lava_ros.maps.sheet import draw_sheet, Panel
 
 
@@ -65,6 +65,25 @@ def frame():
     return Frame(elevation, 10.0, (0.0, 0.0), layers, vents, 5400.0, scene)
 
 
+@pytest.mark.parametrize(
+    ('told', 'crests'),
+    [
+        ([], []),
+        ([[[500100.0, 4180200.0], [500300.0, 4180250.0]]], [[[100.0, 200.0], [300.0, 250.0]]]),
+        # a foreign bag may say anything
+        ('all along', []),
+        ([[[1.0, 2.0]]], []),
+    ],
+)
+def test_barriers_are_drawn_where_they_are(frame, tmp_path, told, crests):
+    """In map coordinates, with a line in the legend."""
+    place = {'epsg': 32633, 'offset': [500000.0, 4180000.0], 'barriers': told}
+    frame = replace(frame, scene={'terrain': place})
+    assert [crest.tolist() for crest in barriers_of(frame)] == crests
+    plot_frame(frame, tmp_path / 'a.svg')
+    assert ('<!-- barrier -->' in (tmp_path / 'a.svg').read_text()) is bool(crests)
+
+
 def plot_frame(frame: Frame, output: Path) -> None:
     """Draw all layers of a frame."""
     panels = [Panel(frame, name, item.values) for name, item in frame.layers.items()]
@@ -93,7 +112,7 @@ def texts(monkeypatch):
     """What is written in the pictures that are drawn."""
     said: list[str] = []
 
-    def keep(figure: Any, path: Path) -> None:
+    def keep(figure: Any, path: Path, **_: str) -> None:
         figure.canvas.draw()
         said.extend(item.get_text() for item in figure.findobj(Text))
 

@@ -62,6 +62,7 @@ GIVEN = {
     'layers_on': OPTIONAL,
     'forecast_horizon': 1.0,
     'ensemble_members': 4,
+    'places': [str(ROOT / 'examples' / 'places.csv')],
 }
 
 #: Parameters that every node has, which no table here describes.

@@ -48,6 +48,8 @@ def _snapshot(**budget):
         budget=VolumeBudget(**amounts),
         particle_count=3,
         steps=StepReport(40, 40, 1, 0.25, 'advection'),
+        # lava has left the second cell
+        arrived=np.array([[1.0, 2.0], [np.nan, np.nan]], np.float32),
     )
 
 
@@ -158,7 +160,8 @@ def test_simulation_values():
         'simulated_time_s': '12.5',
         'frame_stamp_ns': '99',
         'particles': '3',
-        'wet_cells': '1',
+        'inundated_area_m2': '2.0',
+        'standing_area_m2': '1.0',
         'volume_emitted_m3': '10.0',
         'volume_held_m3': '10.0',
         'volume_pending_m3': '0.5',
@@ -171,6 +174,7 @@ def test_simulation_values():
         'step_s': '0.25',
         'step_limit': 'advection',
         'step_stages': '1',
+        'highest_temperature_c': '-273.15',
     }
 
 

@@ -154,7 +154,7 @@ def test_a_bag_has_the_maps(tmp_path):
     assert {name.removeprefix('/lava/') for name in bag.topics} == {
         'terrain', 'terrain_info', 'relief', 'vents', 'vents_markers', 'inundation_probability',
         'probability_class', 'arrival_time_p10', 'arrival_time_p50', 'arrival_time_p90',
-        'expected_thickness',
+        'expected_peak_thickness',
     }
     messages = {
         item.topic.removeprefix('/lava/'): deserialize_message(
@@ -169,7 +169,7 @@ def test_a_bag_has_the_maps(tmp_path):
     )
     assert set(grid.data) == {0, 33, 67, 100}
     for name, values in (
-        ('expected_thickness', maps.thickness), ('arrival_time_p50', maps.arrival[0.5]),
+        ('expected_peak_thickness', maps.thickness), ('arrival_time_p50', maps.arrival[0.5]),
     ):
         image = messages[name]
         np.testing.assert_array_equal(image_array(image, name), values)

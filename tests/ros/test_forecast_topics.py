@@ -57,7 +57,7 @@ ENSEMBLES = (
     'arrival_time_p10',
     'arrival_time_p50',
     'arrival_time_p90',
-    'expected_thickness',
+    'expected_peak_thickness',
 )
 
 GRIDS = ('arrival', 'peak_height', 'peak_temperature', 'inundation_probability')

@@ -174,6 +174,16 @@ def test_a_terrain_is_read_from_any_start_of_the_buffer(start, row_major, offset
     assert (terrain.epsg, terrain.offset) == (32633, (5e5, 4e6))
 
 
+def test_value_that_looks_like_missing_data_is_refused():
+    """NaN is how messages say it."""
+    ground = 500.0 + np.add.outer(np.arange(20.0), np.arange(20.0))
+    ground[4:8, 4:8] = -999.0
+    terrain = Terrain(ground, 10.0)
+    message = codec.grid_map_message({'elevation': ground}, terrain, Header(frame_id='map'))
+    with pytest.raises(LavaError, match='terrain_grid.data is .-999 in 16 cells'):
+        inputs.terrain_from_grid(message, Settings())
+
+
 def spoilt(**changes):
     """A map with fields replaced; names with _ in them lead into parts."""
     message = moved(1, 1)

@@ -117,6 +117,24 @@ def test_malformed_terrain_is_refused(path, value, rules, said):
         inputs.terrain_from_image(pair.image, pair.info, replace(RULES, **rules))
 
 
+@pytest.mark.parametrize('value', [-999.0, -9999.0, 32767.0, 0.0])
+def test_value_that_looks_like_missing_data_is_refused(value):
+    """From an image or a cloud; NaN is how messages say it."""
+    ground = 500.0 + np.add.outer(np.arange(20.0), np.arange(20.0))
+    ground[4:8, 4:8] = value
+    x, y = np.meshgrid(10.0 * np.arange(20.0), 10.0 * np.arange(20.0))
+    image = codec.float_image(ground.astype(np.float32), _header())
+    info = MapMetaData(width=20, height=20, resolution=10.0)
+    rules = replace(RULES, terrain_cloud_resolution=10.0)
+    for given in (
+        lambda: inputs.terrain_from_image(image, info, rules),
+        lambda: inputs.terrain_from_cloud(_cloud(x.ravel(), y.ravel(), ground.ravel()), rules),
+    ):
+        said = f'is .{value:g} in 16 cells.*NaN in place of {value:g}'
+        with pytest.raises(LavaError, match=said):
+            given()
+
+
 def test_holes_are_taken_on_request():
     """NaN cells of an image, and cells without points of a cloud, stay NaN."""
     rules = replace(RULES, **ALLOWED)

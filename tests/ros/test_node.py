@@ -56,7 +56,8 @@ def test_diagnostics(running):
     status = running.status_now('simulation')
     assert status['state'] == 'running'
     assert status['device'] == 'cpu'
-    assert float(status['speed']) > 0.0 and int(status['wet_cells']) > 0
+    assert float(status['speed']) > 0.0 and float(status['standing_area_m2']) > 0.0
+    assert float(status['inundated_area_m2']) >= float(status['standing_area_m2'])
     assert float(status['simulated_time_s']) > 0.0
     assert int(status['particles']) > 0
     assert float(status['volume_error']) < 1e-5

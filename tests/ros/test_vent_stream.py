@@ -47,7 +47,7 @@ def undisturbed(terrain: Terrain) -> Simulation:
         Vent((x, y), discharge, celsius + 273.15, radius=radius)
         for x, y, discharge, celsius, radius in zip(*(COLUMNS[n] for n in names), strict=True)
     )
-    accuracy = preset_accuracy('standard', spacing=8.0)
+    accuracy = preset_accuracy('standard', spacing=4.0)
     simulation = Simulation(Scene(terrain, vents, Lava(**LAVA)), accuracy=accuracy, device='cpu')
     simulation.advance(END)
     return simulation
@@ -55,17 +55,18 @@ def undisturbed(terrain: Terrain) -> Simulation:
 
 def test_stream_of_vents_leaves_the_flow_as_it_is(graph):
     """Footprint, thickness and number of particles are those of one message."""
-    terrain = Terrain(np.tile(500.0 - 2.0 * np.arange(60.0), (30, 1)), 10.0)
+    # at 4 m a shift of the vents by 1 m changes 2 % of the cells; at 8 m, 3 %
+    terrain = Terrain(np.tile(500.0 - np.arange(120.0), (60, 1)), 5.0)
     bag = graph.directory / 'stream'
     constants = {f'lava.{name}': value for name, value in LAVA.items()}
     node = graph.node(
-        device='cpu', time_scale=SCALE, end_time=END, spacing=8.0, record=True,
+        device='cpu', time_scale=SCALE, end_time=END, spacing=4.0, record=True,
         bag_directory=str(bag), **constants,
     )
     listener, publisher = graph.listener(), graph.publisher()
     for topic, message in (
         ('terrain', float_image(terrain.elevation, header('map', 0))),
-        ('terrain_info', info(width=60)),
+        ('terrain_info', info(width=120, height=60, resolution=5.0)),
     ):
         wait_until(publisher.publishers[topic].get_subscription_count)
         publisher.publishers[topic].publish(message)
@@ -97,7 +98,9 @@ def test_stream_of_vents_leaves_the_flow_as_it_is(graph):
     thickness = frame.layers['thickness'].values
     wanted = expected.snapshot().thickness
     wet, dry = (thickness > 0.1) & (wanted > 0.1), (thickness > 0.1) | (wanted > 0.1)
-    assert wet.sum() >= 0.97 * dry.sum() > 60
-    assert np.nanmax(thickness) == pytest.approx(np.nanmax(wanted), rel=0.05)
+    assert wet.sum() >= 0.97 * dry.sum() > 240
+    # not the largest one, which is that of a single cell
+    thick = [np.quantile(values[values > 0.1], 0.9) for values in (thickness, wanted)]
+    assert thick[0] == pytest.approx(thick[1], rel=0.05)
     assert int(status['particles']) == pytest.approx(expected.particle_count, rel=0.05)
     assert float(status['volume_emitted_m3']) == pytest.approx(12.0 * END, rel=1e-3)

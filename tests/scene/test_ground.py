@@ -14,6 +14,7 @@
 
 """Points, lines and areas of others on a terrain; barriers, a low-pass filter and finer cells."""
 
+from dataclasses import replace
 import json
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,11 @@ from rasterio.warp import transform
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.rasters import seen_in_file
-from lava_ros.scene import Terrain
-from lava_ros.scene.features import read_features
+from lava_ros.maps.gis import Provenance, write_grid
+from lava_ros.scene import Scene, scene_to_dict, Terrain
+from lava_ros.scene.features import load_features, read_features
 from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier
+from lava_ros.scene.terrain_files import barrier_tags, load_terrain
 from lava_ros.simulation.terrain import ringed_heights
 
 #: A square kilometre on the central meridian of UTM zone 33.
@@ -89,22 +92,26 @@ def test_geojson(tmp_path: Path) -> None:
     lines = {'type': 'MultiLineString', 'coordinates': [[[1, 2], [3, 4]], [[5, 6], [7, 8]]]}
     path = features(tmp_path / 'b.json', of={'b': lines}, crs=crs)
     first, second = read_features('--overlay', path, TERRAIN)
+    assert first.where == second.where
     np.testing.assert_allclose(first.rings[0], [[1, 2], [3, 4]], atol=1e-6)
     np.testing.assert_allclose(second.rings[0], [[5, 6], [7, 8]], atol=1e-6)
 
 
-def test_a_geopackage(tmp_path: Path) -> None:
-    """Its layers are in their own systems."""
-    fiona = pytest.importorskip('fiona')
-    schema = {'geometry': 'Point', 'properties': {'name': 'str'}}
-    with fiona.open(
-        tmp_path / 'a.gpkg', 'w', driver='GPKG', schema=schema, crs='EPSG:4326', layer='stations'
-    ) as file:
-        geometry = {'type': 'Point', 'coordinates': DEGREES}
-        file.write({'geometry': geometry, 'properties': {'name': 'gauge'}})
-    (found,) = read_features('--overlay', tmp_path / 'a.gpkg', TERRAIN)
-    np.testing.assert_allclose(found.rings[0], METRES, atol=1e-3)
-    assert found.name == 'gauge'
+def test_features_without_a_geometry_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The others are read; errors and warnings have the name of the feature."""
+    path = features(tmp_path / 'a.geojson', of={'gone': None})
+    with pytest.raises(LavaError, match='at least one point'):
+        read_features('--overlay', path, TERRAIN)
+    assert 'feature 0 (gone) has no geometry and is left out' in caplog.text
+    point = {'type': 'Point', 'coordinates': DEGREES}
+    path = features(tmp_path / 'a.geojson', of={'gone': None, 'here': point})
+    (found,) = load_features('--overlay', path)
+    assert (found.name, found.system) == ('here', 'EPSG:4326')
+    np.testing.assert_allclose(found.on(TERRAIN).rings[0], METRES, atol=1e-3)
+    with pytest.raises(LavaError, match=r'feature 1 \(here\) is .*no coordinate system'):
+        found.on(Terrain(np.zeros((5, 5)), 10.0))
 
 
 def test_areas_become_cells(tmp_path: Path) -> None:
@@ -122,20 +129,36 @@ def test_areas_become_cells(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('name', 'text', 'words'),
     [
-        ('a.shp', '', 'ends with .geojson'),
-        ('a.csv', 'east,north\n1,2\n', "first line is 'east,north', expected the columns x,y"),
+        ('a.doc', '', 'ends with .geojson'),
+        ('a.shp', '', 'a file of Shapefile'),
+        ('a.csv', 'here,there\n1,2\n', "first line is 'here,there', expected the columns x,y"),
         ('a.csv', 'x,y\n', '1 lines'),
-        ('a.csv', 'x,y\n1,here\n', 'line 2 is .*a geometry of numbers'),
-        ('a.csv', 'x,y\n1,nan\n', 'two coordinates'),
-        ('a.geojson', '[1]', 'a FeatureCollection'),
-        ('a.geojson', '{"features": []}', 'at least one point'),
-        ('a.geojson', '{"features": [{"geometry": {"type": "Circle"}}]}', 'feature 0 is .Circle'),
-        ('a.geojson', '{"features": [{"geometry": 5}]}', 'with a geometry'),
-        ('a.geojson', '{"type": "Point", "coordinates": [[1], 2]}', 'a geometry of numbers'),
+        ('a.csv', 'x,y\n1,here\n', "line 2, y is 'here', expected a finite number"),
+        ('a.csv', 'name,x,y\nhut,1,nan\n', r"line 2 \(hut\), y is 'nan', expected a finite"),
+        ('a.csv', 'x,y\n1,1e30\n', 'two coordinates'),
+        ('a.csv', 'x,y,x_end\n1,2,3\n', 'both or neither'),
+        ('a.csv', 'lon,lat,x,y\n2,4,5,6\n', 'the columns x,y or lon,lat or wkt'),
+        ('a.csv', 'X,Easting,y\n2,4,5\n', "is 'X and Easting', expected one column for x"),
+        ('a.csv', 'x (furlong),y\n2,4\n', "x .furlong. of .* is 'furlong', expected a unit such"),
+        ('a.csv', 'wkt\nPNT\n', "line 2, wkt is 'PNT', expected well-known text"),
+        ('a.csv', 'lon,lat\n200,1\n', "lon is '200', expected a longitude from -180 to 180"),
+        ('a.csv', "lon,lat\n15 61 0,1\n", "lon is '15 61 0', expected a longitude"),
+        ('a.csv', "lon,lat\n37N,15E\n", "lon is '37N', expected a longitude"),
+        ('a.geojson', '[1]', 'a file of GeoJSON'),
+        ('a.geojson', '{"features": []}', 'GeoJSON that GDAL can read'),
+        ('a.geojson', '{"type": "FeatureCollection", "features": []}', 'at least one point'),
+        ('a.geojson', '{"type": "Feature", "geometry": {"type": "Circle"}}', 'at least one point'),
+        ('a.geojson', '{"type": "Point", "coordinates": [[1], 2]}', "invalid 'x' coordinate"),
         ('a.geojson', '{"type": "Point", "coordinates": [500, 95]}', 'that GDAL knows'),
-        ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "crs": {"properties": '
-         '{"name": "EPSG:0"}}}', 'that GDAL knows'),
-        ('a.gpkg', 'SQLite it is not', 'GeoPackage'),
+        ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "crs": {"type": "name", '
+         '"properties": {"name": "EPSG:0"}}}', 'that GDAL knows'),
+        ('a.gpkg', 'SQLite it is not', 'a file of GeoPackage'),
+        ('a.kml', '<html/>', 'a file of KML'),
+        ('a.kml', '<!DOCTYPE x [<!ENTITY a "b">]><kml/>', 'a file of KML'),
+        ('a.kml', '<kml><!DOCTYPE x></kml>', 'a file of KML'),
+        ('a.kml', '<OGRVRTDataSource/>', 'a file of KML'),
+        ('a.kmz', 'PK', 'a readable file'),
+        ('a.zip', 'x', 'a readable file'),
     ],
 )
 def test_what_cannot_be_read(tmp_path: Path, name: str, text: str, words: str) -> None:
@@ -179,6 +202,57 @@ def test_thin_barrier_has_no_gap() -> None:
         assert len(columns)
         # the parts of two rows overlap: no way leads through between them
         assert set(columns) & set(following)
+
+
+@pytest.mark.parametrize('width', [8.0, 30.0])
+def test_barrier_takes_the_earth_of_its_cross_section(
+    width: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """On fine cells the ground has as much; a crest that cells have to widen is told."""
+    barrier = Barrier(((140.0, 500.0), (861.0, 500.0)), height=12.0, width=width)
+    volumes = {}
+    for cell in (1.0, 10.0):
+        ground = Terrain(np.zeros((int(1000 / cell), int(1000 / cell))), cell)
+        caplog.clear()
+        added = with_barrier(ground, barrier).elevation
+        volumes[cell] = float(added.sum(dtype=float)) * cell**2
+        is_widened = bool(width < np.sqrt(2.0) * cell)
+        assert is_widened is ('becomes 14.1 m wide on cells of 10 m' in caplog.text)
+    assert barrier.volume == pytest.approx(volumes[1.0], rel=1e-3)
+    assert (barrier.volume < 0.8 * volumes[10.0]) is (width < 10.0)
+
+
+@pytest.mark.parametrize('ending', ['.tif', '.npz'])
+def test_barriers_stay_with_the_file_of_their_ground(
+    tmp_path: Path, ending: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What reads the file draws them; damage and another system are told, and nothing worse."""
+    line = (_place(100, 100), _place(300, 100), _place(300, 300))
+    dam = with_barrier(GROUND, Barrier(line, 8.0, 20.0))
+    dam = with_barrier(dam, Barrier(line[:2], 9.0, 20.0))
+    path = tmp_path / f'dam{ending}'
+
+    def write(tags: dict[str, str], epsg: int = 32633) -> Terrain:
+        if ending == '.tif':
+            origin = Provenance('dam', effects=(), preset='none')
+            write_grid(path, 'elevation', dam.elevation, replace(dam, epsg=epsg), origin, tags)
+        else:
+            known = {name: getattr(dam, name) for name in ('elevation', 'resolution', 'offset')}
+            np.savez(path, **known, **tags, epsg=epsg)
+        return load_terrain(path)
+
+    tags = barrier_tags(dam)
+    assert write(tags).barriers == (line, line[:2]) == finer(dam, 2).barriers
+    assert write(barrier_tags(GROUND)).barriers == ()
+    for wrong, epsg in (
+        (tags, 32634), (dict.fromkeys(tags, '{'), 32633), (dict.fromkeys(tags, '[1]'), 32633),
+        (dict.fromkeys(tags, '{"epsg": 32633, "crests": [[[1, 2]]]}'), 32633),
+    ):
+        caplog.clear()
+        assert write(wrong, epsg).barriers == ()
+        assert 'maps will not show its barriers' in caplog.text
+    told = scene_to_dict(Scene(dam))['terrain']['barriers']
+    assert told == [[list(place) for place in crest] for crest in dam.barriers]
 
 
 def test_corners_and_turned_barriers() -> None:

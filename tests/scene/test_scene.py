@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lava_ros.effects import possible
 from lava_ros.effects.crystals import fraction
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
@@ -197,7 +198,7 @@ ambient_temperature: 290
         ('terrain: {}', r'scene\.terrain\.file'),
         ('lava: {stickiness: 3}', r'scene\.lava\.stickiness'),
         ('vents: 3', 'vents'),
-        ('vents: [{position: [5, 5]}]', r'vents\[0\]\.discharge'),
+        ('vents: [{position: [5, 5]}]', r'vents\[0\]\.effusion_rate'),
         ('vents: [{discharge: 5}]', r'vents\[0\]\.position'),
     ],
 )
@@ -425,6 +426,15 @@ def test_materials_are_usable_and_sourced(name: str) -> None:
             low, high = constant.range
             assert low <= float(constant.value) <= high
             assert len(constant.range_source) > 30
+
+
+@pytest.mark.parametrize('name', sorted(set(materials()) - {'kedadry2023'}))
+def test_lavas_of_volcanoes_have_a_crust(name: str) -> None:
+    """Without one the surface radiates at the temperature of the core; the paper's lava does."""
+    lava = material_named(name).lava
+    assert 'cover' in possible(lava)
+    hot = lava.crust_cover * lava.crust_temperature**4 / 1400.0**4 + 1.0 - lava.crust_cover
+    assert hot < 0.4
 
 
 @pytest.mark.parametrize('temperature', [1143.0, 1250.0, 1360.0])

@@ -109,16 +109,16 @@ def test_esri_grid(tmp_path: Path, hole: object, nodata: object) -> None:
 
 
 def test_esri_grid_of_numbers_and_text(tmp_path: Path) -> None:
-    """What GDAL reads as a number is one, also with a comma.
+    """Only numbers with a decimal point are numbers: a comma may separate thousands.
 
     Text would be 0 m or a part of itself; for NODATA it would make holes of what is 0.
     """
-    for number in ('-1', '+1.5', '.5', '2.', '1,5', '1e2', '1.5E-3', '-9999.0'):
+    for number in ('-1', '+1.5', '.5', '2.', '1e2', '1.5E-3', '-9999.0'):
         terrain = load_terrain(write_asc(tmp_path / 'a.asc', hole=number))
-        value = float(number.replace(',', '.'))
+        value = float(number)
         expected = np.nan if value == -9999.0 else np.float32(value)
         np.testing.assert_array_equal(terrain.elevation[2, 2], expected)
-    for text in ('nan', 'NaN', 'N/A', '-', '1o1', '1D3', '0x1F', 'inf', '1.2.3'):
+    for text in ('nan', 'NaN', 'N/A', '-', '1o1', '1D3', '0x1F', 'inf', '1.2.3', '1,5', '1,500.0'):
         with pytest.raises(LavaError) as caught:
             load_terrain(write_asc(tmp_path / 'a.asc', hole=text))
         assert caught.value.field == 'line 7, column 5 of a.asc'
@@ -147,7 +147,7 @@ def test_a_raster_that_refers_to_others_is_refused(tmp_path: Path) -> None:
             (tmp_path / name).write_text(text)
             thread = threading.Thread(target=_answer, args=(server, asked))
             thread.start()
-            with pytest.raises(LavaError, match='a GeoTIFF or an ESRI ASCII grid'):
+            with pytest.raises(LavaError, match=r'SourceFilename of a\.|gdal_translate'):
                 load_terrain(tmp_path / name)
             thread.join()
     assert asked == []
@@ -314,8 +314,9 @@ def test_what_an_installation_may_lack(tmp_path: Path, monkeypatch: pytest.Monke
     ('bands', 'written', 'options', 'message'),
     [
         (np.zeros((3, 4, 4), np.uint8), {}, {}, 'one band of elevations, not 3'),
+        (FLOATS.astype(np.uint8), {}, {}, 'uint8 is the type of a picture'),
         (FLOATS.astype(np.complex64), {}, {}, 'numbers, not complex64'),
-        (FLOATS, {'unit': 'ft'}, {}, 'elevations in metres, not ft'),
+        (FLOATS, {'unit': 'fathoms'}, {}, 'one unit of elevation, of m, metre'),
         (FLOATS, {'crs': 'EPSG:2274'}, {}, 'in metres, such as UTM, not US survey foot'),
         (FLOATS, {'transform': Affine(8.0, 6.0, 5e5, 6.0, -8.0, 4.18e6)}, {}, 'north up'),
         (
@@ -326,7 +327,6 @@ def test_what_an_installation_may_lack(tmp_path: Path, monkeypatch: pytest.Monke
         ),
         # of a high mountain, beyond all summits
         (FLOATS + 10_000, {}, {}, r'at most 9000: feet times 0\.3048'),
-        (FLOATS, {}, {'epsg': 32634}, 'the file says EPSG:32633'),
         (FLOATS, {}, {'epsg': 1}, 'an EPSG code'),
         (FLOATS, {}, {'resolution': -1.0}, 'terrain.resolution'),
         (FLOATS, {}, {'resolution': 1e6}, 'cells a side'),
@@ -467,7 +467,8 @@ def test_a_mark_of_missing_data_that_is_not_declared_is_refused(
     """It is no ground; the error says how to declare it. Nowhere on Earth heights may be any."""
     cells = hill()
     cells[10, 10] = mark
-    with pytest.raises(LavaError, match=rf'a height of a\.tif is {mark}.*a_nodata {mark:g}'):
+    said = rf'a\.tif is .{mark:g} in 1 cell.*--nodata {mark:g}.*a_nodata {mark:g}'
+    with pytest.raises(LavaError, match=said):
         load_terrain(write_tif(tmp_path / 'a.tif', cells))
     assert not load_terrain(write_tif(tmp_path / 'a.tif', cells, nodata=mark)).has_data.all()
     assert load_terrain(write_tif(tmp_path / 'a.tif', hill() + 10_000.0, crs=None)).epsg is None

@@ -63,12 +63,12 @@ def test_footprint_does_not_swell_with_the_kernel(device, count, ratio):
 
 
 def test_a_cell_at_the_border_holds_its_mean(device):
-    """Whatever the cells, they hold the means of a finer map of the same particles."""
+    """Whatever the cells, they hold the means of a finer map of the same particles, or none."""
     fine, coarse = (mapped(2000, 3.5, device, cells=cells) for cells in (400, 80))
     means = fine.reshape(80, 5, 80, 5).mean(axis=(1, 3))
     error = np.abs(coarse - means).sum() / means.sum()
-    # cells that hold lava or none: 1.7 %
-    assert error < 0.004
+    # cells that hold lava or none: 1.7 %; cells less than half covered hold none
+    assert error < 0.0045
 
 
 def slope(valley=0.0, holes=False, rows=30, columns=40, cell=5.0):

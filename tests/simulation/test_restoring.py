@@ -26,6 +26,7 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import neighbors, Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.inundation import standing_cells
 from lava_ros.simulation.state import FAR
 
 #: The moment a run is stopped at, and the end [s].
@@ -244,6 +245,20 @@ def test_checkpoint_from_before_vents_kept_their_sequences_resumes():
     new.advance(END)
     assert old.budget().error < 1e-6
     assert old.particle_count == pytest.approx(new.particle_count, abs=2)
+
+
+def test_frozen_lava_is_inundated_in_a_checkpoint_without_arrival_times():
+    """Written before there were times and maps of its own, it goes on with all its volume."""
+    checkpoint, _ = taken('freezing')
+    former = {'arrived.times', 'solidification.placed'}
+    arrays = {name: item for name, item in checkpoint.arrays.items() if name not in former}
+    shown = Simulation.resume(replace(checkpoint, arrays=arrays), device='cpu').snapshot()
+    assert shown.budget.frozen > 0.0
+    frozen = standing_cells(shown.frozen)
+    assert frozen.any() and shown.inundated[frozen].all()
+    cell = checkpoint.scene.terrain.resolution**2
+    held = np.nansum(shown.frozen, dtype=float) * cell
+    assert held == pytest.approx(shown.budget.frozen, rel=1e-6)
 
 
 def test_arrays_of_another_scene_are_refused():

@@ -108,7 +108,7 @@ def test_without_a_discharge_cells_decide():
         found = resolution_of(Scene(ground(5.0), vents, LAVA), Accuracy(refinement=2.0))
         assert (found.spacing, found.limit) == (2.5, 'cells')
         assert math.isnan(found.width) and not found.is_coarse
-        assert 'no discharge' in found.text()
+        assert 'no effusion rate' in found.text()
 
 
 def test_the_expected_error_has_parts():

@@ -70,7 +70,6 @@ def begun(name, device):
         effects=effects,
         accuracy=Accuracy(spacing=4.0, thickness=0.5, longest_step=20.0, deterministic=True),
         device=device,
-        notes_arrival=True,
     )
 
 

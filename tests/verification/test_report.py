@@ -233,7 +233,7 @@ def panels(monkeypatch):
     from matplotlib.figure import Figure
 
     drawn = []
-    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_: drawn.append(figure))
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: drawn.append(figure))
 
     def axes(rows, path):
         draw(rows, {}, path)

@@ -161,6 +161,8 @@ def test_maps_of_the_page(shown, frames):
     """The map is that of the newest frame at its place; of an earlier time, that one's."""
     # what a status quotes is no markup
     assert 'no node answers &lt;here&gt;' in shown.status.text
+    # and $$ in it begins no formula
+    assert shown.status.disable_math and shown.title.disable_math
     (image,) = shown.map.data['image']
     np.testing.assert_array_equal(image, frames.frame(3).layers['thickness'].values)
     place = [shown.map.data[name] for name in ('x', 'y', 'dw', 'dh')]

@@ -27,6 +27,9 @@ seen, and which of them freezes first would decide where the lava after them tur
 most the kernel radius. The column leaves the set of particles; what froze is summed in
 ``State.frozen``.
 
+Maps show the column by the same weights, but on cells that lava has reached alone
+(``own_ground.py``): no lava is shown on ground that none has reached.
+
 What has frozen is kept apart from the ground in whole parts of 2^-44 m: sums of integers have no
 order, so runs are the same to the bit, and a float32 of the elevation does not wear off deposits.
 """
@@ -107,6 +110,26 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         )
 
     @wp.func
+    def is_shown(m: arguments_type(real), row: int, column: int, is_reached: bool) -> bool:
+        if m.ground.known[row, column] == wp.uint8(0):
+            return False
+        return not is_reached or m.arrived[row, column] >= wp.float32(0.0)
+
+    @wp.func
+    def total_of(
+        p: vec4, m: arguments_type(real), frame: ground_type(wp.float64), width: wp.float64,
+        is_reached: bool,
+    ) -> wp.float64:
+        """Sum of the weights of the cells with data, or of those of them that are reached."""
+        patch = patch_of(frame, p[0], p[1], width)
+        total = wp.float64(0.0)
+        for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
+            for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
+                if is_shown(m, row, column, is_reached):
+                    total += weight_of(frame, p[0], p[1], width, row, column)
+        return total
+
+    @wp.func
     def lay_down(
         i: int,
         p: vec4,
@@ -114,21 +137,28 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         widest: wp.float64,
         frame: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),
+        placed: wp.array2d(dtype=wp.int64),
     ):
         width = width_of(p[2], m.flow[i][0], frame, widest)
         patch = patch_of(frame, p[0], p[1], width)
-        total = wp.float64(0.0)
-        for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
-            for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
-                if m.ground.known[row, column] != wp.uint8(0):
-                    total += weight_of(frame, p[0], p[1], width, row, column)
-        parts = wp.float64(p[2]) / (frame.resolution * frame.resolution * total)
-        parts /= wp.float64(wp.static(_PART))
+        volume = wp.float64(p[2]) / (frame.resolution * frame.resolution)
+        volume /= wp.float64(wp.static(_PART))
+        total = total_of(p, m, frame, width, False)
+        parts = volume / total
         # cells without data and the ring are raised as well, lest the deposit end in a cliff there
         for row in range(patch[2], patch[3]):
             for column in range(patch[0], patch[1]):
                 share = parts * weight_of(frame, p[0], p[1], width, row, column)
                 wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(share)))
+        reached = total_of(p, m, frame, width, True)
+        # lava that was too thin to reach any of the cells is in all of them
+        is_reached = reached > wp.float64(0.0)
+        parts = volume / wp.where(is_reached, reached, total)
+        for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
+            for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
+                if is_shown(m, row, column, is_reached):
+                    share = parts * weight_of(frame, p[0], p[1], width, row, column)
+                    wp.atomic_add(placed, row, column, wp.int64(wp.round(share)))
         wp.atomic_add(m.frozen, 0, wp.float64(p[2]))
         m.particle[i] = vec4(p[0], p[1], -p[2], p[3])
 
@@ -140,6 +170,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         widest: wp.float64,
         frame: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),
+        placed: wp.array2d(dtype=wp.int64),
     ):
         """Lay down what is colder than the solidus; its volume turns negative until it is seen."""
         if m.cold[0] == 0:
@@ -148,7 +179,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
             p = m.particle[i]
             # what is off the terrain has left
             if wp.float64(p[3]) < solidus and is_known(m.ground, p[0], p[1]):
-                lay_down(i, p, m, widest, frame, deposit)
+                lay_down(i, p, m, widest, frame, deposit, placed)
 
     @quick_kernel
     def raise_ground(
@@ -180,7 +211,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 @quick_kernel(fast_math=False)
 def _show(
     thread: int,
-    deposit: wp.array2d(dtype=wp.int64),
+    placed: wp.array2d(dtype=wp.int64),
     known: wp.array2d(dtype=wp.uint8),
     solidus: wp.float32,
     thickness: wp.array2d(dtype=wp.float32),
@@ -193,7 +224,7 @@ def _show(
     if known[i, j] == wp.uint8(0):
         frozen[i, j] = wp.float32(wp.nan)
         return
-    parts = wp.float64(deposit[i + 1, j + 1])
+    parts = wp.float64(placed[i, j])
     solid = wp.float32(parts * wp.float64(wp.static(_PART)))
     frozen[i, j] = solid
     thickness[i, j] = thickness[i, j] + solid
@@ -214,13 +245,14 @@ class AfterStep:
         self._scene_terrain = scene.terrain
         self._terrain = terrain
         self._deposit = wp.zeros(terrain.height.shape, dtype=wp.int64, device=state.device)
+        self._placed = wp.zeros(terrain.known.shape, dtype=wp.int64, device=state.device)
 
     def apply(self, state: State, way: Any) -> None:
         """Turn the columns that are colder than the solidus into terrain."""
         threads = state.rare_threads
         freeze, raise_ground = _kernels(state.real, threads)
         laid = [self._widest, self._terrain.exact_ground, self._deposit]
-        state.launches(freeze, [way, self._solidus, *laid], dim=threads)
+        state.launches(freeze, [way, self._solidus, *laid, self._placed], dim=threads)
         state.launches(raise_ground, [way, *laid, self._terrain.bare], dim=threads)
 
     def show(self, state: State, grids: Any) -> None:
@@ -230,13 +262,13 @@ class AfterStep:
         of all lava, and the thickness of what has frozen [m]; float32, on the device.
         """
         maps = [grids[n] for n in range(3)]
-        arguments = [self._deposit, self._terrain.known, self._solidus, *maps]
+        arguments = [self._placed, self._terrain.known, self._solidus, *maps]
         launch_over(state, _show, arguments, count=maps[0].size)
 
     def thickness(self) -> np.ndarray:
-        """Thickness of the frozen lava [m], float64, shape [rows, columns]."""
-        parts: np.ndarray = read(self._deposit)[1:-1, 1:-1]
-        return np.where(self._scene_terrain.has_data, parts * _PART, 0.0)
+        """Thickness of the frozen lava as maps show it [m], float64, shape [rows, columns]."""
+        parts: np.ndarray = read(self._placed)
+        return parts * _PART
 
     def take_over(self, former: 'AfterStep', state: State) -> None:
         """Lay the frozen lava of the terrain before onto this one.
@@ -244,26 +276,35 @@ class AfterStep:
         Cells that do not coincide share by the area they have in common. What lies outside this
         terrain or on cells without data has left.
         """
-        terrain = self._scene_terrain
-        before = former.thickness()
-        thickness = before
-        for axis in (0, 1):
-            thickness = _shared(thickness, former._scene_terrain, terrain, axis)
+        terrain, before = self._scene_terrain, former._scene_terrain
+
+        def moved(thickness: np.ndarray) -> np.ndarray:
+            for axis in (0, 1):
+                thickness = _shared(thickness, before, terrain, axis)
+            # sums of equal maps are equal in equal order
+            return np.ascontiguousarray(thickness)
+
+        frozen = former.thickness()
+        thickness = moved(frozen)
         on_map = thickness.sum() * terrain.resolution**2
         lost = np.zeros(2)
-        lost[BORDER] = before.sum() * former._scene_terrain.resolution**2 - on_map
+        lost[BORDER] = frozen.sum() * before.resolution**2 - on_map
         lost[HOLES] = thickness[~terrain.has_data].sum() * terrain.resolution**2
-        thickness[~terrain.has_data] = 0.0
-        frozen, left = state.frozen.numpy(), state.left.numpy()
+        total, left = state.frozen.numpy(), state.left.numpy()
         # less is rounding
-        if abs(lost.sum()) > 1e-9 * frozen[0]:
-            state.frozen.assign(frozen - lost.sum())
+        if abs(lost.sum()) > 1e-9 * total[0]:
+            state.frozen.assign(total - lost.sum())
             state.left.assign(left + lost)
-        self._lay(np.rint(np.pad(thickness, 1, mode='edge') / _PART).astype(np.int64))
+        raised = read(former._deposit)[1:-1, 1:-1] * _PART
+        raised = moved(np.where(before.has_data, raised, 0.0))
+        for values in (thickness, raised):
+            values[~terrain.has_data] = 0.0
+        self._placed.assign(_counted(thickness))
+        self._lay(_counted(np.pad(raised, 1, mode='edge')))
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy what has frozen."""
-        return {'deposit': self._deposit.numpy().copy()}
+        return {'deposit': self._deposit.numpy().copy(), 'placed': self._placed.numpy().copy()}
 
     def load(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Lay what ``save`` has copied onto a terrain on which nothing has frozen.
@@ -271,12 +312,27 @@ class AfterStep:
         Raises:
             LavaError: It is not of this terrain.
         """
-        name, shape = 'solidification.deposit', self._deposit.shape
-        self._lay(fitting(name, arrays.get('deposit'), shape, np.int64))
+        named = {'deposit': self._deposit, 'placed': self._placed}
+        found = {name: arrays.get(name) for name in named}
+        if found['placed'] is None and found['deposit'] is not None:
+            # what was written before there were two is shown as wide as it raises the ground
+            inner = found['deposit'][1:-1, 1:-1]
+            found['placed'] = np.where(self._scene_terrain.has_data, inner, 0)
+        deposit, placed = (
+            fitting(f'solidification.{name}', found[name], array.shape, np.int64)
+            for name, array in named.items()
+        )
+        self._placed.assign(placed)
+        self._lay(deposit)
 
     def _lay(self, parts: np.ndarray) -> None:
         self._deposit.assign(parts)
         self._terrain.height.assign(self._terrain.bare.numpy().astype(np.float64) + parts * _PART)
+
+
+def _counted(thickness: np.ndarray) -> np.ndarray:
+    """Thickness [m] in whole parts."""
+    return np.rint(thickness / _PART).astype(np.int64)
 
 
 def _shared(values: np.ndarray, before: Terrain, after: Terrain, axis: int) -> np.ndarray:

@@ -21,6 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lava_ros.bag.decoding import Moment
+from lava_ros.maps.arrival import rounding
 from lava_ros.maps.frames import Recording
 from lava_ros.pages.report.survey import Survey
 
@@ -108,18 +110,31 @@ def charts_of(recording: Recording, seen: Survey) -> list[Chart]:
         item for item in volumes
         if item.label in _VOLUMES or any(value > 0.0 for value in item.values)
     ]
+    is_known = math.isfinite(seen.inundated[-1])
     return [
         _scaled('volume', 'Volume', 'm³', volumes),
-        _scaled('area', 'Area', 'm²', [Curve('covered', seen.times, seen.area)]),
+        _scaled('area', 'Area', 'm²', [
+            *([Curve('inundated', seen.times, seen.inundated)] if is_known else []),
+            Curve('standing lava', seen.times, seen.standing),
+        ]),
         _scaled(
             'front', 'Distance of the front', 'm',
             [Curve('from the nearest vent', seen.times, seen.front)],
         ),
-        Chart(
-            'temperature', 'Highest temperature', '°C',
-            [Curve('hottest cell', seen.times, seen.hottest)],
-        ),
+        Chart('temperature', 'Highest temperature', '°C', [_temperature(run, seen)]),
     ]
+
+
+def _temperature(run: Sequence[Moment], seen: Survey) -> Curve:
+    """The hottest cell over time, as the diagnostics have it; of older bags that of the maps."""
+    told = [item.number('highest_temperature_c') for item in run]
+    if any(map(math.isfinite, told)):
+        return Curve('hottest cell', [item.time for item in run], told)
+    shown = seen.frame.layers.get('temperature')
+    step = 2.0 * rounding(shown.layer) if shown is not None else 0.0
+    # grids round to steps, between which the curve of a slowly cooling flow jumps to and fro
+    label = 'hottest cell' + (f', recorded in steps of {step:g} °C' if step else '')
+    return Curve(label, seen.times, seen.hottest)
 
 
 def _scaled(key: str, title: str, unit: str, curves: list[Curve]) -> Chart:

@@ -26,15 +26,17 @@ import tempfile
 from typing import Any
 
 import lava_ros
+from lava_ros.bag.description import described
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, write_output
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Progress, Recording, silent
-from lava_ros.maps.plot import duration
+from lava_ros.maps.place_arrivals import ArrivalTable
+from lava_ros.maps.plot import barriers_of, duration
+from lava_ros.pages.arrivals import table_of
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report import sections
 from lava_ros.pages.report.charts import Chart, charts_of
-from lava_ros.pages.report.description import described
 from lava_ros.pages.report.sections import facts_html, warnings_html
 from lava_ros.pages.report.survey import pack_maps, relief, Survey, survey, view_of
 
@@ -65,21 +67,33 @@ img {{ display: block; max-width: 100%; max-height: 90vh; margin: 1rem auto; }}<
 
 
 def write_report(
-    path: str | Path, output: str | Path, *, progress: Progress = silent
+    path: str | Path,
+    output: str | Path,
+    *,
+    overlays: Sequence[str] = (),
+    progress: Progress = silent,
 ) -> int:
     """Write a self-contained HTML page about a bag, and return its size [bytes].
 
     Raises:
-        LavaError: The bag cannot be read, or the page cannot be written.
+        LavaError: The bag or a file of ``overlays`` cannot be read, or the page cannot be written.
     """
     output = file_to_write('output', output, ('.html', '.htm'))
-    data = page(Recording(path), progress).encode()
+    places = sections.places_section(_tables([path], overlays))
+    data = page(Recording(path), progress, places=places).encode()
     write_output('output', output, data)
     return len(data)
 
 
-def page(recording: Recording, progress: Progress = silent) -> str:
-    """The HTML page about a recording.
+def _tables(paths: Sequence[str | Path], overlays: Sequence[str]) -> dict[str, ArrivalTable]:
+    """When lava of runs arrives at the places of files, by the paths of the runs."""
+    if not overlays:
+        return {}
+    return {str(path): table_of(path, overlays, field='--overlay') for path in paths}
+
+
+def page(recording: Recording, progress: Progress = silent, *, places: str = '') -> str:
+    """The HTML page about a recording; ``places`` is a section of it that is made elsewhere.
 
     Raises:
         LavaError: The bag is damaged, or does not have its simulated times.
@@ -106,6 +120,7 @@ def page(recording: Recording, progress: Progress = silent) -> str:
         charts=''.join(item.figure(start, end) for item in charts),
         hazard=sections.hazard_legend(recording),
         depth=sections.depth_table(seen),
+        places=places,
         rounding=sections.rounding_note(seen),
         effects=sections.effects_table(told),
         accuracy=sections.accuracy_section(recording, told),
@@ -133,6 +148,7 @@ def _data(
         'offset': list(place.offset),
         'epsg': place.epsg,
         'vents': seen.vents.tolist(),
+        'barriers': [crest.tolist() for crest in barriers_of(frame)],
         'relief': relief(seen, view),
         'times': maps['times'],
         'areas': maps['areas'],
@@ -209,10 +225,10 @@ def write_still(
     return len(text.encode())
 
 
-def write_comparison(
-    paths: Sequence[str], output: str | Path, *, overlays: Sequence[str], observed: str | None
-) -> int:
+def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -> int:
     """Write a page about an ensemble, or about several runs, and return its size [bytes].
+
+    ``options`` are those of ``draw_runs``.
 
     Raises:
         LavaError: A run or a file cannot be read, or the page cannot be written.
@@ -220,7 +236,7 @@ def write_comparison(
     output = file_to_write('output', output, ('.html', '.htm'))
     with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
         picture = Path(folder) / 'maps.png'
-        drawn = draw_runs(paths, picture, overlays=overlays, observed=observed)
+        drawn = draw_runs(paths, picture, **options)
         facts = drawn['notes'] | {
             f'{term.replace("_", " ")} of {name}': f'{value:.3g}'
             for name, scores in drawn['scores'].items()
@@ -234,4 +250,5 @@ def write_comparison(
             facts=facts,
             picture=picture,
             shows=', '.join(drawn['maps']),
+            sections=sections.places_section(_tables(paths, options.get('overlays', ()))),
         )

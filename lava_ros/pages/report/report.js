@@ -120,6 +120,23 @@
     }
   };
 
+  const drawBarriers = (context, scale) => {
+    const width = (map.width / 300) * Math.max(1, 640 / (map.clientWidth || 640));
+    context.lineJoin = 'round';
+    for (const crest of data.barriers) {
+      context.beginPath();
+      for (const [x, y] of crest) {
+        const left = ((x - data.west) / data.cell) * scale;
+        context.lineTo(left, (data.rows - (y - data.south) / data.cell) * scale);
+      }
+      for (const [share, colour] of [[2, '#fff'], [1, '#3d2b1f']]) {
+        context.lineWidth = share * width;
+        context.strokeStyle = colour;
+        context.stroke();
+      }
+    }
+  };
+
   const drawScaleBar = (context, scale) => {
     const least = (0.15 * data.columns * data.cell);
     const power = 10 ** Math.floor(Math.log10(least));
@@ -181,13 +198,14 @@
     context.drawImage(relief, 0, 0, map.width, map.height);
     context.imageSmoothingEnabled = false;
     context.drawImage(lava, 0, 0, map.width, map.height);
+    drawBarriers(context, scale);
     drawVents(context, scale);
     drawScaleBar(context, scale);
     const time = data.times[frame()];
     const area = data.areas[frame()] / 1e6;
     map.setAttribute(
       'aria-label',
-      `${view.title} after ${duration(time)}: ${area.toPrecision(2)} square kilometres with lava`,
+      `${view.title} after ${duration(time)}: ${area.toPrecision(2)} square kilometres of standing lava`,
     );
   };
 

@@ -25,10 +25,12 @@ import yaml
 
 from lava_ros.maps.arrival import rounding
 from lava_ros.maps.frames import Recording
-from lava_ros.maps.layers import DEPTHS, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
+from lava_ros.maps.layers import DEPTHS, DRAINED, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
 from lava_ros.maps.numbers import percent, seconds
+from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.survey import Survey
+from lava_ros.scene.projection import system_name
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
@@ -75,7 +77,13 @@ def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
     last = recording.timeline.last_run[-1]
     rows = [
         ('simulated', duration(last.time)),
-        (f'covered by {COVERED:g} m or more', area_words(survey.area[-1])),
+        *(
+            (f'{name}, {COVERED:g} m or more', area_words(area))
+            for name, area in (
+                ('inundated area', survey.inundated[-1]), ('standing lava', survey.standing[-1])
+            )
+            if math.isfinite(area)
+        ),
     ]
     thickest = survey.frame.thickest
     if math.isfinite(thickest):
@@ -140,14 +148,16 @@ def hazard_legend(recording: Recording) -> str:
         for kelvin in (limits.lethal_temperature, limits.safe_temperature)
     )
     return _table(
-        ('hazard', 'meaning'),
+        ('hazard index', 'meaning'),
         [
             ('-1', 'outside the terrain: unknown'),
-            ('0', 'no lava'),
+            ('0', 'no lava so far'),
+            (str(DRAINED), 'lava has been here and drained away: hot ground or crust'),
             (
                 '1 .. 99',
-                f'lava: burial, from 0 to {limits.lethal_thickness:g} m, and heat, from {safe} to '
-                f'{lethal}, as if they struck independently',
+                f'lava cooler than {lethal}, which freezes long before: burial, from 0 to '
+                f'{limits.lethal_thickness:g} m, and heat, from {safe} to {lethal}, as if they '
+                'struck independently',
             ),
             ('100', f'lethal: {limits.lethal_thickness:g} m of lava or more, or {lethal} or more'),
         ],
@@ -155,11 +165,11 @@ def hazard_legend(recording: Recording) -> str:
 
 
 def depth_table(survey: Survey) -> str:
-    """How much ground lava covers how deeply at the end, in classes that people can picture."""
+    """Area of the lava that stands at the end by its depth, in classes that people can picture."""
     thickness = survey.frame.layers.get('thickness')
     if thickness is None:
         return ''
-    depth = thickness.values[survey.frame.covered]
+    depth = thickness.values[survey.frame.standing]
     counts = np.histogram(depth, [0.0, *DEPTHS, np.inf])[0]
     names = ('up to the knee', "up to somebody's height", 'up to a roof', 'over a roof')
     ends = [f'below {DEPTHS[0]:g} m', *(f'{a:g} to {b:g} m' for a, b in pairwise(DEPTHS))]
@@ -205,7 +215,7 @@ def recorded_section(recording: Recording, survey: Survey, told: Mapping[str, An
     bag, frame = recording.bag, survey.frame
     rows, columns = frame.elevation.shape
     terrain = recording.scene.get('terrain')
-    epsg = terrain.get('epsg') if isinstance(terrain, dict) else None
+    terrain = terrain if isinstance(terrain, dict) else {}
     lines = [
         ('bag', bag.path.name),
         ('state', 'cut off; what was written before is here' if bag.recovered else 'finished'),
@@ -213,7 +223,7 @@ def recorded_section(recording: Recording, survey: Survey, told: Mapping[str, An
         ('recording lasted', duration(bag.duration_ns / 1e9)),
         ('maps shown on this page', f'{len(survey.times)} frames of the last run'),
         ('terrain', f'{columns} x {rows} cells of {frame.resolution:g} m'),
-        ('coordinate system', f'EPSG:{epsg}' if epsg else 'none: coordinates of the map frame'),
+        ('coordinate system', system_name(terrain.get('epsg'), terrain.get('wkt'))),
         ('recorded by', f'lava_ros {bag.custom_data.get("version") or "of unknown version"}'),
     ]
     html = _table(('recording', ''), lines)
@@ -242,6 +252,18 @@ def rounding_note(survey: Survey) -> str:
             notes.append(f'{layer.name} in steps of {step:g} {unit}')
     text = ', '.join(notes)
     return f'<p class="note">Recorded as grids: {escape(text)}.</p>' if notes else ''
+
+
+def places_section(tables: Mapping[str, ArrivalTable]) -> str:
+    """When lava arrives at places, of each run by its name; empty without any run."""
+    if not tables:
+        return ''
+    html = '<section aria-labelledby="places-title"><h2 id="places-title">Arrival at places</h2>'
+    for name, table in tables.items():
+        head, *rows = table.as_texts()
+        heading = f'<h3>{escape(name)}</h3>' if len(tables) > 1 else ''
+        html += f'{heading}<p class="note">{escape(table.summary)}.</p>{_table(head, rows)}'
+    return html + '</section>'
 
 
 def _table(

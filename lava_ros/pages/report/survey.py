@@ -30,6 +30,7 @@ from lava_ros.maps.arrival import Arrival, THICKNESS
 from lava_ros.maps.frames import Frame, Progress, Recording, silent
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID, SOURCES
 from lava_ros.maps.plot import shaded_ground, STYLES
+from lava_ros.simulation.accuracy import COVERED
 
 #: Most frames and most cells of a frame that a page has.
 MOST_FRAMES, MOST_CELLS = 120, 90_000
@@ -55,8 +56,10 @@ class Survey:
 
     ``touched`` are the cells that ever had lava, and ``vents`` the positions [m] of the vents that
     ever emitted. ``front`` is the distance [m] of the farthest touched cell from its nearest such
-    vent; ``area`` is in m2, ``hottest`` in Celsius; NaN without lava. ``largest`` has the largest
-    value by source, and ``saturated`` the sources with values at the limit of their grid.
+    vent. ``inundated`` and ``standing`` are the inundated area so far and the area of standing
+    lava [m2], the first NaN where the bag does not say; ``hottest`` is in Celsius, NaN without
+    lava. ``largest`` has the largest value by source, and ``saturated`` the sources
+    with values at the limit of their grid.
     """
 
     frame: Frame
@@ -64,7 +67,8 @@ class Survey:
     touched: np.ndarray
     vents: np.ndarray
     times: list[float] = field(default_factory=list)
-    area: list[float] = field(default_factory=list)
+    inundated: list[float] = field(default_factory=list)
+    standing: list[float] = field(default_factory=list)
     front: list[float] = field(default_factory=list)
     hottest: list[float] = field(default_factory=list)
     largest: dict[str, float] = field(default_factory=dict)
@@ -80,9 +84,9 @@ def survey(recording: Recording, progress: Progress = silent) -> Survey:
     if not recording.timeline.moments:
         right = 'a bag with /diagnostics of the node, which say the simulated time'
         raise LavaError('bag', str(recording.bag.path), right)
-    # the least thickness that every layer of it shows, and at least a centimetre
+    # that which inundates ground, unless a layer shows thicker lava only
     layers = recording.layers.values()
-    least = max([0.01, *(item.threshold for item in layers if item.source == THICKNESS)])
+    least = max([COVERED, *(item.threshold for item in layers if item.source == THICKNESS)])
     result: Survey | None = None
     for frame in recording.frames():
         if result is None or frame.elevation.shape != result.touched.shape:
@@ -103,7 +107,7 @@ def survey(recording: Recording, progress: Progress = silent) -> Survey:
 def _add(result: Survey, frame: Frame) -> None:
     result.frame = frame
     result.arrival.add(frame)
-    wet = np.zeros(frame.elevation.shape, dtype=bool)
+    wet = frame.lava
     most = {}
     for source, shown in frame.layers.items():
         here = np.isfinite(shown.values)
@@ -112,7 +116,6 @@ def _add(result: Survey, frame: Frame) -> None:
             result.largest[source] = max(result.largest.get(source, -math.inf), most[source])
         if shown.is_saturated:
             result.saturated.add(source)
-        wet |= here
     fresh = wet & ~result.touched
     result.touched |= wet
     before = result.front[-1] if result.front else math.nan
@@ -121,7 +124,9 @@ def _add(result: Survey, frame: Frame) -> None:
         # earlier cells may be nearer to the new vent
         fresh, before = result.touched, math.nan
     result.times.append(frame.time or 0.0)
-    result.area.append(frame.area)
+    unknown = np.nan if frame.inundated is None else frame.area(frame.inundated)
+    result.inundated.append(unknown)
+    result.standing.append(frame.area(frame.standing))
     result.front.append(float(np.fmax(before, _farthest(frame, fresh, result.vents))))
     result.hottest.append(most.get('temperature', math.nan))
 
@@ -212,7 +217,7 @@ def pack_maps(
     for index, frame in enumerate(fitting):
         if index in shown:
             times.append(frame.time or 0.0)
-            areas.append(frame.area)
+            areas.append(frame.area(frame.standing))
             for source in layers:
                 codes[source].append(_codes(frame, source, view, scales[source]))
             progress('packing', 0.5 + 0.5 * recording.share_at(frame))

@@ -34,12 +34,11 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import difference, estimate_error
 from lava_ros.hindcast.replicates import agreement, run_replicates
 from lava_ros.hindcast.run import Result, Settings, simulate
-from lava_ros.hindcast.score import covered_by, judge, Score
+from lava_ros.hindcast.score import judge, Score
 from lava_ros.scene import Scene, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import ridge_terrain
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
 from lava_ros.verification.benchmarks.scenes import ground
@@ -115,7 +114,7 @@ def case_of(name: str, scene: Scene, horizon: float) -> Case:
 def _footprint(
     case: Case, preset: str, device: str, runs: int, finest: Result
 ) -> tuple[np.ndarray, np.ndarray, Score, dict[str, Any]]:
-    """Cells covered by each run at a preset, their majority footprint, its score, and the cost.
+    """Cells inundated by each run at a preset, their majority footprint, its score, and the cost.
 
     The cost stands beside the expected and the actual error of a single run.
     """
@@ -125,7 +124,7 @@ def _footprint(
     several = agreement(case, [result.snapshot for result in results])
     expected = estimate_error(case, settings, alone, several)
     maps = np.nan_to_num([result.snapshot.thickness for result in results])
-    each = maps >= COVERED
+    each = np.array([result.snapshot.inundated for result in results])
     majority = each.mean(axis=0) >= 0.5
     cost = {
         # of a single run, with kernels compiled beforehand
@@ -138,7 +137,7 @@ def _footprint(
         'expected_cells': expected.cells,
         'expected_effects': expected.effects,
         'chance': expected.chance,
-        'actual': difference(covered_by(alone.snapshot), covered_by(finest.snapshot)),
+        'actual': difference(alone.snapshot.inundated, finest.snapshot.inundated),
     }
     return each, majority, judge(case, maps.mean(axis=0), majority), cost
 

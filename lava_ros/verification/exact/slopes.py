@@ -85,19 +85,6 @@ class SlopeFlux:
         lag = (1.0 - math.log(2.0)) * self.run_out + self.behind_toe(thickness)
         return (distance + lag) / self.speed
 
-    def mean_arrival(self, distance: float, thickness: float, cell: float) -> float:
-        """Time [s] at which the mean thickness over a cell reaches ``thickness`` [m].
-
-        With h = r h0 at the cell's near side, the lava in the cell has the area
-        -(h0^2 cot b / 2) (r^2 + ln(1 - r^2)), as long as the toe is still in the cell.
-
-        ``distance`` is that of the cell's middle from the source [m], ``cell`` its length [m],
-        both along the slope.
-        """
-        wanted = -2.0 * thickness * cell / (self.thickness * self.run_out)
-        ratio = bisection(lambda r: r**2 + math.log1p(-(r**2)) >= wanted, 0.0, 1.0 - 1e-12)
-        return self.arrival(distance - 0.5 * cell, float(ratio) * self.thickness)
-
 
 class SteadySource:
     """A steady point source on a slope, far down (Smith 1973, J. Fluid Mech. 58).

@@ -33,6 +33,7 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Recording
 from lava_ros.pages.report.charts import (
     Chart,
+    charts_of,
     Curve,
     HEIGHT,
     LEFT,
@@ -49,6 +50,7 @@ from lava_ros.pages.report.survey import survey
 from lava_ros.pages.runs import read_run
 from lava_ros.scene import Terrain
 from pages.report.conftest import HOSTILE
+import recording
 from recording import GRIDS, growing, RAW_CONFIG, record, TERRAIN
 
 ROOT = Path(__file__).parents[3]
@@ -202,7 +204,35 @@ def test_curves(read):
     tip = np.hypot(5.0 * (columns[-1] - 1), 22.5)
     assert charts['front'][0]['values'][-1] == pytest.approx(tip, rel=1e-4)
     assert charts['front'][0]['values'][0] is None
-    assert charts['temperature'][0]['values'][1] == pytest.approx(880.0, abs=6.1)
+    # to the digit, where grids have steps of 12 degrees
+    hot = [900.0 - 0.1 * time if count else None
+           for time, count in zip(times, columns, strict=True)]
+    assert charts['temperature'][0]['values'] == pytest.approx(hot, abs=0.01)
+
+
+def test_temperatures_of_old_bags_say_how_they_are_rounded(tmp_path, monkeypatch):
+    """Diagnostics without the highest temperature leave that of the grids."""
+    said = recording.diagnostics_of
+
+    def without(snapshot, stamp_ns):
+        message = said(snapshot, stamp_ns)
+        (status,) = message.status
+        status.values = [item for item in status.values if 'temperature' not in item.key]
+        return message
+
+    monkeypatch.setattr(recording, 'diagnostics_of', without)
+    path = record(tmp_path / 'old', config=GRIDS)
+    chart = charts_of(Recording(path), survey(Recording(path)))[-1]
+    (curve,) = chart.curves
+    assert curve.label == 'hottest cell, recorded in steps of 12 °C'
+    assert curve.values[1] == pytest.approx(860.0, abs=6.1) and curve.values[1] % 12.0 == 0.0
+
+
+def test_barriers_are_on_the_map(tmp_path):
+    """Those of the scene, in its map coordinates."""
+    scene = '{terrain: {offset: [100.0, 200.0], barriers: [[[110.0, 220.0], [150.0, 260.0]]]}}'
+    found = Reader(record(tmp_path / 'dam', custom_data={'scene': scene}))
+    assert found.data['barriers'] == [[[10.0, 20.0], [50.0, 60.0]]]
 
 
 def test_effects_and_accuracy(read):
@@ -240,11 +270,13 @@ def test_the_picture_and_the_page_agree(tmp_path):
     frame = Recording(bag).frame_at()
     rows = dict(facts(Recording(bag), survey(Recording(bag))))
     # 10 rows of 8 columns, less the row that is too thin
-    assert frame.area == 72 * 25.0
-    assert rows['covered by 0.1 m or more'] == '1800 m²'
+    assert frame.area(frame.standing) == 72 * 25.0
+    assert rows['standing lava, 0.1 m or more'] == '1800 m²'
+    # without arrival times nobody knows what has drained
+    assert frame.inundated is None and not any('inundated' in name for name in rows)
     assert rows['thickest'] == '41.3 m'
     assert Reader(bag).after('from 5 m on', 2) == ['over a roof', '25 m²']
-    assert read_run(bag).summary == '1800 m² covered  ·  up to 41.3 m thick'
+    assert read_run(bag).summary == '1800 m² standing lava  ·  up to 41.3 m thick'
     assert not any('thicker in places' in item for item in warnings(
         Recording(bag), survey(Recording(bag))))
 

@@ -39,6 +39,19 @@ def described(custom_data: Mapping[str, str]) -> dict[str, Any]:
     return found
 
 
+def effects_on(told: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """Return the names of the effects that were on at the end; None where they are unknown.
+
+    ``told`` is the result of ``described``.
+    """
+    if told['effects'] is None:
+        return None
+    states: dict[str, object] = {}
+    for change in told['effects']:
+        states |= change['effects']
+    return tuple(name for name, text in states.items() if str(text).startswith('on'))
+
+
 def _has(value: object, **types: Any) -> bool:
     """Whether a value is a mapping with items of these types."""
     return isinstance(value, dict) and all(

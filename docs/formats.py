@@ -1,0 +1,126 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Write the tables of file formats into docs/FORMATS.md: `python docs/formats.py`."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from lava_ros.files import rasters, vectors
+from lava_ros.files.columns import COLUMNS
+from lava_ros.scene import effusion_rates, features, reshaping, vent_files
+
+PAGE = Path(__file__).with_name('FORMATS.md')
+
+#: What a column means, in its unit without another one in the header.
+MEANINGS = {
+    'x': 'easting [m] in the coordinate system of the terrain',
+    'y': 'northing [m]',
+    'x_end': 'easting of the other end of a line [m]',
+    'y_end': 'northing of the other end of a line [m]',
+    'lon': 'longitude: degrees, or degrees, minutes and seconds',
+    'lat': 'latitude, likewise',
+    'lon_end': 'longitude of the other end of a line',
+    'lat_end': 'latitude of the other end of a line',
+    'name': 'name',
+    'effusion_rate': 'effusion rate [m3/s]',
+    'temperature': 'temperature of the lava [K]',
+    'radius': 'radius of a vent, or half the width of a fissure [m]',
+    'width': 'twice the radius, or the width of the crest of a barrier [m]',
+    'share': 'weight of a vent when vents divide an effusion rate',
+    'start': 'start of an interval ([s] or a date), or when a vent opens [s]',
+    'end': 'end of an interval ([s] or a date), or when a vent closes [s]',
+    'time': 'an instant ([s], or of rates a date)',
+    'volume': 'volume that comes out in an interval [m3]',
+    'cumulative_volume': 'volume that has come out by an instant [m3]',
+    'height': 'height of a barrier above the ground [m]',
+    'slope': 'slope of the sides of a barrier, rise over run',
+    'error': 'standard error of the effusion rate [m3/s], or [%]',
+}
+
+
+def raster_rows() -> Iterator[tuple[str, ...]]:
+    """Each raster format: what it is, and what reads and writes it."""
+    yield ('format', 'file names', 'read by GDAL driver', 'limits', 'written')
+    for item in rasters.FORMATS:
+        names = ', '.join(f'`{suffix}`' for suffix in item.suffixes)
+        yield (item.name, names, item.driver, item.notes, item.written)
+    arrays = 'arrays with the names of `lava_ros.scene.terrain_files`'
+    yield ('NumPy archive', '`.npz`', '', arrays, '')
+
+
+def vector_rows() -> Iterator[tuple[str, ...]]:
+    """Each vector format: what it is, and what it is read and written as."""
+    yield ('format', 'read', '`--formats`', 'coordinates')
+    for ending, known in vectors.FORMATS.items():
+        names = [ending, *(other for other, own in vectors.ALIASES.items() if own == ending)]
+        names += [other for other, own in vectors.ARCHIVES.items() if ending in own]
+        # a zip that is written has a Shapefile
+        written = [
+            name for name in names
+            if name in vectors.WRITTEN and (name != 'zip' or ending == 'shp')
+        ]
+        yield (
+            known.name,
+            _endings(names) + (', all layers' if known.has_layers else ''),
+            _endings(written, ''),
+            'longitude, latitude' if known.is_degrees else 'those of the file',
+        )
+    yield (
+        'table', _endings([ending[1:] for ending in features.TABLES]),
+        '`csv` (areas as well-known text)', 'those of the terrain, or longitude, latitude',
+    )
+
+
+def _endings(names: list[str], dot: str = '.') -> str:
+    return ', '.join(f'`{dot}{name}`' for name in names)
+
+
+def column_rows() -> Iterator[tuple[str, ...]]:
+    """Each column of a table and attribute of a feature, with its other names."""
+    ends = ('', '_end')
+    places = [f'{name}{end}' for pair in features.PLACES for name in pair for end in ends]
+    uses = {
+        'places': (*places, 'name'),
+        'vents': vent_files.COLUMNS,
+        'barriers': ('name', *reshaping.LIMITS),
+        'rates': effusion_rates.COLUMNS,
+    }
+    yield ('column', 'meaning', 'of', 'other names')
+    for name, (known, _) in COLUMNS.items():
+        where = ', '.join(use for use, names in uses.items() if name in names)
+        yield (f'`{name}`', MEANINGS[name], where, _endings(list(known[1:]), ''))
+
+
+#: Tables by the name of their section.
+TABLES = {'rasters': raster_rows, 'vectors': vector_rows, 'columns': column_rows}
+
+
+def table(rows: Iterator[tuple[str, ...]]) -> str:
+    """Return a table in Markdown; the first row is its head."""
+    lines = [f'| {" | ".join(row)} |'.replace('  |', ' |') for row in rows]
+    return '\n'.join([lines[0], f'|{"---|" * (lines[0].count("|") - 1)}', *lines[1:], ''])
+
+
+def page(text: str) -> str:
+    """Return the page with its tables as they should be."""
+    for name, rows in TABLES.items():
+        begin, end = f'<!-- {name}: begin -->\n', f'<!-- {name}: end -->\n'
+        before, _, rest = text.partition(begin)
+        text = f'{before}{begin}\n{table(rows())}\n{end}{rest.partition(end)[2]}'
+    return text
+
+
+if __name__ == '__main__':
+    PAGE.write_text(page(PAGE.read_text(encoding='utf-8')), encoding='utf-8')

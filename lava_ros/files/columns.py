@@ -1,0 +1,275 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Columns of tables and attributes of features: the one table of their names and units.
+
+The columns of other people's files have any case, synonyms of the field and units in their
+headers: ``Effusion rate (m3/s)``, ``TADR``, ``start_h``, ``Easting``.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+import math
+import re
+import unicodedata
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+
+_NONE: Mapping[str, float] = {}
+_LENGTH = {'m': 1.0, 'metres': 1.0, 'meters': 1.0, 'km': 1000.0}
+_SECONDS = {
+    's': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86400.0, 'sec': 1.0, 'second': 1.0, 'seconds': 1.0,
+    'minute': 60.0, 'minutes': 60.0, 'hr': 3600.0, 'hrs': 3600.0, 'hour': 3600.0, 'hours': 3600.0,
+    'day': 86400.0, 'days': 86400.0,
+}
+# dates may say so
+_TIME = {**_SECONDS, 'iso': 1.0, 'utc': 1.0}
+_VOLUME = {
+    'm3': 1.0, 'km3': 1e9, '10_6_m3': 1e6, '106_m3': 1e6, 'x10_6_m3': 1e6, '1e6_m3': 1e6,
+    'million_m3': 1e6, 'mm3': 1e6, 'cubic_metres': 1.0, 'cubic_meters': 1.0,
+}
+_RATE = {
+    f'{volume}{per}{time}{power}': number / seconds
+    for per, power in (('_per_', ''), ('_', ''), ('', ''), ('_', '_1'), ('', '_1'))
+    for volume, number in _VOLUME.items()
+    for time, seconds in _SECONDS.items()
+} | {'cumecs': 1.0}
+_KELVIN = {'k': 0.0, 'kelvin': 0.0}
+_CELSIUS = {'c': 273.15, 'degc': 273.15, 'deg_c': 273.15, 'celsius': 273.15}
+_DEGREES = {'deg': 1.0, 'degrees': 1.0, 'dd': 1.0, 'dms': 1.0, 'wgs84': 1.0}
+_ERROR = {**_RATE, '%': 0.01, 'percent': 0.01}
+
+#: Names of each column in lower case, its own first, and the factors of its units to SI; a column
+#: without a unit is in the first. A name of two columns is that of the first that is absent.
+COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
+    'x': (
+        ('x', 'easting', 'east', 'utm_e', 'utm_x', 'utm_easting', 'x_utm', 'x_coord', 'xcoord',
+         'coord_x', 'point_x', 'x_init', 'x_start', 'easting_start', 'x0', 'x1'),
+        _LENGTH,
+    ),
+    'y': (
+        ('y', 'northing', 'north', 'utm_n', 'utm_y', 'utm_northing', 'y_utm', 'y_coord', 'ycoord',
+         'coord_y', 'point_y', 'y_init', 'y_start', 'northing_start', 'y0', 'y1'),
+        _LENGTH,
+    ),
+    'x_end': (('x_end', 'easting_end', 'end_x', 'xend', 'x1', 'x2'), _LENGTH),
+    'y_end': (('y_end', 'northing_end', 'end_y', 'yend', 'y1', 'y2'), _LENGTH),
+    'lon': (('lon', 'longitude', 'long', 'lng', 'lon_start', 'lon1'), _DEGREES),
+    'lat': (('lat', 'latitude', 'lat_start', 'lat1'), _DEGREES),
+    'lon_end': (('lon_end', 'longitude_end', 'end_lon', 'lon2'), _DEGREES),
+    'lat_end': (('lat_end', 'latitude_end', 'end_lat', 'lat2'), _DEGREES),
+    'name': (
+        ('name', 'vent', 'vent_name', 'name_vent', 'flow_id', 'label', 'title', 'site', 'station'),
+        _NONE,
+    ),
+    'effusion_rate': (
+        ('effusion_rate', 'discharge', 'rate', 'q', 'tadr', 'discharge_rate', 'eruption_rate',
+         'time_averaged_discharge_rate', 'mean_output_rate', 'mor', 'flux', 'volume_flux',
+         'volumetric_flux'),
+        _RATE,
+    ),
+    'temperature': (
+        ('temperature', 'temp', 'vent_temperature', 'eruption_temperature'),
+        {**_KELVIN, **_CELSIUS},
+    ),
+    'radius': (('radius', 'vent_radius', 'r'), _LENGTH),
+    'width': (('width', 'diameter', 'vent_width', 'vent_diameter', 'fissure_width'), _LENGTH),
+    'share': (('share', 'fraction', 'weight'), _NONE),
+    'start': (('start', 'begin', 'from', 'start_time', 'start_date', 't_start', 'opens'), _TIME),
+    'end': (('end', 'stop', 'to', 'until', 'end_time', 'end_date', 't_end', 'closes'), _TIME),
+    'time': (
+        ('time', 't', 'date', 'datetime', 'date_time', 'timestamp', 'elapsed', 'elapsed_time',
+         'time_since_start'),
+        _TIME,
+    ),
+    'volume': (('volume', 'vol', 'erupted_volume'), _VOLUME),
+    'cumulative_volume': (
+        ('cumulative_volume', 'cum_volume', 'volume_cumulative', 'cumulated_volume',
+         'total_volume'),
+        _VOLUME,
+    ),
+    'height': (('height', 'barrier_height'), _LENGTH),
+    'slope': (('slope', 'side_slope'), _NONE),
+    'error': (
+        ('error', 'err', 'uncertainty', 'sigma', 'std', 'stdev', 'plus_minus',
+         'effusion_rate_error', 'discharge_error', 'rate_error', 'tadr_error',
+         'effusion_rate_uncertainty', 'discharge_uncertainty'),
+        _ERROR,
+    ),
+}
+
+#: Length of the names of columns in a Shapefile, to which longer ones are cut.
+SHAPEFILE_LETTERS = 10
+
+#: Columns that GIS programs add to number their rows.
+_NUMBERS = ('fid', 'ogc_fid', 'objectid', 'gid')
+
+#: Words of a header that say what the volume of lava is that of.
+_KINDS = {'dre': 'dense-rock', 'bulk': 'bulk'}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column that is understood.
+
+    Attributes:
+        header: The header as it is in the file.
+        unit: Its unit as it is in the file; empty if none.
+        factor: Factor to SI.
+        offset: What is added after that, of degrees Celsius.
+        kind: ``dense-rock`` or ``bulk`` where the header says that of a volume; else empty.
+    """
+
+    header: str
+    unit: str = ''
+    factor: float = 1.0
+    offset: float = 0.0
+    kind: str = ''
+
+    def number(self, where: str, value: object) -> float:
+        """Return a value in SI units; LavaError, which names ``where`` and the header."""
+        label = f'{where}, {self.header}'
+        result = validation.number(label, value) * self.factor + self.offset
+        if not math.isfinite(result):
+            raise LavaError(label, value, 'a finite number in SI units')
+        return result
+
+
+def understood(
+    where: str, headers: Iterable[str], wanted: Collection[str]
+) -> tuple[dict[str, Column], list[str]]:
+    """Find the columns of a file that are among the wanted ones.
+
+    Args:
+        where: The file, for errors.
+        headers: The headers of the file's columns.
+        wanted: Columns to find, keys of ``COLUMNS``.
+
+    Returns:
+        The columns by their name in ``COLUMNS``, and the headers of the other columns.
+
+    Raises:
+        LavaError: Two columns have the same meaning, or the unit of one is not known.
+    """
+    found: dict[str, Column] = {}
+    others: list[str] = []
+    read = [(header, *_parts(header)) for header in headers]
+    # those with one meaning first: x1 is the start beside x2, and the end beside x0
+    for header, names, unit, kind in sorted(read, key=lambda item: len(item[1])):
+        names = [name for name in names if name in wanted]
+        if not names:
+            if header.strip().lower() not in _NUMBERS:
+                others.append(header)
+            continue
+        name = next((name for name in names if name not in found), None)
+        if name is None:
+            twice = f'{found[names[0]].header} and {header}'
+            raise LavaError(f'columns of {where}', twice, f'one column for {names[0]}')
+        units = COLUMNS[name][1]
+        # what is in the brackets of a name is no unit
+        unit = unit if units else ''
+        if unit and _unit(unit) not in units:
+            known = ', '.join(list(units)[:4]).replace('_per_', '/')
+            field = f'unit of the column {header} of {where}'
+            raise LavaError(field, unit, f'a unit such as {known}')
+        number = units.get(_unit(unit), 1.0) if unit else 1.0
+        is_shift = name == 'temperature'
+        found[name] = Column(
+            header, unit, 1.0 if is_shift else number, number if is_shift and unit else 0.0, kind
+        )
+    return found, [header for header, *_ in read if header in others]
+
+
+@cache
+def _parts(header: str) -> tuple[list[str], str, str]:
+    """Return the columns that a header may name, its unit as written, and the kind of volume."""
+    text = unicodedata.normalize('NFKC', header).strip()
+    bracket = re.fullmatch(r'(.+?)\s*[\[(]([^\[\]()]*)[\])]', text)
+    text, unit = bracket.groups() if bracket else (text, '')
+    text = re.sub(r'(?<=[a-z])(?=[A-Z])', '_', text).lower()
+    words = [word for word in re.split(r'[^a-z0-9%]+', text) if word]
+    kind = next((_KINDS[word] for word in words if word in _KINDS), '')
+    if kind and len(words) > 1:
+        words = [word for word in words if word not in _KINDS]
+    if _unit(unit) in _KINDS:
+        unit, kind = '', _KINDS[_unit(unit)]
+    for count in range(len(words), 0, -1):
+        base, rest = '_'.join(words[:count]), '_'.join(words[count:])
+        names = [name for name, (known, _) in COLUMNS.items() if base in known]
+        if not names and len(base) == SHAPEFILE_LETTERS == len(text):
+            names = [
+                name for name, (known, _) in COLUMNS.items()
+                if any(item.startswith(base) for item in known)
+            ][:1]
+        if names and (not rest or (not unit and _unit(rest) in COLUMNS[names[0]][1])):
+            return names, unit or rest, kind
+    # a column of hours or days
+    if not unit and len(words) == 1 and words[0] in _SECONDS and len(words[0]) > 2:
+        return ['time'], words[0], kind
+    return [], unit, kind
+
+
+def _unit(text: str) -> str:
+    """Normalise a unit to its spelling in the tables above."""
+    text = unicodedata.normalize('NFKC', text).lower().replace('°', 'deg').replace('^', '')
+    text = text.replace('/', '_per_').strip()
+    return '%' if text == '%' else re.sub(r'[^a-z0-9]+', '_', text).strip('_')
+
+
+#: Degrees, minutes and seconds, each but the last whole, and the letter of a hemisphere.
+_ANGLE = re.compile(
+    r"""\s*(?P<before>[NSEW])?\s*(?P<sign>[-+])?\s*(?P<degrees>\d+(?:\.\d+)?)\s*(?:°|º|d|deg|:|\s)?
+    (?:\s*(?P<minutes>\d+(?:\.\d+)?)\s*(?:['\u2032\u2019]|min|:|\s)?
+    (?:\s*(?P<seconds>\d+(?:\.\d+)?)\s*(?:["\u2033\u201d]|\'\'|sec)?)?)?
+    \s*(?P<after>[NSEW])?\s*""",
+    re.VERBOSE | re.IGNORECASE,
+)
+
+#: Largest angle [degrees] by its axis, and the hemispheres, the negative one first.
+_AXES = {'longitude': (180.0, 'WE'), 'latitude': (90.0, 'SN')}
+
+
+def angle(field: str, value: object, axis: str) -> float:
+    """Read a longitude or latitude [degrees]: 15.006, 15°00'21.6"E, 15 0 21.6 or W 15 0.36.
+
+    Raises:
+        LavaError: It is not an angle of the axis; the error names ``field``.
+    """
+    limit, letters = _AXES[axis]
+    expected = f'a {axis} from -{limit:g} to {limit:g} degrees: -15.006 or '
+    expected += f'15°00\'21.6"{letters[0]}'
+    try:
+        return validation.number(field, value, at_least=-limit, at_most=limit)
+    except LavaError:
+        parts = _ANGLE.fullmatch(value) if isinstance(value, str) else None
+    if parts is None:
+        raise LavaError(field, value, expected)
+    hemisphere = (parts['before'] or parts['after'] or '').upper()
+    whole = [float(parts[name] or 0.0) for name in ('degrees', 'minutes', 'seconds')]
+    given = [name for name in ('degrees', 'minutes', 'seconds') if parts[name]]
+    is_right = (
+        hemisphere in letters
+        and not (parts['before'] and parts['after'])
+        and not (hemisphere and parts['sign'])
+        and max(whole[1:]) < 60.0
+        # only the last may have a fraction
+        and not any('.' in parts[name] for name in given[:-1])
+    )
+    size = whole[0] + whole[1] / 60.0 + whole[2] / 3600.0
+    if not is_right or size > limit:
+        raise LavaError(field, value, expected)
+    is_negative = parts['sign'] == '-' or (hemisphere and hemisphere in letters[:-1])
+    return -size if is_negative else size

@@ -1,0 +1,104 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Figures of matplotlib: texts as typed, embedded fonts, title and author of the file."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import lava_ros
+from lava_ros.errors import LavaError, one_line
+from lava_ros.files import open_input, writing
+from lava_ros.files.optional import require
+
+#: Longest title and author in the metadata of a file [characters].
+_MAX_TEXT = 400
+
+#: Longest side of a logo [pixels].
+_MAX_LOGO = 1200
+
+#: Settings of matplotlib in place of those of the user.
+_SETTINGS = {
+    # a $ in a title or in the name of a place does not begin a formula
+    'text.parse_math': False,
+    # embedded TrueType fonts: the text of a page can be searched and copied
+    'pdf.fonttype': 42,
+    'ps.fonttype': 42,
+}
+
+
+@contextmanager
+def new_figure(
+    field: str, output: str | Path, size: tuple[float, float], dpi: float
+) -> Iterator[Any]:
+    """Create a white figure, on which all texts are drawn as they are.
+
+    It must be drawn and saved inside the context. Every figure of the package is made here.
+
+    Args:
+        field: What needs the figure, for the error.
+        output: What is written, for the error.
+        size: Width and height [inches].
+        dpi: Pixels per inch.
+
+    Raises:
+        LavaError: If matplotlib is not installed.
+    """
+    require('matplotlib.figure', field, str(output))
+    from matplotlib import style
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with style.context(['default', _SETTINGS]):
+        figure = Figure(figsize=size, dpi=dpi, facecolor='white')
+        FigureCanvasAgg(figure)
+        yield figure
+
+
+def save_picture(figure: Any, path: str | Path, *, title: str = '', author: str = '') -> None:
+    """Write a figure with its metadata; the suffix chooses the format.
+
+    Raises:
+        LavaError: If the file cannot be written.
+    """
+    title, author = (one_line(text, _MAX_TEXT) for text in (title, author))
+    program = f'lava_ros {lava_ros.__version__}'
+    names = {
+        '.png': {'Title': title, 'Author': author, 'Software': program},
+        '.pdf': {'Title': title, 'Author': author, 'Creator': program},
+        # the keys of Dublin Core, which SVG uses, call the author the creator
+        '.svg': {'Title': title, 'Creator': author or program},
+    }
+    known = {key: text for key, text in names.get(Path(path).suffix.lower(), {}).items() if text}
+    with writing('output', path) as partial:
+        figure.savefig(partial, metadata=known)
+
+
+def read_logo(field: str, path: str | Path) -> Any:
+    """Read a logo as an RGBA image of Pillow.
+
+    Raises:
+        LavaError: If the file is not a readable PNG or JPEG.
+    """
+    require('matplotlib', field, str(path))
+    from PIL import Image
+
+    try:
+        with open_input(path) as file, Image.open(file, formats=('PNG', 'JPEG')) as image:
+            image.thumbnail((_MAX_LOGO, _MAX_LOGO))
+            return image.convert('RGBA')
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise LavaError(field, str(path), f'a PNG or JPEG picture ({error})') from error

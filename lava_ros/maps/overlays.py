@@ -1,0 +1,240 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Points, lines and areas of other people's files on a map: reach, style and names."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+import logging
+from typing import Any
+
+import numpy as np
+
+from lava_ros.maps.plot import halo, Window
+from lava_ros.scene.features import Feature
+
+_LOG = logging.getLogger(__name__)
+
+#: Places up to this distance from the lava are on the map by default, in largest sides of the
+#: rectangle around lava and vents: the lava then still takes a fifth of the map.
+REACH = 2.0
+
+#: Maximum number of names on a map.
+MAX_NAMES = 200
+
+#: Colours, markers and lines; their combination differs for the first 25 files.
+COLOURS = ('#0b3c8c', '#111111', '#00693c', '#7b1fa2', '#8c510a')
+_MARKERS = ('o', 's', 'D', 'P', 'v')
+_LINES: tuple[Any, ...] = ('-', '--', '-.', ':', (0, (6, 1.5, 1, 1.5, 1, 1.5)))
+
+#: Size of a marker [points].
+_MARKER_SIZE = 5.5
+
+#: Where the name of a point is, relative to it [points]: offset, horizontal alignment. The first
+#: place that is free is taken.
+_PLACES = (
+    ((5, 3), 'left'), ((-5, 3), 'right'), ((5, -9), 'left'), ((-5, -9), 'right'),
+    ((0, 8), 'center'), ((0, -14), 'center'),
+)
+
+#: Points along a line or an outline that are considered: for each width of the map, and at most.
+_SAMPLES, _MAX_SAMPLES = 100, 20_000
+
+
+@dataclass(frozen=True)
+class OverlayStyle:
+    """How the features of one file are drawn."""
+
+    colour: str
+    marker: str
+    line: Any
+
+    @classmethod
+    def of(cls, number: int) -> 'OverlayStyle':
+        """Return the style of the file with this number, which counts from 0."""
+        turn = (number + number // len(COLOURS)) % len(_MARKERS)
+        return cls(COLOURS[number % len(COLOURS)], _MARKERS[turn], _LINES[turn])
+
+    @property
+    def point(self) -> dict[str, Any]:
+        """Properties of a matplotlib line that is a point."""
+        return {
+            'linestyle': 'none', 'marker': self.marker, 'markersize': _MARKER_SIZE,
+            'color': self.colour, 'markeredgecolor': 'white', 'markeredgewidth': 0.7,
+        }
+
+    @property
+    def path(self) -> dict[str, Any]:
+        """Properties of a matplotlib line along a line or around an area."""
+        return {'color': self.colour, 'linewidth': 1.4, 'linestyle': self.line}
+
+    def handle(self, features: Sequence[Feature]) -> Any:
+        """Return what the legend shows of a file with these features."""
+        from matplotlib.lines import Line2D
+
+        kinds = {feature.kind == 'Point' for feature in features}
+        path = self.path if False in kinds else {}
+        point = self.point if True in kinds else {}
+        return Line2D([], [], **{**point, **path})
+
+
+def bounds_with_places(
+    bounds: Window, limits: Window, overlays: Iterable[Sequence[Feature]]
+) -> Window:
+    """Return a window that contains the lava and all places within its reach.
+
+    Args:
+        bounds: Rectangle around lava and vents [m].
+        limits: Rectangle of the terrain; places outside it are not shown.
+        overlays: Features of each file, in the same coordinates. Of lines and areas each vertex
+            counts alone.
+    """
+    reach = REACH * max(bounds[2] - bounds[0], bounds[3] - bounds[1])
+    low = np.maximum(np.subtract(bounds[:2], reach), limits[:2])
+    high = np.minimum(np.add(bounds[2:], reach), limits[2:])
+    rings = [ring for features in overlays for feature in features for ring in feature.rings]
+    places = np.concatenate([np.reshape(bounds, (2, 2)), *rings])
+    near = places[_inside(places, (*low, *high)) | (np.arange(len(places)) < 2)]
+    return (*near.min(axis=0).tolist(), *near.max(axis=0).tolist())
+
+
+def hidden(features: Sequence[Feature], window: Window) -> list[Feature]:
+    """Return the features that are not on the map, not even in part."""
+    return [
+        feature
+        for feature in features
+        if not any(_inside(_samples(ring, window), window).any() for ring in feature.rings)
+        and not _surrounds(feature, window)
+    ]
+
+
+def draw_overlays(
+    axes: Any,
+    overlays: Iterable[tuple[Sequence[Feature], OverlayStyle]],
+    window: Window,
+    offset: tuple[float, float],
+) -> None:
+    """Draw the features of files with their names.
+
+    Args:
+        axes: Axes of the map.
+        overlays: Features of each file in projected coordinates [m], and their style.
+        window: What the map shows, in the coordinates of the axes [m].
+        offset: Easting and northing [m] of the origin of the axes.
+    """
+    names: list[tuple[str, np.ndarray, OverlayStyle, bool]] = []
+    # boxes [pixels] that names avoid if possible
+    taken: list[Any] = []
+    for features, style in overlays:
+        most: dict[str, int] = {}
+        for feature in features:
+            is_point = feature.kind == 'Point'
+            look = style.point if is_point else style.path
+            parts = [ring - offset for ring in feature.rings]
+            for ring in parts:
+                axes.plot(
+                    *ring.T, path_effects=halo(), zorder=5, scalex=False, scaley=False, **look
+                )
+            seen = np.concatenate([_samples(ring, window) for ring in parts])
+            seen = seen[_inside(seen, window)]
+            if is_point and len(seen):
+                taken.append(_box_around(axes, seen[0]))
+            name, place = feature.name, _place_of_name(feature, seen, window, offset)
+            if not name or place is None:
+                continue
+            if not is_point:
+                # several parts have one name, on the part of which most is on the map
+                if len(seen) < most.get(name, -1):
+                    continue
+                names = [item for item in names if item[::2] != (name, style) or item[3]]
+                most[name] = len(seen)
+            names.append((name, place, style, is_point))
+    if len(names) > MAX_NAMES:
+        _LOG.warning(f'only {MAX_NAMES} of {len(names)} names of overlays are written on the map')
+    for name, place, style, is_point in names[:MAX_NAMES]:
+        _draw_name(axes, name, place, style.colour, taken, is_point)
+
+
+def _place_of_name(
+    feature: Feature, seen: np.ndarray, window: Window, offset: tuple[float, float]
+) -> np.ndarray | None:
+    """Return where a name belongs: on a line, or in an area; None for a feature off the map."""
+    if len(seen):
+        is_area = feature.kind == 'Polygon'
+        return np.asarray(seen.mean(axis=0) if is_area else seen[len(seen) // 2])
+    if _surrounds(feature, (*np.add(window[:2], offset), *np.add(window[2:], offset))):
+        return np.asarray(0.5 * np.add(window[:2], window[2:]))
+    return None
+
+
+def _box_around(axes: Any, place: np.ndarray) -> Any:
+    """Box of the marker of a point [pixels]."""
+    from matplotlib.transforms import Bbox
+
+    x, y = axes.transData.transform(place)
+    half = 0.5 * _MARKER_SIZE * axes.figure.dpi / 72.0
+    return Bbox([(x - half, y - half), (x + half, y + half)])
+
+
+def _draw_name(
+    axes: Any, name: str, place: np.ndarray, colour: str, taken: list[Any], is_point: bool
+) -> None:
+    """Write a name where it hides no other one, and is not cut off at the edge."""
+    at = (float(place[0]), float(place[1]))
+    label = axes.annotate(
+        name, at, (0, 0), textcoords='offset points', fontsize=7, color=colour,
+        path_effects=halo(), zorder=8, annotation_clip=True,
+        style='normal' if is_point else 'italic',
+    )
+    edge = axes.get_window_extent()
+    room = []
+    for offset, side in _PLACES:
+        label.set(position=offset, ha=side)
+        box = label.get_window_extent()
+        is_in = edge.x0 <= box.x0 and box.x1 <= edge.x1 and edge.y0 <= box.y0 and box.y1 <= edge.y1
+        room.append((sum(map(box.overlaps, taken)) + 10 * (not is_in), box))
+        if room[-1][0] == 0:
+            break
+    best = min(range(len(room)), key=lambda index: room[index][0])
+    label.set(position=_PLACES[best][0], ha=_PLACES[best][1])
+    taken.append(room[best][1])
+
+
+def _inside(places: np.ndarray, window: Sequence[float]) -> np.ndarray:
+    return np.asarray(((places >= window[:2]) & (places <= window[2:])).all(axis=1))
+
+
+def _samples(ring: np.ndarray, window: Sequence[float]) -> np.ndarray:
+    """Points evenly along a line; a point itself."""
+    steps = np.hypot(*np.diff(ring, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    if along[-1] <= 0.0:
+        return ring
+    count = _SAMPLES * along[-1] / max(window[2] - window[0], 1e-9)
+    wanted = np.linspace(0.0, along[-1], int(min(max(count, _SAMPLES), _MAX_SAMPLES)))
+    return np.stack([np.interp(wanted, along, column) for column in ring.T], axis=-1)
+
+
+def _surrounds(feature: Feature, window: Sequence[float]) -> bool:
+    """Return True if the middle of a window lies in an area."""
+    if feature.kind != 'Polygon':
+        return False
+    x, y = 0.5 * np.add(window[:2], window[2:])
+    count = 0
+    for ring in feature.rings:
+        (x0, y0), (x1, y1) = ring[:-1].T, ring[1:].T
+        crosses = (y0 > y) != (y1 > y)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            count += int((crosses & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))).sum())
+    return count % 2 == 1

@@ -1,0 +1,372 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""When lava arrives at places, from maps of its arrival.
+
+Arrival maps are the source: their finite cells are the inundated area. Lava has arrived at a place
+when it is in the first cell that the place touches.
+"""
+
+from collections.abc import Mapping, Sequence
+import csv
+from dataclasses import dataclass
+from io import StringIO
+import math
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from lava_ros.maps.forecast import EnsembleForecast, Forecast, QUANTILES
+from lava_ros.maps.places import front_distances, Places
+from lava_ros.maps.plot import area_words, duration
+from lava_ros.simulation.accuracy import COVERED
+
+if TYPE_CHECKING:
+    # The solver's package loads Warp, which files and messages do not need.
+    from lava_ros.simulation.snapshot import Snapshot
+
+#: Measure of a kind of place, and its unit.
+_MEASURES = {'line': ('length', 'm'), 'area': ('area', 'm2')}
+
+#: Columns of the table, of which JSON has those that a kind of place has.
+COLUMNS = (
+    'name', 'kind', 'off_map_percent', 'probability_percent',
+    *(f'arrival_p{100 * share:.0f}_s' for share in QUANTILES),
+    'front_distance_m',
+    *(
+        name
+        for measure, unit in _MEASURES.values()
+        for name in (
+            f'{measure}_{unit}',
+            *(f'inundated_{measure}_p{100 * share:.0f}_{unit}' for share in QUANTILES),
+        )
+    ),
+)
+
+
+@dataclass(frozen=True)
+class PlaceArrival:
+    """When lava arrives at a place; None stands for what is not known, or does not happen.
+
+    Attributes:
+        name: Name of the place.
+        kind: ``point``, ``line`` or ``area``.
+        off_map: Fraction of it that is not on the map. Nothing is known of that part.
+        probability: Probability that lava arrives, 0 to 100; of a single run 0 or 100. None also
+            where nothing looks ahead.
+        arrival: Simulated time [s] by which lava has arrived in a fraction of the members, by the
+            fractions in ``QUANTILES``; of a single run all are alike.
+        front_distance: Distance to the nearest inundated cell now [m].
+        whole: Length [m] or area [m2].
+        inundated: The part of it that lava reaches in at least a fraction of the members [m, m2].
+    """
+
+    name: str
+    kind: str
+    off_map: float
+    probability: float | None
+    arrival: Mapping[float, float | None]
+    front_distance: float | None
+    whole: float
+    inundated: Mapping[float, float | None]
+
+    @property
+    def is_known(self) -> bool:
+        """True if some part of the place is on the map."""
+        return self.off_map < 1.0
+
+    def record(self) -> dict[str, Any]:
+        """Return the place as a row of the table, by ``COLUMNS``; without those of other kinds."""
+        result: dict[str, Any] = {
+            'name': self.name,
+            'kind': self.kind,
+            'off_map_percent': _rounded(100.0 * self.off_map),
+            'probability_percent': self.probability,
+            **{f'arrival_p{100 * share:.0f}_s': time for share, time in self.arrival.items()},
+            'front_distance_m': _rounded(self.front_distance),
+        }
+        if self.kind in _MEASURES:
+            measure, unit = _MEASURES[self.kind]
+            result[f'{measure}_{unit}'] = _rounded(self.whole)
+            for share, size in self.inundated.items():
+                result[f'inundated_{measure}_p{100 * share:.0f}_{unit}'] = _rounded(size)
+        return result
+
+    def size_words(self, share: float) -> str:
+        """Format how much of it lava reaches in a fraction of the members; empty of a point."""
+        size = self.inundated[share]
+        if self.kind not in _MEASURES or size is None:
+            return ''
+        return f'{size:.0f} m' if self.kind == 'line' else area_words(size)
+
+    def map_words(self) -> str:
+        """Say which part of it is off the map; empty if none is."""
+        if not self.is_known:
+            return 'off the map: nothing is known'
+        return f'{100.0 * self.off_map:.2g} % of it off the map' if self.off_map else ''
+
+
+def _rounded(value: float | None) -> float | None:
+    """Round a percentage, a distance or an area, of which people need no further digits."""
+    return None if value is None else round(value, 3)
+
+
+def arrivals(
+    places: Places,
+    cells: Mapping[float, np.ndarray],
+    *,
+    probability: np.ndarray | None = None,
+    first: Mapping[float, np.ndarray] | None = None,
+    front: np.ndarray | None = None,
+) -> tuple[PlaceArrival, ...]:
+    """Find out when lava arrives at places.
+
+    Args:
+        places: The places.
+        cells: Times of arrival [s] in the cells that they touch (``Places.at``), by the fraction
+            of the members; NaN where lava arrives in fewer.
+        probability: Probability that lava arrives at a place, 0 to 100, shape [places]; None for
+            a single run.
+        first: Times [s] by which lava has arrived at a place, by the fraction of the members, NaN
+            where it does in fewer, shape [places]. At a line or an area, lava of one member may
+            come first where that of another does not come at all, so that the cells do not tell.
+            None for a single run.
+        front: Distance of each place from the lava now [m], NaN without lava, shape [places].
+
+    Returns:
+        A row for each place.
+    """
+    first = first or {share: places.first(values) for share, values in cells.items()}
+    if probability is None:
+        probability = 100.0 * np.isfinite(first[QUANTILES[0]])
+    sizes = {share: places.inundated(values) for share, values in cells.items()}
+
+    def known(values: np.ndarray | None, index: int) -> float | None:
+        value = math.nan if values is None else float(values[index])
+        return value if places.off_map[index] < 1.0 and math.isfinite(value) else None
+
+    return tuple(
+        PlaceArrival(
+            name=name,
+            kind=places.kinds[index],
+            off_map=float(places.off_map[index]),
+            probability=known(probability, index),
+            arrival={share: known(times, index) for share, times in first.items()},
+            # where a place is, is known off the map too
+            front_distance=None if front is None or math.isnan(front[index])
+            else float(front[index]),
+            whole=float(places.whole[index]),
+            inundated={share: known(values, index) for share, values in sizes.items()},
+        )
+        for index, name in enumerate(places.names)
+    )
+
+
+@dataclass(frozen=True)
+class ArrivalTable:
+    """When lava arrives at places: a row for each, and what holds for all of them.
+
+    ``facts`` are plain data: the threshold, the time up to which the table reaches, the members.
+    """
+
+    rows: tuple[PlaceArrival, ...]
+    facts: Mapping[str, Any]
+    is_ensemble: bool
+
+    @property
+    def summary(self) -> str:
+        """What the times mean, in words."""
+        facts = self.facts
+        words = f'lava at least {facts["threshold_m"]:g} m thick, times from the start'
+        if facts.get('time_s') is not None:
+            words += f', up to {duration(facts["time_s"])}'
+        if self.is_ensemble:
+            words += f', within {duration(facts["horizon_s"])}, of {facts["members"]} members'
+        return f'{words}; {facts["note"]}' if 'note' in facts else words
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the table as plain data for JSON; what is not known is None."""
+        return {**self.facts, 'places': [row.record() for row in self.rows]}
+
+    def as_csv(self) -> str:
+        """Format the table as CSV; what is not known is empty."""
+        text = StringIO()
+        writer = csv.DictWriter(text, COLUMNS, lineterminator='\n')
+        writer.writeheader()
+        writer.writerows(row.record() for row in self.rows)
+        return text.getvalue()
+
+    def as_texts(self) -> list[tuple[str, ...]]:
+        """Format the table for people: titles, then a row for each place.
+
+        A single run has one time of arrival and no probability.
+        """
+        shares = QUANTILES if self.is_ensemble else QUANTILES[:1]
+        names = [f' ({100 * share:.0f} %)' if self.is_ensemble else '' for share in shares]
+        titles = (
+            'place', *['probability'] * self.is_ensemble, *(f'arrival{name}' for name in names),
+            'distance of the front', *(f'inundated{name}' for name in names), 'note',
+        )
+        texts = [titles, *(self._texts(row, shares) for row in self.rows)]
+        # the place, the times, and what is known of any place
+        kept = [
+            index for index, column in enumerate(zip(*texts, strict=True))
+            if index == 0 or column[0].startswith('arrival') or {*column[1:]} - {'-', ''}
+        ]
+        return [tuple(line[index] for index in kept) for line in texts]
+
+    def _texts(self, row: PlaceArrival, shares: Sequence[float]) -> tuple[str, ...]:
+        never = '-' if self.is_ensemble or not row.is_known else 'not reached'
+        times = (row.arrival[share] for share in shares)
+        chance = '-' if row.probability is None else f'{row.probability:.0f} %'
+        front = row.front_distance
+        return (
+            row.name, *[chance] * self.is_ensemble,
+            *(never if time is None else duration(time) for time in times),
+            '-' if front is None else f'{front:.0f} m',
+            *(row.size_words(share) or '-' for share in shares), row.map_words(),
+        )
+
+
+@dataclass(frozen=True)
+class LiveArrivals:
+    """When lava arrives at places, for a simulation that runs.
+
+    Attributes:
+        time: Simulated time of the newest maps [s].
+        rows: A row for each place; times are simulated times, those of the forecasts too.
+        reached: Whether lava has arrived, for each place.
+        source: What says when lava comes: ``ensemble``, ``forecast``, or ``none``.
+        start: Simulated time from which that looks ahead [s]; ``time`` without any.
+        end: Simulated time up to which it does [s]; ``time`` without any.
+        members: Number of members of the ensemble, None without one.
+    """
+
+    time: float
+    rows: tuple[PlaceArrival, ...]
+    reached: tuple[bool, ...]
+    source: str
+    start: float
+    end: float
+    members: int | None = None
+
+    @property
+    def summary(self) -> str:
+        """Say that no lava arrives, and within which time."""
+        if self.source == 'none':
+            return 'no lava yet at any place, and no forecast'
+        return f'no lava at any place within {duration(max(self.end - self.time, 0.0))}'
+
+    def words(self, index: int) -> str:
+        """Say in a sentence when lava arrives at a place."""
+        row = self.rows[index]
+        if not row.is_known:
+            return row.map_words()
+        off_map = f'; {row.map_words()}' if row.off_map else ''
+        return self._arrival_words(row, is_reached=self.reached[index]) + off_map
+
+    def _arrival_words(self, row: PlaceArrival, *, is_reached: bool) -> str:
+        soonest = row.arrival[QUANTILES[0]]
+        if is_reached and soonest is not None:
+            return f'lava arrived {duration(self.time - soonest)} ago'
+        far = row.front_distance
+        where = '' if far is None else f'; the front is {far:.0f} m away'
+        if self.source == 'none':
+            return f'no lava yet, and no forecast{where}'
+        if not row.probability:
+            return f'no lava within {duration(max(self.end - self.time, 0.0))}{where}'
+        times = [
+            (share, max(time - self.time, 0.0))
+            for share, time in row.arrival.items() if time is not None
+        ]
+        if self.source == 'forecast':
+            return f'lava arrives in {duration(times[0][1])}{where}'
+        spread = ', '.join(f'{duration(time)} ({100 * share:.0f} %)' for share, time in times)
+        return (
+            f'lava arrives with a probability of {row.probability:.0f} %'
+            + (f', in {spread}' if spread else '') + where
+        )
+
+    def values(self, index: int) -> dict[str, Any]:
+        """Return the numbers of a place; those with ``time_to_`` count from the newest maps."""
+        row = self.rows[index]
+        return {
+            **row.record(),
+            **{
+                f'time_to_arrival_p{100 * share:.0f}_s': None if time is None
+                else max(time - self.time, 0.0)
+                for share, time in row.arrival.items()
+            },
+            'reached': self.reached[index] if row.is_known else None,
+            'time_s': self.time,
+            'forecast': self.source,
+            'forecast_start_s': self.start,
+            'forecast_end_s': self.end,
+            'members': self.members,
+        }
+
+
+def live_arrivals(
+    places: Places,
+    snapshot: 'Snapshot',
+    forecast: Forecast | None = None,
+    ensemble: EnsembleForecast | None = None,
+) -> LiveArrivals:
+    """Find out when lava has arrived at places so far, and when it arrives at others.
+
+    Args:
+        places: Places on the terrain of the snapshot.
+        snapshot: The newest state of the simulation.
+        forecast: A forecast of the same terrain that holds; None without any.
+        ensemble: An ensemble of the same terrain that holds, which goes before a forecast.
+    """
+    arrived = snapshot.arrived
+    if arrived is None:
+        # a simulation that does not note when lava came still tells where it is
+        arrived = np.where(snapshot.thickness >= COVERED, snapshot.time, np.nan)
+    known = places.at(arrived).astype(np.float64)
+    first = places.first(known)
+    front = front_distances(places, np.isfinite(arrived), snapshot.terrain)
+    reached = np.isfinite(first)
+    source, start, end = 'none', snapshot.time, snapshot.time
+    cells = dict.fromkeys(QUANTILES, known)
+    later = members = None
+    # no member and no forecast makes lava that has come go away
+    probability = np.where(reached, 100.0, np.nan)
+    if ensemble is not None and ensemble.maps.places is not None:
+        ahead, source = ensemble.maps.places, 'ensemble'
+        start, end = ensemble.time, ensemble.time + ensemble.horizon
+        members = ensemble.maps.members
+        probability = np.where(reached, 100.0, ahead.probability)
+        cells = {
+            share: _first_of(known, places.at(times), ensemble.time)
+            for share, times in ensemble.maps.arrival.items()
+        }
+        later = {
+            share: _first_of(first, times, ensemble.time) for share, times in ahead.arrival.items()
+        }
+    elif forecast is not None:
+        source = 'forecast'
+        start, end = forecast.time, forecast.time + forecast.horizon
+        come = _first_of(known, places.at(forecast.arrival), forecast.time)
+        cells = dict.fromkeys(QUANTILES, come)
+        probability = 100.0 * np.isfinite(places.first(come))
+    rows = arrivals(places, cells, probability=probability, first=later, front=front)
+    has_arrived = tuple(map(bool, reached))
+    return LiveArrivals(snapshot.time, rows, has_arrived, source, start, end, members)
+
+
+def _first_of(known: np.ndarray, ahead: np.ndarray, start: float) -> np.ndarray:
+    """Take times that are known, and elsewhere those that a forecast counts from its start."""
+    return np.where(np.isfinite(known), known, start + ahead.astype(np.float64))

@@ -1,0 +1,192 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The table of maps that are written as rasters, and the QGIS style of each.
+
+Everything that a GeoTIFF states about its values follows from this table: unit, description, no
+data, and colours. A map without a row cannot be written.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from lava_ros.files import write_output
+from lava_ros.maps.plot import limits_of, STYLES
+
+#: Value of cells without data, in every file.
+NODATA = -9999
+
+#: Kinds of maps (keys of ``plot.STYLES``) in which 0 means that there is no lava: QGIS draws such
+#: cells transparent.
+_TRANSPARENT_AT_ZERO = ('thickness', 'hazard', 'probability')
+
+#: Smallest value that such a map draws, as a fraction of the largest one.
+_LEAST_DRAWN = 1e-3
+
+
+@dataclass(frozen=True)
+class RasterLayer:
+    """A map as a raster: one band of a GeoTIFF, or one variable of a NetCDF file.
+
+    Attributes:
+        drawn: How it is drawn: a key of ``plot.STYLES``.
+        unit: Unit of the values, as in the band of a GeoTIFF.
+        meaning: Definition of the values, and of cells without data.
+        is_whole: True if the values are whole numbers, which are stored as int16.
+    """
+
+    drawn: str
+    unit: str
+    meaning: str
+    is_whole: bool = False
+
+    def cells(self, values: np.ndarray) -> np.ndarray:
+        """Return the values as stored in a file, NaN without data.
+
+        A thickness of 0 is no lava, and therefore no data in every file.
+        """
+        if self.drawn == 'thickness':
+            return np.where(values > 0.0, values, np.float32(np.nan))
+        return values
+
+    def stored(self, values: np.ndarray) -> np.ndarray:
+        """Return ``cells`` as float32 or int16, with ``NODATA`` in place of NaN."""
+        cells = self.cells(values)
+        kind = np.int16 if self.is_whole else np.float32
+        return np.where(np.isfinite(cells), cells, NODATA).astype(kind)
+
+
+def _arrival_quantile(percent: int) -> RasterLayer:
+    return RasterLayer(
+        'arrival', 's',
+        f'time from the start by which lava at or above the threshold thickness (threshold_m) has '
+        f'reached the cell in {percent} % of all members, to arrival_error_s and a time step; no '
+        'data: it reached the cell in fewer members within the horizon (horizon_s)',
+    )
+
+
+_THICKNESS = RasterLayer('thickness', 'm', 'thickness of the standing lava; no data: no lava')
+_PEAK = RasterLayer('thickness', 'm', 'largest lava thickness in any map; no data: no lava')
+
+#: All maps by name.
+RASTER_LAYERS = {
+    'height': _THICKNESS,
+    'thickness': _THICKNESS,
+    'peak_height': _PEAK,
+    'peak_thickness': _PEAK,
+    'temperature': RasterLayer(
+        'temperature', 'degC', 'depth-averaged temperature of the lava; no data: no lava'
+    ),
+    'hazard': RasterLayer(
+        'hazard', '1',
+        'hazard index: 0: no lava so far, 50: lava has drained away, 100: lethal; no data: '
+        'outside the terrain',
+        is_whole=True,
+    ),
+    'arrival': RasterLayer(
+        'arrival', 's',
+        'simulated time at which lava at or above the threshold thickness (threshold_m) reached '
+        'the cell; no data: it did not',
+    ),
+    'inundation_probability': RasterLayer(
+        'probability', '%',
+        'probability that lava at or above the threshold thickness (threshold_m) reaches the cell '
+        'within the horizon (horizon_s); no data: outside the terrain',
+    ),
+    'expected_peak_thickness': RasterLayer(
+        'thickness', 'm', 'mean over the members of the largest lava thickness; no data: no lava'
+    ),
+    **{f'arrival_time_p{percent}': _arrival_quantile(percent) for percent in (10, 50, 90)},
+    'elevation': RasterLayer(
+        'elevation', 'm', 'elevation of the ground without lava; no data: unknown'
+    ),
+    'runs': RasterLayer(
+        'probability', '%',
+        'runs whose lava reached the cell, in percent of all; no data: outside the terrain',
+    ),
+    'comparison': RasterLayer(
+        'comparison', '1',
+        '0: neither, 1: hit, 2: miss, 3: false alarm; no data: outside the terrain',
+        is_whole=True,
+    ),
+}
+
+
+def write_style(path: Path, name: str, values: np.ndarray) -> Path:
+    """Write the QGIS style of a map beside its GeoTIFF, and return its path (.qml).
+
+    Cells without lava are transparent. Colours and their limits are those of printed pages.
+
+    Args:
+        path: The GeoTIFF.
+        name: Which of ``RASTER_LAYERS`` the map is.
+        values: The map, NaN without data; any shape.
+
+    Raises:
+        LavaError: If the file cannot be written.
+    """
+    layer = RASTER_LAYERS[name]
+    style = STYLES[layer.drawn]
+    root = ElementTree.Element('qgis', version='3.22', styleCategories='Symbology')
+    look = {'band': '1', 'opacity': '0.85', 'alphaBand': '-1', 'nodataColor': ''}
+    pipe = ElementTree.SubElement(root, 'pipe')
+    if style.names:
+        drawn = ElementTree.SubElement(pipe, 'rasterrenderer', look, type='paletted')
+        palette = ElementTree.SubElement(drawn, 'colorPalette')
+        for value, (name, colour) in enumerate(zip(style.names, style.colours, strict=True), 1):
+            entry = {'value': str(value), 'color': colour, 'alpha': '255', 'label': name}
+            ElementTree.SubElement(palette, 'paletteEntry', entry)
+    else:
+        low, high = limits_of(layer.drawn, layer.cells(values))
+        drawn = ElementTree.SubElement(pipe, 'rasterrenderer', look, type='singlebandpseudocolor')
+        drawn.set('classificationMin', repr(low))
+        drawn.set('classificationMax', repr(high))
+        shader = ElementTree.SubElement(drawn, 'rastershader')
+        shader = ElementTree.SubElement(
+            shader, 'colorrampshader', colorRampType='INTERPOLATED', classificationMode='1',
+            clip='0', minimumValue=repr(low), maximumValue=repr(high),
+        )
+        stops = [
+            (value, colour, '255', _label(layer, value))
+            for value, colour in zip(
+                np.linspace(low, high, len(style.colours)).tolist(), style.colours, strict=True
+            )
+        ]
+        if layer.drawn in _TRANSPARENT_AT_ZERO:
+            stops[0] = (_LEAST_DRAWN * high, *stops[0][1:3], f'above 0{_unit(layer)}')
+            stops.insert(0, (0.0, style.colours[0], '0', 'no lava'))
+        for value, colour, alpha, label in stops:
+            item = {'value': repr(value), 'color': colour, 'alpha': alpha, 'label': label}
+            ElementTree.SubElement(shader, 'item', item)
+    ElementTree.SubElement(root, 'blendMode').text = '0'
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding='unicode')
+    head = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
+    output = path.with_suffix('.qml')
+    write_output('output', output, head + text + '\n')
+    return output
+
+
+def _unit(layer: RasterLayer) -> str:
+    return {'1': '', 'degC': ' °C'}.get(layer.unit, f' {layer.unit}')
+
+
+def _label(layer: RasterLayer, value: float) -> str:
+    """Label of a colour; times are in hours."""
+    if layer.unit == 's':
+        return f'{value / 3600.0:.3g} h'
+    return f'{value:.4g}{_unit(layer)}'

@@ -1,0 +1,98 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""When lava arrives at places in runs on disk: the table of `lava places` and `lava report`."""
+
+from collections.abc import Sequence
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.forecast.ensemble import maps_at
+from lava_ros.maps.forecast import QUANTILES
+from lava_ros.maps.place_arrivals import arrivals, ArrivalTable
+from lava_ros.maps.places import front_distances, Places, places_on
+from lava_ros.pages.runs import Members, read_run, Run
+from lava_ros.scene.features import read_features
+from lava_ros.simulation.accuracy import COVERED
+
+
+def table_of(
+    path: str | Path, files: Sequence[str | Path], *, field: str, time: float | None = None
+) -> ArrivalTable:
+    """Find out when lava arrives at the points, lines and areas of files.
+
+    Args:
+        path: A bag or the folder of an ensemble.
+        files: Files for ``features.load_features``.
+        field: Name of the files in errors.
+        time: Simulated time [s] up to which a bag counts; None for all of it.
+
+    Raises:
+        LavaError: A file or the run cannot be read, or the run does not tell when lava arrived.
+    """
+    run = read_run(path, wanted=('arrival',))
+    if run.ensemble is not None and time is not None:
+        raise LavaError('--time', time, f'no --time for {path}, an ensemble')
+    features = [item for file in files for item in read_features(field, file, run.terrain)]
+    places = places_on(features, run.terrain)
+    if run.ensemble is not None:
+        return _table_of_members(Path(path), run.ensemble, places)
+    return _table_of_bag(path, run, places, time)
+
+
+def _table_of_bag(
+    path: str | Path, run: Run, places: Places, time: float | None
+) -> ArrivalTable:
+    panel = run.panels.get('arrival')
+    if panel is None:
+        raise LavaError('bag', str(path), 'a bag with the layer arrived, or one of the thickness')
+    end, arrived = panel.frame.time, panel.values
+    if time is not None:
+        # times that later maps have are known to the step, those of the map before are older
+        end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
+        arrived = np.where(arrived <= end, arrived, np.nan)
+    cells = places.at(arrived)
+    front = front_distances(places, np.isfinite(arrived), run.terrain)
+    facts: dict[str, Any] = {'threshold_m': COVERED, 'time_s': end}
+    if panel.frame.arrived is not panel.values and np.isfinite(cells).any():
+        facts['note'] = 'times are those of the first map in the bag that shows the lava'
+    rows = arrivals(places, dict.fromkeys(QUANTILES, cells), front=front)
+    return ArrivalTable(rows, facts, is_ensemble=False)
+
+
+def _table_of_members(folder: Path, members: Members, places: Places) -> ArrivalTable:
+    maps = maps_at(folder, members.plan, places, members=members.count)
+    if not math.isclose(maps.effective_members, members.effective, rel_tol=1e-6):
+        right = 'maps with the weights of its members; the same lava ensemble command writes them'
+        raise LavaError('ensemble', str(folder), right)
+    assert maps.places is not None
+    rows = arrivals(
+        places,
+        {share: places.at(times) for share, times in maps.arrival.items()},
+        probability=maps.places.probability,
+        first=maps.places.arrival,
+    )
+    facts = {
+        'threshold_m': members.plan.threshold,
+        'horizon_s': members.plan.horizon,
+        'members': maps.members,
+        'effective_members': maps.effective_members,
+        'arrival_error_s': maps.arrival_error,
+    }
+    return ArrivalTable(rows, facts, is_ensemble=True)

@@ -1,0 +1,174 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Publishes when lava arrives at the places of files, and tells the diagnostics."""
+
+from collections.abc import Sequence
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from lava_ros.errors import LavaError
+from lava_ros.maps.forecast import EnsembleForecast, Forecast
+from lava_ros.maps.place_arrivals import live_arrivals, LiveArrivals
+from lava_ros.maps.places import Places, places_on
+from lava_ros.ros import codec, diagnostics, qos
+from lava_ros.ros.diagnostics import ERROR, OK, WARN
+from lava_ros.ros.recorder import Recorder
+from lava_ros.ros.spinning import Entities
+from lava_ros.scene import Terrain
+from lava_ros.scene.features import Feature, load_features
+from lava_ros.simulation.snapshot import Snapshot
+
+#: Relative name of the topic.
+TOPIC = 'place_arrivals'
+
+#: Maximum number of parts of places: each message measures their distances from the front.
+MAX_FEATURES = 1000
+
+#: Maximum number of places that the message of the status names, and that its values describe.
+_MAX_NAMED, _MAX_DESCRIBED = 3, 50
+
+
+def load_places(files: Sequence[str]) -> tuple[Feature, ...]:
+    """Read the features of the files that the parameter ``places`` names.
+
+    Raises:
+        LavaError: A file cannot be read, or there are more than ``MAX_FEATURES`` in all.
+    """
+    features = tuple(item for path in files for item in load_features('places', path))
+    if len(features) > MAX_FEATURES:
+        raise LavaError('places', f'{len(features)} features', f'at most {MAX_FEATURES} in all')
+    return features
+
+
+class PlaceTopic:
+    """The topic of the arrivals at places; without features there is none."""
+
+    def __init__(
+        self, entities: Entities, recorder: Recorder, features: Sequence[Feature], *, frame_id: str
+    ) -> None:
+        """Create the publisher."""
+        self._node, self._recorder, self._frame_id = entities.node, recorder, frame_id
+        self._features = features
+        self._error = ''
+        self._terrain: Terrain | None = None
+        self._places: Places | None = None
+        self._shown: tuple[object, ...] = (None, None, None)
+        self._latest: LiveArrivals | None = None
+        self._message: DiagnosticArray | None = None
+        if features:
+            profile = qos.ros_profile(qos.LATCHED)
+            self._publisher = entities.create('publisher', DiagnosticArray, TOPIC, profile)
+
+    def publish(
+        self,
+        snapshot: Snapshot,
+        forecast: Forecast | None,
+        ensemble: EnsembleForecast | None,
+        stamp_ns: int,
+        *,
+        recorded_ns: int,
+        repeat: bool = False,
+    ) -> None:
+        """Publish the arrivals if they have changed, or ``repeat``.
+
+        Args:
+            snapshot: The state of the newest maps.
+            forecast: The newest forecast, None if none holds.
+            ensemble: The newest ensemble, None if none holds.
+            stamp_ns: ROS time of the newest maps [ns].
+            recorded_ns: ROS time of the message in the bag [ns].
+            repeat: Whether to publish again what has been published.
+        """
+        if not self._features:
+            return
+        shown = (snapshot, forecast, ensemble)
+        is_new = any(one is not other for one, other in zip(shown, self._shown, strict=True))
+        if is_new:
+            self._shown = shown
+            self._latest = self._arrivals(snapshot, forecast, ensemble)
+            statuses = _statuses(self._latest) if self._latest is not None else []
+            self._message = DiagnosticArray(
+                header=codec.header(self._frame_id, stamp_ns), status=statuses
+            )
+        if self._message is not None and (is_new or repeat):
+            data, name = codec.serialise(self._message), self._publisher.topic_name
+            self._publisher.publish(data)
+            kind = codec.type_name(DiagnosticArray)
+            self._recorder.write(name, kind, data, recorded_ns, qos=qos.LATCHED)
+
+    def statuses(self) -> list[DiagnosticStatus]:
+        """Return the status of the places; none without features."""
+        if not self._features:
+            return []
+        latest = self._latest
+        if latest is None:
+            level = ERROR if self._error else OK
+            return [diagnostics.status('places', level, self._error or 'no maps yet', {})]
+        # the worst come first
+        told = sorted(
+            (
+                (_level(latest, index), row.name, latest.words(index))
+                for index, row in enumerate(latest.rows)
+            ),
+            key=lambda item: item[0], reverse=True,
+        )
+        worst = told[0][0]
+        said = [f'{name}: {words}' for level, name, words in told if level == worst != OK]
+        more = f'; and {len(said) - _MAX_NAMED} more' if len(said) > _MAX_NAMED else ''
+        message = '; '.join(said[:_MAX_NAMED]) + more or latest.summary
+        values = {name: words for _, name, words in told[:_MAX_DESCRIBED]}
+        return [diagnostics.status('places', worst, message, values)]
+
+    def _arrivals(
+        self, snapshot: Snapshot, forecast: Forecast | None, ensemble: EnsembleForecast | None
+    ) -> LiveArrivals | None:
+        if snapshot.terrain is not self._terrain:
+            self._terrain, self._places, self._error = snapshot.terrain, None, ''
+            try:
+                self._places = places_on(self._features, snapshot.terrain)
+            except LavaError as error:
+                self._error = f'places cannot be put on this terrain: {error}'
+                self._node.get_logger().error(self._error)
+        if self._places is None:
+            return None
+        return live_arrivals(self._places, snapshot, forecast, ensemble)
+
+
+def _statuses(latest: LiveArrivals) -> list[DiagnosticStatus]:
+    """Return a status for each place: its name, a sentence, and the numbers."""
+    return [
+        diagnostics.status(
+            row.name, _level(latest, index), latest.words(index),
+            {
+                key: _text(value) for key, value in latest.values(index).items() if key != 'name'
+            },
+        )
+        for index, row in enumerate(latest.rows)
+    ]
+
+
+def _text(value: object) -> str:
+    """Format a value for a message: numbers to the last digit, and nothing for None."""
+    if value is None:
+        return ''
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _level(latest: LiveArrivals, index: int) -> bytes:
+    """Return ERROR where lava has arrived, WARN where it may arrive or nothing is known."""
+    row = latest.rows[index]
+    may_arrive = not row.is_known or bool(row.probability)
+    level: bytes = ERROR if latest.reached[index] else WARN if may_arrive else OK
+    return level

@@ -1,0 +1,143 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cells without data whose value a file does not declare: cliffs around them that ground lacks."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lava_ros.errors import LavaError
+from lava_ros.files.optional import is_installed
+
+#: Values that files use for cells without data. The first ones are no height of ground near
+#: volcanoes, and even one cell of them counts; the others can be the sea, and only a block counts.
+MARKS = (-32768.0, -32767.0, -9999.0, -999.0, 9999.0, 32767.0, 65535.0, 99999.0)
+BLOCK_MARKS = (-99.0, -1.0, 0.0)
+
+#: Smallest number of cells of a block.
+MIN_BLOCK = 4
+
+#: Largest fraction of all cells with data in blocks: a plane with a few spikes is ground.
+MAX_BLOCKS = 0.95
+
+#: Height of the step around cells without data, in cells (a slope of 63 degrees on nearly all
+#: sides) and in metres: boxes on the floor of a laboratory are lower.
+MIN_STEP, MIN_STEP_HEIGHT = 2.0, 10.0
+
+#: Fraction of the border of such cells that may have a smaller step.
+MAX_SMALL_STEPS = 0.1
+
+#: Heights between which and all others this much is empty, and more than all others differ by,
+#: are no heights [m].
+MIN_GAP = 1000.0
+
+#: A step larger than all others [m].
+FAR = 1e30
+
+#: Bins in which an empty range of heights is looked for.
+_BINS = 1024
+
+#: What the user can do, for ``format`` with the value.
+NODATA_ADVICE = (
+    'if these cells have no data, --nodata {0} or terrain.nodata: {0} in a scene file declares '
+    'it, as gdal_edit.py -a_nodata {0} does in a GeoTIFF; --nodata none keeps them as ground'
+)
+
+
+def without_value(elevation: np.ndarray, value: float) -> np.ndarray:
+    """Return the elevation with NaN in place of one stored value."""
+    return np.where(elevation == np.float32(value), np.float32(np.nan), elevation)
+
+
+def check_missing(
+    field: str, elevation: np.ndarray, cell: float, *, unit: float = 1.0, advice: str = ''
+) -> None:
+    """Refuse an elevation in which some cells look as if they had no data.
+
+    Args:
+        field: Name of the elevation, for the message.
+        elevation: Elevation as stored, NaN without data, shape [rows, columns].
+        cell: Approximate side of a cell [m].
+        unit: Unit of the stored values [m].
+        advice: What the user can do; ``{0}`` stands for the value.
+
+    Raises:
+        LavaError: If a value that files use for missing data stands in a block or a spike with
+            steep steps around it, or if some elevations are far away from all others.
+    """
+    known = elevation[np.isfinite(elevation)]
+    if not known.size:
+        return
+    # neither the size of a cell nor the unit has been checked yet
+    unit = min(max(abs(unit), 1.0 / FAR), FAR)
+    step = min(max(MIN_STEP * cell, MIN_STEP_HEIGHT) / unit, FAR)
+    gap = min(MIN_GAP / unit, FAR)
+    for value, count in (_far_value(known, gap), *_marks_with_cliffs(elevation, known, step)):
+        if count:
+            shown = f'{value:g} in {count} {"cell" if count == 1 else "cells"}'
+            right = f'heights like those around them ({advice.format(f"{value:g}")})'
+            raise LavaError(field, shown, right)
+
+
+def _far_value(known: np.ndarray, least: float) -> tuple[float, int]:
+    """Return the outermost of the values that are far away from all others, and their number."""
+    low, high = float(known.min()), float(known.max())
+    if not high - low > least:
+        return low, 0
+    filled = np.flatnonzero(np.histogram(known, _BINS, (low, high))[0])
+    widest = np.argmax(np.diff(filled))
+    middle = 0.5 * (filled[widest] + filled[widest + 1] + 1.0)
+    is_below = known < low + middle / _BINS * (high - low)
+    below, above = known[is_below], known[~is_below]
+    gap = float(above.min()) - float(below.max())
+    if gap < least or gap <= 0.5 * (high - low):
+        return low, 0
+    # a constant is the mark, also in most cells
+    is_constant = below.max() == low, above.min() == high
+    is_low = is_constant[0] if is_constant[0] != is_constant[1] else below.size <= above.size
+    return (low, below.size) if is_low else (high, above.size)
+
+
+def _marks_with_cliffs(
+    elevation: np.ndarray, known: np.ndarray, least: float
+) -> Iterator[tuple[float, int]]:
+    """Yield each value for missing data, and its cells in blocks with steep steps around them."""
+    for value in (*MARKS, *BLOCK_MARKS):
+        is_marked, is_block = elevation == value, value in BLOCK_MARKS
+        others = known[known != value]
+        if others.size == known.size:
+            continue
+        # planes, and walls and steps of one height, are made by hand
+        if is_block and (others.size < (1.0 - MAX_BLOCKS) * known.size or not np.ptp(others)):
+            continue
+        labels = is_marked.astype(np.int32)
+        if is_installed('scipy'):
+            from scipy.ndimage import label
+
+            labels = label(is_marked)[0]
+        sizes = np.bincount(labels.ravel())
+        border, small = np.zeros((2, sizes.size))
+        for one, other in ((labels, elevation), (labels.T, elevation.T)):
+            for here, there in ((np.s_[1:], np.s_[:-1]), (np.s_[:-1], np.s_[1:])):
+                # steps to cells without data are NaN, which no comparison counts
+                with np.errstate(over='ignore', invalid='ignore'):
+                    step = np.abs(other[there] - np.float32(value))
+                at = (one[here] > 0) & (step > 0.0)
+                border += np.bincount(one[here][at], minlength=sizes.size)
+                at &= step < np.float32(least)
+                small += np.bincount(one[here][at], minlength=sizes.size)
+        is_missing = sizes >= (MIN_BLOCK if is_block else 1)
+        is_missing &= (border > 0) & (small <= MAX_SMALL_STEPS * border)
+        yield value, int(sizes[1:][is_missing[1:]].sum())

@@ -1,0 +1,208 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Every picture: texts as they were typed, embedded fonts, title and author of the file."""
+
+from pathlib import Path
+import re
+import sys
+from typing import Any
+
+from matplotlib.mathtext import MathTextParser
+from matplotlib.text import Text
+import numpy as np
+from PIL import Image
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.files import pictures
+from lava_ros.files.pictures import new_figure, read_logo, save_picture
+from lava_ros.forecast.picture import draw_reliability
+from lava_ros.maps.animation import animate_bag
+from lava_ros.maps.frames import Frame
+from lava_ros.maps.page_layout import Imprint
+from lava_ros.maps.sheet import draw_sheet, Panel
+from lava_ros.scene.features import Feature
+from lava_ros.verification import chart
+from lava_ros.verification.rows import read_csv
+from recording import record
+
+ROOT = Path(__file__).parents[2]
+
+#: Texts that matplotlib reads as formulas, or leaves out, unless it is told not to.
+TEXTS = (
+    'between $5 and $6',
+    r'bag $\a$ x',
+    '$' + '{' * 20 + '}' * 20 + '$',
+    r'\frac{1}{2} 100 % & #1 ~ ^2',
+    '_hidden',
+    'Nicolosi — 2 € è',
+)
+
+GROUND = np.add.outer(np.arange(40.0), np.arange(60.0)).astype(np.float32)
+LAVA = np.where(np.hypot(*np.indices(GROUND.shape) - 20.0) < 9.0, 2.0, np.nan)
+
+
+def sheet(path: Path, **options: Any) -> None:
+    """Draw a page with one map."""
+    panel = {name: options.pop(name) for name in ('heading', 'outline') if name in options}
+    frame = Frame(
+        GROUND, 10.0, (0.0, 0.0), {}, np.array([[200.0, 200.0]]), 60.0,
+        {'terrain': {'epsg': 32633, 'offset': [500_000.0, 4_180_000.0]}},
+    )
+    outlines = {panel['outline']: np.isfinite(LAVA)} if 'outline' in panel else None
+    shown = Panel(frame, 'thickness', LAVA, panel.get('heading', ''), outlines=outlines)
+    draw_sheet([shown], path, **{'title': 'Lava', **options})
+
+
+def feature(kind: str, name: str) -> list[Feature]:
+    """A feature on the lava of ``sheet``."""
+    places = np.array([[150.0, 150.0], [250.0, 160.0], [240.0, 260.0], [150.0, 150.0]])
+    count = {'Point': 1, 'LineString': 3, 'Polygon': 4}[kind]
+    ring = np.add(places[:count], (500_000.0, 4_180_000.0))
+    return [Feature('', kind, (ring,), {'name': name})]
+
+
+def accuracy_chart(path: Path, text: str) -> None:
+    """Draw a chart of accuracy with a case of this title."""
+    rows = read_csv(ROOT / 'docs/accuracy/cpu.csv')
+    chart.draw(rows[:40], dict.fromkeys({row.case for row in rows}, text), path)
+
+
+def all_texts(path: Path, text: str) -> list[str]:
+    """Draw a page with this text wherever a user or a file chooses one; returns the texts."""
+    kinds = ('Point', 'LineString', 'Polygon')
+    places = ('title', 'subtitle', 'note', 'heading', 'outline', 'file', 'agency', 'author')
+    said = {place: f'{text} {place}' for place in (*places, *kinds)}
+    overlays = {
+        said['file']: [item for kind in kinds for item in feature(kind, said[kind])]
+    }
+    sheet(
+        path, title=said['title'], subtitle=said['subtitle'], notes={'source': said.pop('note')},
+        heading=said['heading'], outline=said['outline'], overlays=overlays,
+        imprint=Imprint(said['author'], said['agency']),
+    )
+    return [*said.values(), f'source: {text} note']
+
+
+def chart_texts(path: Path, text: str) -> list[str]:
+    """Draw a chart of accuracy with this title of a case."""
+    accuracy_chart(path, text)
+    return [text]
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """The figures that are saved; a formula in one is an error."""
+    found: list[Any] = []
+
+    def keep(figure: Any, *words: Any, **options: Any) -> None:
+        found.append(figure)
+        save_picture(figure, *words, **options)
+
+    def refuse(_: object, text: str, *__: Any, **___: Any) -> None:
+        raise AssertionError(f'read as a formula: {text}')
+
+    for module in ('lava_ros.maps.sheet', 'lava_ros.verification.chart'):
+        monkeypatch.setattr(f'{module}.save_picture', keep)
+    monkeypatch.setattr(MathTextParser, 'parse', refuse)
+    return found
+
+
+@pytest.mark.parametrize('text', TEXTS)
+@pytest.mark.parametrize('draw', [all_texts, chart_texts])
+def test_texts_are_drawn_as_they_are(draw, text, figures, tmp_path):
+    """No character of a text starts a formula, hides it, or ends the command."""
+    expected = draw(tmp_path / 'map.svg', text)
+    (figure,) = figures
+    drawn = {item.get_text().strip('\u200b') for item in figure.findobj(Text)}
+    assert set(expected) <= drawn
+
+
+@pytest.mark.parametrize('draw', [
+    lambda path: sheet(path),
+    lambda path: accuracy_chart(path, 'case'),
+    lambda path: animate_bag(record(path.parent / 'bag'), path.with_suffix('.gif'), seconds=0.5),
+])
+def test_settings_of_the_user_change_nothing(draw, figures, tmp_path, monkeypatch):
+    """A matplotlibrc with TeX and dark colours has no effect, and stays as it is."""
+    import matplotlib
+
+    with matplotlib.rc_context({'text.usetex': True, 'text.color': 'white', 'font.size': 40.0}):
+        draw(tmp_path / 'map.png')
+        assert matplotlib.rcParams['text.usetex'] and matplotlib.rcParams['text.parse_math']
+    for figure in figures:
+        assert not any(item.get_usetex() for item in figure.findobj(Text))
+
+
+def test_reliability_is_drawn_as_a_part_of_a_page(figures, tmp_path):
+    """Charts beside the maps have the settings of their page."""
+    likely = np.linspace(0.0, 1.0, 50)
+    sheet(tmp_path / 'a.png', charts=[lambda axes: draw_reliability(axes, likely, likely > 0.4)])
+    assert any('Brier' in item.get_text() for item in figures[0].findobj(Text))
+
+
+def test_figures_are_made_in_one_place():
+    """No other module makes a figure, which would lack the settings."""
+    made = [
+        path.name
+        for path in (ROOT / 'lava_ros').rglob('*.py')
+        if re.search(r'\bFigure\(|pyplot|savefig', path.read_text(encoding='utf-8'))
+    ]
+    assert made == [Path(pictures.__file__).name]
+
+
+def test_files_name_title_and_author_and_embed_fonts(tmp_path):
+    """PDF, SVG and PNG state both; fonts of a PDF are whole TrueType."""
+    imprint = Imprint('A. Rossi', 'Osservatorio Etneo')
+    for ending in ('pdf', 'svg', 'png'):
+        sheet(tmp_path / f'map.{ending}', title='Etna $5', imprint=imprint)
+    page = (tmp_path / 'map.pdf').read_bytes()
+    assert b'/Title (Etna $5)' in page and b'/Author (A. Rossi, Osservatorio Etneo)' in page
+    assert b'/FontFile2' in page and b'/Type3' not in page
+    text = (tmp_path / 'map.svg').read_text(encoding='utf-8')
+    assert '<dc:title>Etna $5' in text and 'A. Rossi, Osservatorio Etneo' in text
+    with Image.open(tmp_path / 'map.png') as image:
+        known = image.text  # type: ignore[attr-defined]
+    assert (known['Title'], known['Author']) == ('Etna $5', 'A. Rossi, Osservatorio Etneo')
+
+
+def test_logo_is_drawn_and_others_are_refused(tmp_path):
+    """A PNG of any mode is in the corner; a file that is no picture is one error."""
+    Image.new('P', (300, 100), 1).save(tmp_path / 'logo.png')
+    assert read_logo('--logo', tmp_path / 'logo.png').mode == 'RGBA'
+    Image.new('RGB', (4000, 4000), (255, 0, 255)).save(tmp_path / 'logo.jpg')
+    assert max(read_logo('--logo', tmp_path / 'logo.jpg').size) <= 1200
+    sheet(tmp_path / 'map.png', imprint=Imprint(logo=str(tmp_path / 'logo.jpg')))
+    pixels = np.asarray(Image.open(tmp_path / 'map.png').convert('RGB')).astype(int)
+    logo = (pixels[..., 0] > 240) & (pixels[..., 1] < 20) & (pixels[..., 2] > 240)
+    rows, columns = np.nonzero(logo)
+    # 0.58 inches of 150 pixels, in the upper right corner
+    assert 80 <= np.ptp(rows) <= 90 and 80 <= np.ptp(columns) <= 90
+    assert rows.max() < 150 and columns.min() > 0.8 * pixels.shape[1]
+    (tmp_path / 'text.png').write_text('no picture')
+    for name in ('text.png', 'none.png', '.'):
+        with pytest.raises(LavaError, match='--logo is .*a PNG or JPEG'):
+            read_logo('--logo', tmp_path / name)
+
+
+def test_figure_needs_matplotlib(monkeypatch):
+    """The error says how to get it."""
+    monkeypatch.setitem(sys.modules, 'matplotlib.figure', None)
+    match = r"pip install 'lava_ros\[plot\]'"
+    with (
+        pytest.raises(LavaError, match=match),
+        new_figure('plot', 'a.png', (1.0, 1.0), 100),
+    ):
+        pass

@@ -1,0 +1,296 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Each format of the table, in a file that GDAL has written: read, truncated, and refused."""
+
+from collections.abc import Callable
+import importlib.util
+from pathlib import Path
+import shutil
+import socket
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.shutil import copy
+from rasterio.transform import from_origin
+
+from lava_ros.errors import LavaError
+from lava_ros.files.rasters import FORMATS, opened_raster
+from lava_ros.scene.terrain_files import load_terrain
+
+#: Rows from the north; the heights tell a mirrored or shifted grid from the right one.
+GROUND = (1000.0 + np.add.outer(3.0 * np.arange(40.0), np.arange(30.0))).astype(np.float32)
+
+PLACE = from_origin(500_000.0, 4_180_000.0, 10.0, 10.0)
+
+#: Side of an SRTM tile of 3 arc seconds [cells], and its heights.
+TILE = 1201
+HEIGHTS = (1000.0 + np.add.outer(np.arange(TILE), np.arange(TILE)) / 4.0).astype(np.int16)
+
+#: Suffix and creation options of the file of each format, by the name of the format.
+FILES: dict[str, tuple[str, dict[str, Any]]] = {
+    'GDAL virtual raster': ('.vrt', {}),
+    'GeoTIFF': ('.tif', {}),
+    'Erdas Imagine': ('.img', {'COMPRESS': 'YES'}),
+    'NetCDF classic': ('.nc', {'FORMAT': 'NC'}),
+    'NetCDF-4': ('.grd', {'FORMAT': 'NC4', 'COMPRESS': 'DEFLATE'}),
+    'GeoPackage': ('.gpkg', {}),
+    'Surfer 6 text grid': ('.grd', {}),
+    'Surfer 6 binary grid': ('.grd', {}),
+    'Surfer 7 binary grid': ('.grd', {}),
+    'SRTM': ('.hgt', {}),
+    'ESRI binary grid': ('.flt', {}),
+    'ESRI ASCII grid': ('.asc', {}),
+}
+
+
+def write_ground(path: Path, crs: str = 'EPSG:32633', **options: Any) -> Path:
+    """Write the ground as GeoTIFF."""
+    rows, columns = GROUND.shape
+    with rasterio.open(
+        path, 'w', driver='GTiff', count=1, dtype='float32', height=rows, width=columns,
+        crs=crs, transform=PLACE, **options,
+    ) as sink:
+        sink.write(GROUND, 1)
+    return path
+
+
+def write_format(folder: Path, name: str) -> Path:
+    """Have GDAL write a file of a format, from a GeoTIFF of the same content."""
+    suffix, options = FILES[name]
+    (driver,) = (item.driver for item in FORMATS if item.name == name)
+    if driver == 'SRTMHGT':
+        path = folder / 'N37E015.hgt'
+        step = 1.0 / (TILE - 1)
+        with rasterio.open(
+            path, 'w', driver=driver, count=1, dtype='int16', height=TILE, width=TILE,
+            crs='EPSG:4326', transform=from_origin(15 - step / 2, 38 + step / 2, step, step),
+        ) as sink:
+            sink.write(HEIGHTS, 1)
+        return path
+    source = write_ground(folder / 'source.tif')
+    path = folder / f'ground{suffix}'
+    if driver == 'GTiff':
+        return source.rename(path)
+    copy(source, path, driver=driver, **options)
+    return path
+
+
+def test_each_format_has_a_file() -> None:
+    """A format that is added to the table is added here."""
+    assert list(FILES) == [item.name for item in FORMATS]
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_format_is_read(tmp_path: Path, name: str) -> None:
+    """The cells, their place and their system are those of the file."""
+    path = write_format(tmp_path, name)
+    with opened_raster('terrain file', path) as source:
+        cells = source.read(1)
+    expected = HEIGHTS if name == 'SRTM' else GROUND
+    np.testing.assert_allclose(cells, expected, rtol=1e-7)
+    terrain = load_terrain(path)
+    assert terrain.epsg == 32633
+    if name != 'SRTM':
+        np.testing.assert_allclose(terrain.elevation, GROUND[::-1], rtol=1e-7)
+        assert (terrain.resolution, terrain.offset) == (10.0, (500_000.0, 4_179_600.0))
+
+
+@pytest.mark.parametrize('fraction', [0.02, 0.3, 0.6, 0.99])
+@pytest.mark.parametrize('name', FILES)
+def test_truncated_file_is_refused(tmp_path: Path, name: str, fraction: float) -> None:
+    """A missing part is not ground at sea level."""
+    path = write_format(tmp_path, name)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(fraction * len(whole))])
+    try:
+        terrain = load_terrain(path)
+    except LavaError:
+        return
+    # the last bytes of a file may be unused
+    assert fraction > 0.9
+    np.testing.assert_array_equal(terrain.elevation, GROUND[::-1])
+
+
+@pytest.mark.parametrize(
+    ('driver', 'name'), [('PNG', 'a.png'), ('ENVI', 'a.dat'), ('USGSDEM', 'a.dem')]
+)
+def test_other_formats_are_refused_with_advice(tmp_path: Path, driver: str, name: str) -> None:
+    """The drivers of GDAL that are not in the table stay closed."""
+    data = np.ones((1, TILE, TILE), np.uint8 if driver == 'PNG' else np.int16)
+    with rasterio.open(
+        tmp_path / name, 'w', driver=driver, count=1, dtype=data.dtype, height=TILE, width=TILE,
+        crs='EPSG:4326', transform=from_origin(15.0, 38.0, 1.0 / 1200.0, 1.0 / 1200.0),
+    ) as sink:
+        sink.write(data)
+    with pytest.raises(LavaError, match='gdal_translate turns other formats into GeoTIFF'):
+        load_terrain(tmp_path / name)
+
+
+def virtual_raster(name: str, *, attributes: str = 'relativeToVRT="1"', more: str = '') -> str:
+    """The text of a virtual raster of one file."""
+    return (
+        '<VRTDataset rasterXSize="30" rasterYSize="40"><SRS>EPSG:32633</SRS>'
+        '<GeoTransform>500000,10,0,4180000,0,-10</GeoTransform>'
+        f'<VRTRasterBand dataType="Float32" band="1">{more}<SimpleSource>'
+        f'<SourceFilename {attributes}>{name}</SourceFilename></SimpleSource></VRTRasterBand>'
+        '</VRTDataset>'
+    )
+
+
+def test_virtual_raster_joins_files_of_its_folder(tmp_path: Path) -> None:
+    """Also if the names of the files say nothing of their formats."""
+    write_ground(tmp_path / 'tile')
+    (tmp_path / 'a.vrt').write_text(virtual_raster('tile'))
+    np.testing.assert_array_equal(load_terrain(tmp_path / 'a.vrt').elevation, GROUND[::-1])
+
+
+def _other_folder(folder: Path) -> str:
+    (folder / 'other').mkdir()
+    write_ground(folder / 'other/tile.tif')
+    return virtual_raster('other/tile.tif')
+
+
+def _absolute(folder: Path) -> str:
+    write_ground(folder / 'tile.tif')
+    return virtual_raster(str(folder / 'tile.tif'), attributes='relativeToVRT="0"')
+
+
+def _nested(folder: Path) -> str:
+    write_ground(folder / 'tile.tif')
+    (folder / 'b.vrt').write_text(virtual_raster('tile.tif'))
+    return virtual_raster('b.vrt')
+
+
+def _code(folder: Path) -> str:
+    write_ground(folder / 'tile.tif')
+    return virtual_raster('tile.tif', more='<PixelFunctionType>mul</PixelFunctionType>')
+
+
+def _system(folder: Path) -> str:
+    write_ground(folder / 'tile.tif')
+    return virtual_raster('tile.tif').replace('EPSG:32633', 'http://127.0.0.1/a.wkt')
+
+
+def _disguised(folder: Path) -> str:
+    (folder / 'N37E015.hgt').write_text('<GDAL_WMS><Service name="WMS"/></GDAL_WMS>')
+    return virtual_raster('N37E015.hgt')
+
+
+VIRTUAL: dict[str, Callable[[Path], str]] = {
+    'file in another folder': _other_folder,
+    'absolute path': _absolute,
+    'virtual raster': _nested,
+    'code': _code,
+    'system at an address': _system,
+    'service with the name of a tile': _disguised,
+    'address': lambda _: virtual_raster('/vsicurl/http://127.0.0.1:{port}/a.tif'),
+    'connection': lambda _: virtual_raster('NETCDF:a.nc:z'),
+    'missing file': lambda _: virtual_raster('none.tif'),
+    'no file': lambda _: '<VRTDataset rasterXSize="30" rasterYSize="40"/>',
+    'entities': lambda _: '<!DOCTYPE a [<!ENTITY b "c">]>' + virtual_raster('&b;'),
+    'cut off': lambda _: virtual_raster('tile.tif')[:-20],
+}
+
+
+@pytest.mark.parametrize('case', VIRTUAL)
+def test_virtual_raster_opens_nothing_else(tmp_path: Path, case: str) -> None:
+    """No file elsewhere, no address, no code."""
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        server.settimeout(0.0)
+        text = VIRTUAL[case](tmp_path).replace('{port}', str(server.getsockname()[1]))
+        (tmp_path / 'a.vrt').write_text(text)
+        with pytest.raises(LavaError):
+            load_terrain(tmp_path / 'a.vrt')
+        with pytest.raises(BlockingIOError):
+            server.accept()
+
+
+@pytest.mark.parametrize('beside', ['ground.tif.msk', 'ground.tif.ovr'])
+def test_file_beside_a_raster_is_a_geotiff(tmp_path: Path, beside: str) -> None:
+    """GDAL opens masks and overviews with any driver, also those that follow addresses."""
+    path = write_format(tmp_path, 'GeoTIFF')
+    (tmp_path / beside).write_text(virtual_raster('/vsicurl/http://127.0.0.1:9/a.tif'))
+    with pytest.raises(LavaError, match='a mask or overviews in a GeoTIFF'):
+        load_terrain(path)
+    write_ground(tmp_path / 'mask.tif').rename(tmp_path / beside)
+    assert load_terrain(path).epsg == 32633
+
+
+@pytest.mark.parametrize('name', ['GeoPackage', 'NetCDF-4'])
+def test_file_of_several_rasters_is_refused(tmp_path: Path, name: str) -> None:
+    """The error names the rasters; which of them is meant is not guessed."""
+    path = write_format(tmp_path, name)
+    source = write_ground(tmp_path / 'source.tif')
+    if name == 'GeoPackage':
+        copy(source, path, driver='GPKG', RASTER_TABLE='other', APPEND_SUBDATASET='YES')
+    else:
+        with rasterio.open(source) as file:
+            profile = {**file.profile, 'count': 2}
+        with rasterio.open(source, 'w', **profile) as sink:
+            sink.write(np.stack((GROUND, GROUND)))
+        copy(source, path, driver='netCDF', FORMAT='NC4')
+    with pytest.raises(LavaError, match=r'a file with one raster, not \w+, \w+'):
+        load_terrain(path)
+
+
+def _write_text(path: Path, body: str) -> Path:
+    head = 'ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 10\n'
+    path.write_text(head + body)
+    return path
+
+
+@pytest.mark.parametrize(
+    ('body', 'message'),
+    [
+        ('1 2 3\n4 5 6\n7 8 9\n', 'number of values in a.asc is 9, expected 6'),
+        ('1 2 3\n4 5 6 7\n', 'number of values in a.asc is 7, expected 6'),
+        ('1 2 3\n4 5\n', 'number of values in a.asc is 5, expected 6'),
+        ('1,5 2 3\n4 5 6\n', "line 6, column 1 of a.asc is '1,5'"),
+        ('1 2 3\n4 1,500.0 6\n', "line 7, column 3 of a.asc is '1,500.0'"),
+        ('1;2;3\n4;5;6\n', "line 6, column 1 of a.asc is '1;2;3'"),
+    ],
+)
+def test_text_grid_is_not_guessed(tmp_path: Path, body: str, message: str) -> None:
+    """Neither the meaning of a comma nor what a surplus row is for."""
+    with pytest.raises(LavaError, match=message):
+        load_terrain(_write_text(tmp_path / 'a.asc', body))
+
+
+def test_text_grid_may_break_its_lines_anywhere(tmp_path: Path) -> None:
+    """Only the number of values matters."""
+    terrain = load_terrain(_write_text(tmp_path / 'a.asc', '1 2\n3 4\r\n5 6'))
+    np.testing.assert_array_equal(terrain.elevation, [[4, 5, 6], [1, 2, 3]])
+
+
+def test_float_grid_without_its_header_is_refused(tmp_path: Path) -> None:
+    """The values alone say nothing of their place."""
+    path = write_format(tmp_path, 'ESRI binary grid')
+    shutil.move(path.with_suffix('.hdr'), tmp_path / 'other.hdr')
+    with pytest.raises(LavaError, match='a raster that GDAL can read'):
+        load_terrain(path)
+
+
+def test_page_of_formats_is_up_to_date() -> None:
+    """docs/formats.py would write the page as it is."""
+    page = Path(__file__).parents[2] / 'docs/FORMATS.md'
+    spec = importlib.util.spec_from_file_location('formats', page.with_name('formats.py'))
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    text = page.read_text(encoding='utf-8')
+    assert module.page(text) == text, 'run python docs/formats.py'
+    assert all(item.name in text for item in FORMATS)

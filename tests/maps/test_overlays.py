@@ -1,0 +1,210 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Places of other people on a map: what it contains, styles and names; scale and times."""
+
+import re
+
+from matplotlib.text import Text
+import numpy as np
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.files.pictures import save_picture
+from lava_ros.maps import plot
+from lava_ros.maps.frames import Frame
+from lava_ros.maps.overlays import bounds_with_places, hidden, OverlayStyle, REACH
+from lava_ros.maps.sheet import draw_sheet, Panel
+from lava_ros.scene.features import Feature
+
+#: Easting and northing of the origin of the map [m].
+OFFSET = (500_000.0, 4_180_000.0)
+
+#: 300 x 400 cells of 10 m with lava on 50 x 50 of them in the middle.
+GROUND = np.add.outer(2.0 * np.arange(300.0), np.arange(400.0)).astype(np.float32)
+FRAME = Frame(
+    GROUND, 10.0, (0.0, 0.0), {}, np.array([[1800.0, 1500.0]]), 60.0,
+    {'terrain': {'epsg': 32633, 'offset': list(OFFSET)}},
+)
+LAVA = np.full(GROUND.shape, np.nan)
+LAVA[120:170, 170:220] = np.add.outer(np.arange(50.0), np.arange(50.0)) * 100.0
+
+
+def feature(kind: str, places: list[tuple[float, float]], name: str = '') -> Feature:
+    """A feature whose places are from the origin of the map [m]."""
+    return Feature('', kind, (np.add(places, OFFSET),), {'name': name})
+
+
+@pytest.fixture
+def page(monkeypatch, tmp_path):
+    """Draws a page; returns its axes of maps, and all its visible texts."""
+    figures = []
+
+    def keep(figure, *words, **options):
+        figures.append(figure)
+        save_picture(figure, *words, **options)
+
+    monkeypatch.setattr('lava_ros.maps.sheet.save_picture', keep)
+
+    def draw(source='thickness', **options):
+        draw_sheet([Panel(FRAME, source, LAVA)], tmp_path / 'a.png', title='Lava', **options)
+        axes = figures[-1].axes[0]
+        return axes, [item.get_text() for item in figures[-1].findobj(Text)]
+
+    return draw
+
+
+def shows(axes, x, y):
+    """Return True if a place is inside the map."""
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    return west <= x <= east and south <= y <= north
+
+
+def test_map_contains_the_places_within_reach(page, caplog):
+    """A village near the lava is on it; one far away is named below, and in the log."""
+    near, far = (2900.0, 1300.0), (30_000.0, 1300.0)
+    villages = [feature('Point', [near], 'near'), feature('Point', [far], 'far')]
+    axes, texts = page(overlays={'villages': villages})
+    assert shows(axes, *near) and not shows(axes, *far)
+    assert 'near' in texts and 'far' not in texts
+    assert 'beyond the map: far' in texts
+    assert 'villages: 1 of 2 features lie outside' in caplog.text
+    axes, _ = page()
+    assert not shows(axes, *near)
+
+
+def test_reach_ends_with_the_ground_and_with_the_size_of_the_lava():
+    """Vertices of a road count one by one; places off the terrain do not count."""
+    bounds, limits = (0.0, 0.0, 100.0, 50.0), (-1000.0, -120.0, 1000.0, 1000.0)
+    reach = REACH * 100.0
+    road = np.array([[99.0 + reach, 20.0], [101.0 + reach, 20.0]])
+    gone = np.array([[50.0, -130.0]])
+    features = [Feature('', 'LineString', (road,), {}), Feature('', 'Point', (gone,), {})]
+    assert bounds_with_places(bounds, limits, [features]) == (0.0, 0.0, 99.0 + reach, 50.0)
+
+
+def test_extent_is_what_was_asked_for(page):
+    """All of it is on the map, whether or not it has lava or ground."""
+    for extent in ((100.0, 200.0, 900.0, 700.0), (-500.0, -300.0, 200.0, 200.0)):
+        west, south, east, north = extent
+        axes, _ = page(extent=(*np.add(extent[:2], OFFSET), *np.add(extent[2:], OFFSET)))
+        assert shows(axes, west, south) and shows(axes, east, north)
+        # and not much more than it in one of the directions
+        assert min(np.ptp(axes.get_xlim()) / (east - west),
+                   np.ptp(axes.get_ylim()) / (north - south)) < 1.01
+
+
+@pytest.mark.parametrize('scale', [10_000.0, 25_000.0])
+def test_scale_is_that_of_the_paper(scale, page):
+    """A metre on the ground is 1/N m on the page; the page says so."""
+    axes, texts = page(scale=scale)
+    box, figure = axes.get_position(), axes.figure
+    inches = box.width * figure.get_figwidth(), box.height * figure.get_figheight()
+    shown = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+    np.testing.assert_allclose(np.divide(shown, inches), 0.0254 * scale, rtol=1e-9)
+    assert f'scale: 1:{scale / 1000:g} 000 on A4 paper' in texts
+
+
+def test_scale_that_is_too_large_names_one_that_fits(page):
+    """The error has the largest scale with all lava on the page."""
+    match = r"--scale is '1:500', expected 1:(\d+) or smaller"
+    with pytest.raises(LavaError, match=match) as error:
+        page(scale=500.0)
+    fits = float(error.value.expected.split(' ')[0][2:])
+    page(scale=fits)
+    with pytest.raises(LavaError, match='--scale'):
+        page(scale=0.99 * fits)
+
+
+@pytest.mark.parametrize('width', [7.0, 31.0, 480.0, 1234.0, 2999.0, 5400.0, 77_000.0])
+def test_scale_bar_and_contours_are_round(width):
+    """1, 2 or 5 times a power of ten; the bar is shorter than a third of the map."""
+    length = plot.scale_bar_length(width)
+    assert f'{length:e}'[0] in '125' and float(f'{length:.0e}') == length
+    assert 0.08 * width < length < 0.33 * width
+    frame = Frame(GROUND * np.float32(width / 800.0), 10.0, (0.0, 0.0), {}, FRAME.vents, None, {})
+    interval = plot.contour_interval(frame, plot.extent_of(frame))
+    assert f'{interval:e}'[0] in '125' and interval == pytest.approx(float(f'{interval:.0e}'))
+
+
+def test_contour_interval_is_printed(page):
+    """The legend names it; flat ground has none."""
+    _, texts = page()
+    (said,) = [text for text in texts if text.startswith('elevation contours')]
+    assert re.fullmatch('elevation contours every [125]0* m', said)
+    flat = Frame(np.ones((5, 5), np.float32), 1.0, (0.0, 0.0), {}, np.empty((0, 2)), None, {})
+    assert plot.contour_interval(flat, plot.extent_of(flat)) == 0.0
+
+
+def test_lines_and_areas_have_names_where_they_are_seen(page):
+    """A road that leaves the map has its name on it, an area that surrounds the map too."""
+    road = feature('LineString', [(1500.0, 1400.0), (2500.0, 1500.0), (90_000.0, 1500.0)], 'road')
+    park = feature('Polygon', [(-9e4, -9e4), (9e4, -9e4), (9e4, 9e4), (-9e4, 9e4), (-9e4, -9e4)],
+                   'park')
+    parts = [feature('LineString', [(1600.0 + x, 1700.0), (1700.0 + 2 * x, 1700.0)], 'track')
+             for x in (0.0, 150.0)]
+    axes, texts = page(overlays={'roads': [road, *parts], 'parks': [park]})
+    assert [texts.count(name) for name in ('road', 'park', 'track')] == [1, 1, 1]
+    for label in axes.texts:
+        if label.get_text() in ('road', 'park', 'track'):
+            assert shows(axes, *label.xy)
+    window = (500_000.0, 4_180_000.0, 500_010.0, 4_180_010.0)
+    assert hidden([road, park], window) == [road]
+
+
+def test_names_avoid_each_other_and_the_edge(page):
+    """Names of near places, one at the edge of the map, do not overlap."""
+    places = [(1900.0, 1500.0), (1920.0, 1500.0), (1940.0, 1510.0), (2640.0, 1500.0)]
+    villages = [feature('Point', [place], f'village {i}') for i, place in enumerate(places)]
+    extent = (*np.add((1500.0, 1200.0), OFFSET), *np.add((2650.0, 1900.0), OFFSET))
+    axes, _ = page(overlays={'villages': villages}, extent=extent)
+    labels = [item for item in axes.texts if item.get_text().startswith('village')]
+    boxes = [item.get_window_extent() for item in labels]
+    assert len(boxes) == 4
+    assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+    assert all(box.x1 <= axes.get_window_extent().x1 for box in boxes)
+
+
+def test_every_file_has_a_style_of_its_own(page):
+    """25 files differ, and the legend shows each as it is drawn, also two of one name."""
+    styles = [OverlayStyle.of(number) for number in range(25)]
+    assert len({(style.colour, style.marker, str(style.line)) for style in styles}) == 25
+    overlays = {
+        name: [feature('Point', [(1900.0, 1500.0)])] for name in ('vent', 'a/roads', 'roads')
+    }
+    axes, _ = page(overlays=overlays)
+    (legend,) = axes.figure.legends
+    names = [item.get_text() for item in legend.get_texts()]
+    # the vents of the map are one, the file of this name is another
+    assert names.count('vent') == 2 and {'a/roads', 'roads'} <= set(names)
+
+
+def test_isochrones_lie_over_the_arrival(page):
+    """Round times, each named once, in dark lines; other maps have none."""
+    axes, texts = page('arrival')
+    expected = [plot.duration(time) for time in (1800.0, 3600.0, 5400.0, 7200.0, 9000.0)]
+    assert [item.get_text() for item in axes.texts if item.get_text() in expected] == expected
+    assert 'isochrones of the arrival' in texts and 'hours after the start' in texts
+    _, texts = page()
+    assert 'isochrones of the arrival' not in texts
+
+
+def test_many_names_are_cut_off_with_a_warning(page, caplog, monkeypatch):
+    """A file with thousands of names neither hides the map nor takes minutes."""
+    monkeypatch.setattr('lava_ros.maps.overlays.MAX_NAMES', 5)
+    places = np.random.default_rng(1).uniform(1800.0, 2100.0, (40, 2))
+    names = [feature('Point', [place], f'place {i}') for i, place in enumerate(places)]
+    _, texts = page(overlays={'places': names})
+    assert sum(text.startswith('place ') for text in texts) == 5
+    assert 'only 5 of 40 names' in caplog.text

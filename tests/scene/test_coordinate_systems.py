@@ -1,0 +1,259 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Coordinate systems that an EPSG code does not fully describe reach every output."""
+
+from dataclasses import replace
+import json
+from pathlib import Path
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.crs import CRS
+from rasterio.transform import from_origin
+from rasterio.warp import transform
+
+from lava_ros.errors import LavaError
+from lava_ros.forecast.rasters import raster_on
+from lava_ros.maps.export import export_bag
+from lava_ros.maps.gis import place_of
+from lava_ros.pages.runs import system_words
+from lava_ros.scene import Scene, scene_to_dict, Terrain
+from lava_ros.scene.features import read_features
+from lava_ros.scene.projection import coordinate_system, projected, system_name
+from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.simulation.checkpoint import from_bytes
+from recording import record, TERRAIN
+from small_checkpoint import small_checkpoint
+
+GROUND = (1000.0 + np.add.outer(np.arange(40.0), np.arange(40.0))).astype(np.float32)
+
+#: A national grid without a code: transverse Mercator with its own origin.
+NATIONAL = CRS.from_proj4(
+    '+proj=tmerc +lat_0=37 +lon_0=15.2 +k=0.9999 +x_0=500000 +y_0=4100000 +ellps=GRS80 +units=m'
+)
+
+COMPOUND = CRS.from_user_input('EPSG:32633+5773')
+
+#: A grid of a site, which is nowhere on Earth.
+SITE = CRS.from_wkt('LOCAL_CS["quarry grid",UNIT["metre",1]]')
+
+#: Foot and US survey foot [m].
+FOOT, SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
+
+
+def write(path: Path, crs: Any, data: np.ndarray = GROUND, **options: Any) -> Path:
+    """Write a GeoTIFF; ``unit`` is that of its band."""
+    unit = options.pop('unit', None)
+    with rasterio.open(
+        path, 'w', driver='GTiff', count=1, dtype=data.dtype, height=40, width=40, crs=crs,
+        transform=from_origin(500_000.0, 4_180_000.0, 10.0, 10.0), **options,
+    ) as sink:
+        sink.write(data, 1)
+        if unit:
+            sink.units = [unit]
+    return path
+
+
+@pytest.mark.parametrize(
+    ('crs', 'code', 'name'),
+    [
+        (COMPOUND, 32633, 'EPSG:32633'),
+        (NATIONAL, None, 'unknown, no EPSG code'),
+        (SITE, None, 'quarry grid, no EPSG code'),
+        (CRS.from_epsg(32633), 32633, 'EPSG:32633'),
+    ],
+)
+def test_system_of_a_file_is_kept(tmp_path: Path, crs: CRS, code: int | None, name: str) -> None:
+    """The cells stay where they are; the horizontal part is that of all maps."""
+    terrain = load_terrain(write(tmp_path / 'a.tif', crs))
+    np.testing.assert_array_equal(terrain.elevation, GROUND[::-1])
+    assert (terrain.epsg, terrain.offset) == (code, (500_000.0, 4_179_600.0))
+    assert system_name(terrain.epsg, terrain.wkt) == name
+    if crs == CRS.from_epsg(32633):
+        assert terrain.wkt is None
+    else:
+        assert terrain.wkt is not None and CRS.from_wkt(terrain.wkt) == crs
+    expected = CRS.from_epsg(code) if code else crs
+    assert place_of(terrain).crs == expected
+
+
+def test_compound_system_without_codes_has_a_horizontal_part(tmp_path: Path) -> None:
+    """The vertical part is kept, and left out of maps."""
+    _, name, heights = COMPOUND.to_wkt().partition('VERT_CS')
+    wkt = f'COMPD_CS["local heights",{NATIONAL.to_wkt()},{name}{heights}'
+    terrain = load_terrain(write(tmp_path / 'a.tif', CRS.from_wkt(wkt)))
+    assert terrain.epsg is None and terrain.wkt is not None and 'EGM96' in terrain.wkt
+    found = coordinate_system(terrain.epsg, terrain.wkt)
+    assert 'EGM96' not in found.to_wkt()
+    (x,), (y,) = transform('EPSG:4326', NATIONAL, [15.2], [37.7])
+    assert projected(terrain, 15.2, 37.7) == pytest.approx((x, y), abs=1e-3)
+
+
+@pytest.mark.parametrize('crs', [COMPOUND, NATIONAL], ids=['compound', 'national'])
+def test_places_in_degrees_are_found(tmp_path: Path, crs: CRS) -> None:
+    """Of a vent, of features, and of a raster of somebody else."""
+    terrain = load_terrain(write(tmp_path / 'a.tif', crs))
+    middle = (500_200.0, 4_179_800.0)
+    flat = CRS.from_epsg(32633) if crs == COMPOUND else crs
+    (longitude,), (latitude,) = transform(flat, 'EPSG:4326', *([value] for value in middle))
+    assert projected(terrain, longitude, latitude) == pytest.approx(middle, abs=1e-3)
+    point = {'type': 'Point', 'coordinates': [longitude, latitude]}
+    file = tmp_path / 'a.geojson'
+    file.write_text(json.dumps({'type': 'Feature', 'properties': {}, 'geometry': point}))
+    (feature,) = read_features('--vents', file, terrain)
+    np.testing.assert_allclose(feature.rings[0], [middle], atol=1e-3)
+    values = raster_on(terrain, write(tmp_path / 'b.tif', crs), field='x')
+    np.testing.assert_array_equal(values, GROUND[::-1])
+
+
+def test_local_system_has_no_longitudes(tmp_path: Path) -> None:
+    """The error names the system and does not deny that there is one."""
+    terrain = load_terrain(write(tmp_path / 'a.tif', SITE))
+    with pytest.raises(LavaError, match='the domain of quarry grid, no EPSG code'):
+        projected(terrain, 15.0, 37.0)
+
+
+@pytest.mark.parametrize('crs', [COMPOUND, NATIONAL, SITE, CRS.from_epsg(32634)])
+def test_epsg_code_replaces_the_system_of_a_file(
+    tmp_path: Path, crs: CRS, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A note says so if the file states another one."""
+    terrain = load_terrain(write(tmp_path / 'a.tif', crs), epsg=32633)
+    assert terrain.epsg == 32633
+    is_same = crs == COMPOUND
+    assert ('EPSG:32633 as given, although the file states' in caplog.text) != is_same
+    assert (terrain.wkt is not None) == is_same
+
+
+def test_degrees_stay_degrees(tmp_path: Path) -> None:
+    """An EPSG code does not make metres of them; a label that is wrong is replaced."""
+    path = write(tmp_path / 'a.tif', 'EPSG:4326')
+    assert load_terrain(path, epsg=32633).resolution == 10.0
+    with rasterio.open(path, 'r+') as file:
+        file.transform = from_origin(15.0, 37.0, 1e-4, 1e-4)
+    with pytest.raises(LavaError, match='a system in degrees: cells are 0.0001 wide'):
+        load_terrain(path, epsg=32633)
+    assert load_terrain(path, epsg=4258).epsg == 32633
+
+
+def test_system_survives_files_of_lava(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scenes, checkpoints and npz; those without a definition are read as before."""
+    terrain = load_terrain(write(tmp_path / 'a.tif', NATIONAL))
+    stored = scene_to_dict(Scene(terrain))['terrain']
+    assert stored['wkt'] == terrain.wkt
+    plain = small_checkpoint(1.0, 5)
+    assert b'"wkt"' not in plain.to_bytes()
+    assert from_bytes(plain.to_bytes()).scene.terrain.wkt is None
+    placed = replace(plain, scene=replace(plain.scene, terrain=replace(
+        plain.scene.terrain, epsg=None, wkt=terrain.wkt
+    )))
+    assert from_bytes(placed.to_bytes()).scene.terrain.wkt == terrain.wkt
+    np.savez(tmp_path / 'a.npz', elevation=GROUND, resolution=10.0, wkt=str(terrain.wkt))
+    # neither needs GDAL
+    monkeypatch.setitem(sys.modules, 'rasterio', None)
+    assert load_terrain(tmp_path / 'a.npz').wkt == terrain.wkt
+    assert system_words(None, terrain.wkt) == 'unknown, no EPSG code'
+
+
+@pytest.mark.parametrize('wkt', ['', 5, 'x' * 200_000])
+def test_definition_of_a_system_is_checked(wkt: Any) -> None:
+    """A terrain refuses what is no definition; maps refuse what GDAL does not understand."""
+    with pytest.raises(LavaError, match='terrain.wkt'):
+        Terrain(GROUND, 10.0, wkt=wkt)
+    with pytest.raises(LavaError, match='terrain.wkt'):
+        place_of(Terrain(GROUND, 10.0, wkt='nowhere'))
+
+
+def test_maps_of_a_bag_have_its_system(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Without a code, and an EPSG code that is given replaces it."""
+    bag = record(
+        tmp_path / 'bag', times=(200.0,),
+        terrain=replace(TERRAIN, epsg=None, wkt=NATIONAL.to_wkt()),
+    )
+    exported = export_bag(bag, tmp_path / 'own', maps=['height'])
+    with rasterio.open(exported.files[0]) as file:
+        assert file.crs == NATIONAL
+        assert file.bounds.left == 499_950.0
+    assert not caplog.records
+    exported = export_bag(bag, tmp_path / 'other', maps=['height'], epsg=32633)
+    assert 'EPSG:32633 as given, although the bag states unknown' in caplog.text
+    with rasterio.open(exported.files[0]) as file:
+        assert file.crs.to_epsg() == 32633
+        assert file.bounds.left == 499_950.0
+
+
+@pytest.mark.parametrize('suffix', ['FEET', 'feet', 'METERS', 'NO'])
+def test_unit_of_an_old_prj_file(tmp_path: Path, suffix: str) -> None:
+    """ESRI grids had their unit of elevation in a file of their own."""
+    np.savetxt(
+        tmp_path / 'a.asc', GROUND, fmt='%g', comments='',
+        header='ncols 40\nnrows 40\nxllcorner 500000\nyllcorner 4180000\ncellsize 10',
+    )
+    (tmp_path / 'a.prj').write_text(
+        'Projection UTM\nZone 33\nDatum WGS84\nZunits ' + suffix + '\nUnits METERS\nParameters\n'
+    )
+    factor = FOOT if suffix.lower() == 'feet' else 1.0
+    np.testing.assert_allclose(
+        load_terrain(tmp_path / 'a.asc').elevation, factor * GROUND[::-1], rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ('crs', 'unit', 'factor'),
+    [
+        ('EPSG:32633', 'ft', FOOT),
+        ('EPSG:32633', 'US survey foot', SURVEY_FOOT),
+        ('EPSG:32633', 'm', 1.0),
+        ('EPSG:32633', 'cm', 0.01),
+        # heights in feet, and in US survey feet
+        ('EPSG:32633+8228', None, FOOT),
+        ('EPSG:32633+6360', None, SURVEY_FOOT),
+        ('EPSG:32633+8228', 'foot', FOOT),
+    ],
+)
+def test_heights_become_metres(
+    tmp_path: Path, crs: str, unit: str | None, factor: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """By the unit of the band and by that of the vertical system; a system in feet is not kept."""
+    caplog.set_level('INFO')
+    stored = GROUND.copy()
+    stored[0, 0] = -9999.0
+    terrain = load_terrain(write(tmp_path / 'a.tif', crs, stored, unit=unit, nodata=-9999.0))
+    expected = np.where(stored == -9999.0, np.nan, factor * GROUND)
+    np.testing.assert_allclose(terrain.elevation, expected[::-1], rtol=1e-6)
+    assert ('become metres' in caplog.text) == (factor != 1.0)
+    assert (terrain.epsg, terrain.wkt) == (32633, None)
+
+
+@pytest.mark.parametrize(
+    ('crs', 'unit', 'value'),
+    [
+        ('EPSG:32633', 'fathom', 'fathom'),
+        ('EPSG:32633+8228', 'm', 'foot and m'),
+        # mean sea level, depths
+        ('EPSG:32633+5715', None, 'metre of depth'),
+    ],
+)
+def test_units_that_are_unknown_or_contradict_are_refused(
+    tmp_path: Path, crs: str, unit: str | None, value: str
+) -> None:
+    """Nobody guesses which is right."""
+    with pytest.raises(LavaError, match=f'unit of the elevations of a.tif is .{value}.'):
+        load_terrain(write(tmp_path / 'a.tif', crs, unit=unit))

@@ -1,0 +1,244 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tables of effusion rates: each way in which observatories write the same eruption."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.scene import scene_from_yaml
+from lava_ros.scene.effusion_rates import (
+    error_of_rates,
+    Options,
+    read_effusion_rates,
+    series_of_rates,
+)
+
+#: A day with 20 and a day with 10 m3/s.
+DAYS = ((0.0, 86400.0, 20.0), (86400.0, 172800.0, 10.0))
+
+WHOLE = {
+    'seconds': 'start_s,end_s,discharge_m3_per_s\n0,86400,20\n86400,172800,10\n',
+    'hours and tabs': 'start_h\tend_h\tTADR\n0\t24\t20\n24\t48\t10\n',
+    'days and comments': (
+        '# of the observatory\nStart (days);End (days);Effusion rate (m3/s)\n'
+        '# the first day\n0;1;20,0 # by satellite\n1;2;10,0\n'
+    ),
+    'dates': (
+        'start,end,rate\n2021-09-19,2021-09-20,20\n2021-09-20T00:00:00Z,2021-09-21 00:00,10\n'
+    ),
+    'dates of a time zone': (
+        'start,end,rate\n2021-09-19T01:00:00+01:00,2021-09-20,20\n2021-09-20,2021-09-21,10\n'
+    ),
+    'volumes': 'from_d,to_d,volume (10^6 m3)\n0,1,1.728\n1,2,0.864\n',
+    'cumulative volume': 'time_h,cumulative volume [m3]\n0,0\n24,1728000\n48,2592000\n',
+    'cumulative volume and dates': (
+        'date,volume (km3)\n2021-09-19,0\n2021-09-20,0.001728\n2021-09-21,0.002592\n'
+    ),
+    'rates of a day': 'start_d end_d rate_m3_per_d\n0 1 1728000\n1 2 864000\n',
+    'instants': 'days,q\n0,25\n1,15\n2,5\n',
+}
+
+
+def read(folder: Path, text: str, **options: Any) -> Any:
+    """Read a table with this text."""
+    (folder / 'rates.csv').write_text(text, encoding='utf-8')
+    return read_effusion_rates('--effusion-rate', folder / 'rates.csv', Options(**options))
+
+
+@pytest.mark.parametrize('name', WHOLE)
+def test_tables_of_one_eruption(name: str, tmp_path: Path) -> None:
+    """Means, instants and volumes, in each unit of time, are the same intervals."""
+    found = read(tmp_path, WHOLE[name])
+    intervals = [(item.start, item.end, item.discharge) for item in found]
+    np.testing.assert_allclose(intervals, DAYS, rtol=1e-12)
+    series = [(0.0, 20.0), (86400.0, 10.0), (172800.0, 0.0)]
+    np.testing.assert_allclose(series_of_rates(found), series, rtol=1e-12)
+
+
+def test_dates_and_the_start_of_the_eruption(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Time 0 is the start that is given; without one it is the first date, which is said."""
+    found = read(tmp_path, WHOLE['dates'], start='2021-09-18T12:00:00Z')
+    assert (found[0].start, found[-1].end) == (43200.0, 216000.0)
+    assert not caplog.messages
+    read(tmp_path, WHOLE['dates'])
+    assert 'the eruption is taken to start with the first date, 2021-09-19' in caplog.text
+
+
+def test_instants_keep_the_volume(tmp_path: Path) -> None:
+    """The integral of a line between instants, however far apart they are."""
+    found = read(tmp_path, 'time_s,rate\n0,0\n10,4\n40,1\n')
+    assert sum(item.discharge * (item.end - item.start) for item in found) == 20.0 + 75.0
+
+
+def test_dense_rock_becomes_bulk(tmp_path: Path) -> None:
+    """With the porosity, which a table of dense-rock rates has to have."""
+    text = 'start_d,end_d,rate_dre\n0,1,15\n'
+    (found,) = read(tmp_path, text, porosity=0.25)
+    assert found.discharge == pytest.approx(20.0)
+    with pytest.raises(LavaError, match='rate_dre is .dense-rock., expected a porosity'):
+        read(tmp_path, text)
+    with pytest.raises(LavaError, match='porosity is 0.25, expected absent: .* has bulk rates'):
+        read(tmp_path, text.replace('dre', 'bulk'), porosity=0.25)
+
+
+@pytest.mark.parametrize(
+    ('gaps', 'rate', 'words'),
+    [
+        (None, 0.0, 'from 100 to 200 s, taken to be 0 m3/s .gaps: zero or interpolate chooses'),
+        ('zero', 0.0, 'from 100 to 200 s, taken to be 0 m3/s'),
+        ('interpolate', 3.0, 'from 100 to 200 s, taken to be 3 m3/s'),
+    ],
+)
+def test_gaps_between_intervals(
+    gaps: str | None, rate: float, words: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """They are filled as chosen, and a warning says so."""
+    found = read(tmp_path, 'start,end,q\n0,100,2\n200,300,4\n', gaps=gaps)
+    assert [(item.start, item.end, item.discharge) for item in found] == [
+        (0.0, 100.0, 2.0), (100.0, 200.0, rate), (200.0, 300.0, 4.0),
+    ]
+    (said,) = caplog.messages
+    assert all(word in said for word in words.split('.'))
+
+
+@pytest.mark.parametrize('cell', ['', 'nan', '-', 'N/A'])
+def test_cells_without_a_rate(cell: str, tmp_path: Path) -> None:
+    """They are refused unless somebody chooses what they are."""
+    text = f'start,end,q\n0,100,2\n100,200,{cell}\n200,300,4\n'
+    with pytest.raises(LavaError, match=r'line 3, q is .*a finite number, or gaps: zero or'):
+        read(tmp_path, text)
+    for gaps, rate in (('zero', 0.0), ('interpolate', 3.0)):
+        assert read(tmp_path, text, gaps=gaps)[1].discharge == rate
+    text = f'time,q\n0,2\n100,{cell}\n300,4\n400,4\n'
+    assert [item.discharge for item in read(tmp_path, text, gaps='zero')] == [0.0, 0.0, 4.0]
+    assert [item.discharge for item in read(tmp_path, text, gaps='interpolate')] == [3.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ('header', 'cells'),
+    [('error', ('5', '5')), ('Error (%)', ('25', '50')), ('sigma', ('10', ''))],
+)
+def test_errors_are_the_uncertainty(header: str, cells: Any, tmp_path: Path) -> None:
+    """The factor of an ensemble has the relative error of the volume."""
+    first, second = cells
+    text = f'start_d,end_d,q,{header},remark\n0,1,20,{first},x\n1,2,10,{second},y\n'
+    found = error_of_rates(read(tmp_path, text))
+    assert found is not None and found.kind == 'lognormal'
+    share = {'error': 1 / 3, 'Error (%)': 1 / 3, 'sigma': 1 / 2}[header]
+    assert math.exp(math.log(found.numbers[1]) ** 2) == pytest.approx(1.0 + share**2)
+    assert error_of_rates(read(tmp_path, WHOLE['seconds'])) is None
+
+
+def test_other_columns_are_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Nothing is dropped in silence."""
+    read(tmp_path, 'start,end,q,satellite,remark\n0,1,2,MODIS,x\n')
+    assert 'not understood are ignored: satellite, remark' in caplog.text
+
+
+@pytest.mark.parametrize(
+    ('text', 'words'),
+    [
+        ('start,end,q\n0,100,many\n', "line 2, q is 'many', expected a finite number"),
+        ('start,end,q\n0,100,-3\n', "line 2, q is '-3', expected at least 0"),
+        ('start,end,q\n100,0,3\n', 'line 2, end is 0.0, expected a time after its start, 100 s'),
+        ('start,end,q\n0,100,3\n50,200,3\n', 'line 3, start is 50.0, expected at least 100 s'),
+        ('start,end,q\n0,2021-09-19,3\n', "line 2, end is '2021-09-19', expected dates in all"),
+        ('start,end,q\n2021-13-01,1,3\n', "start is '2021-13-01', expected a finite number, or"),
+        ('time,q\n0,1\n', 'line 2 is .the only row., expected at least two instants'),
+        ('time,q\n5,1\n5,2\n', 'line 3, time is 5.0, expected a time after the row before, 5 s'),
+        ('time,volume\n0,5\n5,2\n', 'line 3, volume is 2.0, expected at least that of the row'),
+        ('time_fortnights,q\n0,1\n', 'first line is .time_fortnights,q., expected the columns'),
+        ('time (fortnights),q\n0,1\n', "rates.csv is 'fortnights', expected a unit such as s"),
+        ('start,end,q,volume\n0,1,2,3\n', 'expected the columns start, end and effusion_rate or'),
+        ('start,q\n0,1\n', 'expected the columns start, end and effusion_rate or'),
+        ('start,end,q,error\n0,1,2,-3\n', "line 2, error is '-3', expected at least 0"),
+        ('start,end,q\n0,1,0\n', 'a table without lava'),
+        ('start,end,q\n0,1,1e9\n', r'line 2, q is 1000000000.0, expected 0 to 1e\+08 m3/s'),
+    ],
+)
+def test_tables_that_are_wrong(text: str, words: str, tmp_path: Path) -> None:
+    """The error names the row, the column and the value as it is written."""
+    with pytest.raises(LavaError, match=words):
+        read(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        ({'start': 'yesterday'}, "start is 'yesterday', expected a date such as"),
+        ({'gaps': 'none'}, "gaps is 'none', expected one of zero, interpolate"),
+        ({'porosity': 1.0}, 'porosity is 1.0, expected at least 0 and below 1'),
+        ({'porosity': 'half'}, "porosity is 'half'"),
+    ],
+)
+def test_options_that_are_wrong(options: Any, words: str) -> None:
+    """Each is named."""
+    with pytest.raises(LavaError, match=words):
+        Options(**options)
+
+
+SCENE = """
+terrain: {{file: a.npz}}
+vents: [{{position: [300.0, 300.0], {}}}]
+{}
+"""
+
+
+def scene(folder: Path, vent: str, rest: str = '') -> Any:
+    """A scene file with a vent and a table beside it."""
+    np.savez(folder / 'a.npz', elevation=np.zeros((60, 60)), resolution=10.0)
+    (folder / 'rates.csv').write_text('date,q,error\n2021-09-19,4,1\n2021-09-20,8,2\n')
+    (folder / 'scene.yaml').write_text(SCENE.format(vent, rest))
+    return scene_from_yaml(folder / 'scene.yaml')
+
+
+def test_effusion_rates_of_scene_files(tmp_path: Path) -> None:
+    """A number, a series or a table, by the name of the field; discharge stays readable."""
+    for word in ('discharge', 'effusion_rate'):
+        (vent,) = scene(tmp_path, f'{word}: 5').vents
+        assert vent.discharge == 5.0
+        (vent,) = scene(tmp_path, f'{word}: [[0, 5], [60, 0]]').vents
+        assert vent.discharge == ((0.0, 5.0), (60.0, 0.0))
+    table = 'effusion_rate: {file: rates.csv, start: 2021-09-19, porosity: 0.5}'
+    found = scene(tmp_path, table)
+    assert found.vents[0].discharge == ((0.0, 12.0), (86400.0, 0.0))
+    assert found.uncertainty.discharge is not None
+    known = 'uncertainty: {effusion_rate: {distribution: uniform, low: 0.5, high: 2}}'
+    assert scene(tmp_path, table, known).uncertainty.discharge.kind == 'uniform'
+
+
+@pytest.mark.parametrize(
+    ('vent', 'words'),
+    [
+        ('discharge: 5, effusion_rate: 5', r'vents\[0\].effusion_rate is 5, expected absent'),
+        ('radius: 5', r'vents\[0\].effusion_rate is missing, expected a value'),
+        ('effusion_rate: many', r"vents\[0\].effusion_rate is 'many', expected a finite number"),
+        ('effusion_rate: {gaps: zero}', r'vents\[0\].effusion_rate.file is missing'),
+        ('effusion_rate: {file: a.csv}', r"effusion_rate is '.*a.csv', expected a file"),
+        ('effusion_rate: {file: rates.csv, gaps: 1}', r'effusion_rate.gaps is 1, expected one of'),
+        ('effusion_rate: {file: rates.csv, gap: 1}', r'effusion_rate.gap is 1, expected no such'),
+    ],
+)
+def test_wrong_effusion_rates_of_scene_files(vent: str, words: str, tmp_path: Path) -> None:
+    """The error has the name that the file has."""
+    with pytest.raises(LavaError, match=words):
+        scene(tmp_path, vent)

@@ -1,0 +1,166 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cells without data that a file does not declare are named, and ground is left alone."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.transform import from_origin
+
+from lava_ros.cli.manual import parsed
+from lava_ros.cli.scenes import scene_from_arguments
+from lava_ros.errors import LavaError
+from lava_ros.scene import scene_from_yaml
+from lava_ros.scene.terrain_files import load_terrain
+
+#: A mountain of 300 to 1500 m on cells of 10 m.
+MOUNTAIN = (
+    300.0 + 1200.0 * np.exp(-np.add.outer(
+        (np.arange(60) - 30.0) ** 2, (np.arange(60) - 25.0) ** 2
+    ) / 400.0)
+).astype(np.float32)
+
+MARKS = (
+    -32768.0, -9999.0, -999.0, -99.0, -1.0, 0.0, 9999.0, 32767.0, 99999.0, 1.70141e38, -3.4e38,
+)
+
+
+def write(path: Path, data: np.ndarray, *, crs: str | None = 'EPSG:32633', **options: Any) -> Path:
+    """Write a raster in the format of its suffix."""
+    if path.suffix == '.npz':
+        np.savez(path, elevation=data, resolution=10.0)
+        return path
+    driver = {'.tif': 'GTiff', '.img': 'HFA', '.flt': 'EHdr'}[path.suffix]
+    with rasterio.open(
+        path, 'w', driver=driver, count=1, dtype=data.dtype, height=data.shape[0],
+        width=data.shape[1], crs=crs, transform=from_origin(5e5, 4.18e6, 10.0, 10.0), **options,
+    ) as sink:
+        sink.write(data, 1)
+    return path
+
+
+def holed(value: float, where: Any = np.s_[:, 45:]) -> np.ndarray:
+    """The mountain with a value in place of some cells."""
+    data = MOUNTAIN.copy()
+    data[where] = value
+    return data
+
+
+@pytest.mark.parametrize('suffix', ['.tif', '.img', '.flt', '.npz'])
+@pytest.mark.parametrize('value', MARKS)
+def test_block_of_an_undeclared_value_is_named(
+    tmp_path: Path, value: float, suffix: str
+) -> None:
+    """The error says how to declare it; declared, the cells have no data."""
+    path = write(tmp_path / f'a{suffix}', holed(value))
+    typed = f'{np.float32(value):g}'
+    with pytest.raises(LavaError) as caught:
+        load_terrain(path)
+    assert caught.value.value == f'{typed} in 900 cells'
+    assert f'--nodata {typed}' in str(caught.value)
+    terrain = load_terrain(path, nodata=value)
+    expected = MOUNTAIN if suffix == '.npz' else MOUNTAIN[::-1]
+    assert not terrain.has_data[:, 45:].any()
+    np.testing.assert_array_equal(terrain.elevation[:, :45], expected[:, :45])
+
+
+@pytest.mark.parametrize('crs', ['EPSG:32633', None], ids=['Earth', 'anywhere'])
+@pytest.mark.parametrize('value', [-32768.0, -9999.0, -999.0, 9999.0, 32767.0, 1.70141e38, 7000.0])
+def test_spike_is_named(tmp_path: Path, value: float, crs: str | None) -> None:
+    """One cell is enough for a value that is no height of the terrain around it."""
+    path = write(tmp_path / 'a.tif', holed(value, np.s_[20, 20]), crs=crs)
+    with pytest.raises(LavaError, match='in 1 cell.*--nodata'):
+        load_terrain(path)
+
+
+def test_several_spikes_of_other_values_are_named_by_the_outermost(tmp_path: Path) -> None:
+    """Interpolation has smeared them."""
+    data = MOUNTAIN.copy()
+    data[10, 10], data[40, 40] = -6000.0, -6500.0
+    with pytest.raises(LavaError, match='-6500 in 2 cells'):
+        load_terrain(write(tmp_path / 'a.tif', data))
+
+
+def test_voids_beside_the_sea_are_named(tmp_path: Path) -> None:
+    """A block of 0 in a mountain is not the sea, although the sea is 0 too."""
+    data = np.maximum(MOUNTAIN - 400.0, 0.0)
+    assert (load_terrain(write(tmp_path / 'a.tif', data)).elevation == 0.0).any()
+    data[28:32, 23:27] = 0.0
+    with pytest.raises(LavaError, match='0 in 16 cells'):
+        load_terrain(write(tmp_path / 'a.tif', data))
+
+
+def test_stored_values_count_whatever_their_unit(tmp_path: Path) -> None:
+    """Heights in decimetres with an offset, and heights in feet."""
+    stored = np.rint(10.0 * holed(-99.9)).astype(np.int16)
+    path = write(tmp_path / 'a.tif', stored)
+    with rasterio.open(path, 'r+') as file:
+        file.scales, file.offsets = [0.1], [500.0]
+    with pytest.raises(LavaError, match='-999 in 900 cells'):
+        load_terrain(path)
+    corner = load_terrain(path, nodata=-999).elevation[0, 0]
+    assert corner == pytest.approx(500.0 + MOUNTAIN[-1, 0], abs=0.1)
+    path = write(tmp_path / 'b.tif', holed(-999.0))
+    with rasterio.open(path, 'r+') as file:
+        file.units = ['ft']
+    with pytest.raises(LavaError, match='-999 in 900 cells'):
+        load_terrain(path)
+
+
+@pytest.mark.parametrize(
+    'ground',
+    [
+        np.maximum(MOUNTAIN - 400.0, 0.0),
+        np.maximum(MOUNTAIN - 400.0, -1.0),
+        np.minimum(MOUNTAIN, 999.0),
+        # a bathymetry that passes -999 m, and a pit in it
+        np.rint(MOUNTAIN - 1999.0),
+        # a wall, a house and a plane with poles
+        np.where(np.arange(60) == 20, 40.0, 0.0) + np.zeros((60, 1)),
+        np.where(np.add.outer(np.arange(60) % 20, np.arange(60) % 20) == 0, 300.0, 0.0),
+        np.zeros((60, 60)),
+        4.0 * MOUNTAIN,
+    ],
+    ids=['sea', 'low sea', 'plateau', 'bathymetry', 'wall', 'poles', 'plane', 'high'],
+)
+def test_ground_is_not_missing(tmp_path: Path, ground: np.ndarray) -> None:
+    """Seas, lakes, plateaus and walls are ground."""
+    terrain = load_terrain(write(tmp_path / 'a.tif', ground.astype(np.float32)))
+    np.testing.assert_array_equal(terrain.elevation, ground.astype(np.float32)[::-1])
+
+
+def test_the_user_decides(tmp_path: Path) -> None:
+    """On the command line and in a scene file, also that the value is ground."""
+    path = write(tmp_path / 'a.tif', holed(-99.0))
+    words = ['plan', '--within', '9s', '--terrain', str(path)]
+    scene = scene_from_arguments(parsed([*words, '--nodata', '-99']))
+    assert np.isnan(scene.terrain.elevation[:, -1]).all()
+    kept = scene_from_arguments(parsed([*words, '--nodata', 'none', '--epsg', '32634']))
+    assert kept.terrain.elevation.min() == -99.0 and kept.terrain.epsg == 32634
+    text = 'terrain: {file: a.tif, nodata: VALUE}\nvents: [{position: [200, 300], discharge: 5}]\n'
+    for value, expected in (('-99', np.nan), ('none', -99.0)):
+        (tmp_path / 'a.yaml').write_text(text.replace('VALUE', value))
+        scene = scene_from_yaml(tmp_path / 'a.yaml')
+        np.testing.assert_array_equal(scene.terrain.elevation[0, -1], np.float32(expected))
+    for name, value in (('--nodata', '-99'), ('--epsg', '32633')):
+        with pytest.raises(LavaError, match=f'{name} is .*left out without --terrain'):
+            scene_from_arguments(parsed(['plan', '--within', '9s', name, value]))
+    with pytest.raises(LavaError, match="--nodata is 'sea', expected a number, or none"):
+        scene_from_arguments(parsed([*words, '--nodata', 'sea']))
+    with pytest.raises(LavaError, match=r'terrain\.nodata'):
+        load_terrain(path, nodata='sea')

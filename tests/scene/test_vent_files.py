@@ -1,0 +1,314 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Vector files and tables of other programs: one file of each format, for each use."""
+
+from argparse import Namespace
+import importlib.util
+from itertools import groupby
+import json
+from pathlib import Path
+from typing import Any
+import warnings
+import zipfile
+
+import numpy as np
+from pyogrio import raw
+import pytest
+from rasterio.warp import transform
+
+from lava_ros.cli.scenes import vents_as_given
+from lava_ros.errors import LavaError
+from lava_ros.files import vectors
+from lava_ros.files.columns import angle, COLUMNS, understood
+from lava_ros.forecast.rasters import seen_in_file
+from lava_ros.scene import Terrain
+from lava_ros.scene.features import read_features
+from lava_ros.scene.reshaping import read_barriers
+from lava_ros.scene.vent_files import read_vents
+
+TERRAIN = Terrain(np.zeros((50, 50)), 20.0, epsg=32633, offset=(500_000.0, 4_180_000.0))
+
+#: Places on it, easting and northing [m].
+FISSURE = [[(500_200.0, 4_180_200.0), (500_200.0, 4_180_300.0)],
+           [(500_300.0, 4_180_300.0), (500_600.0, 4_180_300.0)]]
+POINTS = [(500_100.0, 4_180_100.0), (500_700.0, 4_180_100.0)]
+SQUARE = [[(500_100.0, 4_180_100.0), (500_300.0, 4_180_100.0), (500_300.0, 4_180_300.0),
+           (500_100.0, 4_180_300.0), (500_100.0, 4_180_100.0)]]
+
+#: Attributes of a vent, by names that a user has.
+KNOWN = {'Name': 'Fessura', 'Q': 30.0, 'radius': 25.0, 'Temp': 1350.0, 'remark': 'of 1971'}
+
+#: GDAL's name of each format that is read.
+DRIVERS = {
+    'geojson': 'GeoJSON', 'json': 'GeoJSON', 'gpkg': 'GPKG', 'shp': 'ESRI Shapefile',
+    'zip': 'ESRI Shapefile', 'shz': 'ESRI Shapefile', 'kml': 'LIBKML', 'kmz': 'LIBKML',
+}
+
+
+def geographic(places: Any) -> Any:
+    """Longitudes and latitudes of nested lists of places."""
+    if isinstance(places, tuple):
+        (x,), (y,) = transform('EPSG:32633', 'EPSG:4326', [places[0]], [places[1]])
+        return [x, y]
+    return [geographic(item) for item in places]
+
+
+def write(path: Path, kind: str, places: Any, known: dict[str, Any]) -> Path:
+    """Write a feature with GDAL; a zip of a Shapefile by Python, as people make them."""
+    ending = path.suffix[1:]
+    feature = {
+        'type': 'Feature', 'properties': known,
+        'geometry': {'type': kind, 'coordinates': geographic(places)},
+    }
+    data = json.dumps({'type': 'FeatureCollection', 'features': [feature]}).encode()
+    meta, _, geometry, values = raw.read(data)
+    target = path.with_suffix('.shp') if ending == 'zip' else path
+    with warnings.catch_warnings():
+        # a Shapefile cuts long names
+        warnings.simplefilter('ignore')
+        raw.write(
+            target, geometry, values, meta['fields'], driver=DRIVERS[ending], geometry_type=kind,
+            crs='EPSG:4326',
+        )
+    if ending == 'zip':
+        with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
+            for part in path.parent.glob(f'{path.stem}.*'):
+                if part != path:
+                    archive.write(part, f'a folder/{part.name}')
+                    part.unlink()
+    return path
+
+
+def vents_of(path: Path, discharge: Any = None) -> list[Any]:
+    """The vents that a command reads."""
+    given = Namespace(vents=str(path), vent=[], discharge=discharge)
+    return vents_as_given(given, TERRAIN)
+
+
+@pytest.mark.parametrize('ending', DRIVERS)
+def test_barriers_of_every_format(
+    ending: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Lines with their own height, and the usual width; a Shapefile cuts long names."""
+    known = {'barrier_height': 12.0, 'owner': 'a'}
+    path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, known)
+    usual = {'height': None, 'width': 10.0, 'slope': 1.0}
+    first, second = read_barriers('--lines', path, TERRAIN, usual)
+    np.testing.assert_allclose(first.line, FISSURE[0], atol=0.02)
+    assert (first.height, first.width, second.height) == (12.0, 10.0, 12.0)
+    assert 'not understood are ignored: owner' in caplog.text
+    path = write(tmp_path / f'b.{ending}', 'MultiLineString', FISSURE, {'height': -2.0})
+    with pytest.raises(LavaError, match='height is -2.0, expected a finite number at least 0.1'):
+        read_barriers('--lines', path, TERRAIN, usual)
+
+
+def test_every_format_is_tried() -> None:
+    """A format that is added has a file in this test."""
+    assert {f'.{ending}' for ending in DRIVERS} == set(vectors.ENDINGS)
+
+
+@pytest.mark.parametrize('ending', DRIVERS)
+def test_vents_of_every_format(
+    ending: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The parts of a feature divide its effusion rate; unknown attributes are named."""
+    path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, KNOWN)
+    first, second = vents_of(path)
+    np.testing.assert_allclose([first.place, first.other_end], FISSURE[0], atol=0.02)
+    np.testing.assert_allclose([second.place, second.other_end], FISSURE[1], atol=0.02)
+    assert (first.discharge, second.discharge) == pytest.approx((7.5, 22.5), rel=1e-4)
+    assert (first.name, first.radius, first.temperature) == ('Fessura', 25.0, 1350.0)
+    assert 'not understood are ignored: remark' in caplog.text
+    path = write(tmp_path / f'b.{ending}', 'MultiPoint', POINTS, KNOWN)
+    assert [vent.discharge for vent in vents_of(path)] == [15.0, 15.0]
+    with pytest.raises(LavaError, match='no --effusion-rate, since'):
+        vents_of(path, 5.0)
+
+
+@pytest.mark.parametrize('ending', DRIVERS)
+def test_places_and_outlines_of_every_format(ending: str, tmp_path: Path) -> None:
+    """A line to draw and an area of observed lava, of the same reader."""
+    path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, {'label': 'Strada'})
+    ((_, found),) = (
+        (where, list(items))
+        for where, items in groupby(
+            read_features('--overlay', path, TERRAIN), key=lambda item: item.where
+        )
+    )
+    assert [item.name for item in found] == ['Strada', 'Strada']
+    path = write(tmp_path / f'b.{ending}', 'MultiPolygon', [SQUARE], {})
+    lava, known = seen_in_file(path, TERRAIN)
+    assert known.all() and lava.sum() == 100 and lava[5:15, 5:15].all()
+
+
+@pytest.mark.parametrize(
+    ('header', 'row'),
+    [
+        ('x,y,name', '{x},{y},a'),
+        ('X;Y;flow_id', '{x};{y};a'),
+        ('Easting\tNorthing\tName', '{x}\t{y}\ta'),
+        ('POINT_X,POINT_Y,Label', '{x},{y},a'),
+        ('UTM_E (km),utmN (km),Vent', '{kx},{ky},a'),
+        ('x y name', '{x}   {y} a'),
+        ('lon,lat,name', '{lon},{lat},a'),
+        ('Latitude,Longitude,Site', '{lat},{lon},a'),
+        ('lat,long,name', '37 46 8.4 N,15°0\'3.6"E,a'),
+        ('lat;lon;name', '37:46:8,4;15 0 3,6;a'),
+        ('WKT,name', '"POINT ({x} {y})",a'),
+    ],
+)
+def test_columns_of_places(header: str, row: str, tmp_path: Path) -> None:
+    """Any case, synonyms, units, separators, and degrees with minutes and seconds."""
+    lon, lat = 15.001, 37.769
+    (x,), (y,) = transform('EPSG:4326', 'EPSG:32633', [lon], [lat])
+    text = row.format(x=x, y=y, kx=x / 1000, ky=y / 1000, lon=lon, lat=lat)
+    (tmp_path / 'a.csv').write_text(f'# a comment\n{header}\n{text}\n', encoding='utf-8-sig')
+    (vent,) = read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
+    np.testing.assert_allclose(vent.place, (x, y), atol=0.02)
+    assert vent.name == 'a'
+
+
+@pytest.mark.parametrize(
+    ('header', 'field', 'cell', 'value'),
+    [
+        *((name, 'discharge', '12', 12.0) for name in
+          ('discharge', 'Discharge', 'RATE', 'q', 'Effusion_Rate', 'EffusionRate', 'TADR',
+           'discharge_m3_per_s', 'Effusion rate [m3/s]', 'Q (m³ s⁻¹)', 'rate (m^3/s)')),
+        ('rate (m3/h)', 'discharge', '3600', 1.0),
+        ('radius', 'radius', '50', 50.0),
+        ('Radius_m', 'radius', '50', 50.0),
+        ('width', 'radius', '50', 25.0),
+        ('temperature', 'temperature', '1300', 1300.0),
+        ('Temp (°C)', 'temperature', '1100', 1373.15),
+        ('temp_c', 'temperature', '1100', 1373.15),
+        ('start_h', 'start', '2', 7200.0),
+    ],
+)
+def test_columns_of_vents(
+    header: str, field: str, cell: str, value: float, tmp_path: Path
+) -> None:
+    """Each is the field of the vent in SI units."""
+    (tmp_path / 'a.csv').write_text(f'x,y,{header}\n500100,4180100,{cell}\n')
+    (vent,) = read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
+    assert getattr(vent, field) == pytest.approx(value)
+
+
+def test_a_vent_table_of_lava2d(tmp_path: Path) -> None:
+    """One fissure, whose rows are instants: its rate changes linearly between them."""
+    (tmp_path / 'vent_01.txt').write_text(
+        'time\tx0\ty0\tx1\ty1\twidth\tdischarge\n'
+        + ''.join(f'{time}\t500100\t4180100\t500260\t4180220\t20\t{rate}\n'
+                  for time, rate in ((0, 10), (43200, 10), (54000, 5), (86400, 5)))
+    )
+    (vent,) = vents_of(tmp_path / 'vent_01.txt')
+    assert vent.places == ((500_100.0, 4_180_100.0), (500_260.0, 4_180_220.0))
+    assert vent.radius == 10.0
+    assert vent.discharge == ((0.0, 10.0), (43200.0, 7.5), (54000.0, 5.0), (86400.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ('text', 'words'),
+    [
+        ('x,y,q\n500100,4180100,much\n', "line 2, q is 'much', expected a finite number"),
+        ('x,y,q\n500100,4180100,-1\n', 'line 2, q is -1.0, expected a finite number at least 0'),
+        ('x,y,q,rate\n500100,4180100,1,2\n', "is 'q and rate', expected one column for"),
+        ('x,y,radius,width\n500100,4180100,1,2\n', 'no radius as well'),
+        ('x,y,start,end\n500100,4180100,5,2\n', 'line 2.*, end is 2.0, expected a time after'),
+        ('x,y,rate_dre\n500100,4180100,5\n', 'rate_dre is 5.0, expected a bulk effusion rate'),
+        ('x,y,time\n500100,4180100,5\n', 'an effusion rate, and a point'),
+        ('x,y\n510100,4180100\n', 'a vent of .*a place on the terrain, which covers'),
+        ('x,y,x_end,y_end\n500100,4180100,500100,4180100\n', 'a line of no length'),
+    ],
+)
+def test_vents_that_are_wrong(text: str, words: str, tmp_path: Path) -> None:
+    """The error names the row, the column and the value as it is written."""
+    (tmp_path / 'a.csv').write_text(text)
+    with pytest.raises(LavaError, match=words):
+        vents_of(tmp_path / 'a.csv')
+
+
+def test_the_tables_of_the_page_are_up_to_date() -> None:
+    """docs/formats.py would write the page as it is."""
+    page = Path(__file__).parents[2] / 'docs/FORMATS.md'
+    spec = importlib.util.spec_from_file_location('formats', page.with_name('formats.py'))
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    text = page.read_text(encoding='utf-8')
+    assert module.page(text) == text, 'run python docs/formats.py'
+    assert set(module.MEANINGS) == set(COLUMNS)
+
+
+def test_names_of_columns_do_not_overlap() -> None:
+    """Each name has one meaning, except those of lines, whose partner tells."""
+    names = [name for known, _ in COLUMNS.values() for name in known]
+    assert {name for name in names if names.count(name) > 1} == {'x1', 'y1'}
+    found, _ = understood('a', ['x1', 'y1', 'x2', 'y2'], COLUMNS)
+    assert {name: column.header for name, column in found.items()} == {
+        'x': 'x1', 'y': 'y1', 'x_end': 'x2', 'y_end': 'y2',
+    }
+    for header, name in (('effusion_r', 'effusion_rate'), ('temperatur', 'temperature'),
+                         ('Name (en)', 'name')):
+        assert list(understood('a', [header], COLUMNS)[0]) == [name]
+    found, others = understood('a', ['x0', 'y0', 'x1', 'y1', 'fid', 'colour'], COLUMNS)
+    assert found['x_end'].header == 'x1' and others == ['colour']
+
+
+@pytest.mark.parametrize(
+    'text', ['15 61', '15 30.5 20', '15,006', '-15 W', 'W 15 W', '15 0 0 N', '181', '']
+)
+def test_angles_that_are_none(text: str) -> None:
+    """Minutes of 60 and more, fractions inside, two signs, and those of the other axis."""
+    with pytest.raises(LavaError, match='a longitude from -180 to 180 degrees'):
+        angle('lon', text, 'longitude')
+
+
+def test_archives_and_parts(tmp_path: Path) -> None:
+    """A Shapefile needs its parts; an archive has one file; a GeoPackage no open changes."""
+    path = write(tmp_path / 'a.shp', 'Point', POINTS[0], {'name': 'a'})
+    path.with_suffix('.dbf').unlink()
+    with pytest.raises(LavaError, match=r'a Shapefile with its other parts beside it \(.dbf\)'):
+        read_features('--vents', path, TERRAIN)
+    write(tmp_path / 'b.geojson', 'Point', POINTS[0], {})
+    with zipfile.ZipFile(tmp_path / 'two.zip', 'w') as archive:
+        for name in ('b.geojson', 'c.geojson'):
+            archive.write(tmp_path / 'b.geojson', name)
+    with pytest.raises(LavaError, match='two.zip is .b.geojson, c.geojson., expected an archive'):
+        read_features('--vents', tmp_path / 'two.zip', TERRAIN)
+    write(tmp_path / 'd.gpkg', 'Point', POINTS[0], {})
+    (tmp_path / 'd.gpkg-wal').write_bytes(b'changes')
+    with pytest.raises(LavaError, match='a GeoPackage that no program has open'):
+        read_features('--vents', tmp_path / 'd.gpkg', TERRAIN)
+
+
+def test_archives_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a small archive unpacks to is limited."""
+    monkeypatch.setattr(vectors, 'MAX_BYTES', 1000)
+    with zipfile.ZipFile(tmp_path / 'a.zip', 'w', zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr('a.geojson', '{' + ' ' * 10_000 + '}')
+    with pytest.raises(LavaError, match='MiB when unpacked'):
+        read_features('--vents', tmp_path / 'a.zip', TERRAIN)
+    (tmp_path / 'a.json').write_text('{' + ' ' * 10_000 + '}')
+    with pytest.raises(LavaError, match='a file of at most'):
+        read_features('--vents', tmp_path / 'a.json', TERRAIN)
+
+
+def test_a_file_without_a_system(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """It is that of the terrain, or degrees where the place tells, and a warning says so."""
+    path = write(tmp_path / 'a.shp', 'Point', POINTS[0], {'name': 'a'})
+    path.with_suffix('.prj').unlink()
+    (vent,) = vents_of(path)
+    np.testing.assert_allclose(vent.place, POINTS[0], atol=0.02)
+    assert 'names no coordinate system' in caplog.text
