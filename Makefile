@@ -77,9 +77,10 @@ coverage: $(STAMP)  ## Run every test and list the lines that none of them runs
 	$(VENV)/bin/python -m coverage combine --quiet
 	$(VENV)/bin/python -m coverage report
 
-lint: types  ## Check style and types, as the hooks of pre-commit do
-	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'ruff==0.17.5'
+lint: types  ## Check style, types and licences, as the hooks of pre-commit do
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'ruff==0.17.5' 'reuse==6.2.0'
 	$(VENV)/bin/ruff check .
+	$(VENV)/bin/reuse lint --quiet
 
 types: $(STAMP)  ## Check types alone
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'mypy==2.4.1'

@@ -30,6 +30,7 @@ EXTRAS = {
         'tornado>=6.2,<7',
     ],
     'test': [
+        'fastjsonschema>=2.19,<3',
         'hypothesis>=6.100,<7',
         'mcap-ros2-support>=0.5.5,<1',
         'pytest>=8,<10',
@@ -90,6 +91,8 @@ setup(
         # What `lava report` says a preset errs and costs.
         (f'share/{NAME}/docs/accuracy', ['docs/accuracy/cpu.csv', 'docs/accuracy/h200.csv']),
         (f'share/{NAME}/docs/benchmarks', files_in('docs/benchmarks')),
+        # For editors.
+        (f'share/{NAME}/schemas', files_in('schemas')),
         (f'share/{NAME}/sros2', files_in('sros2')),
     ],
     zip_safe=False,
@@ -106,8 +109,8 @@ setup(
     extras_require=EXTRAS,
     entry_points={
         'console_scripts': [
-            f'lava = {NAME}.cli.main:main',
-            f'lava_node = {NAME}.ros.node:main',
+            f'lava = {NAME}.cli.start:lava',
+            f'lava_node = {NAME}.cli.start:lava_node',
         ],
     },
 )

@@ -83,6 +83,7 @@ def page(old: str) -> str:
 
 #: Beginning of the parameter file.
 FILE_HEAD = """\
+# yaml-language-server: $schema=../schemas/parameters.schema.json
 # Parameters of the node with their defaults: a file to copy and to change, for
 #     ros2 launch lava_ros lava.launch.py params_file:=my.yaml
 #     lava node --ros-args --params-file my.yaml

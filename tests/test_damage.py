@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterator
 import os
 from pathlib import Path
 import random
+import re
 import shutil
 from typing import Any
+from unittest.mock import Mock
 
 from mcap.opcode import Opcode
 import pytest
@@ -19,6 +21,7 @@ from lava_ros.bag import BagReader, BagWriter
 from lava_ros.bag.checkpoints import attachments_in, checkpoints_of, NAME, newest_checkpoint
 from lava_ros.bag.records import FRAME, MAGIC
 from lava_ros.bag.replay import schedule
+from lava_ros.cli.manual import COMMANDS, parser_of
 from lava_ros.errors import LavaError
 from lava_ros.simulation.checkpoint import MEDIA_TYPE
 from recording import record
@@ -93,12 +96,12 @@ def test_a_chunk_that_is_lost_is_said(bag: Path, tmp_path: Path) -> None:
     with rasterio.open(tmp_path / 'out/height.tif') as file:
         assert file.tags()['simulated_time_s'] == '600.0'
     status, out, said = lava('info', bag)
-    assert (status, 'finished; damaged in 1 places' in out) == (1, True)
-    assert 'is damaged' in said
+    assert (status, 'finished; damaged (warnings: 2)' in out) == (1, True)
+    assert 'is damaged' in said and 'are missing: ' in said
     before = len(list(BagReader(bag).messages()))
     assert BagReader(bag).message_count == before
     status, out, _ = lava('recover', bag, tmp_path / 'new')
-    assert (status, 'the bag was damaged in 1 places' in out) == (1, True)
+    assert (status, 'the bag was damaged (warnings: 2)' in out) == (1, True)
     assert BagReader(tmp_path / 'new').message_count == before > 0
     assert BagReader(tmp_path / 'new').damage == ()
     assert [item.time for item in checkpoints_of(tmp_path / 'new')] == list(TIMES)
@@ -203,7 +206,60 @@ def test_a_bag_of_an_earlier_version_is_checked_by_its_parts(bag: Path) -> None:
     for opcode in (Opcode.CHUNK, Opcode.ATTACHMENT):
         path.write_bytes(data)
         flip(path, places_of(path, opcode)[2] + 100, 5)
-        assert len(BagReader(bag).damage) == 1
+        assert len(BagReader(path).damage) == 1
+
+
+BAG_COMMANDS = {
+    'info': (), 'replay': (), 'recover': ('out',), 'report': ('-o', 'out.html'),
+    'plot': ('-o', 'out.png'), 'places': ('huts.csv',), 'animate': ('-o', 'out.gif'),
+    'export': ('-o', 'out', '--maps', 'height'), 'watch': ('--port', '0'),
+}
+
+
+def test_every_command_that_takes_a_bag_takes_incomplete() -> None:
+    """The commands below are all of them."""
+    taking = {
+        name for name in COMMANDS
+        if any(action.dest == 'bag' for action in parser_of(name)._actions)
+    }
+    assert taking == set(BAG_COMMANDS)
+
+
+@pytest.mark.parametrize('command', BAG_COMMANDS)
+def test_messages_that_metadata_list_and_files_lack_are_named(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    """Every command exits with 1, and with 0 for --incomplete; both name what is missing."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr('lava_ros.ros.player.play', lambda bag, **_: 0)
+    monkeypatch.setattr('lava_ros.watch.page.serve', lambda *_, **__: Mock(port=1))
+    monkeypatch.setattr('signal.signal', lambda *_: None)
+    (tmp_path / 'huts.csv').write_text('name,x,y\nhut,300,300\n')
+    path = bag / 'bag_0.mcap'
+    whole = BagReader(bag)
+    assert lava(command, bag, *BAG_COMMANDS[command])[0] == 0
+    shutil.rmtree('out', ignore_errors=True)
+    os.truncate(path, places_of(path, Opcode.CHUNK)[2] + 100)
+    left = BagReader(path)
+    assert left.damage == ()
+    lost = whole.message_count - left.message_count
+    for option, expected in (((), 1), (('--incomplete',), 0)):
+        shutil.rmtree('out', ignore_errors=True)
+        status, _, said = lava(command, bag, *BAG_COMMANDS[command], *option)
+        assert status == expected
+        yaml = bag / 'metadata.yaml'
+        assert f'{lost} of the {whole.message_count} messages that {yaml} lists are' in said
+        hazard = whole.topics['/hazard'].count - left.topics['/hazard'].count
+        assert f'{hazard} of /hazard' in said
+
+
+@pytest.mark.parametrize('count', ['many', '-1', '1.5', '[1]'])
+def test_a_count_of_metadata_that_is_none_is_refused(bag: Path, count: str) -> None:
+    """The error names the file, and what to do about it."""
+    path = bag / 'metadata.yaml'
+    path.write_text(re.sub(r'(?<=^    message_count: )\d+', count, path.read_text(), flags=re.M))
+    with pytest.raises(LavaError, match=r'metadata\.yaml.* message_count of each topic'):
+        BagReader(bag)
 
 
 @pytest.mark.parametrize('kind', ['finished', 'cut off', 'metadata.yaml'])

@@ -148,7 +148,7 @@ def test_data_files_are_there(metadata: dict[str, Any]) -> None:
     assert installed['share/lava_ros/sros2'] == ['sros2/lava_ros.policy.xml']
     assert 'docs/accuracy/cpu.csv' in installed['share/lava_ros/docs/accuracy']
     assert set(installed['lib/lava_ros']) == {'libexec/lava', 'libexec/lava_node'}
-    for folder in ('examples', 'foxglove', 'launch', 'msg_configs', 'params', 'rviz'):
+    for folder in ('examples', 'foxglove', 'launch', 'msg_configs', 'params', 'rviz', 'schemas'):
         files = {f'{folder}/{path.name}' for path in (ROOT / folder).glob('*') if path.is_file()}
         assert files and set(installed[f'share/lava_ros/{folder}']) == files
     assert all((ROOT / name).is_file() for names in installed.values() for name in names)

@@ -3,10 +3,11 @@
 
 """The metadata.yaml of a bag, as rosbag2 of Jazzy writes it."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 import zlib
 
 import yaml
@@ -14,6 +15,7 @@ import yaml
 from lava_ros.bag.qos import QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_yaml, read_yaml
+from lava_ros.validation import whole
 
 FILE_NAME = 'metadata.yaml'
 
@@ -117,8 +119,18 @@ def is_whole(name: str, record: Mapping[str, str]) -> bool:
     return name != RECORD or _TEXT in record
 
 
-#: What a reader needs of metadata of any version: names of files, oldest first, and custom data.
-StoredMetadata = tuple[tuple[str, ...], dict[str, str]]
+class StoredMetadata(NamedTuple):
+    """What a reader needs of metadata of any version.
+
+    Attributes:
+        files: Names of the files, oldest first.
+        custom_data: Free text by name.
+        counts: Number of messages by topic; empty where the metadata do not list topics.
+    """
+
+    files: tuple[str, ...]
+    custom_data: dict[str, str]
+    counts: Counter[str]
 
 
 def read_metadata(path: Path) -> StoredMetadata:
@@ -151,7 +163,20 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
         right = 'metadata with a list relative_file_paths and a mapping custom_data'
         raise LavaError('bag', str(path), right)
     texts = {str(key): str(value) for key, value in custom_data.items()}
-    return tuple(Path(str(item)).name for item in names), texts
+    files = tuple(Path(str(item)).name for item in names)
+    return StoredMetadata(files, texts, _counts(data.get('topics_with_message_count') or [], path))
+
+
+def _counts(listed: object, path: Path) -> Counter[str]:
+    counts: Counter[str] = Counter()
+    try:
+        for item in listed:  # type: ignore[attr-defined]
+            name = str(item['topic_metadata']['name'])
+            counts[name] += whole(name, item['message_count'], at_least=0, at_most=2**63)
+    except (LavaError, KeyError, TypeError) as error:
+        right = 'metadata with a name and a message_count of each topic; if it is damaged, remove '
+        raise LavaError('bag', str(path), f'{right}it: it is not needed') from error
+    return counts
 
 
 def _checksum(name: str, text: str) -> str:

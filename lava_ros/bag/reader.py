@@ -4,7 +4,7 @@
 """Reads rosbag2 MCAP bags, also those whose recording was cut off."""
 
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import logging
 from pathlib import Path
@@ -58,7 +58,8 @@ class BagReader:
         custom_data: Free text by name that describes the recording.
         recovered: Whether a file was not finished; then everything before the place where it
             breaks off is there.
-        damage: What is damaged, and left out for it, each a sentence; it is logged, too.
+        damage: What is damaged and left out, or missing although metadata.yaml lists it, each a
+            sentence; it is logged, too.
         start_ns, end_ns: Log time of the first and last message [ns], None without messages.
         size: Size of the files together [bytes].
     """
@@ -73,7 +74,7 @@ class BagReader:
             raise LavaError('bag', str(path), 'a bag directory or an .mcap file that exists')
         yaml_path = self.path / bag_metadata.FILE_NAME
         stored = bag_metadata.read_metadata(yaml_path) if yaml_path.exists() else None
-        self.files = mcap_files(self.path, None if stored is None else stored[0])
+        self.files = mcap_files(self.path, None if stored is None else stored.files)
         was_begun = stored is not None or len(self.files) == 1 or has_begun(self.files[-1])
         if not was_begun:
             self.files = self.files[:-1]
@@ -84,13 +85,15 @@ class BagReader:
         last = self.contents[-1]
         record = last.metadata.get(bag_metadata.RECORD, {})
         is_checked = not last.damage and bag_metadata.CHECKSUM in record
-        self.custom_data = described if stored is None else stored[1]
+        self.custom_data = described if stored is None else stored.custom_data
         if stored is None:
             self.damage += unreadable
         elif is_checked and described != self.custom_data:
             self.damage += (
                 f'custom_data of {yaml_path} is damaged or changed: the last file says otherwise',
             )
+        if stored is not None:
+            self.damage += _missing(stored.counts, self.topics, yaml_path)
         self.recovered = not (was_begun and all(item.finished for item in self.contents))
         starts = [item.start_ns for item in self.contents if item.start_ns is not None]
         ends = [item.end_ns for item in self.contents if item.end_ns is not None]
@@ -203,6 +206,18 @@ def _topics(files: list[McapFile]) -> dict[str, Topic]:
     }
 
 
+def _missing(listed: Counter[str], topics: Mapping[str, Topic], path: Path) -> tuple[str, ...]:
+    """Name the messages that metadata list and the files do not have; nothing if all are there."""
+    lost = listed - Counter({name: topic.count for name, topic in topics.items()})
+    if not lost:
+        return ()
+    by_topic = ', '.join(f'{count} of {name}' for name, count in sorted(lost.items()))
+    return (
+        f'{lost.total()} of the {listed.total()} messages that {path} lists are missing: '
+        f'{by_topic}',
+    )
+
+
 def _described(files: list[McapFile]) -> tuple[dict[str, str], tuple[str, ...]]:
     """Custom data of the newest file with a record of them, and why newer ones do not serve."""
     unreadable: tuple[str, ...] = ()
@@ -210,7 +225,7 @@ def _described(files: list[McapFile]) -> tuple[dict[str, str], tuple[str, ...]]:
         record = contents.metadata.get(bag_metadata.RECORD)
         if record is not None:
             try:
-                return bag_metadata.parse_record(record, contents.path)[1], unreadable
+                return bag_metadata.parse_record(record, contents.path).custom_data, unreadable
             except LavaError as error:
                 unreadable += (str(error),)
     return {}, unreadable

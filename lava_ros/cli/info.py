@@ -98,7 +98,7 @@ def _lines(bag: BagReader, told: dict[str, Any], refused: list[LavaError]) -> li
         lines += [_file_line(item, bag.start_ns or 0) for item in bag.contents]
     state = 'cut off' if bag.recovered else 'finished'
     if bag.damage:
-        state += f'; damaged in {len(bag.damage)} places'
+        state += f'; damaged (warnings: {len(bag.damage)})'
     elif bag.recovered:
         state += '; everything before that is there'
     lines.append(f'recording  {state}')
@@ -219,6 +219,6 @@ def recover(args: argparse.Namespace) -> int:
     seconds = ((whole.end_ns or 0) - (whole.start_ns or 0)) / 1e9
     state = 'had been cut off' if source.recovered else 'was whole'
     if source.damage:
-        state = f'was damaged in {len(source.damage)} places'
+        state = f'was damaged (warnings: {len(source.damage)})'
     print(f'{seconds:.3f} s of recording; the bag {state}')
     return 0

@@ -13,12 +13,13 @@ import sys
 
 from lava_ros.cli.manual import Manual, parsed, ROS_COMMANDS
 from lava_ros.cli.output import check_outputs, Printable
+from lava_ros.cli.start import end_start, INTERRUPTED
 from lava_ros.errors import LavaError, printable
 
 #: Exit status for input that cannot be used, as argparse has it.
 USAGE_ERROR = 2
 
-#: Exit status of a command that did its work, but not with all of a damaged bag.
+#: Exit status of a command that did its work, but not with all of a damaged or incomplete bag.
 DAMAGED = 1
 
 #: What a disk, a quota and a limit of the shell say where nothing more can be written.
@@ -31,8 +32,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that the arguments name, without the program's name, or the process's.
 
     Returns:
-        The exit status: 0 when it went well, 1 when part of a bag was damaged and left out, 2 for
-        input that cannot be used.
+        The exit status: 0 when it went well, 1 when part of a bag was damaged or missing and
+        --incomplete does not accept that, 2 for input that cannot be used.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     for word in arguments:
@@ -56,14 +57,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     log.setLevel(logging.INFO)
     try:
         with redirect_stdout(Printable(sys.stdout)), redirect_stderr(Printable(sys.stderr)):
+            end_start()
             check_outputs(args)
-            return int(args.run(args)) or (DAMAGED if said.has_warned else 0)
+            status = int(args.run(args))
+            is_accepted = getattr(args, 'incomplete', False)
+            return status or (DAMAGED if said.has_warned and not is_accepted else 0)
     except LavaError as error:
         problem = str(error)
     except MemoryError as error:
         problem = f'no memory is left: {printable(str(error))}'
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:
         # The reader of our output has gone: there is nobody to tell, and Python would try at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

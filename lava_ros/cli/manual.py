@@ -69,8 +69,9 @@ ENVIRONMENT
     WARP_CACHE_PATH                 folder of the compiled kernels
 
 EXIT STATUS
-    0 if all went well, 1 if something failed, 2 if the input cannot be used,
-    130 after Ctrl+C.
+    0 if all went well, 1 if something failed or part of a bag is damaged or
+    missing (--incomplete accepts that), 2 if the input cannot be used, 130 after
+    Ctrl+C.
 
 SEE ALSO
     'lava COMMAND --help' describes a command and its options.

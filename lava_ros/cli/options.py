@@ -55,8 +55,13 @@ def argument(
 
 
 def command(*arguments: str | Argument, **defaults: Any) -> Callable[[Run], Command]:
-    """Make a command of a function; a name alone is an argument that several commands take."""
+    """Make a command of a function; a name alone is an argument that several commands take.
+
+    A command that takes a bag takes ``--incomplete`` as well.
+    """
     declared = [_SHARED[item] if isinstance(item, str) else item for item in arguments]
+    if any(names == ('bag',) for names, _ in declared):
+        declared.append(_SHARED['--incomplete'])
     return lambda run: Command(run, declared, defaults)
 
 
@@ -71,6 +76,10 @@ _SHARED = {item[0][0]: item for item in (
     ),
     argument('--fresh', None, 'ignore the results of earlier runs', action='store_true'),
     argument('--horizon', 'TIME', 'simulated time of a run: 6h, 90min', f'{HORIZON / 3600.0:g}h'),
+    argument(
+        '--incomplete', None, 'accept a bag that is damaged or lacks messages: exit with status 0 '
+        'instead of 1', action='store_true',
+    ),
     argument('--json', 'FILE', 'write the result as JSON to a file; - writes it to stdout'),
     argument(
         '--low-pass', 'M', 'smooth the elevation with a Gaussian of this standard deviation [m]',

@@ -121,7 +121,7 @@ def step_costs() -> dict[str, float]:
 def materials(args: argparse.Namespace) -> int:
     """List the lavas that have a name, with their constants and sources.
 
-    A scene file names one with lava: {material: NAME}, and a case with material: NAME.
+    A scene file and the case.yaml of a case name one with lava: {material: NAME}.
     """
     chosen = [material_named(args.name)] if args.name else list(known_materials().values())
     if args.json:
@@ -190,8 +190,12 @@ def barrier(args: argparse.Namespace) -> int:
         usual = {'height': args.height, 'width': args.width, 'slope': args.slope}
         barriers += read_barriers('--lines', args.lines, before, usual)
     for item in barriers:
-        higher = np.maximum(terrain.elevation, with_barrier(before, item).elevation)
-        terrain = replace(with_barrier(terrain, item), elevation=higher)
+        raised = with_barrier(before, item)
+        terrain = replace(
+            terrain,
+            elevation=np.maximum(terrain.elevation, raised.elevation),
+            barriers=(*terrain.barriers, item.line),
+        )
         print(
             f'barrier {item.length:.0f} m long, {item.height:g} m high, crest {item.width:g} m '
             f'wide: {item.volume:.0f} m3 of earth by its cross-section'

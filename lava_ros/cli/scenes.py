@@ -27,7 +27,7 @@ from lava_ros.scene.effusion_rates import (
     series_of_rates,
 )
 from lava_ros.scene.materials import DEFAULT as DEFAULT_MATERIAL
-from lava_ros.scene.projection import projected
+from lava_ros.scene.projection import is_degrees, projected
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain
 from lava_ros.scene.vent_files import read_vents, VentRow
@@ -266,8 +266,7 @@ def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
 def _place(text: str, terrain: Terrain) -> tuple[float, float]:
     """Easting and northing of what is typed for a vent: longitude, latitude where it can be."""
     x, y = _coordinates(text)
-    is_placed = terrain.epsg is not None or terrain.wkt is not None
-    is_geographic = is_placed and abs(x) <= 180.0 and abs(y) <= 90.0
+    is_geographic = terrain.has_system and is_degrees((x, y))
     place = projected(terrain, x, y) if is_geographic else (x, y)
     if not terrain.covers(*terrain.to_map(*place)):
         right = f'a place {terrain.bounds(projected=True)}'

@@ -9,9 +9,10 @@ from dataclasses import asdict, dataclass
 from functools import partial
 import hashlib
 import json
+import logging
 from pathlib import Path
 import pickle
-from typing import Any
+from typing import Any, NoReturn
 import warnings
 
 import numpy as np
@@ -26,13 +27,15 @@ from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.assimilation import jaccard, Outline, UNIT, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, running
 from lava_ros.forecast.pool import DEATHS, Pool, process_number
-from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
+from lava_ros.forecast.probability import Footprint, footprint_of, NEVER, reached_by, Tally
 from lava_ros.forecast.sampling import Member, Susceptibility
 from lava_ros.forecast.sentinels import CalledEffect, is_sentinel, log_called, Sentinels
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
-from lava_ros.scene import scene_to_dict
+from lava_ros.scene import MAX_ELEVATION, scene_to_dict
 from lava_ros.simulation.backend.threads import usable_cores
+
+_LOG = logging.getLogger(__name__)
 
 #: Fewest members of which maps are shown while others still run.
 FIRST_MAPS = 16
@@ -134,8 +137,14 @@ class Store:
             write_output('--output', path, json.dumps(weights.values.tolist()) + '\n')
 
     def finished(self, count: int) -> Iterator[Footprint]:
-        """Read those of the first members that are there and undamaged, in order."""
-        return stored_members(self._folder, count)
+        """Read those of the first members that are there and undamaged, in order.
+
+        A damaged one is logged; it runs again.
+        """
+        def log(error: LavaError) -> None:
+            _LOG.warning('a member is damaged and runs again: %s', error)
+
+        return stored_members(self._folder, count, self.plan, on_refused=log)
 
     def _path(self, index: int) -> Path:
         return _member_path(self._folder, index)
@@ -199,7 +208,12 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
         raise LavaError('ensemble', str(folder / WEIGHTS), right) from error
     tally = Tally(plan, places)
     where = folder if (folder / 'members').is_dir() else folder.parent
-    for footprint, weight in zip(stored_members(where, members), weights, strict=False):
+
+    def refuse(error: LavaError) -> NoReturn:
+        raise error
+
+    stored = stored_members(where, members, plan, on_refused=refuse)
+    for footprint, weight in zip(stored, weights, strict=False):
         tally.add(footprint, weight)
     if not tally.count == members == len(weights):
         right = f'a folder with {members} members, as many as in its maps'
@@ -207,25 +221,53 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
     return tally.maps()
 
 
-def stored_members(folder: Path, count: int) -> Iterator[Footprint]:
-    """Read those of the first members in a folder that are there and undamaged, in order."""
+def stored_members(
+    folder: Path, count: int, plan: Plan, *, on_refused: Callable[[LavaError], object]
+) -> Iterator[Footprint]:
+    """Read those of the first members in a folder that are there and undamaged, in order.
+
+    ``on_refused`` is called with the error of each damaged one.
+    """
     for index in range(count):
-        footprint = _read_member(folder, index)
-        if footprint is not None:
-            yield footprint
+        path = _member_path(folder, index)
+        if path.exists():
+            try:
+                footprint = _read_member(path, index, plan)
+            except LavaError as error:
+                on_refused(error)
+            else:
+                yield footprint
 
 
-def _read_member(folder: Path, index: int) -> Footprint | None:
-    try:
-        stored = read_arrays('member', _member_path(folder, index))
-        look, millimetres = stored['look'], stored['millimetres']
-        (row, column), (left,) = map(int, stored['corner']), map(float, stored['left'])
-    except (LavaError, KeyError, TypeError, ValueError, OverflowError):
-        return None
-    is_whole = look.dtype == np.uint16 and millimetres.dtype == np.uint32
-    if not is_whole or look.shape != millimetres.shape:
-        return None
-    return Footprint(index, (row, column), look, millimetres, left)
+def _read_member(path: Path, index: int, plan: Plan) -> Footprint:
+    """Read a member; LavaError, which names file and array, where it cannot be one of the plan."""
+    stored = read_arrays('member', path)
+
+    def array(name: str, dtype: type, shape: tuple[int, ...] | None = None) -> np.ndarray:
+        field, values = f'{name} of {path}', stored.get(name)
+        right = f'{np.dtype(dtype)} of shape {shape or "[rows, columns]"}'
+        if values is None:
+            raise LavaError(field, None, right)
+        is_shaped = values.ndim == 2 if shape is None else values.shape == shape
+        if values.dtype != dtype or not is_shaped:
+            raise LavaError(field, f'{values.dtype} of shape {values.shape}', right)
+        return values
+
+    def check(name: str, is_good: np.ndarray, right: str) -> None:
+        if not is_good.all():
+            raise LavaError(f'{name} of {path}', stored[name][~is_good][0].item(), right)
+
+    look = array('look', np.uint16)
+    millimetres = array('millimetres', np.uint32, look.shape)
+    corner, left = array('corner', np.int32, (2,)), array('left', np.float64, (1,))
+    check('look', (look < plan.looks) | (look == NEVER), f'less than {plan.looks}, or {NEVER}')
+    most = round(1e3 * MAX_ELEVATION)
+    check('millimetres', millimetres <= most, f'a thickness of at most {most} mm')
+    check('left', (left >= 0.0) & (left <= 1.0), 'a fraction from 0 to 1')
+    cells = plan.scene.terrain.shape
+    inside = (corner >= 0) & (corner.astype(np.int64) + look.shape <= cells)
+    check('corner', inside, f'a part of {look.shape} cells inside a terrain of {cells} cells')
+    return Footprint(index, (int(corner[0]), int(corner[1])), look, millimetres, float(left[0]))
 
 
 def _member_path(folder: Path, index: int) -> Path:

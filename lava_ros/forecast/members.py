@@ -363,7 +363,7 @@ class MemberRun(Looking):
         seen = self.seen(where_wet=True)
         arrival = (seen.arrival - self._start).astype(np.float32)
         budget = self.simulation.budget()
-        left = budget.left / max(budget.emitted, 1e-9)
+        left = min(max(budget.left / max(budget.emitted, 1e-9), 0.0), 1.0)
         return MemberFields(
             self._index, arrival, np.nan_to_num(seen.thickness), left, seen.corner, self._called
         )

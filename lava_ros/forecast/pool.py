@@ -6,6 +6,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 import multiprocessing
 from multiprocessing.connection import Connection
 import os
@@ -52,7 +53,8 @@ class Pool(Generic[Job, Result]):
             before = len(left)
             executor = self._started()
             try:
-                running = {executor.submit(_do, job): number for number, job in left.items()}
+                with interrupts_withheld():
+                    running = {executor.submit(_do, job): item for item, job in left.items()}
             except BrokenProcessPool:
                 running = {}
             for future in as_completed(list(running)):
@@ -92,6 +94,19 @@ class Pool(Generic[Job, Result]):
         return self._executor
 
 
+@contextmanager
+def interrupts_withheld() -> Iterator[None]:
+    """Keep Ctrl+C from processes that are started here, from their first instruction on.
+
+    They inherit that the signal is blocked. The process that starts them gets it, and ends them.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def process_number() -> int:
     """Which process of its pool this one is, from 0 on."""
     return _number
@@ -101,8 +116,6 @@ def _begin(work: Callable[[Any], Any], numbers: Any, lifeline: Connection) -> No
     from lava_ros.simulation.backend.threads import use_threads
 
     global _work, _number
-    # Ctrl+C is for the process that has the pool, which then ends the others
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
     use_threads(1)
     _work, _number = work, numbers.get()

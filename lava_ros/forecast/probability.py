@@ -17,6 +17,7 @@ from lava_ros.forecast.members import MemberFields, Plan
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.forecast import HazardMaps, PlaceForecast, QUANTILES
 from lava_ros.maps.places import Places
+from lava_ros.scene import MAX_ELEVATION
 from lava_ros.simulation.budget import GONE
 from lava_ros.simulation.inundation import inundated_cells
 
@@ -49,7 +50,7 @@ class Footprint:
 def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
     """Round a member's fields to whole looks and millimetres."""
     peak = np.nan_to_num(np.asarray(member.peak, dtype=np.float64))
-    millimetres = np.rint(1000.0 * np.clip(peak, 0.0, 4e6)).astype(np.uint32)
+    millimetres = np.rint(1000.0 * np.clip(peak, 0.0, MAX_ELEVATION)).astype(np.uint32)
     arrived = inundated_cells(member.arrival)
     look = np.full(arrived.shape, NEVER, dtype=np.uint16)
     before = np.floor(member.arrival[arrived].astype(np.float64) / plan.interval)

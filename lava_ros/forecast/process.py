@@ -23,7 +23,6 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection
 import os
 import queue
-import signal
 import sys
 import threading
 import time
@@ -158,8 +157,6 @@ class Forecasting:
 
 def main() -> None:
     """Take orders until there are no more."""
-    # the node handles Ctrl+C in a terminal, and then closes the connection
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICENESS)
     node = Connection(int(sys.argv[1]))
     orders: queue.Queue[Order] = queue.Queue()

@@ -34,8 +34,7 @@ from lava_ros.scene.effusion_rates import (
     read_effusion_rates,
 )
 from lava_ros.scene.features import ENDINGS, TABLES
-from lava_ros.scene.lava import Lava
-from lava_ros.scene.materials import DEFAULT, lava_from_dict, Material
+from lava_ros.scene.materials import lava_from_dict, Material, with_material_in_lava
 from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.scene.uncertainty import Distribution, Uncertainty, uncertainty_from_dict
@@ -59,7 +58,7 @@ VENT_RADIUS = 1.5
 
 #: Keys of ``case.yaml``.
 KEYS = (
-    *('title', 'source', 'material', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
+    *('title', 'source', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
     *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
     'effusion_rate',
 )
@@ -81,7 +80,7 @@ class Case:
     Attributes:
         source: Where the data are from; may be empty.
         scene: Ground, vents and lava. The map frame's origin is the grid's lower-left corner.
-        material: The lava that the constants started from, None where the file names none.
+        material: The lava whose constants the file replaces; None if there is no such lava.
         footprint: Where the ground was covered, bool, shape [rows, columns], row 0 in the south.
         start: When the simulation begins [s].
         end: When it ends [s].
@@ -161,8 +160,6 @@ def load_case(
         raise LavaError('case', str(folder), f'a folder that also holds {", ".join(missing)}')
     elevation, outline, vent_table, rate_table = filter(None, found)
     options = _options(folder)
-    if material is not None:
-        options['material'] = material
     if low_pass_width is not None:
         options['low_pass'] = low_pass_width
     read = partial(
@@ -182,12 +179,12 @@ def load_case(
     check_places(rows, ground, footprint)
     series = series_of(rows, rates)
     check_discharge(series, float(footprint.sum()) * ground.resolution**2)
-    lava, used = _lava(options)
+    lava, used = lava_from_dict('case.lava', options.get('lava', {}), material)
     width = validation.number('case.low_pass', options.get('low_pass', 0.0), at_least=0.0)
     first, last = rates[0].start, rates[-1].end
     start = validation.number('case.start', options.get('start', first), at_most=last, unit='s')
     end = validation.number('case.end', options.get('end', last), above=start, unit='s')
-    hot = lava.reference_temperature if used is None else float(used.vent_temperature.value)
+    hot = float(used.vent_temperature.value)
     scene = Scene(
         low_pass(ground, width),
         tuple(
@@ -227,7 +224,9 @@ def _options(folder: Path) -> dict[str, Any]:
     """What ``case.yaml`` says, nothing where there is none."""
     path = folder / 'case.yaml'
     data = read_yaml('case', path) if path.exists() else None
-    return validation.keys('case', {} if data is None else data, allowed=KEYS)
+    known = [*KEYS, 'material']
+    given = validation.keys('case', {} if data is None else data, allowed=known)
+    return with_material_in_lava('case', given)
 
 
 def _footprint(path: Path, ground: Terrain) -> np.ndarray:
@@ -254,17 +253,6 @@ def _uncertainty(options: Mapping[str, Any], error: Distribution | None) -> Unce
     if 'uncertainty' not in options or error is None or found.discharge is not None:
         return found
     return replace(found, discharge=error)
-
-
-def _lava(options: Mapping[str, Any]) -> tuple[Lava, Material | None]:
-    """The lava of a case: of its material, or the usual one, with what the case replaces."""
-    overrides = options.get('lava', {})
-    if not isinstance(overrides, Mapping):
-        raise LavaError('case.lava', overrides, 'a mapping of constants')
-    if 'material' in overrides:
-        raise LavaError('case.lava.material', overrides['material'], 'absent: case.material is it')
-    name = options.get('material', DEFAULT)
-    return lava_from_dict('case.lava', {**overrides, 'material': name})
 
 
 def _from(start: float, series: Series) -> list[tuple[float, float]]:

@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 import re
 from typing import Any
@@ -33,7 +34,7 @@ from lava_ros.maps.layers import (
 from lava_ros.validation import choice, flag, keys, number, whole
 
 #: What a file may call a message type, and its full name.
-_MESSAGES = {
+MESSAGES = {
     name: full
     for full in (OCCUPANCY_GRID, IMAGE, POINT_CLOUD, GRID_MAP)
     for name in (full.replace('/msg/', '/'), full)
@@ -63,7 +64,36 @@ MIN_HEARTBEAT, MAX_HEARTBEAT = 1.0, 3600.0
 #: Most classes of a layer.
 MOST_CLASSES = 20
 
-_TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
+TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
+
+
+#: Checks of the keys of a layer, of its ``qos`` and of its ``hazard`` that stand by themselves.
+CHECKS: Mapping[str, Callable[[str, object], Any]] = {
+    'message': partial(choice, allowed=tuple(MESSAGES)),
+    'source': partial(
+        choice, allowed=(*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES, ARRIVED, LAVA)
+    ),
+    'threshold': partial(number, at_least=0.0, unit='m'),
+    'enabled': flag,
+    'rate': partial(number, at_least=0.001, at_most=50.0, unit='Hz'),
+    'record': flag,
+    'margin': partial(number, at_least=0.0, at_most=MAX_MARGIN, unit='m'),
+    'outside': partial(whole, at_least=-1, at_most=100),
+    'min_cells': partial(whole, at_least=0, at_most=MAX_MIN_CELLS),
+    'reliability': partial(choice, allowed=('reliable', 'best_effort')),
+    'durability': partial(choice, allowed=('transient_local', 'volatile')),
+    'depth': partial(whole, at_least=1, at_most=1000),
+    'safe_temperature': partial(number, at_least=-ZERO_CELSIUS, unit='Celsius'),
+    'lethal_temperature': partial(number, above=-ZERO_CELSIUS, unit='Celsius'),
+    'lethal_thickness': partial(number, above=0.0, unit='m'),
+}
+
+#: Keys of ``qos``.
+QOS_KEYS = ('reliability', 'durability', 'depth')
+
+#: Check of an end of a range, and of the grid values at the ends.
+RANGE_CHECK = partial(number, at_least=-MOST, at_most=MOST)
+SCALE_CHECK = partial(whole, at_least=0, at_most=100)
 
 
 def find_config(name: str, *, field: str) -> Path:
@@ -130,10 +160,8 @@ class _Entry:
         self.where = where
         self.data = keys(where, value, allowed=allowed, required=required)
 
-    def read(
-        self, key: str, check: Callable[..., Any], default: object = None, **options: Any
-    ) -> Any:
-        return check(f'{self.where}.{key}', self.data.get(key, default), **options)
+    def read(self, key: str, default: object = None, **options: Any) -> Any:
+        return CHECKS[key](f'{self.where}.{key}', self.data.get(key, default), **options)
 
     def listed(
         self, key: str, right: str, default: object = None, least: int = 2, most: int = 2
@@ -157,13 +185,13 @@ def _layer(name: str, value: object) -> Layer:
     where = f'layers.{name}'
     allowed = [item.name for item in fields(Layer) if item.name != 'name']
     entry = _Entry(where, value, allowed, required=['source', 'message'])
-    message = _MESSAGES[entry.read('message', choice, allowed=_MESSAGES)]
+    message = MESSAGES[entry.read('message')]
     alone = (*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES)
     alone += (ARRIVED,) if message == IMAGE else ()
     allowed = [LAVA] if message in (POINT_CLOUD, GRID_MAP) else [*alone]
-    source = entry.read('source', choice, allowed=allowed)
+    source = entry.read('source', allowed=allowed)
     topic = entry.data.get('topic', name)
-    if not isinstance(topic, str) or not _TOPIC.fullmatch(topic):
+    if not isinstance(topic, str) or not TOPIC.fullmatch(topic):
         right = 'a relative topic name: letters, digits, _ and / between'
         raise LavaError(f'{where}.topic', topic, right)
     result: dict[str, Any] = {
@@ -171,10 +199,10 @@ def _layer(name: str, value: object) -> Layer:
         'topic': topic,
         'source': source,
         'message': message,
-        'threshold': entry.read('threshold', number, 0.1, at_least=0.0, unit='m'),
-        'enabled': entry.read('enabled', flag, True),
-        'rate': entry.read('rate', number, 1.0, at_least=0.001, at_most=50.0, unit='Hz'),
-        'record': entry.read('record', flag, True),
+        'threshold': entry.read('threshold', 0.1),
+        'enabled': entry.read('enabled', True),
+        'rate': entry.read('rate', 1.0),
+        'record': entry.read('record', True),
         'qos': _qos(f'{where}.qos', entry.data.get('qos', {})),
         'heartbeat': _heartbeat(entry),
     }
@@ -195,14 +223,14 @@ def _layer(name: str, value: object) -> Layer:
 def _scaling(entry: _Entry, quantity: str) -> dict[str, Any]:
     """How an occupancy grid shows a quantity, and what is around and outside it."""
     result: dict[str, Any] = {
-        'margin': entry.read('margin', number, 0.0, at_least=0.0, at_most=MAX_MARGIN, unit='m'),
-        'outside': entry.read('outside', whole, -1, at_least=-1, at_most=100),
-        'min_cells': entry.read('min_cells', whole, 0, at_least=0, at_most=MAX_MIN_CELLS),
+        'margin': entry.read('margin', 0.0),
+        'outside': entry.read('outside', -1),
+        'min_cells': entry.read('min_cells', 0),
     }
     unit = _UNITS[quantity]
     if 'step' in entry.data:
         entry.refuse(('range', 'scale', 'classes'), 'absent beside step')
-        return {**result, 'step': entry.read('step', number, unit=unit)}
+        return {**result, 'step': number(f'{entry.where}.step', entry.data['step'], unit=unit)}
     if 'classes' in entry.data:
         entry.refuse(('range', 'scale', 'margin'), 'absent beside classes')
         return {**result, 'classes': _classes(entry, unit)}
@@ -227,21 +255,22 @@ def _range(entry: _Entry, quantity: str) -> tuple[float, float] | None:
         return None if quantity == ARRIVAL else (0.0, 100.0)
     unit = _UNITS[quantity]
     first, second = entry.listed('range', f'two numbers [low, high] {unit}')
-    low = number(*first, at_least=-MOST, at_most=MOST, unit=unit)
-    return low, number(*second, above=low, at_most=MOST, unit=unit)
+    low = RANGE_CHECK(*first, unit=unit)
+    return low, RANGE_CHECK(*second, at_least=None, above=low, unit=unit)
 
 
 def _scale(entry: _Entry, quantity: str) -> tuple[int, int]:
     right = 'two whole numbers, the grid values at the ends of range'
     ends = entry.listed('scale', right, (100, 0) if quantity == ARRIVAL else (0, 100))
-    first, last = (whole(*item, at_least=0, at_most=100) for item in ends)
+    first, last = (SCALE_CHECK(*item) for item in ends)
     if max(first, last) == 0:
         raise entry.error('scale', 'a value above 0 at one end: 0 says that there is no lava')
     return first, last
 
 
 def _heartbeat(entry: _Entry) -> float:
-    heartbeat: float = entry.read('heartbeat', number, 0.0, at_least=0.0, unit='s')
+    where, given = f'{entry.where}.heartbeat', entry.data.get('heartbeat', 0.0)
+    heartbeat = number(where, given, at_least=0.0, unit='s')
     if heartbeat and not MIN_HEARTBEAT <= heartbeat <= MAX_HEARTBEAT:
         expected = f'0 s for none, or {MIN_HEARTBEAT:g} to {MAX_HEARTBEAT:g} s'
         raise entry.error('heartbeat', expected)
@@ -249,22 +278,14 @@ def _heartbeat(entry: _Entry) -> float:
 
 
 def _qos(where: str, value: object) -> QosProfile:
-    entry = _Entry(where, value, ('reliability', 'durability', 'depth'))
-    reliabilities, durabilities = ('reliable', 'best_effort'), ('transient_local', 'volatile')
-    return QosProfile(
-        reliability=entry.read('reliability', choice, LATCHED.reliability, allowed=reliabilities),
-        durability=entry.read('durability', choice, LATCHED.durability, allowed=durabilities),
-        depth=entry.read('depth', whole, LATCHED.depth, at_least=1, at_most=1000),
-    )
+    entry = _Entry(where, value, QOS_KEYS)
+    return QosProfile(**{name: entry.read(name, getattr(LATCHED, name)) for name in QOS_KEYS})
 
 
 def _hazard_limits(where: str, value: object) -> HazardLimits:
     entry = _Entry(where, value, [item.name for item in fields(HazardLimits)])
     usual, zero = HazardLimits(), ZERO_CELSIUS
-    default = usual.safe_temperature - zero
-    safe = entry.read('safe_temperature', number, default, at_least=-zero, unit='Celsius')
-    default = usual.lethal_temperature - zero
-    lethal = entry.read('lethal_temperature', number, default, above=safe, unit='Celsius')
-    default = usual.lethal_thickness
-    thickness = entry.read('lethal_thickness', number, default, above=0.0, unit='m')
+    safe = entry.read('safe_temperature', usual.safe_temperature - zero)
+    lethal = entry.read('lethal_temperature', usual.lethal_temperature - zero, above=safe)
+    thickness = entry.read('lethal_thickness', usual.lethal_thickness)
     return HazardLimits(thickness, safe + zero, lethal + zero)

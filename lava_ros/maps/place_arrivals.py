@@ -20,6 +20,7 @@ from lava_ros.maps.forecast import EnsembleForecast, Forecast, QUANTILES
 from lava_ros.maps.places import front_distances, Places
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import inundated_cells
 
 if TYPE_CHECKING:
     # The solver's package loads Warp, which files and messages do not need.
@@ -326,7 +327,7 @@ def live_arrivals(
         arrived = np.where(snapshot.thickness >= COVERED, snapshot.time, np.nan)
     known = places.at(arrived).astype(np.float64)
     first = places.first(known)
-    front = front_distances(places, np.isfinite(arrived), snapshot.terrain)
+    front = front_distances(places, inundated_cells(arrived), snapshot.terrain)
     reached = np.isfinite(first)
     source, start, end = 'none', snapshot.time, snapshot.time
     cells = dict.fromkeys(QUANTILES, known)

@@ -19,6 +19,7 @@ from lava_ros.maps.places import front_distances, Places, places_on
 from lava_ros.pages.runs import Members, read_run, Run
 from lava_ros.scene.features import read_features
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.inundation import inundated_cells
 
 
 def table_of(
@@ -57,7 +58,7 @@ def _table_of_bag(
         end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
         arrived = np.where(arrived <= end, arrived, np.nan)
     cells = places.at(arrived)
-    front = front_distances(places, np.isfinite(arrived), run.terrain)
+    front = front_distances(places, inundated_cells(arrived), run.terrain)
     facts: dict[str, Any] = {'threshold_m': COVERED, 'time_s': end}
     if panel.frame.arrived is not panel.values and np.isfinite(cells).any():
         facts['note'] = 'times are those of the first map in the bag that shows the lava'

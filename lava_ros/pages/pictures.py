@@ -21,7 +21,7 @@ from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.pages.onset import Onset
 from lava_ros.pages.runs import read_run, Run
 from lava_ros.scene.features import read_features
-from lava_ros.scene.projection import coordinate_system, is_degrees, projected, system_name
+from lava_ros.scene.projection import is_degrees, projected, system_name
 
 
 def draw_runs(
@@ -125,8 +125,7 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
     terrain = runs[0].terrain
     if not (west < east and south < north):
         raise LavaError('--extent', shown, 'WEST SOUTH EAST NORTH, west < east and south < north')
-    system = coordinate_system(terrain.epsg, terrain.wkt)
-    if system and is_degrees((west, south)) and is_degrees((east, north)):
+    if terrain.has_system and is_degrees((west, south)) and is_degrees((east, north)):
         corners = [projected(terrain, x, y) for x in (west, east) for y in (south, north)]
         (west, south), (east, north) = np.min(corners, axis=0), np.max(corners, axis=0)
     window = (float(west), float(south), float(east), float(north))

@@ -29,7 +29,7 @@ from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.frames import Frame, Recording
 from lava_ros.maps.plot import area_words, duration, STYLES, time_note, titles
 from lava_ros.maps.sheet import Panel
-from lava_ros.scene import Scene, scene_from_dict, Terrain
+from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.projection import coordinate_system, system_name
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.budget import VolumeBudget
@@ -272,7 +272,8 @@ def _ensemble(folder: Path) -> Run:
         tags: dict[str, str] = {}
         frame = frame_of(scene)
         for name, (stem, source, title) in ENSEMBLE_MAPS.items():
-            values, tags = _raster(folder / f'{stem}.tif', shape)
+            most = {'probability': 100.0, 'arrival': float(plan['horizon_s'])}.get(source)
+            values, tags = _raster(folder / f'{stem}.tif', shape, 0.0, most or MAX_ELEVATION)
             values = np.where(values > 0.0, values, np.nan)
             maps[name] = Panel(frame, source, values, title, fissures=_fissures(scene))
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
@@ -288,7 +289,7 @@ def _ensemble(folder: Path) -> Run:
             int(plan['looks']),
         )
     except (OSError, KeyError, TypeError, ValueError) as error:
-        right = f'an ensemble that has finished its maps ({error})'
+        right = f'an ensemble whose maps are finished and undamaged ({error})'
         raise LavaError('ensemble', str(folder), right) from error
     likely = np.nan_to_num(maps['probability'].values)
     cell = terrain.resolution**2
@@ -322,11 +323,16 @@ def _ensemble(folder: Path) -> Run:
     )
 
 
-def _raster(path: Path, shape: tuple[int, ...]) -> tuple[np.ndarray, dict[str, str]]:
+def _raster(
+    path: Path, shape: tuple[int, ...], least: float = -MAX_ELEVATION, most: float = MAX_ELEVATION
+) -> tuple[np.ndarray, dict[str, str]]:
     """A map of an ensemble, NaN without data, and what is noted with it."""
     with opened_raster('a map', path) as source:
         values = np.flipud(source.read(1, masked=True).astype(np.float64).filled(np.nan))
         tags = dict(source.tags())
     if values.shape != shape:
         raise ValueError(f'{path.name} has other cells than {MANIFEST} says')
+    wrong = values[(values < least) | (values > most)]
+    if wrong.size:
+        raise ValueError(f'{path.name} has {wrong[0]:g}, expected {least:g} to {most:g}')
     return values, tags

@@ -18,6 +18,7 @@ from typing import Any
 
 import lava_ros
 from lava_ros.errors import LavaError
+from lava_ros.forecast.pool import interrupts_withheld
 from lava_ros.maps.forecast import Forecast
 from lava_ros.ros.ensemble_forecasts import (
     Ahead,
@@ -92,7 +93,8 @@ class ForecastProcess:
         package = str(Path(lava_ros.__file__).resolve().parents[1])
         paths = [package, *filter(None, [os.environ.get('PYTHONPATH')])]
         self._connection, other_end = multiprocessing.Pipe()
-        with other_end:
+        # the node handles Ctrl+C in a terminal, and then closes the connection
+        with other_end, interrupts_withheld():
             self._child = subprocess.Popen(
                 [sys.executable, '-m', 'lava_ros.forecast.process', str(other_end.fileno())],
                 stdin=subprocess.DEVNULL,

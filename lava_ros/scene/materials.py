@@ -8,10 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache
 from importlib import resources
+import logging
 from typing import Any
 
 from lava_ros import validation
+from lava_ros.errors import LavaError
 from lava_ros.scene.lava import Lava
+
+_LOG = logging.getLogger(__name__)
 
 #: The file of the package that holds them.
 FILE = 'materials.yaml'
@@ -88,16 +92,45 @@ def default_lava() -> Lava:
     return material_named(DEFAULT).lava
 
 
-def lava_from_dict(label: str, data: object) -> tuple[Lava, Material]:
+def lava_from_dict(
+    label: str, data: object, replacement: str | None = None
+) -> tuple[Lava, Material]:
     """Build a lava from the plain data of a YAML file, and return it with its material.
 
     The data are a mapping with the fields of ``Lava``; ``material`` names the lava whose constants
-    they replace, ``DEFAULT`` where it is absent. A LavaError calls the data ``label``.
+    they replace, ``DEFAULT`` where it is absent. ``replacement`` is the name of a material to take
+    instead. A LavaError calls the data ``label``.
     """
     names = [item.name for item in fields(Lava)]
     given = validation.keys(label, data, allowed=['material', *names])
-    material = material_named(given.pop('material', DEFAULT))
+    name = given.pop('material', DEFAULT)
+    material = material_named(name if replacement is None else replacement)
     return material.lava_with(given), material
+
+
+def with_material_in_lava(label: str, data: Mapping[str, Any]) -> dict[str, Any]:
+    """Move ``material`` beside ``lava``, where case files had it, into ``lava``, with a warning.
+
+    Args:
+        label: What messages call the file.
+        data: The mapping of a scene or case file.
+
+    Returns:
+        The mapping without ``material``.
+
+    Raises:
+        LavaError: ``lava`` is not a mapping, or names a material too.
+    """
+    data = dict(data)
+    if 'material' in data:
+        name, lava = data.pop('material'), data.get('lava', {})
+        if not isinstance(lava, Mapping):
+            raise LavaError(f'{label}.lava', lava, 'a mapping of constants')
+        if 'material' in lava:
+            raise LavaError(f'{label}.material', name, 'absent beside lava.material')
+        _LOG.warning(f'{label}.material: its place is lava: {{material: {name}}}')
+        data['lava'] = {'material': name, **lava}
+    return data
 
 
 def _constant(item: Mapping[str, Any], sources: Mapping[str, str]) -> Constant:

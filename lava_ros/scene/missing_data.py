@@ -47,7 +47,9 @@ NODATA_ADVICE = (
 
 def without_value(elevation: np.ndarray, value: float) -> np.ndarray:
     """Return the elevation with NaN in place of one stored value."""
-    return np.where(elevation == np.float32(value), np.float32(np.nan), elevation)
+    # a value beyond float32 is infinite there, and so is the stored one
+    with np.errstate(over='ignore'):
+        return np.where(elevation == np.float32(value), np.float32(np.nan), elevation)
 
 
 def check_missing(

@@ -24,7 +24,7 @@ from lava_ros.scene.effusion_rates import (
     series_of_rates,
 )
 from lava_ros.scene.lava import Lava
-from lava_ros.scene.materials import default_lava, lava_from_dict
+from lava_ros.scene.materials import default_lava, lava_from_dict, with_material_in_lava
 from lava_ros.scene.terrain import Terrain
 from lava_ros.scene.terrain_files import load_terrain, TERRAIN_OPTIONS, terrain_path
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict, uncertainty_to_dict
@@ -179,7 +179,9 @@ def read_scene(
     other keys, or its ground is not usable.
     """
     path = find_file(path, 'examples', field='scene', expected='a readable YAML file')
-    data = validation.keys('scene', read_yaml('scene', path), allowed=SCENE_KEYS)
+    known_keys = [*SCENE_KEYS, 'material']
+    data = validation.keys('scene', read_yaml('scene', path), allowed=known_keys)
+    data = with_material_in_lava('scene', data)
     ground = data.pop('terrain', None)
     if terrain is None:
         known: dict[str, Any] = validation.keys(

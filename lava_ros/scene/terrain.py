@@ -101,6 +101,11 @@ class Terrain:
             raise LavaError('terrain.wkt', str(self.wkt)[:40], right)
 
     @property
+    def has_system(self) -> bool:
+        """Whether its coordinate system is known."""
+        return self.epsg is not None or self.wkt is not None
+
+    @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the grid."""
         return self.elevation.shape

@@ -5,7 +5,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import reduce
+from functools import partial, reduce
 from itertools import product
 import json
 import logging
@@ -73,6 +73,12 @@ NPZ_KEYS = (
 
 #: Options of ``load_terrain`` that a scene file may give.
 TERRAIN_OPTIONS = ('epsg', 'resolution', 'offset', 'window', 'fill_holes', 'nodata')
+
+#: Smallest EPSG code.
+MIN_EPSG = 1024
+
+#: Check of the side of the cells to make.
+RESOLUTION_CHECK = partial(validation.number, above=0.0, unit='m')
 
 #: Heights of ground [m]: below the first nothing is, above the second nothing on Earth.
 LOWEST, HIGHEST = -12_000.0, 9_000.0
@@ -143,10 +149,11 @@ def load_terrain(
         is_file = False
     if not is_file:
         raise LavaError('terrain file', str(path), 'a file that exists')
-    if epsg is not None and (isinstance(epsg, bool) or not isinstance(epsg, int) or epsg < 1024):
+    is_code = isinstance(epsg, int) and not isinstance(epsg, bool) and epsg >= MIN_EPSG
+    if epsg is not None and not is_code:
         raise LavaError('terrain.epsg', epsg, 'an EPSG code such as 32633')
     if resolution is not None:
-        resolution = validation.number('terrain.resolution', resolution, above=0.0, unit='m')
+        resolution = RESOLUTION_CHECK('terrain.resolution', resolution)
     if offset is not None:
         offset = validation.pair('terrain.offset', offset)
     if validation.flag('terrain.fill_holes', fill_holes):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 import math
 from statistics import NormalDist
 from typing import Any
@@ -39,13 +40,25 @@ CONSTANTS = tuple(
 #: Largest deviation, radius and correlation [m].
 MAX_LENGTH = 1e6
 
+#: Check of each number of ``Roughness``, and of the probability of a class of eruptions.
+ROUGHNESS_CHECK = partial(validation.number, above=0.0, at_most=MAX_LENGTH, unit='m')
+PROBABILITY_CHECK = partial(validation.number, above=0.0, at_most=1e9)
+
 #: Least share of a distribution that has to lie between its limits.
 LEAST_INSIDE = 1e-3
 
 #: Kinds without an end of their own.
-_WITH_LIMITS = ('normal', 'lognormal')
+WITH_LIMITS = ('normal', 'lognormal')
 
 _STANDARD = NormalDist()
+
+
+def check_of(kind: str, name: str) -> partial[float]:
+    """Return the check of a number by which a kind of distribution is given."""
+    is_log = kind in ('lognormal', 'loguniform')
+    # a factor of 1 or a deviation of 0 leaves no spread
+    above = {'deviation': 0.0, 'factor': 1.0}.get(name, 0.0 if is_log else None)
+    return partial(validation.number, above=above, at_most=1e9)
 
 
 @dataclass(frozen=True)
@@ -70,13 +83,10 @@ class Distribution:
         if not isinstance(self.numbers, Sequence) or len(self.numbers) != len(names):
             right = f'{len(names)}: {", ".join(names)}'
             raise LavaError('distribution.numbers', self.numbers, right)
-        is_log = self.kind in ('lognormal', 'loguniform')
-        clean = []
-        for name, value in zip(names, self.numbers, strict=True):
-            # a factor of 1 or a deviation of 0 leaves no spread
-            above = {'deviation': 0.0, 'factor': 1.0}.get(name, 0.0 if is_log else None)
-            label = f'distribution.{name}'
-            clean.append(validation.number(label, value, above=above, at_most=1e9))
+        clean = [
+            check_of(self.kind, name)(f'distribution.{name}', value)
+            for name, value in zip(names, self.numbers, strict=True)
+        ]
         low, high = clean[0], clean[-1]
         if 'low' in names and not low < high:
             raise LavaError('distribution.high', high, f'above low, {low:g}')
@@ -89,7 +99,7 @@ class Distribution:
 
     def _check_limits(self) -> None:
         where = 'distribution.limits'
-        if self.kind not in _WITH_LIMITS:
+        if self.kind not in WITH_LIMITS:
             raise LavaError(where, self.limits, f'absent: a {self.kind} one has its own')
         low, high = bounds = validation.pair(where, self.limits, unit='', most=1e9)
         if self.kind == 'lognormal' and low <= 0.0:
@@ -118,7 +128,7 @@ class Distribution:
 
     def quantile(self, share: float) -> float:
         """The value below which a share of the values lies, 0 < share < 1."""
-        if self.kind in _WITH_LIMITS:
+        if self.kind in WITH_LIMITS:
             return self._normal_quantile(share)
         if self.kind == 'triangular':
             low, mode, high = self.numbers
@@ -187,9 +197,7 @@ class Roughness:
     def __post_init__(self) -> None:
         """Validate every field; LavaError names one that is not usable."""
         for name in ('deviation', 'correlation'):
-            value = validation.number(
-                f'roughness.{name}', getattr(self, name), above=0.0, at_most=MAX_LENGTH, unit='m'
-            )
+            value = ROUGHNESS_CHECK(f'roughness.{name}', getattr(self, name))
             object.__setattr__(self, name, value)
 
 
@@ -208,7 +216,7 @@ class EruptionClass:
     def __post_init__(self) -> None:
         """Validate every field; LavaError names one that is not usable."""
         where = 'eruptionclass'
-        value = validation.number(f'{where}.probability', self.probability, above=0.0, at_most=1e9)
+        value = PROBABILITY_CHECK(f'{where}.probability', self.probability)
         object.__setattr__(self, 'probability', value)
         for name in ('duration', 'volume'):
             item = getattr(self, name)
@@ -320,7 +328,7 @@ def _distribution(where: str, data: object) -> Distribution:
         raise LavaError(where, data, f'a mapping with distribution: {", ".join(KINDS)}')
     kind = validation.choice(f'{where}.distribution', data['distribution'], KINDS)
     names = KINDS[kind]
-    limits = ['limits'] if kind in _WITH_LIMITS else []
+    limits = ['limits'] if kind in WITH_LIMITS else []
     values = validation.keys(
         where, data, allowed=['distribution', *names, *limits], required=names
     )

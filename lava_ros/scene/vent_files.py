@@ -149,8 +149,7 @@ def _number(
 
 def _placed(part: Feature, terrain: Terrain) -> Feature:
     """Transform a feature to the terrain's system; without a system it may be in degrees."""
-    is_placed = terrain.epsg is not None or terrain.wkt is not None
-    if part.system is not None or not is_placed:
+    if part.system is not None or not terrain.has_system:
         return part.on(terrain)
 
     def place(point: np.ndarray) -> tuple[float, float]:

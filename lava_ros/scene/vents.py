@@ -5,7 +5,7 @@
 
 from bisect import bisect
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import count
@@ -29,6 +29,21 @@ MAX_VENT_VELOCITY = 1e3
 
 #: Temperatures lava can have at a vent [K]: from the coldest carbonatite to the hottest komatiite.
 VENT_TEMPERATURE_RANGE = (700.0, 2000.0)
+
+#: Check of each field of ``Vent`` that is a number or a pair of them, by name.
+VENT_CHECKS: Mapping[str, Callable[[str, object], object]] = {
+    'position': partial(validation.pair, most=MAX_COORDINATE),
+    'end': partial(validation.pair, most=MAX_COORDINATE),
+    'velocity': partial(validation.pair, unit='m/s', most=MAX_VENT_VELOCITY),
+    'radius': partial(validation.number, above=0.0, at_most=MAX_RADIUS, unit='m'),
+    'temperature': partial(
+        validation.number,
+        at_least=VENT_TEMPERATURE_RANGE[0], at_most=VENT_TEMPERATURE_RANGE[1], unit='K',
+    ),
+}
+
+#: Check of an effusion rate.
+RATE_CHECK = partial(validation.number, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s')
 
 Discharge = float | Sequence[tuple[float, float]]
 
@@ -64,18 +79,7 @@ class Vent:
         if not isinstance(self.name, str):
             raise LavaError('vent.name', self.name, 'text')
         label = f'vent {self.name!r}.' if self.name else 'vent.'
-        coldest, hottest = VENT_TEMPERATURE_RANGE
-        checks: dict[str, Callable[[str, object], object]] = {
-            'position': partial(validation.pair, most=MAX_COORDINATE),
-            'end': partial(validation.pair, most=MAX_COORDINATE),
-            'velocity': partial(validation.pair, unit='m/s', most=MAX_VENT_VELOCITY),
-            'radius': partial(validation.number, above=0.0, at_most=MAX_RADIUS, unit='m'),
-            'temperature': partial(
-                validation.number, at_least=coldest, at_most=hottest, unit='K'
-            ),
-            'discharge': _discharge,
-        }
-        for name, check in checks.items():
+        for name, check in {**VENT_CHECKS, 'discharge': _discharge}.items():
             value = getattr(self, name)
             if value is not None or name not in ('end', 'temperature'):
                 object.__setattr__(self, name, check(label + name, value))
@@ -125,13 +129,12 @@ class Vent:
 
 
 def _discharge(label: str, value: object) -> float | tuple[tuple[float, float], ...]:
-    number = partial(validation.number, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s')
     if not isinstance(value, (list, tuple, np.ndarray)):
-        return number(label, value)
+        return RATE_CHECK(label, value)
     pairs: list[tuple[float, float]] = []
     for index, item in enumerate(value):
         time, flux = validation.pair(f'{label}[{index}]', item, unit='(s, m3/s)')
-        number(f'{label}[{index}][1]', flux)
+        RATE_CHECK(f'{label}[{index}][1]', flux)
         if pairs and time <= pairs[-1][0]:
             raise LavaError(f'{label}[{index}][0]', time, f'a time after {pairs[-1][0]:g} s')
         pairs.append((time, flux))

@@ -22,7 +22,6 @@ IGNORED += ['D400', 'D401', 'D402', 'D403', 'D404', 'D406', 'D407', 'D408', 'D40
 
 #: What each linter is told; flake8.ini leaves the rest to ruff.
 ARGUMENTS = {
-    'copyright': CODE,
     'flake8': ['--config', str(Path(__file__).with_name('flake8.ini')), *CODE],
     'pep257': ['--ignore', *IGNORED, '--', *CODE],
     'xmllint': [str(ROOT / 'package.xml')],
@@ -39,5 +38,5 @@ ARGUMENTS = {
     ],
 )
 def test_code_is_as_the_linter_asks(name: str) -> None:
-    """License headers, style, docstrings and package.xml: the linter says what is wrong."""
+    """Style, docstrings and package.xml: the linter says what is wrong."""
     assert import_module(f'ament_{name}.main').main(argv=ARGUMENTS[name]) == 0

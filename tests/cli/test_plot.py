@@ -6,6 +6,7 @@
 import json
 from pathlib import Path
 import re
+import shutil
 import sys
 from typing import Any
 
@@ -13,6 +14,7 @@ from matplotlib.image import imread
 import numpy as np
 import pyogrio
 import pytest
+import rasterio
 from rasterio.warp import transform
 import yaml
 
@@ -262,6 +264,27 @@ def test_an_ensemble_without_maps(ensemble, tmp_path):
     refused('plot', ensemble, '--time', '1h', '-o', tmp_path / 'a.png')
     (tmp_path / 'ensemble.json').write_text('[]')
     refused('report', tmp_path, '-o', tmp_path / 'a.html')
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'limits'),
+    [
+        ('inundation_probability', 700.0, '0 to 100'), ('arrival_time_p50', -3.0, '0 to 180'),
+        ('arrival_time_p10', np.inf, '0 to 180'),
+        ('expected_peak_thickness', 4.3e6, '0 to 100000'),
+        ('elevation', 4.3e6, '-100000 to 100000'),
+    ],
+)
+def test_impossible_values_of_an_ensemble_are_refused(ensemble, tmp_path, name, value, limits):
+    """Pages name the map, its value, and the values it can have."""
+    folder = shutil.copytree(ensemble, tmp_path / 'members')
+    with rasterio.open(folder / f'{name}.tif', 'r+', IGNORE_COG_LAYOUT_BREAK='YES') as file:
+        values = file.read(1)
+        values[0, 0] = value
+        file.write(values, 1)
+    for words in (('plot', '-o', 'a.png'), ('report', '-o', 'a.html')):
+        said = refused(words[0], folder, words[1], tmp_path / words[2])
+        assert f'{name}.tif has {value:g}, expected {limits}' in said
 
 
 def test_reports(bag, ensemble, tmp_path, seen):

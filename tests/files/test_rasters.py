@@ -4,7 +4,6 @@
 """Each format of the table, in a file that GDAL has written: read, truncated, and refused."""
 
 from collections.abc import Callable
-import importlib.util
 from pathlib import Path
 import shutil
 import socket
@@ -271,15 +270,3 @@ def test_float_grid_without_its_header_is_refused(tmp_path: Path) -> None:
     shutil.move(path.with_suffix('.hdr'), tmp_path / 'other.hdr')
     with pytest.raises(LavaError, match='a raster that GDAL can read'):
         load_terrain(path)
-
-
-def test_page_of_formats_is_up_to_date() -> None:
-    """docs/formats.py would write the page as it is."""
-    page = Path(__file__).parents[2] / 'docs/FORMATS.md'
-    spec = importlib.util.spec_from_file_location('formats', page.with_name('formats.py'))
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    text = page.read_text(encoding='utf-8')
-    assert module.page(text) == text, 'run python docs/formats.py'
-    assert all(item.name in text for item in FORMATS)

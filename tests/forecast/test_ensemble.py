@@ -10,6 +10,7 @@ from functools import partial
 import multiprocessing
 import os
 from pathlib import Path
+import re
 import signal
 import sys
 from typing import Any
@@ -28,6 +29,7 @@ from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.sentinels import is_sentinel
 from lava_ros.maps.forecast import HazardMaps
+from lava_ros.maps.places import Places
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy
@@ -98,10 +100,57 @@ def test_maps_are_there_while_members_run(tmp_path: Path) -> None:
     assert same(seen[0], run(tmp_path / 'b', count=16).maps)
 
 
-def _replaced_by_others(path: Path, corner: float = 0.0) -> None:
+def _replaced(path: Path, **arrays: Any) -> None:
+    """Replace arrays of a member; None removes one."""
+    with np.load(path) as stored:
+        kept = {name: value for name, value in {**stored, **arrays}.items() if value is not None}
     with path.open('wb') as file:
-        np.savez(file, look=np.zeros(3), millimetres=np.zeros(3), corner=np.full(2, corner))
+        np.savez(file, **kept)
 
+
+def _with_cell(name: str, value: int) -> Callable[[Path], None]:
+    """Replace the value of a cell of a member."""
+
+    def damage(path: Path) -> None:
+        with np.load(path) as stored:
+            values = stored[name]
+        values.flat[0] = value
+        _replaced(path, **{name: values})
+
+    return damage
+
+
+#: Arrays that no member has, and how the error begins.
+WRONG_ARRAYS: dict[str, tuple[Callable[[Path], object], str]] = {
+    'a row of looks': (
+        lambda path: _replaced(path, look=np.zeros(3, np.uint16)), 'look of PATH is .* shape',
+    ),
+    'other cells': (
+        lambda path: _replaced(path, millimetres=np.zeros((2, 3), np.uint32)),
+        r'millimetres of PATH is .* shape \(2, 3\)',
+    ),
+    'metres': (
+        lambda path: _replaced(path, millimetres=np.full((2, 3), np.nan)),
+        'millimetres of PATH is .*float64',
+    ),
+    'no looks': (lambda path: _replaced(path, look=None), 'look of PATH is missing'),
+    'three corners': (
+        lambda path: _replaced(path, corner=np.zeros(3, np.int32)), r'corner of PATH is .*\(3,\)',
+    ),
+    'a corner far away': (
+        lambda path: _replaced(path, corner=np.array([0, 2**31 - 1], np.int32)),
+        'corner of PATH is 2147483647',
+    ),
+    'a corner before the first cell': (
+        lambda path: _replaced(path, corner=np.array([-1, 0], np.int32)), 'corner of PATH is -1',
+    ),
+    'a late look': (_with_cell('look', 60), 'look of PATH is 60'),
+    'lava of 4295 km': (
+        _with_cell('millimetres', 2**32 - 1), 'millimetres of PATH is 4294967295',
+    ),
+    'no fraction': (lambda path: _replaced(path, left=np.array([np.nan])), 'left of PATH is nan'),
+    'a fraction of 7': (lambda path: _replaced(path, left=np.array([7.0])), 'left of PATH is 7.0'),
+}
 
 DAMAGES: dict[str, Callable[[Path], object]] = {
     'cut': lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2]),
@@ -109,9 +158,8 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
         path.read_bytes()[:100] + bytes(50) + path.read_bytes()[150:]
     ),
     'empty': lambda path: path.write_bytes(b''),
-    'other': _replaced_by_others,
-    'far': lambda path: _replaced_by_others(path, np.inf),
     'partial': lambda path: path.rename(path.with_suffix('.123.partial')),
+    **{name: damage for name, (damage, _) in WRONG_ARRAYS.items()},
 }
 
 
@@ -123,6 +171,25 @@ def test_damaged_members_run_again(damage: str, tmp_path: Path) -> None:
     ensemble = run(tmp_path, again)
     assert again.ran == [5]
     assert same(ensemble.maps, whole.maps)
+
+
+@pytest.mark.parametrize('damage', WRONG_ARRAYS)
+def test_wrong_arrays_are_named(
+    damage: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Maps made of the members are refused by file and array, and a run that resumes logs them."""
+    run(tmp_path)
+    path = tmp_path / 'members/0000005.npz'
+    change, said = WRONG_ARRAYS[damage]
+    change(path)
+    said = said.replace('PATH', re.escape(str(path)))
+    none = np.zeros(0, int)
+    places = Places((), (), none, none, (), none, none, none, none)
+    with pytest.raises(LavaError, match=f'^{said}'):
+        ensembles.maps_at(tmp_path, PLAN, places, members=24)
+    run(tmp_path)
+    assert re.search(f'a member is damaged and runs again: {said}', caplog.text)
+    assert ensembles.maps_at(tmp_path, PLAN, places, members=24).members == 24
 
 
 def test_a_folder_has_one_ensemble(tmp_path: Path) -> None:

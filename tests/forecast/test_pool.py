@@ -105,6 +105,18 @@ def test_errors_come_as_they_are() -> None:
     assert (caught.value.field, caught.value.value) == ('job', 7)
 
 
+def is_withheld(signal_number: int) -> bool:
+    """Whether this process gets a signal, as it was when it started."""
+    return signal_number in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_interrupts_are_for_the_owner() -> None:
+    """Its processes never get Ctrl+C, not even as they start; it gets it as before."""
+    with closing(Pool(is_withheld, 1)) as pool:
+        assert list(pool([signal.SIGINT, signal.SIGTERM])) == [(0, True), (1, False)]
+    assert not is_withheld(signal.SIGINT)
+
+
 @pytest.mark.parametrize('signal_number', [signal.SIGKILL, signal.SIGINT])
 def test_processes_end_with_their_owner(signal_number: int, tmp_path: Path) -> None:
     """At once, whatever they are about: with kill -9 and with Ctrl+C."""

@@ -267,7 +267,7 @@ def _bomb(chance: random.Random, source: Path, target: Path) -> None:
 
 #: A valid case, by file.
 CASE = {
-    'case.yaml': 'epsg: 32633\ntitle: a case\nlow_pass: 5.0\nmaterial: etna_basalt\n'
+    'case.yaml': 'epsg: 32633\ntitle: a case\nlow_pass: 5.0\nlava: {material: etna_basalt}\n'
     'events: [{time: 900.0, barrier: {line: [[500050, 4180050], [500080, 4180080]], '
     'height: 2}}]\n',
     'vent.csv': 'x,y,name,share\n500100,4180100,a,1\n500110,4180100,b,2\n',

@@ -110,7 +110,7 @@ def test_bags(in_share: Any, sound: Path, folder: Callable[[], Path], trial: Any
             row['refused'] += any(statuses)
             if (path / 'new').exists():
                 status, said = call('info', path / 'new')
-                assert (status, 'damaged in' in said) == (0, False), said
+                assert (status, 'damaged (' in said) == (0, False), said
 
     in_share(is_read_or_refused, settings(files, max_examples=BAGS), number=SEEDS)
 

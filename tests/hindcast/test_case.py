@@ -26,6 +26,7 @@ from eruption import (
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.tables import series_of
+from lava_ros.scene import Lava, scene_from_yaml
 from lava_ros.scene.effusion_rates import Interval
 from lava_ros.scene.materials import material_named
 from lava_ros.scene.vent_files import VentRow
@@ -54,7 +55,7 @@ def test_case_is_read(tmp_path: Path) -> None:
 def test_case_file_replaces_what_is_usual(tmp_path: Path) -> None:
     """Material, constants, temperature, times and filter are those of case.yaml."""
     text = (
-        'title: A valley\nsource: made up\nmaterial: reunion_basalt\nlava: {emissivity: 0.5}\n'
+        'title: A valley\nsource: made up\nlava: {material: reunion_basalt, emissivity: 0.5}\n'
         'vent_temperature: 1400\nvent_radius: 25\nambient_temperature: 280\nstart: 1800\n'
         'end: 9000\nlow_pass: 40\nepsg: 32633\n'
     )
@@ -74,6 +75,34 @@ def test_case_file_replaces_what_is_usual(tmp_path: Path) -> None:
     assert not np.array_equal(rough.scene.terrain.elevation, case.scene.terrain.elevation)
     kilauea = load_case(tmp_path / 'valley', material='kilauea_tholeiite')
     assert kilauea.scene.lava.vft_c == 622.0
+
+
+@pytest.mark.parametrize('kind', ['case', 'scene'])
+def test_a_material_beside_lava_is_read_with_a_warning(
+    kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its place is in lava, in case files as in scene files; it cannot be in both places."""
+    folder = write_case(tmp_path / 'valley')
+
+    def lava_of(text: str) -> Lava:
+        path = folder / f'{kind}.yaml'
+        path.write_text(text if kind == 'case' else f'terrain: {{file: elevation.asc}}\n{text}')
+        scene = load_case(folder).scene if kind == 'case' else scene_from_yaml(path)
+        return scene.lava
+
+    right = lava_of('lava: {material: reunion_basalt, emissivity: 0.5}')
+    assert (right.vft_b, right.emissivity) == (5558.0, 0.5)
+    assert 'material' not in caplog.text
+    assert lava_of('material: reunion_basalt\nlava: {emissivity: 0.5}') == right
+    assert f'{kind}.material: its place is lava: {{material: reunion_basalt}}' in caplog.text
+    both = 'material: etna_basalt\nlava: {material: reunion_basalt}'
+    for text, sentence in (
+        (both, 'absent beside lava.material'),
+        ('material: etna_basalt\nlava: 5', 'a mapping of constants'),
+        ('material: obsidian', 'obsidian.*one of'),
+    ):
+        with pytest.raises(LavaError, match=sentence):
+            lava_of(text)
 
 
 def test_vents_that_open_and_close_share_the_discharge(tmp_path: Path) -> None:

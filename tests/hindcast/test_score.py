@@ -5,7 +5,6 @@
 
 from dataclasses import asdict, replace
 from functools import partial
-import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.score import distances, Score, score
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation.inundation import standing_cells
+from scripts import load_script
 
 FOOTPRINT = np.zeros((40, 30), bool)
 FOOTPRINT[5:30, 10:16] = True
@@ -195,10 +195,7 @@ SCRIPT = Path(__file__).parents[2] / 'docs/benchmarks/tables.py'
 
 def test_tables_are_those_of_the_measurements() -> None:
     """The pages say what their CSV files say: python docs/benchmarks/tables.py writes them."""
-    spec = importlib.util.spec_from_file_location('tables', SCRIPT)
-    assert spec is not None and spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
+    script = load_script(SCRIPT)
     for name, tables in script.PAGES.items():
         page = (SCRIPT.parents[1] / name).read_text(encoding='utf-8')
         assert script.written(page, tables) == page

@@ -3,7 +3,6 @@
 
 """The launch files, performed with stand-ins, beside the node's and Nav2's parameters."""
 
-import importlib.util
 from pathlib import Path
 import re
 import runpy
@@ -18,6 +17,7 @@ from launch_files.stand_in import Context, start
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros.parameters import constant_parameters, LIFECYCLE, PARAMETERS, SOURCES
 from lava_ros.scene import constants_of
+from scripts import load_script
 
 ROOT = Path(__file__).parents[2]
 LAVA = ROOT / 'launch/lava.launch.py'
@@ -78,9 +78,7 @@ def test_every_parameter_is_an_argument_beside_masks(monkeypatch):
 
 def test_the_parameters_are_those_of_the_node():
     """docs/parameters.py would write the file as it is."""
-    spec = importlib.util.spec_from_file_location('parameters', ROOT / 'docs/parameters.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = load_script(ROOT / 'docs/parameters.py')
     text = (ROOT / 'launch/lava_parameters.yaml').read_text(encoding='utf-8')
     assert module.launch_arguments() == text, 'run python docs/parameters.py'
 

@@ -26,6 +26,7 @@ from lava_ros.ros import diagnostics
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from maps.test_layers import EASTWARD as SNAPSHOT
 from ros.graph_publisher import wait_until
+from scripts import load_script
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'ROS.md'
@@ -219,9 +220,7 @@ def test_parameters(shown):
 
 def test_what_lists_the_parameters_is_up_to_date():
     """docs/parameters.py would write the page and the file of parameters as they are."""
-    spec = importlib.util.spec_from_file_location('parameters', PAGE.with_name('parameters.py'))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = load_script(PAGE.with_name('parameters.py'))
     text = PAGE.read_text(encoding='utf-8')
     assert module.page(text) == text, 'run python docs/parameters.py'
     assert module.file() == FILE.read_text(encoding='utf-8'), 'run python docs/parameters.py'

@@ -3,7 +3,6 @@
 
 """The examples of robots that stay out, and that leave in time: their search, and in a graph."""
 
-import importlib.util
 import itertools
 import json
 from pathlib import Path
@@ -20,6 +19,7 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from ros.graph_publisher import PATIENCE
+from scripts import load_script
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
 
@@ -28,14 +28,8 @@ CELL = 10.0
 NEVER = None
 
 
-def _module(name):
-    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f'{name}.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-keep_out, leave_in_time = _module('keep_out'), _module('leave_in_time')
+keep_out = load_script(EXAMPLES / 'keep_out.py')
+leave_in_time = load_script(EXAMPLES / 'leave_in_time.py')
 
 
 @pytest.mark.parametrize(('name', 'most'), [('keep_out', 200), ('leave_in_time', 265)])

@@ -228,6 +228,17 @@ def test_the_process_may_die(bench):
     assert bench.worker.status.error == ''
 
 
+def test_the_process_gets_no_interrupt():
+    """Ctrl+C in a terminal is for the node, even while the process of the forecasts starts."""
+    process = ForecastProcess()
+    try:
+        status = Path(f'/proc/{process.pid}/status').read_text()
+    finally:
+        process.end()
+    (blocked,) = [line.split()[1] for line in status.splitlines() if line.startswith('SigBlk')]
+    assert int(blocked, 16) & 1 << signal.SIGINT - 1
+
+
 def test_what_cannot_be_forecast_is_told(bench):
     """Too many particles within the horizon end a forecast, not the simulation."""
     bench.rules = replace(RULES, max_particles=3)

@@ -4,7 +4,6 @@
 """Vector files and tables of other programs: one file of each format, for each use."""
 
 from argparse import Namespace
-import importlib.util
 from itertools import groupby
 import json
 from pathlib import Path
@@ -226,18 +225,6 @@ def test_vents_that_are_wrong(text: str, words: str, tmp_path: Path) -> None:
     (tmp_path / 'a.csv').write_text(text)
     with pytest.raises(LavaError, match=words):
         vents_of(tmp_path / 'a.csv')
-
-
-def test_the_tables_of_the_page_are_up_to_date() -> None:
-    """docs/formats.py would write the page as it is."""
-    page = Path(__file__).parents[2] / 'docs/FORMATS.md'
-    spec = importlib.util.spec_from_file_location('formats', page.with_name('formats.py'))
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    text = page.read_text(encoding='utf-8')
-    assert module.page(text) == text, 'run python docs/formats.py'
-    assert set(module.MEANINGS) == set(COLUMNS)
 
 
 def test_names_of_columns_do_not_overlap() -> None:

@@ -31,7 +31,7 @@ def warnings(recording: Recording, survey: Survey) -> list[str]:
     found = []
     if recording.bag.recovered:
         found.append('The recording was cut off: what came after its last whole message is lost.')
-    found += [f'Part of the bag is left out: {text}.' for text in recording.bag.damage]
+    found += [f'Part of the bag is damaged or missing: {text}.' for text in recording.bag.damage]
     moments, run = recording.timeline.moments, recording.timeline.last_run
     if len(run) < len(moments):
         found.append('The simulation was reset while it was recorded: this is the last run.')

@@ -1,0 +1,416 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Write the JSON Schemas of our YAML files into schemas/: `python docs/schemas.py`.
+
+Names, limits and choices are those that the parsers check. Limits that depend on other values of a
+file, such as a solidus below the liquidus, are in no schema.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import Field, fields
+from functools import partial
+import json
+from pathlib import Path
+from typing import Any
+
+from lava_ros import validation
+from lava_ros.hindcast import case
+from lava_ros.maps import layer_files
+from lava_ros.maps.layers import HazardLimits, Layer
+from lava_ros.ros import parameters
+from lava_ros.scene import constants_of, effusion_rates, Lava, reshaping, Scene, uncertainty, Vent
+from lava_ros.scene.materials import materials
+from lava_ros.scene.scene import ENVIRONMENT, SCENE_KEYS
+from lava_ros.scene.terrain_files import MIN_EPSG, RESOLUTION_CHECK, TERRAIN_OPTIONS
+from lava_ros.scene.vents import RATE_CHECK, VENT_CHECKS
+
+FOLDER = Path(__file__).parents[1] / 'schemas'
+
+Schema = dict[str, Any]
+
+TEXT: Schema = {'type': 'string'}
+FLAG: Schema = {'type': 'boolean'}
+
+#: What editors show beside a key, where the code has no text for it.
+MEANINGS = {
+    'terrain': 'Elevation file and how to read it',
+    'file': 'File, relative to this one',
+    'epsg': 'EPSG code of the coordinates of the file, in place of what it states',
+    'resolution': 'Side of the cells to make [m]',
+    'offset': 'Easting and northing of the origin of the map frame [m]',
+    'window': 'Part to keep: smallest easting and northing, largest easting and northing [m]',
+    'fill_holes': 'Fill cells without data that data surround',
+    'nodata': 'Value of cells without data that the file does not declare; none: there are none',
+    'vents': 'Where lava comes out',
+    'name': 'Name in logs, messages and tables',
+    'position': 'Position [x, y] in the map frame [m]',
+    'projected': 'Position [easting, northing] in the coordinate system of the terrain [m]',
+    'end': 'The other end of a fissure [x, y] in the map frame [m]',
+    'projected_end': 'The other end of a fissure [easting, northing] [m]',
+    'discharge': 'Effusion rate [m3/s]: a number, or a series of [time [s], rate] pairs',
+    'effusion_rate': 'Effusion rate [m3/s]: a number, [time [s], rate] pairs, or a table',
+    'temperature': 'Temperature of the erupting lava [K]',
+    'radius': 'Radius of the disc, or half the width of the fissure [m]',
+    'velocity': 'Velocity [vx, vy] with which lava comes out [m/s]',
+    'lava': 'Material, and constants in place of its own',
+    'uncertainty': 'What differs between the members of an ensemble',
+    'vent_temperature': 'Temperature of the erupting lava [K]',
+    'vent_radius': 'Radius of vents without their own [m]',
+    'low_pass': 'Standard deviation of a Gaussian filter of the ground [m]; 0: none',
+    'events': 'Changes of the ground during the eruption',
+}
+
+#: The same for the keys of a layer; msg_configs/default.yaml describes them in full.
+LAYER_MEANINGS = {
+    'topic': 'Relative topic name; the name of the layer if left out',
+    'source': 'Quantity that the layer shows',
+    'message': 'Type of the messages',
+    'range': 'Values [low, high] that map to the ends of scale, in the unit of the source',
+    'scale': 'Grid values [first, last] at the ends of range; [0, 100] if left out',
+    'step': 'Value of the source from which a cell is 100 and below which it is 0',
+    'classes': 'Values of the source at which one class ends and the next begins',
+    'margin': 'Clearance around cells with lava [m]; 0 if left out',
+    'threshold': 'Thickness below which a cell is dry [m]; 0.1 if left out',
+    'outside': 'Grid value of cells without terrain; -1 if left out',
+    'min_cells': 'Minimum number of columns and of rows; 0 if left out',
+    'enabled': 'Publish the layer; true if left out',
+    'rate': 'Maximum rate of the messages [Hz]; 1 if left out',
+    'heartbeat': 'Wall time after which an unchanged map is sent again [s]; 0: never',
+    'record': 'Write the layer to the bag; true if left out',
+    'qos': 'Quality of service of the publisher',
+    'hazard': 'Limits between which heat and burial grow from harmless to lethal',
+}
+
+#: Keyword of JSON Schema for each limit of ``validation.number`` and ``validation.whole``.
+LIMITS = {'above': 'exclusiveMinimum', 'at_least': 'minimum', 'at_most': 'maximum'}
+
+
+def of_check(check: Callable[..., Any]) -> Schema:
+    """Return the schema of a value that a check of ``validation`` takes."""
+    options = check.keywords if isinstance(check, partial) else {}
+    function = check.func if isinstance(check, partial) else check
+    if function is validation.flag:
+        return FLAG
+    if function is validation.choice:
+        return {'enum': list(options['allowed'])}
+    if function is validation.pair:
+        most = options.get('most')
+        return list_of(number(at_least=None if most is None else -most, at_most=most), 2, 2)
+    kind = {validation.number: 'number', validation.whole: 'integer'}[function]
+    limits = {LIMITS[name]: value for name, value in options.items() if name in LIMITS}
+    return {'type': kind} | {name: value for name, value in limits.items() if value is not None}
+
+
+def number(**limits: float | None) -> Schema:
+    """Return the schema of a number within limits, as ``validation.number`` names them."""
+    return of_check(partial(validation.number, **limits))
+
+
+def list_of(item: Schema, least: int = 0, most: int | None = None) -> Schema:
+    """Return the schema of a list."""
+    limits = {'minItems': least} if most is None else {'minItems': least, 'maxItems': most}
+    return {'type': 'array', 'items': item, **limits}
+
+
+def mapping(
+    properties: Mapping[str, Schema], required: Iterable[str] = (), **more: Any
+) -> Schema:
+    """Return the schema of a mapping that has no other keys."""
+    known = {
+        name: {'description': MEANINGS[name], **item} if name in MEANINGS else item
+        for name, item in properties.items()
+    }
+    result = {'type': 'object', 'additionalProperties': False, 'properties': known, **more}
+    return {**result, 'required': list(required)} if list(required) else result
+
+
+def either(*names: str, optional: bool = False) -> Schema:
+    """Return a condition on a mapping: it has exactly one of some keys, or with them at most."""
+    ways: list[Schema] = [{'required': [name]} for name in names]
+    if optional:
+        ways.append({'not': {'anyOf': list(ways)}})
+    return {'oneOf': ways}
+
+
+def of_field(item: Field[Any]) -> Schema:
+    """Return the schema of a field that ``effect.number``, ``choice`` or ``flag`` describes."""
+    about = item.metadata
+    unit = f' [{about["unit"]}]' if about.get('unit') else ''
+    text = {'description': about['text'] + unit}
+    if 'limits' in about:
+        return text | number(at_least=about['limits'][0], at_most=about['limits'][1])
+    return text | ({'enum': list(about['choices'])} if 'choices' in about else FLAG)
+
+
+def lava() -> Schema:
+    """Return the schema of a lava."""
+    names = {
+        'description': 'A name of `lava materials`, whose constants are the defaults',
+        'enum': list(materials()),
+    }
+    return mapping({'material': names, **{item.name: of_field(item) for item in fields(Lava)}})
+
+
+def former_material() -> Schema:
+    """Return the schema of ``material`` at the place where case files had it."""
+    text = 'Deprecated: the place of a material is lava: {material: NAME}'
+    return {
+        'description': text, 'deprecated': True, 'deprecationMessage': text,
+        'enum': list(materials()),
+    }
+
+
+def surroundings() -> dict[str, Schema]:
+    """Return the schemas of the numbers of the surroundings, by name."""
+    return {item.name: of_field(item) for item in fields(Scene) if item.name in ENVIRONMENT}
+
+
+def terrain_options() -> dict[str, Schema]:
+    """Return the schemas of the options of reading an elevation file, by name."""
+    known = {
+        'epsg': {'type': 'integer', 'minimum': MIN_EPSG},
+        'resolution': of_check(RESOLUTION_CHECK),
+        'offset': list_of(number(), 2, 2),
+        'window': list_of(number(), 4, 4),
+        'fill_holes': FLAG,
+        'nodata': {'anyOf': [number(), {'const': 'none'}]},
+    }
+    return {name: known[name] for name in TERRAIN_OPTIONS}
+
+
+def rate_options() -> dict[str, Schema]:
+    """Return the schemas of the choices for reading a table of effusion rates, by name."""
+    known = {
+        'start': {
+            'description': 'Start of the eruption (ISO 8601), which is time 0',
+            'type': 'string', 'pattern': r'^\s*\d{4}',
+        },
+        'gaps': {
+            'description': 'Effusion rate in a time without data',
+            'enum': list(effusion_rates.GAPS),
+        },
+        'porosity': {
+            'description': 'Fraction of bubbles: rates are dense-rock equivalents',
+            'type': 'number', 'minimum': 0.0, 'exclusiveMaximum': 1.0,
+        },
+    }
+    return {item.name: known[item.name] for item in fields(effusion_rates.Options)}
+
+
+def vent() -> Schema:
+    """Return the schema of a vent."""
+    pair = {'type': 'array', 'items': [number(), of_check(RATE_CHECK)], 'minItems': 2}
+    series = list_of({**pair, 'maxItems': 2}, 1)
+    constant_or_series = [of_check(RATE_CHECK), series]
+    table = mapping({'file': TEXT, **rate_options()}, ['file'])
+    known = {
+        **{name: of_check(check) for name, check in VENT_CHECKS.items()},
+        'name': TEXT,
+        'discharge': {'anyOf': constant_or_series},
+    }
+    own = {item.name: known[item.name] for item in fields(Vent)}
+    place = list_of(number(), 2, 2)
+    others = {
+        'projected': place, 'projected_end': place,
+        'effusion_rate': {'anyOf': [*constant_or_series, table]},
+    }
+    conditions = [
+        either('discharge', 'effusion_rate'),
+        either('position', 'projected'),
+        either('end', 'projected_end', optional=True),
+    ]
+    return mapping({**own, **others}, allOf=conditions)
+
+
+def distribution() -> Schema:
+    """Return the schema of a distribution."""
+    kinds = []
+    for kind, names in uncertainty.KINDS.items():
+        numbers = {name: of_check(uncertainty.check_of(kind, name)) for name in names}
+        limits: dict[str, Schema] = {}
+        if kind in uncertainty.WITH_LIMITS:
+            limits['limits'] = of_check(partial(validation.pair, most=1e9))
+        known = {'distribution': {'const': kind}, **numbers, **limits}
+        kinds.append(mapping(known, ['distribution', *names]))
+    return {'anyOf': kinds}
+
+
+def uncertainties() -> Schema:
+    """Return the schema of what is uncertain."""
+    one = {'$ref': '#/definitions/distribution'}
+    roughness = {
+        item.name: of_check(uncertainty.ROUGHNESS_CHECK) for item in fields(uncertainty.Roughness)
+    }
+    displacement = {item.name: of_field(item) for item in fields(uncertainty.Displacement)}
+    probability = of_check(uncertainty.PROBABILITY_CHECK)
+    classes = mapping(
+        {'probability': probability, 'duration': one, 'volume': one, 'name': TEXT},
+        ['probability', 'duration', 'volume'],
+    )
+    known = {
+        'position': mapping(displacement),
+        'terrain': mapping(roughness, roughness),
+        'constants': mapping(dict.fromkeys(uncertainty.CONSTANTS, one)),
+        'eruption': list_of(classes),
+    }
+    names = [item.name for item in fields(uncertainty.Uncertainty)]
+    texts = {
+        'discharge': 'Factor on all effusion rates',
+        'effusion_rate': 'Factor on all effusion rates',
+        'temperature': 'Offset of the temperature of all vents [K]',
+        'position': 'Displacement of all vents', 'terrain': 'Errors of the terrain',
+    }
+    schemas = {
+        name: {'description': texts[name], 'allOf': [known.get(name, one)]}
+        if name in texts else known.get(name, one)
+        for name in [*names, 'effusion_rate']
+    }
+    return mapping(schemas, **either('discharge', 'effusion_rate', optional=True))
+
+
+def scene() -> Schema:
+    """Return the schema of a scene file."""
+    known = {
+        'terrain': mapping({'file': TEXT, **terrain_options()}, ['file']),
+        'vents': list_of(vent()),
+        'lava': lava(),
+        'uncertainty': uncertainties(),
+        **surroundings(),
+    }
+    known = {name: known[name] for name in SCENE_KEYS}
+    return mapping(
+        {**known, 'material': former_material()}, definitions={'distribution': distribution()}
+    )
+
+
+def case_file() -> Schema:
+    """Return the schema of the ``case.yaml`` of a case."""
+    sides = {
+        name: number(at_least=least, at_most=most)
+        for name, (least, most, _) in reshaping.LIMITS.items()
+    }
+    place = of_check(partial(validation.pair, most=reshaping.MAX_COORDINATE))
+    barrier = mapping({'line': list_of(place, 2), **sides}, ['line', 'height', 'width'])
+    event = mapping(
+        {'time': number(), 'terrain': {'description': MEANINGS['file']}, 'barrier': barrier},
+        ['time'],
+        **either('terrain', 'barrier'),
+    )
+    options = terrain_options()
+    known = {
+        'title': {'description': 'Title, for people'},
+        'source': {'description': 'Where the data are from'},
+        'lava': lava(),
+        'vent_temperature': of_check(VENT_CHECKS['temperature']),
+        'vent_radius': of_check(VENT_CHECKS['radius']),
+        **surroundings(),
+        'start': number() | {'description': 'Start of the simulation [s]'},
+        'end': number() | {'description': 'End of the simulation [s]'},
+        **{name: options[name] for name in ('epsg', 'nodata', 'fill_holes')},
+        'low_pass': number(at_least=0.0),
+        'events': list_of(event),
+        'uncertainty': uncertainties(),
+        'effusion_rate': mapping(rate_options()) | {
+            'description': 'Choices for reading effusion_rate.csv'
+        },
+    }
+    known = {name: known[name] for name in case.KEYS}
+    return mapping(
+        {**known, 'material': former_material()}, definitions={'distribution': distribution()}
+    )
+
+
+def layers() -> Schema:
+    """Return the schema of a file of msg_configs/."""
+    checks = {name: of_check(check) for name, check in layer_files.CHECKS.items()}
+    bound, classes = of_check(layer_files.RANGE_CHECK), layer_files.MOST_CLASSES - 1
+    known = {
+        **checks,
+        'topic': {'type': 'string', 'pattern': f'^{layer_files.TOPIC.pattern}$'},
+        'range': list_of(bound, 2, 2),
+        'scale': list_of(of_check(layer_files.SCALE_CHECK), 2, 2),
+        'step': number(),
+        'classes': list_of(number(above=0.0), 1, classes),
+        'heartbeat': {
+            'anyOf': [
+                {'const': 0},
+                number(at_least=layer_files.MIN_HEARTBEAT, at_most=layer_files.MAX_HEARTBEAT),
+            ]
+        },
+        'qos': mapping({name: checks[name] for name in layer_files.QOS_KEYS}),
+        'hazard': mapping({item.name: checks[item.name] for item in fields(HazardLimits)}),
+    }
+    names = [item.name for item in fields(Layer) if item.name != 'name']
+    layer = mapping(
+        {name: {'description': LAYER_MEANINGS[name], **known[name]} for name in names},
+        ['source', 'message'],
+    )
+    named = {'type': 'object', 'minProperties': 1, 'additionalProperties': layer}
+    return mapping({'layers': named}, ['layers'])
+
+
+def of_parameter(spec: parameters.ParameterSpec) -> Schema:
+    """Return the schema of a parameter."""
+    text = {'description': spec.description}
+    if spec.is_list:
+        # a list with one empty text is how ROS writes an empty list of texts
+        item = {'enum': ['', *spec.choices]} if spec.choices else TEXT
+        return {**text, 'anyOf': [list_of(item), {'enum': ['', None]}]}
+    if spec.choices:
+        return {**text, 'enum': list(spec.choices)}
+    kind = {bool: 'boolean', int: 'integer', float: 'number', str: 'string'}[type(spec.default)]
+    limits = dict(zip(('minimum', 'maximum'), spec.limits or (), strict=False))
+    return {**text, 'type': kind, **limits}
+
+
+def parameter_file() -> Schema:
+    """Return the schema of a file of parameters, which may also be for other nodes.
+
+    The node ignores parameters that it does not have, with a warning, and so does the schema.
+    """
+    specs = (*parameters.LIFECYCLE, *parameters.SOURCES, *parameters.PARAMETERS)
+    specs += parameters.constant_parameters(constants_of(None))
+    flat = {spec.name: of_parameter(spec) for spec in specs}
+    prefix = parameters.LAVA
+    nested = {name[len(prefix):]: item for name, item in flat.items() if name.startswith(prefix)}
+    of_lava = {'type': 'object', 'properties': nested}
+    own = {'type': 'object', 'properties': {**flat, prefix.rstrip('.'): of_lava}}
+    node = {'type': 'object', 'properties': {'ros__parameters': {'$ref': '#/definitions/node'}}}
+    names = ('/**', '/**/lava', '/lava', 'lava')
+    return {
+        'type': 'object',
+        'properties': dict.fromkeys(names, node),
+        'definitions': {'node': own},
+    }
+
+
+#: Schema of each kind of file, by its name, and what the file is.
+KINDS: Mapping[str, tuple[str, Callable[[], Schema]]] = {
+    'scene': ('Scene of lava_ros: terrain, vents, lava', scene),
+    'case': ('case.yaml of an eruption that has been mapped', case_file),
+    'layers': ('Layers that the node publishes', layers),
+    'parameters': ('Parameters of the node', parameter_file),
+}
+
+
+def schema(kind: str) -> Schema:
+    """Return the schema of a kind of file."""
+    title, make = KINDS[kind]
+    return {'$schema': 'http://json-schema.org/draft-07/schema#', 'title': title, **make()}
+
+
+def path(kind: str) -> Path:
+    """Return the file of a schema."""
+    return FOLDER / f'{kind}.schema.json'
+
+
+def text(kind: str) -> str:
+    """Return the text of the file of a schema."""
+    return json.dumps(schema(kind), indent=1) + '\n'
+
+
+if __name__ == '__main__':
+    FOLDER.mkdir(exist_ok=True)
+    for name in KINDS:
+        path(name).write_text(text(name), encoding='utf-8')

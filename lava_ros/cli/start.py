@@ -1,0 +1,40 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What pip installs as `lava` and `lava_node`: Ctrl+C during start-up ends them quietly."""
+
+from importlib import import_module
+import os
+import signal
+from types import FrameType
+
+#: Exit status after Ctrl+C, as shells have it.
+INTERRUPTED = 128 + signal.SIGINT
+
+
+def lava() -> int:
+    """Run the command line, and return its exit status."""
+    return _run('lava_ros.cli.main')
+
+
+def lava_node() -> int:
+    """Run the node, and return its exit status."""
+    return _run('lava_ros.ros.node')
+
+
+def end_start() -> None:
+    """Let Ctrl+C raise KeyboardInterrupt from here on: the command begins."""
+    if signal.getsignal(signal.SIGINT) is _leave:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _run(module: str) -> int:
+    # nohup has made the signal ignored
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _leave)
+    return int(import_module(module).main())
+
+
+def _leave(number: int, _: FrameType | None) -> None:
+    # libraries turn a KeyboardInterrupt during their import into errors, or print it
+    os._exit(INTERRUPTED)

@@ -1,0 +1,377 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The schemas of our YAML files are those of the code, and refuse what the parsers refuse."""
+
+from copy import deepcopy
+from dataclasses import asdict
+from functools import cache
+import math
+from pathlib import Path
+import re
+
+import fastjsonschema
+import numpy as np
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+import yaml
+
+from eruption import VENT, write_case
+from lava_ros.errors import LavaError
+from lava_ros.files.yaml import parse_yaml, read_yaml
+from lava_ros.hindcast.case import load_case
+from lava_ros.maps.layer_files import layers_from_dict
+from lava_ros.ros import parameters
+from lava_ros.ros.arguments import start_ros
+from lava_ros.scene import constants_of, scene_from_yaml
+from lava_ros.scene.materials import default_lava
+from ros_domain import own_domain
+from scripts import load_script
+
+ROOT = Path(__file__).parents[2]
+
+#: What is put in the place of each value: of another type, or too small, or too large.
+WRONG = ('wrong', True, 0.5, -1e300, 1e300, [], {'wrong': 1})
+
+#: Files by the name of their schema.
+FILES = {
+    'scene': sorted((ROOT / 'examples').glob('*.yaml')),
+    'layers': sorted((ROOT / 'msg_configs').glob('*.yaml')),
+    'parameters': sorted((ROOT / 'params').glob('*.yaml')),
+}
+
+NORMAL = {'distribution': 'normal', 'mean': 0.0, 'deviation': 1.0, 'limits': [-5.0, 5.0]}
+FACTOR = {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5, 'limits': [0.5, 2.0]}
+UNIFORM = {'distribution': 'uniform', 'low': 0.5, 'high': 2.0}
+TRIANGLE = {'distribution': 'triangular', 'low': 0.5, 'mode': 1.0, 'high': 2.0}
+LOG_UNIFORM = {'distribution': 'loguniform', 'low': 10.0, 'high': 2000.0}
+UNCERTAINTY = {
+    'viscosity': FACTOR,
+    'yield_strength': TRIANGLE,
+    'temperature': NORMAL,
+    'position': {'radius': 5.0, 'deviation': 0.0},
+    'terrain': {'deviation': 1.0, 'correlation': 50.0},
+    'constants': {'density': LOG_UNIFORM},
+    'eruption': [
+        {'probability': 1.0, 'duration': LOG_UNIFORM, 'volume': LOG_UNIFORM, 'name': 'small'}
+    ],
+}
+
+#: Valid files of each kind, which have every key between them.
+VALID = {
+    'scene': [
+        {
+            'terrain': {
+                'file': 'ground.npz', 'epsg': 32633, 'resolution': 10.0, 'offset': [0.0, 0.0],
+                'window': [0.0, 0.0, 300.0, 300.0], 'fill_holes': False, 'nodata': -9999,
+            },
+            'lava': {'material': 'etna_basalt', **asdict(default_lava())},
+            **{name: value for name, value in constants_of(None).items() if name != 'lava'},
+        },
+        {
+            'terrain': {'file': 'ground.npz', 'nodata': 'none'},
+            'vents': [
+                {
+                    'name': 'a', 'projected': [100.0, 100.0], 'projected_end': [120.0, 120.0],
+                    'temperature': 1360.0, 'radius': 20.0, 'velocity': [0.0, 1.0],
+                    'effusion_rate': {
+                        'file': 'rates.csv', 'start': '2021-09-19T14:10:00Z', 'gaps': 'zero',
+                        'porosity': 0.2,
+                    },
+                },
+                {'position': [100.0, 50.0], 'end': [90.0, 50.0], 'effusion_rate': 3.0},
+                {'position': [100.0, 90.0], 'discharge': [[0.0, 3.0], [5.0, 0.0]]},
+            ],
+            'uncertainty': {**UNCERTAINTY, 'effusion_rate': UNIFORM},
+        },
+        {'terrain': {'file': 'ground.npz'}, 'uncertainty': {'discharge': UNIFORM}},
+        {'terrain': {'file': 'ground.npz'}, 'material': 'etna_basalt'},
+    ],
+    'case': [
+        {
+            'title': 'A valley', 'source': 'made up', 'lava': {'material': 'etna_basalt'},
+            'vent_temperature': 1360.0, 'vent_radius': 25.0,
+            **{name: value for name, value in constants_of(None).items() if name != 'lava'},
+            'start': 0.0, 'end': 9000.0, 'epsg': 32633, 'nodata': -9999, 'fill_holes': True,
+            'low_pass': 40.0, 'uncertainty': {'effusion_rate': UNIFORM},
+            'events': [
+                {'time': 600.0, 'terrain': 'elevation.asc'},
+                {
+                    'time': 900.0,
+                    'barrier': {
+                        'line': [[VENT[0] + 50.0, VENT[1]], [VENT[0] + 50.0, VENT[1] + 90.0]],
+                        'height': 12.0, 'width': 20.0, 'slope': 1.0,
+                    },
+                },
+            ],
+            'effusion_rate': {'start': '2021-09-19T14:10:00Z', 'gaps': 'zero', 'porosity': 0.2},
+        },
+        {'material': 'etna_basalt'},
+    ],
+    'layers': [
+        {
+            'layers': {
+                'height': {
+                    'topic': 'ground/height', 'source': 'thickness', 'range': [0.0, 10.0],
+                    'message': 'nav_msgs/OccupancyGrid', 'scale': [0, 100], 'threshold': 0.1,
+                    'outside': -1, 'margin': 5.0, 'min_cells': 64, 'enabled': True, 'rate': 1.0,
+                    'heartbeat': 5.0, 'record': False,
+                    'qos': {
+                        'reliability': 'reliable', 'durability': 'transient_local', 'depth': 1,
+                    },
+                },
+                'mask': {
+                    'source': 'hazard', 'message': 'nav_msgs/OccupancyGrid', 'step': 1.0,
+                    'hazard': {
+                        'lethal_thickness': 0.5, 'safe_temperature': 50.0,
+                        'lethal_temperature': 300.0,
+                    },
+                },
+                'depth': {
+                    'source': 'thickness', 'message': 'nav_msgs/msg/OccupancyGrid',
+                    'classes': [0.5, 2.0],
+                },
+            }
+        }
+    ],
+}
+
+#: Values whose limits depend on other values, on a file or on a list of codes: no schema has them.
+DEPENDENT = re.compile(
+    r'scene\.terrain\.(file|epsg|resolution|(window|offset)\[.\])'
+    r'|scene\.vents\[.\]\.(position|end|projected|projected_end)\[.\]'
+    r'|scene\.vents\[.\]\.(temperature|effusion_rate\.(file|porosity)|discharge\[.\]\[0\])'
+    # heat gets through a crust of which age matters by conduction alone
+    r'|scene\.lava\.(crust|liquidus|solidus)'
+    r'|scene\.uncertainty\.(temperature\.(mean|deviation)|position\.(deviation|radius))'
+    r'|scene\.uncertainty\.(viscosity\.median|\w+\.limits\[.\])'
+    r'|\w+\.uncertainty\..*\.(low|mode|high)'
+    # the widest filter depends on the size of the grid
+    r'|case\.(start|end|epsg|low_pass|events\[.\]\.(time|terrain))'
+    r'|case\.(vent_temperature|effusion_rate\.porosity)'
+    r'|layers\.layers\.(height\.(range|scale)\[.\]|depth\.classes\[.\])'
+    r'|layers\.layers\.mask\.hazard\.(safe|lethal)_temperature'
+)
+
+
+@cache
+def _generator():
+    return load_script(ROOT / 'docs' / 'schemas.py')
+
+
+@cache
+def _validator(kind):
+    return fastjsonschema.compile(_generator().schema(kind))
+
+
+def _fits(kind, data):
+    """Say whether a schema accepts a file."""
+    try:
+        _validator(kind)(deepcopy(data))
+    except fastjsonschema.JsonSchemaValueException:
+        return False
+    return True
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    """A folder of a case, with the files that a scene names."""
+    folder = write_case(tmp_path_factory.mktemp('schemas') / 'valley')
+    rows = np.arange(30.0)[:, None] + np.zeros(30)
+    np.savez(folder / 'ground.npz', elevation=rows, resolution=10.0)
+    rates = 'start,end,effusion_rate\n2021-09-19T14:10:00Z,2021-09-20T14:10:00Z,5\n'
+    (folder / 'rates.csv').write_text(rates)
+    return folder
+
+
+def _parse(kind, data, folder):
+    """Read a file as the program does."""
+    if kind == 'layers':
+        layers_from_dict(data)
+        return
+    path = folder / f'{kind}.yaml'
+    path.write_text(yaml.safe_dump(data, sort_keys=False))
+    load_case(folder) if kind == 'case' else scene_from_yaml(path)
+
+
+def _refusal(kind, data, folder):
+    """Return why the program refuses a file, None if it accepts it."""
+    try:
+        _parse(kind, data, folder)
+    except LavaError as error:
+        return error
+    return None
+
+
+def _places(value, path=()):
+    """Paths of all values below a value."""
+    if not isinstance(value, (dict, list)):
+        return
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+        yield (*path, key)
+        yield from _places(item, (*path, key))
+
+
+def _named(kind, path):
+    words = (f'[{key}]' if isinstance(key, int) else f'.{key}' for key in path)
+    return kind + ''.join(words)
+
+
+def _with(data, path, value):
+    """Return a copy of a file with another value at a place."""
+    data = deepcopy(data)
+    *parents, last = path
+    around = data
+    for key in parents:
+        around = around[key]
+    around[last] = value
+    return data
+
+
+def _limits(schema, key=None):
+    """Limits of numbers in a schema, or in those of its properties that have a name."""
+    for name, item in schema.items() if isinstance(schema, dict) else enumerate(schema):
+        if key is None and name in ('minimum', 'exclusiveMinimum', 'maximum', 'exclusiveMaximum'):
+            yield item
+        elif name == 'properties' and key in item:
+            yield from _limits(item[key])
+        if isinstance(item, (dict, list)):
+            yield from _limits(item, key)
+
+
+@cache
+def _values(kind, key):
+    """Values to try for a key: wrong ones, its limits and those next to them."""
+    limits = sorted(set(_limits(_generator().schema(kind), key)))
+    result = list(WRONG)
+    for limit in limits:
+        step = 1 if isinstance(limit, int) else math.ulp(limit)
+        result += [limit - step, limit, limit + step]
+    return result
+
+
+def _mutations(kind, data, path):
+    """Files with another value at a place, most of them wrong, and with an unknown key there."""
+    key = next(name for name in reversed(path) if isinstance(name, str))
+    for value in _values(kind, key):
+        yield _with(data, path, value)
+    old = data
+    for key in path:
+        old = old[key]
+    if isinstance(old, dict):
+        yield _with(data, path, {**old, 'wrong': 1})
+
+
+@pytest.mark.parametrize('kind', [*FILES, 'case'])
+def test_files_of_schemas_are_up_to_date(kind):
+    """docs/schemas.py would write them as they are."""
+    module = _generator()
+    assert module.path(kind).read_text('utf-8') == module.text(kind), 'run python docs/schemas.py'
+
+
+@pytest.mark.parametrize(
+    ('kind', 'path'), [(kind, path) for kind, paths in FILES.items() for path in paths],
+    ids=lambda item: getattr(item, 'name', item),
+)
+def test_our_files_fit_their_schema(kind, path):
+    """Every file that is installed is valid, and tells editors the schema."""
+    assert _fits(kind, read_yaml('file', path))
+    if path.name == 'nav2_filters.yaml':
+        return
+    first = path.read_text('utf-8').partition('\n')[0]
+    named = first.removeprefix('# yaml-language-server: $schema=')
+    assert (path.parent / named).resolve() == _generator().path(kind)
+
+
+def test_the_case_of_the_documents_fits_its_schema():
+    """So does the example of docs/VALIDATION.md."""
+    text = (ROOT / 'docs' / 'VALIDATION.md').read_text('utf-8')
+    (block,) = re.findall(r'```yaml\n(title: .*?)```', text, re.DOTALL)
+    assert _fits('case', parse_yaml('case', block))
+
+
+@pytest.mark.parametrize(
+    ('kind', 'data'), [(kind, data) for kind, files in VALID.items() for data in files]
+)
+def test_valid_files_are_accepted(kind, data, folder):
+    """By the schema and by the program."""
+    assert _refusal(kind, data, folder) is None
+    _validator(kind)(deepcopy(data))
+
+
+def _keys(schema):
+    """Names of all properties in a schema; of interchangeable constants none."""
+    for name, item in schema.items() if isinstance(schema, dict) else ():
+        if name == 'properties':
+            yield from item
+            for key, below in item.items():
+                yield from _keys(below) if key != 'constants' else ()
+        else:
+            yield from _keys(item)
+    for item in schema if isinstance(schema, list) else ():
+        yield from _keys(item)
+
+
+def test_valid_files_have_every_key():
+    """So that every key is tried with wrong values."""
+    tried = {kind: set() for kind in VALID}
+    for kind, files in VALID.items():
+        for data in files:
+            tried[kind].update(key for path in _places(data) for key in path)
+    # constants and distributions are the same in both
+    tried['case'] |= tried['scene']
+    for kind, keys in tried.items():
+        assert set(_keys(_generator().schema(kind))) <= keys
+
+
+@pytest.mark.parametrize(
+    ('kind', 'number', 'path'),
+    [
+        (kind, number, path)
+        for kind, files in VALID.items()
+        for number, data in enumerate(files)
+        for path in _places(data)
+    ],
+    ids=lambda item: _named('', item) if isinstance(item, tuple) else str(item),
+)
+def test_schema_and_parser_agree(kind, number, path, folder):
+    """On each value of another type or out of range, and on each unknown key."""
+    place = _named(kind, path)
+    for data in _mutations(kind, VALID[kind][number], path):
+        refusal, fits = _refusal(kind, data, folder), _fits(kind, data)
+        if not fits:
+            # an editor has to accept what the program accepts
+            assert refusal is not None, f'{place}: only the schema refuses {data}'
+        elif not DEPENDENT.fullmatch(place):
+            assert refusal is None, f'{place}: the schema accepts {data}'
+
+
+#: Parameters are given no mappings; an integer and a number of a double are the same in JSON.
+@pytest.mark.parametrize('value', ['wrong', True, 0.5, -1e300, 1e300, ['wrong'], -1, 2**62])
+def test_schema_and_node_agree_on_parameters(value):
+    """On each parameter with a value of another type, or out of range."""
+    context = rclpy.Context()
+    start_ros(['--ros-args'], context=context, domain_id=own_domain('graph'))
+    specs = (*parameters.LIFECYCLE, *parameters.SOURCES, *parameters.PARAMETERS)
+    specs += parameters.constant_parameters(constants_of(None))
+    given = [Parameter(spec.name, value=value) for spec in specs]
+    node = rclpy.create_node('lava', context=context, parameter_overrides=given)
+    try:
+        for spec in specs:
+            if type(value) is int and isinstance(spec.default, float):
+                continue
+            try:
+                spec.setting(parameters.declare(node, (spec,))[spec.name])
+                is_taken = True
+            except LavaError:
+                is_taken = False
+            groups = [{spec.name: value}]
+            if spec.name.startswith(parameters.LAVA):
+                groups.append({'lava': {spec.name.removeprefix(parameters.LAVA): value}})
+            for group in groups:
+                fits = _fits('parameters', {'/**': {'ros__parameters': group}})
+                assert fits is is_taken, (group, is_taken)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
