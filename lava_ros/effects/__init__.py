@@ -10,7 +10,7 @@ type to compute in, ``law`` and ``constants`` the structs of constants of ``laws
 
     viscosity(wp, real, law)                  mu(T)                          laws.py
     stiffening(wp, real, law, viscosity)      mu(T) with suspended solids    laws.py
-    strength(wp, real, law)                   tau_y(T)                       laws.py
+    strength(wp, real, law)                   tau_y(T, thickness, age)       laws.py
     speed(wp, real, law, viscosity, strength) u of thickness and slope       laws.py
     terms(wp, real, constants)                heat gained and lost           simulation/heat.py
     relaxed(wp, real, constants, relaxation)  temperature after a step       simulation/heat.py
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from lava_ros.scene import Lava, Scene
 
 #: Files in this folder that are not effects.
-_OTHERS = ('effect', 'laws', 'scales')
+_OTHERS = ('bingham', 'effect', 'laws', 'scales')
 
 
 def _read() -> dict[str, ModuleType]:

@@ -37,6 +37,7 @@ EFFECT = Effect(
     cost=footprint_change(0.03),
     source='speed is as 1 / mu',
     exists=lambda lava: lava.arrhenius > 0.0,
+    stiffens=True,
     is_default=True,
     # 8e-3 is the paper's value, 0.04 is usual in the field (Dragoni 1989)
     constants={

@@ -55,6 +55,7 @@ EFFECT = Effect(
     cost=footprint_change(0.03),
     source='speed is as 1 / mu',
     exists=lambda lava: lava.crystal_law != 'none' and lava.crystals > 0.0,
+    stiffens=True,
     constants={
         'crystal_law': choice('none', 'What crystals do to viscosity', EXPONENTS),
         'crystals': number(

@@ -168,6 +168,7 @@ class Effect:
         heat: Values that it adds to the device constants of the heat balance, by name.
         adds_to: Names in ``heat`` that other effects declare too; the values are summed.
         is_surface: True if it transfers heat from a bare surface to the air at any age.
+        stiffens: True if it makes the speed of lava depend on its temperature.
         needs_age: True if its terms depend on the age of a column.
         needs_speed: True if its terms depend on the speed of a column.
         arrays: Arrays that it keeps on the device, by name.
@@ -196,6 +197,7 @@ class Effect:
     heat: Mapping[str, Callable[[Scene], float]] = field(default_factory=dict)
     adds_to: tuple[str, ...] = ()
     is_surface: bool = False
+    stiffens: bool = False
     needs_age: bool = False
     needs_speed: bool = False
     arrays: Mapping[str, Array] = field(default_factory=dict)

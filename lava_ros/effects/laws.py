@@ -100,17 +100,33 @@ def viscosity_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> A
 
 
 @lru_cache
+def _strength_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
+    """Return the function of the total yield strength [Pa]; None if lava has none."""
+    strength = None
+    for module in effects.having('strength').values():
+        one = module.strength(wp, real, law_type)
+        strength = one if strength is None else _sum_of(wp, real, law_type, strength, one)
+    return strength
+
+
+def _sum_of(wp: Any, real: Any, law_type: Any, one: Any, other: Any) -> Any:
+    @wp.func
+    def both(law: law_type, temperature: real, depth: real, age: real) -> real:
+        return one(law, temperature, depth, age) + other(law, temperature, depth, age)
+
+    return both
+
+
+@lru_cache
 def speed_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
     """Return the speed function of lava whose speed is not proportional to the slope.
 
-    From rho g, thickness, slope s and temperature it returns the mobility u / s and a bound of
+    From rho g, thickness, slope s, temperature and age it returns the mobility u / s and a bound of
     u / s and du/ds [m/s]: times the thickness they are diffusivities across and along the slope.
     None if lava is Newtonian: both are then rho g h^2 / (3 mu).
     """
     viscosity = viscosity_function(wp, real, law_type, effects)
-    strength, speed = None, None
-    for module in effects.having('strength').values():
-        strength = module.strength(wp, real, law_type)
+    strength, speed = _strength_function(wp, real, law_type, effects), None
     # the last one is the most general
     for module in effects.having('speed').values():
         speed = module.speed(wp, real, law_type, viscosity, strength)
@@ -119,12 +135,12 @@ def speed_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
 
 @lru_cache
 def _on_host(lava: 'Lava') -> tuple[Any, Any, Any]:
-    """Return the constants, mu(T) and tau_y(T) of a lava."""
+    """Return the constants, mu(T) and the yield strength of a lava."""
     effects = _all_of(name for name in possible(lava) if EFFECTS[name].law)
-    values, strength = SimpleNamespace(**law_values(lava)), None
-    for module in effects.having('strength').values():
-        strength = module.strength(HOST, float, object)
-    return values, viscosity_function(HOST, float, object, effects), strength
+    functions = (
+        one(HOST, float, object, effects) for one in (viscosity_function, _strength_function)
+    )
+    return SimpleNamespace(**law_values(lava)), *functions
 
 
 def viscosity_at(lava: 'Lava', temperature: float) -> float:
@@ -134,9 +150,9 @@ def viscosity_at(lava: 'Lava', temperature: float) -> float:
 
 
 def strength_at(lava: 'Lava', temperature: float) -> float:
-    """Return the yield strength [Pa] at a temperature [K]."""
+    """Return the yield strength [Pa] at a temperature [K], before a crust has grown."""
     values, _, strength = _on_host(lava)
-    return 0.0 if strength is None else float(strength(values, temperature))
+    return 0.0 if strength is None else float(strength(values, temperature, 1.0, 0.0))
 
 
 def _all_of(names: Iterable[str]) -> Effects:

@@ -99,6 +99,7 @@ def motion_function(
     heats = temperature_after is not None
     note = note_function(real, False)
     has_age = effects.any('needs_age')
+    has_mean = effects.any('stiffens')
     falls = 'viscous_heating' in effects
 
     @wp.func
@@ -138,6 +139,8 @@ def motion_function(
         if wp.static(is_staged):
             store(m.base, i, vec4(x, y, before[0], before[1]))
             store(m.drift, i, vec4(dx, dy, start[0], start[1]))
+            if wp.static(has_mean):
+                m.mean_temperature[i] = m.ordered_mean_temperature[i]
         temperature = p[3]
         time_out = real(0.0)
         if wp.static(has_age):

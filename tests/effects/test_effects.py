@@ -36,9 +36,10 @@ BARE_KERNELS = [
 
 #: What effects add: arrays, and kernels of their own.
 ADDED = dict.fromkeys(
-    ('', 'yielding', 'power_law', 'arrhenius', 'vft', 'crystals', 'steep', 'cooling',
-     'latent_heat'),
-    (set(), set()),
+    ('', 'power_law', 'steep', 'cooling', 'latent_heat'), (set(), set())
+) | dict.fromkeys(
+    ('yielding', 'arrhenius', 'vft', 'crystals'),
+    ({'mean_temperature', 'ordered_mean_temperature'}, set()),
 )
 ADDED['green'] = {'source', 'area'}, {'green_motion'}
 ADDED['helmholtz'] = (

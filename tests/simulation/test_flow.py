@@ -110,6 +110,87 @@ def test_velocity_is_minus_the_gradient_of_the_sum():
     assert sample.velocity[first] == pytest.approx(-mobility * np.array(slope), rel=1e-5)
 
 
+STIFF = {'viscosity': 1e4, 'reference_temperature': 1400.0}
+
+
+def checkered(lava, on, high=1400.0, low=1300.0, device='cpu', **knobs):
+    """Speed down a slope of 0.1 of columns in the middle of an even layer, and which are hot."""
+    places = lattice(12.0)
+    is_hot = np.round(places.sum(axis=1)).astype(int) % 2 == 0
+    simulation = simulated(
+        incline(0.1, 80, 80, 1.0, origin=(-40.0, -40.0)),
+        lava,
+        Particles(places, 1.0, np.where(is_hot, high, low)),
+        effects=only(*on),
+        device=device,
+        spacing=1.0,
+        thickness=1.0,
+        ratio=3.5,
+        **knobs,
+    )
+    if 'inertia' in on:
+        simulation.advance(0.5)
+    sample = simulation.sample()
+    middle = np.abs(sample.position).max(axis=1) < 4.0
+    return sample.velocity[middle, 0], sample.temperature[middle] > 1350.0
+
+
+@pytest.mark.parametrize('gradient', ['energy', 'difference', 'balanced'])
+@pytest.mark.parametrize(
+    ('on', 'constants'),
+    [
+        (('arrhenius',), {'arrhenius': 0.03}),
+        (('vft',), {'vft_a': -4.55, 'vft_b': 10000.0, 'vft_c': 300.0}),
+        (
+            ('arrhenius', 'crystals'),
+            {
+                'arrhenius': 0.0, 'crystals': 0.4, 'crystal_law': 'maron-pierce',
+                'liquidus': 1500.0, 'solidus': 1200.0,
+            },
+        ),
+        (('yielding',), {'arrhenius': 0.0, 'yield_strength': 500.0, 'yield_rate': 0.01}),
+        (('arrhenius', 'helmholtz'), {'arrhenius': 0.03}),
+        (('arrhenius', 'inertia'), {'arrhenius': 0.03}),
+    ],
+)
+def test_columns_in_one_place_do_not_overtake_each_other(device, gradient, on, constants):
+    """Hot and cold ones, mixed, all move as lava of their mean temperature."""
+    lava = Lava(**STIFF, **constants)
+    speeds, is_hot = checkered(lava, on, gradient=gradient, device=device)
+    alone = [checkered(lava, on, kelvin, kelvin, device)[0].mean() for kelvin in (1400.0, 1300.0)]
+    assert alone[0] > 1.5 * alone[1]
+    assert is_hot.any() and not is_hot.all()
+    expected = checkered(lava, on, 1350.0, 1350.0, device)[0].mean()
+    assert speeds == pytest.approx(expected, rel=0.06)
+
+
+def test_printed_formulas_follow_the_temperature_of_each_column():
+    """As they are printed, a cold column is slower than the hot ones that surround it."""
+    lava = Lava(**STIFF, arrhenius=0.03)
+    speeds, is_hot = checkered(lava, ('arrhenius', 'green'), formulation='as-published')
+    mixed, _ = checkered(lava, ('arrhenius', 'green'), 1350.0, 1350.0, formulation='as-published')
+    assert abs(speeds[is_hot].mean() / mixed.mean() - 1.0) > 0.1
+
+
+def test_edge_moves_by_its_own_temperature():
+    """Hot lava further in does not make a cold edge fluid. A plain mean does (3.4 times)."""
+    places = lattice(12.0)
+    is_edge = places[:, 0] > 11.0
+    lava = Lava(**STIFF, arrhenius=0.03)
+
+    def speed(inside):
+        simulation = simulated(
+            flat(80), lava, Particles(places, 1.0, np.where(is_edge, 1300.0, inside)),
+            effects=only('arrhenius'), spacing=1.0, thickness=1.0, ratio=3.5,
+        )
+        sample = simulation.sample()
+        x, y = sample.position.T
+        return sample.velocity[(x > 11.0) & (np.abs(y) < 4.0), 0].mean()
+
+    cold, beside_hot = speed(1300.0), speed(1400.0)
+    assert 0.0 < cold <= beside_hot < 2.0 * cold
+
+
 @pytest.mark.parametrize('degrees', [2.0, 10.0, 30.0, 45.0])
 def test_sheet_moves_at_the_exact_speed(device, degrees):
     """A uniform sheet moves at rho g h^2 sin(b) / (3 mu) along the slope, however steep."""

@@ -130,7 +130,7 @@ def test_bend_is_the_largest_curvature_of_the_surface(device):
 def ordered(device, real, cell, rank, *, again):
     """Return volumes of particles 1, 2, ... in their order, and the stated number of them."""
     *_, order_particles, _, list_members = _kernels(
-        real, False, False, False, False, again
+        real, False, False, False, False, False, again
     )
     count = len(cell)
     sizes = np.bincount(cell, minlength=CELLS + 1)

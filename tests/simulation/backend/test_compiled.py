@@ -290,7 +290,7 @@ def test_sums_of_differences(compiled):
 @pytest.mark.nightly
 def test_deterministic_order(compiled):
     """Kernels of deterministic runs on a GPU are as efficient."""
-    kernels = neighbors._kernels(wp.float32, True, False, True, False, True)
+    kernels = neighbors._kernels(wp.float32, True, False, True, True, False, True)
     order, members = compiled(kernels, ('order_particles', 'list_members'))
     check_local(order)
     check_local(members)
