@@ -146,6 +146,8 @@ def motion_function(
         if wp.static(has_age):
             time_out = m.ordered_age[i]
             m.age[i] = time_out
+            if m.counts[at.IS_LAST] == 1:
+                m.age[i] = time_out + real(m.clock[at.STEP])
         if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
             if m.counts[at.IS_LAST] == 1:
                 step = real(m.clock[at.STEP])
@@ -164,8 +166,6 @@ def motion_function(
                 temperature = temperature_after(
                     m.heat, f[0], temperature, time_out, drop, speed, step
                 )
-                if wp.static(has_age):
-                    m.age[i] = time_out + step
         if wp.static('solidification' in effects):  # noqa: SIM102, the static test decides
             if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
                 m.cold[0] = 1

@@ -82,8 +82,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
         velocity: vec2,
         fall: real,
         height: real,
-        temperature: real,
-        age: real,
+        column: vec2,
         ground: vec2,
         m: arguments_type(real),
     ) -> vec2:
@@ -98,15 +97,15 @@ def _drag_function(real: Any, effects: Effects) -> Any:
             if wp.dot(velocity, ground) > real(0.0):
                 layer = up(height, velocity / pace, ground)
         if wp.static(speed is None):
-            mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(m.law, temperature))
+            mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(m.law, column[0]))
         else:
             # Newton's method from above: the bound of du/ds keeps it above
             slope = pace / fall
-            response = speed(m.law, weight, layer[0], layer[1] * slope, temperature, age)
+            response = speed(m.law, weight, layer[0], layer[1] * slope, column[0], column[1])
             for _ in range(_ITERATIONS):
                 change = (slope * (response[0] + fall) - pace) / (response[1] + fall)
                 slope -= change
-                response = speed(m.law, weight, layer[0], layer[1] * slope, temperature, age)
+                response = speed(m.law, weight, layer[0], layer[1] * slope, column[0], column[1])
                 if change <= real(_CHANGE) * slope:
                     break
             mobility = response[0]
@@ -162,7 +161,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         fall = -g * vec2(m.flow[i][1], m.flow[i][2])
         m.kick[i] = fall
         half = real(wp.float64(0.5) * m.clock[STEP])
-        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, column[0], column[1], ground, m)
+        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, column, ground, m)
         m.flow[i] = vec3(height, u[0], u[1])
         # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
         square = g * height * m.constants.stiffness
@@ -221,7 +220,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         free = old + time * (m.kick[i] + lift) + step * scale * push
         fall = time * g * share_of(ground)
         column = law_arguments(i, p, m)
-        new = slowed(free, fall, f[0], column[0], column[1], ground, m)
+        new = slowed(free, fall, f[0], column, ground, m)
         m.velocity[i] = new
         if wp.static(heats):
             # the slope that balances the drag: its work is the heat, not that of the weight
