@@ -3,8 +3,7 @@
 
 """A simulation at rest between two steps, as plain data and as bytes that survive the process.
 
-``take`` and ``restore`` are the way to and from a running one: it goes on as if it had never
-stopped.
+``restart.py`` copies a simulation to it, and continues one from it as if it had never stopped.
 
 The bytes are a prefix, a header in JSON and a body: the arrays, compressed by zstd. The prefix has
 the format's version, the length of what follows and a checksum over all of it, so that what is
@@ -12,13 +11,13 @@ damaged, cut off or of a later version is refused before any of it is used. Noth
 executed when it is read, and no path is in it.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 import hashlib
 import json
 import math
 import struct
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,10 +32,6 @@ from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.reshaping import Barrier
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
-from lava_ros.simulation.inundation import standing_cells
-
-if TYPE_CHECKING:
-    from lava_ros.simulation.simulation import Simulation
 
 #: Version of the format; a reader takes its own and those before.
 VERSION = 1
@@ -359,87 +354,3 @@ def _digest(*parts: bytes | memoryview) -> bytes:
     for part in parts:
         digest.update(part)
     return digest.digest()
-
-
-def take(simulation: 'Simulation') -> Checkpoint:
-    """Copy all that a simulation needs to go on; it stands between two steps.
-
-    The next stages are captured anew on a GPU, as those of a resumed simulation are: both then
-    idle alike past the next target.
-    """
-    simulation._state.launches.forget()
-    arrays = {f'state.{name}': array for name, array in simulation._state.save().items()}
-    arrays |= {f'vents.{name}': array for name, array in simulation._vents.save().items()}
-    vents, counted = simulation._counted
-    is_counted = [vents is simulation._vents and n in counted for n in range(len(vents.vents))]
-    arrays['vents.counted'] = np.array(is_counted, dtype=np.int32)
-    arrays['arrived.times'] = simulation._state.arrived.numpy().copy()
-    for effect, step in simulation._after_step.items():
-        if hasattr(step, 'save'):
-            arrays |= {f'{effect}.{name}': array for name, array in step.save().items()}
-    return Checkpoint(
-        time=simulation.time,
-        scene=simulation.scene,
-        effects=simulation.effects,
-        forced=simulation._forced,
-        horizon=simulation._horizon,
-        switched_on=dict(simulation._review.since),
-        measured=dict(simulation._review.largest),
-        accuracy=simulation.accuracy,
-        emitted=simulation._emitted_before,
-        since=simulation._vents.since,
-        capacity=simulation._state.capacity,
-        arrays=arrays,
-    )
-
-
-def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
-    """Make a new simulation of a checkpoint's scene, effects and accuracy go on from there.
-
-    Raises:
-        LavaError: An array is missing, or is not of the scene and the effects.
-    """
-    parts: dict[str, dict[str, np.ndarray]] = {}
-    for name, array in checkpoint.arrays.items():
-        owner, _, own_name = name.partition('.')
-        parts.setdefault(owner, {})[own_name] = array
-    state = parts.pop('state', {})
-    # what was written before there was a bound goes on without one
-    state.setdefault('top', np.full_like(simulation._state.top.numpy(), FAR))
-    # and where lava has left was not told apart
-    if np.shape(state.get('left')) == (1,):
-        state['left'] = np.append(state['left'], 0.0)
-    simulation._state.load(state, checkpoint.capacity)
-    vents = parts.pop('vents', {})
-    simulation._load_vents(vents, since=checkpoint.since)
-    # the state has the vents' heights; lava that has frozen since may have raised the ground
-    counted: Iterable[int] = simulation._vents.giving(checkpoint.time, others_than=())
-    if 'counted' in vents:
-        shape = (len(checkpoint.scene.vents),)
-        is_counted = fitting('vents.counted', vents['counted'], shape, np.int32)
-        counted = np.flatnonzero(is_counted).tolist()
-    simulation._counted = simulation._vents, set(counted)
-    for effect, step in simulation._after_step.items():
-        if hasattr(step, 'load'):
-            step.load(parts.pop(effect, {}))
-    target = simulation._state.arrived
-    if 'arrived' in parts:
-        times = parts.pop('arrived').get('times')
-        target.assign(fitting('arrived.times', times, target.shape, np.float32))
-    elif 'solidification' in simulation._after_step:
-        # written without times: lava that flows has those of the next step
-        frozen = standing_cells(simulation._after_step['solidification'].thickness())
-        target.assign(np.where(frozen, np.float32(checkpoint.time), np.float32(-1.0)))
-    if parts:
-        raise LavaError('checkpoint.arrays', sorted(parts), 'those of the effects that are on')
-    if simulation.time != checkpoint.time:
-        right = f'that of the clock, {simulation.time:g} s'
-        raise LavaError('checkpoint.time', checkpoint.time, right)
-    simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
-    simulation._review.since.update(checkpoint.switched_on)
-    simulation._review.largest.update(checkpoint.measured)
-    simulation._watch()
-    simulation._emitted_before = checkpoint.emitted
-    # it was made without the particles, and knows where vents are only
-    simulation._cover()
-    return simulation

@@ -131,7 +131,7 @@ def test_an_effect_adds_what_is_its_own(launched, name):
     lava = Lava(solidus=1000.0, yield_strength=100.0, conductivity=2.0)
     ground, vent = plane((-50.0, -50.0, 50.0, 50.0), 5.0, 0.2), Vent((0.0, 0.0), 2.0)
     simulation = simulated(ground, lava, vent, effects=only(name), spacing=4.0)
-    state = vars(simulation._state)
+    state = vars(simulation.solver.state)
     # what begins with _ is a part of another array
     arrays_of_it = {key for key, value in state.items() if isinstance(value, wp.array)}
     allocated = {key for key in arrays_of_it if key[0] != '_'}
@@ -139,9 +139,9 @@ def test_an_effect_adds_what_is_its_own(launched, name):
     simulation.advance(60.0)
     assert simulation.particle_count > 0
     # the first one has yet to put the particles into cells: later ones do so as they move them
-    simulation._stage.take(simulation.scene, simulation._vents)
+    simulation.solver.stage.take(simulation.scene, simulation.solver.vents)
     launched.clear()
-    simulation._stage.take(simulation.scene, simulation._vents)
+    simulation.solver.stage.take(simulation.scene, simulation.solver.vents)
     without = {'move'} if name == 'green' else set()
     assert set(launched) == set(BARE_KERNELS) - without | kernels
     assert name or launched == BARE_KERNELS

@@ -27,7 +27,7 @@ def simulation_of(device, particles, effects=MERGING, **knobs):
 
 def one_pass(simulation):
     """Let the particles merge and split where they are."""
-    state = simulation._state
+    state = simulation.solver.state
     simulation.evaluate()
     state.take_order()
     counts, clock = state.counts.numpy(), state.clock.numpy()
@@ -36,12 +36,12 @@ def one_pass(simulation):
     state.moved.assign([merging.EVERY, 0.0])
     state.counts.assign(counts)
     state.clock.assign(clock)
-    simulation._after_step['merging'].apply(state, simulation._neighbors.motion_arguments(state))
+    simulation.solver.after_step['merging'].apply(state, simulation.solver.neighbors.motion_arguments(state))
 
 
 def rows_of(simulation):
     """Rows of the particles that have a volume."""
-    rows = simulation._state.read_particles()
+    rows = simulation.solver.state.read_particles()
     return rows[rows[:, 2] > 0.0]
 
 
@@ -112,7 +112,7 @@ def test_momentum_and_age_are_kept(device):
     effects = only('cooling', 'inertia', 'ground', 'merging')
     for spacing, volume in ((2.5, 25.0), (10.0, 100.0)):
         simulation = simulation_of(device, lattice(spacing, 12, volume), effects)
-        state = simulation._state
+        state = simulation.solver.state
         random = np.random.default_rng(5)
         simulation.evaluate()
         state.take_order()
@@ -138,9 +138,9 @@ def test_momentum_and_age_are_kept(device):
 def test_splitting_waits_for_room(device):
     """With no room for all halves as many split as fit, and the host is told."""
     simulation = simulation_of(device, lattice(10.0, 20, 100.0))
-    simulation._state.grow(410)
+    simulation.solver.state.grow(410)
     one_pass(simulation)
-    counts = simulation._state.counts.numpy()
+    counts = simulation.solver.state.counts.numpy()
     assert counts[PARTICLES] == 410
     assert counts[FULL] == 1
     assert rows_of(simulation)[:, 2].sum() == 400 * 100.0
@@ -179,4 +179,4 @@ def test_a_constant_flux_takes_fewer_particles_at_the_same_error(device, monkeyp
 def test_deterministic_runs_are_identical_to_the_bit(device):
     """Who merges does not depend on the order in which threads run."""
     first, second = (flow(device, MERGING, deterministic=True) for _ in range(2))
-    assert np.array_equal(first._state.read_particles(), second._state.read_particles())
+    assert np.array_equal(first.solver.state.read_particles(), second.solver.state.read_particles())

@@ -42,12 +42,12 @@ def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
 
 def frozen_in(simulation):
     """Thickness of what has frozen, as maps show it [m], to all its digits."""
-    return simulation._after_step['solidification'].thickness()
+    return simulation.solver.after_step['solidification'].thickness()
 
 
 def raised_in(simulation):
     """How much what has frozen has raised the ground [m], shape [rows, columns]."""
-    terrain = simulation._terrain
+    terrain = simulation.solver.terrain
     return (terrain.height.numpy().astype(float) - terrain.bare.numpy())[1:-1, 1:-1]
 
 
@@ -177,10 +177,10 @@ def test_a_new_terrain_keeps_what_has_frozen(device):
     simulation = freezing(device, hillside(), layer())
     simulation.advance(1.0)
     before = simulation.snapshot().frozen
-    height = simulation._terrain.height.numpy().copy()
+    height = simulation.solver.terrain.height.numpy().copy()
     simulation.set_terrain(hillside())
     assert np.array_equal(simulation.snapshot().frozen, before)
-    assert np.array_equal(simulation._terrain.height.numpy(), height)
+    assert np.array_equal(simulation.solver.terrain.height.numpy(), height)
 
     fine = Terrain(np.zeros((150, 260)), 4.0, origin=(-33.0, -41.0))
     simulation.set_terrain(fine)

@@ -225,7 +225,7 @@ def test_lava_does_not_fall_from_a_vent_that_has_given_none() -> None:
     # what opens within a step forward counts
     simulation.advance(101.0)
     watch.check()
-    assert simulation._counted[1] == {0, 1}
+    assert simulation.solver.counted[1] == {0, 1}
 
 
 def test_lava_that_comes_out_and_is_gone_within_a_frame() -> None:

@@ -68,7 +68,7 @@ def test_vents_that_pile_up_lava_without_end_are_refused(device):
     """Strength that holds all lava at its vent ends in a clear error, not in endless steps."""
     simulation = _in_a_cell(30_000, device)
     more = np.random.default_rng(2).uniform(0.0, 4.9, (5_000, 2))
-    simulation._append([(*place, 1e-3, 1423.0) for place in more])
+    simulation.solver.add_particles([(*place, 1e-3, 1423.0) for place in more])
     with pytest.raises(LavaError, match='35000 in'):
         simulation.snapshot()
 
@@ -93,9 +93,9 @@ def test_the_watch_sees_what_is_wrong(column, value, invariant):
     simulation = _film()
     watch = Watch(simulation)
     watch.check()
-    rows = simulation._state.read_particles()
+    rows = simulation.solver.state.read_particles()
     rows[0, column] = value
-    simulation._state.write_particles(rows)
+    simulation.solver.state.write_particles(rows)
     simulation.advance(1e-3)
     with pytest.raises(InvariantError, match=invariant):
         watch.check()

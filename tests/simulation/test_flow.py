@@ -313,10 +313,10 @@ def heads(simulation):
     places = sample.position - 0.5 * np.add(terrain.extent[:2], terrain.extent[2:])
     highest = np.full(len(places), -FAR)
     for n, place in enumerate(places):
-        height = wp.full(1, -FAR, dtype=simulation._state.real, device=simulation.device)
-        simulation._terrain.raise_to(place[None], height)
+        height = wp.full(1, -FAR, dtype=simulation.solver.state.real, device=simulation.device)
+        simulation.solver.terrain.raise_to(place[None], height)
         highest[n] = height.numpy()[0]
-    fall = np.maximum(simulation._state.top.numpy()[0] - highest, 0.0)
+    fall = np.maximum(simulation.solver.state.top.numpy()[0] - highest, 0.0)
     return (sample.velocity**2).sum(axis=1) / (2.0 * 9.81) - fall - sample.thickness
 
 
@@ -349,7 +349,7 @@ def test_slow_lava_is_what_it_was(device):
             ground, Lava(viscosity=1e4), vent, device=device, deterministic=True
         )
         if not bound:
-            simulation._state.top.fill_(FAR)
+            simulation.solver.state.top.fill_(FAR)
         simulation.advance(1800.0)
         samples.append(simulation.sample())
     assert np.array_equal(samples[0].position, samples[1].position)
@@ -363,7 +363,7 @@ def test_lava_has_fallen_from_wherever_it_came(device):
     lava = Particles(np.array([[205.0, 105.0]]), 10.0, 1400.0)
 
     def top(simulation):
-        return float(simulation._state.top.numpy()[0] + simulation.scene.terrain.elevation.mean())
+        return float(simulation.solver.state.top.numpy()[0] + simulation.scene.terrain.elevation.mean())
 
     simulation = simulated(ground, Lava(), vents[305.0], lava, device=device)
     assert top(simulation) == pytest.approx(60.0)
@@ -374,7 +374,7 @@ def test_lava_has_fallen_from_wherever_it_came(device):
     simulation.set_vents((vents[305.0],))
     assert top(simulation) == pytest.approx(80.0)
     resumed = Simulation.resume(simulation.checkpoint(), device=device)
-    assert np.array_equal(resumed._state.top.numpy(), simulation._state.top.numpy())
+    assert np.array_equal(resumed.solver.state.top.numpy(), simulation.solver.state.top.numpy())
     simulation.set_effects({'inertia': False, 'crust': True})
     assert top(simulation) == pytest.approx(80.0)
     simulation.set_terrain(Terrain(ground.elevation + 500.0, 10.0))

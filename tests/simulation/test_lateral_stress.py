@@ -78,9 +78,9 @@ def test_steps_follow_the_speed_that_lateral_stress_leaves():
         thickness=50.0,
     )
     speed = np.linalg.norm(simulation.sample().velocity, axis=1).max()
-    reach = simulation._stage.constants.reach
+    reach = simulation.solver.stage.constants.reach
     simulation.advance(1e-3)
-    assert simulation._state.rates.numpy()[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
+    assert simulation.solver.state.rates.numpy()[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])

@@ -191,10 +191,10 @@ def test_launches_under_way_change_nothing(monkeypatch):
             thickness=0.4,
             deterministic=True,
         )
-        room = simulation._state.capacity
+        room = simulation.solver.state.capacity
         for time in (15.0, 15.001, 40.0):
             assert simulation.advance(time) >= time
-        assert simulation._state.capacity > room
+        assert simulation.solver.state.capacity > room
         assert simulation.most_particles == simulation.particle_count
         ends.append((simulation.steps, simulation.time, simulation.snapshot()))
     one, other = ends
@@ -208,7 +208,7 @@ def test_volumes_are_summed_where_they_are(device):
     for time in (0.0, 60.0, 600.0):
         simulation.advance(time)
         held = simulation.sample().volume.sum()
-        state, vents = simulation._state, simulation._vents
+        state, vents = simulation.solver.state, simulation.solver.vents
         numbers = FlowDiagnostics().take(state, vents).numpy()
         moment = moment_of(numbers, state, vents, 0.0)
         assert moment.budget.flowing == pytest.approx(held, rel=1e-12)
@@ -230,9 +230,9 @@ def sound(device):
 
 def spoil(simulation, column, value):
     """Replace a value of a particle."""
-    rows = simulation._state.particle.numpy()
+    rows = simulation.solver.state.particle.numpy()
     rows[3, column] = value
-    simulation._state.particle.assign(rows)
+    simulation.solver.state.particle.assign(rows)
 
 
 @pytest.mark.parametrize('value', [np.nan, np.inf])

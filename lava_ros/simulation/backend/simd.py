@@ -57,8 +57,8 @@ def over_neighbors(each: str, count: int = 3) -> str:
     ``cells.cell_functions``; it returns a vector of ``count`` sums, at most 4. ``each`` is C++
     that adds the contributions of eight neighbours to ``sum_0``, ``sum_1`` and so on. ``other_0``
     to ``other_3`` are the components of their values, ``place`` is the index of the first of them,
-    and ``is_in`` marks those that count; the values of the rest are arbitrary, even NaN. ``wide`` is a vector of
-    eight floats, ``whole`` of integers, ``none`` is 0.
+    and ``is_in`` marks those that count; the values of the rest are arbitrary, even NaN. ``wide``
+    is a vector of eight floats, ``whole`` of integers, ``none`` is 0.
     """
     sums = [f'sum_{n}' for n in range(count)]
     code = _AROUND.replace('ZEROS', ', '.join(f'{name} = {{}}' for name in sums))

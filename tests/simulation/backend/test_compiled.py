@@ -140,7 +140,7 @@ def launched(name, lanes=1, integrator='euler', is_short=None, directs=None, par
                 simulation.scene, effects=simulation.effects, accuracy=accuracy, device='cpu'
             )
         kernels.clear()
-        simulation._stage.take(simulation.scene, simulation._vents)
+        simulation.solver.stage.take(simulation.scene, simulation.solver.vents)
     return kernels
 
 

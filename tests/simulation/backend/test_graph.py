@@ -113,7 +113,7 @@ def test_a_step_packs_nothing_anew(monkeypatch, name):
     simulation.advance(simulation.time + 20.0 * STEP)
     assert not packed
     # more capacity: all arrays are replaced
-    simulation._state.grow(2 * simulation._state.capacity)
+    simulation.solver.state.grow(2 * simulation.solver.state.capacity)
     simulation.advance(simulation.time + 5.0 * STEP)
     assert packed
     packed.clear()
@@ -126,7 +126,7 @@ def test_a_terrain_that_is_replaced_is_given_back():
     simulation = lava_field(100, effect_sets()['solidification'], 'cpu')
     simulation.advance(5.0 * STEP)
     for _ in range(3):
-        arrays = simulation._terrain.height, simulation._neighbors.cells.starts
+        arrays = simulation.solver.terrain.height, simulation.solver.neighbors.cells.starts
         gone = [weakref.ref(array) for array in arrays]
         del arrays
         simulation.set_terrain(simulation.scene.terrain)
@@ -207,7 +207,7 @@ def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
             )
         simulation.advance(20.0 * STEP)
         assert simulation.particle_count > 100
-        assert simulation._state.launches.can_replay(0) == is_alone
+        assert simulation.solver.state.launches.can_replay(0) == is_alone
         ends.append(simulation.checkpoint().to_bytes())
     assert ends[0] == ends[1]
 

@@ -31,7 +31,7 @@ def flow(device):
 @contextmanager
 def scarce(simulation):
     """Leave no memory: on a GPU really, on the CPU with an allocation that fails like Warp's."""
-    state, zeros, given = simulation._state, wp.zeros, []
+    state, zeros, given = simulation.solver.state, wp.zeros, []
 
     def refuse(shape, *arguments, **options):
         given.append(shape)
@@ -48,13 +48,13 @@ def scarce(simulation):
 def test_a_device_without_memory_keeps_its_lava(device):
     """The error names the requested capacity; afterwards the flow continues unaffected."""
     simulation, other = flow(device), flow(device)
-    before, capacity = simulation.checkpoint().to_bytes(), simulation._state.capacity
+    before, capacity = simulation.checkpoint().to_bytes(), simulation.solver.state.capacity
     with scarce(simulation), pytest.raises(RuntimeError, match=NO_ROOM) as caught:
-        simulation._state.grow(TOO_MANY)
+        simulation.solver.state.grow(TOO_MANY)
     words = failure_text(caught.value, simulation.snapshot())
     assert words.startswith('out of memory with')
     assert 'a larger spacing or a coarser terrain needs less' in words
-    assert simulation._state.capacity == capacity
+    assert simulation.solver.state.capacity == capacity
     assert simulation.checkpoint().to_bytes() == before
     for run in (simulation, other):
         run.advance(120.0)
@@ -64,7 +64,7 @@ def test_a_device_without_memory_keeps_its_lava(device):
 def test_a_new_simulation_after_an_allocation_that_failed(device):
     """The error that a GPU keeps of a failed allocation is cleared."""
     simulation = flow(device)
-    if simulation._state.device.is_cuda:
+    if simulation.solver.state.device.is_cuda:
         blocks = []
         with pytest.raises(RuntimeError, match='Failed to allocate'):
             while True:
