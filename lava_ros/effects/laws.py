@@ -122,7 +122,8 @@ def speed_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
     """Return the speed function of lava whose speed is not proportional to the slope.
 
     From rho g, thickness, slope s, temperature and age it returns the mobility u / s and a bound
-    of u / s and du/ds [m/s]: times the thickness they are diffusivities across and along the slope.
+    of u / s and du/ds [m/s]: times the thickness they are diffusivities across and along the
+    slope.
     None if lava is Newtonian: both are then rho g h^2 / (3 mu).
     """
     viscosity = viscosity_function(wp, real, law_type, effects)

@@ -36,7 +36,8 @@ def one_pass(simulation):
     state.moved.assign([merging.EVERY, 0.0])
     state.counts.assign(counts)
     state.clock.assign(clock)
-    simulation.solver.after_step['merging'].apply(state, simulation.solver.neighbors.motion_arguments(state))
+    solver = simulation.solver
+    solver.after_step['merging'].apply(state, solver.neighbors.motion_arguments(state))
 
 
 def rows_of(simulation):
@@ -179,4 +180,5 @@ def test_a_constant_flux_takes_fewer_particles_at_the_same_error(device, monkeyp
 def test_deterministic_runs_are_identical_to_the_bit(device):
     """Who merges does not depend on the order in which threads run."""
     first, second = (flow(device, MERGING, deterministic=True) for _ in range(2))
-    assert np.array_equal(first.solver.state.read_particles(), second.solver.state.read_particles())
+    first_rows, second_rows = (one.solver.state.read_particles() for one in (first, second))
+    assert np.array_equal(first_rows, second_rows)

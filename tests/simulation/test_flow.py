@@ -363,7 +363,8 @@ def test_lava_has_fallen_from_wherever_it_came(device):
     lava = Particles(np.array([[205.0, 105.0]]), 10.0, 1400.0)
 
     def top(simulation):
-        return float(simulation.solver.state.top.numpy()[0] + simulation.scene.terrain.elevation.mean())
+        mean = simulation.scene.terrain.elevation.mean()
+        return float(simulation.solver.state.top.numpy()[0] + mean)
 
     simulation = simulated(ground, Lava(), vents[305.0], lava, device=device)
     assert top(simulation) == pytest.approx(60.0)

@@ -80,7 +80,8 @@ def test_steps_follow_the_speed_that_lateral_stress_leaves():
     speed = np.linalg.norm(simulation.sample().velocity, axis=1).max()
     reach = simulation.solver.stage.constants.reach
     simulation.advance(1e-3)
-    assert simulation.solver.state.rates.numpy()[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
+    rates = simulation.solver.state.rates.numpy()
+    assert rates[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])

@@ -17,8 +17,7 @@ import pytest
 import warp as wp
 
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
-from lava_ros.simulation import simulation as simulation_module
+from lava_ros.simulation import advance, Simulation, solver
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.budget import VolumeBudget
@@ -178,9 +177,9 @@ def test_launches_under_way_change_nothing(monkeypatch):
     around it at other stages, but before it is there.
     """
     ends = []
-    monkeypatch.setattr(simulation_module, '_FIRST_CAPACITY', 256)
+    monkeypatch.setattr(solver, '_FIRST_CAPACITY', 256)
     for number in (1, 2):
-        monkeypatch.setitem(simulation_module._UNDER_WAY, False, number)
+        monkeypatch.setitem(advance._IN_FLIGHT, False, number)
         ground = incline(0.5, 30, 200, 10.0, top=900.0)
         simulation = simulated(
             ground,
