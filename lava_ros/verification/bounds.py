@@ -132,8 +132,8 @@ BOUNDS: dict[str, dict[str, Limits]] = {
         'temperature, Newtonian': (0.018, 0.014, 0.01),
         'temperature, Bingham': (0.026, 0.018, 0.015),
     },
-    'cooling_front': {'front': (0.008, 0.005, 0.004), 'profile': (0.05, 0.04, 0.037)},
-    'cooling_plane': {'footprint': (0.105, 0.1, 0.085), 'front': (0.025, 0.02, 0.015)},
+    'cooling_front': {'front': (0.012, 0.005, 0.004), 'profile': (0.05, 0.04, 0.037)},
+    'cooling_plane': {'footprint': 0.06, 'front': (0.025, 0.02, 0.015)},
     'silicone_oil': {
         'power at 1 thermal radii': (0.026, 0.004, 0.004), 'power at 2 thermal radii': 0.002,
         'power at 3 thermal radii': (0.002, 0.0015, 0.0015),

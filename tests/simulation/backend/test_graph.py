@@ -17,7 +17,7 @@ import pytest
 import warp as wp
 
 from lava_ros.simulation import Simulation
-from lava_ros.simulation import simulation as simulation_module
+from lava_ros.simulation import solver as solver_module
 from lava_ros.simulation.backend import graph as launches_module
 from lava_ros.simulation.backend import programmatic_launch
 from lava_ros.simulation.backend.compiled import quick_kernel
@@ -198,7 +198,7 @@ def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
     """A replayed stage gives bitwise identical results: nothing bypasses the recording."""
     ends = []
     for is_alone in (True, False):
-        monkeypatch.setattr(simulation_module, 'is_alone', lambda _, value=is_alone: value)
+        monkeypatch.setattr(solver_module, 'is_alone', lambda _, value=is_alone: value)
         simulation = lava_field(200, effect_sets()[name], 'cpu')
         if is_deterministic:
             accuracy = replace(simulation.accuracy, deterministic=True)
