@@ -36,13 +36,11 @@ from types import MappingProxyType, ModuleType
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.effects.effect import Array, Effect, flag, join_names, with_fields
+from lava_ros.effects.protocols import Lava, Scene
 from lava_ros.errors import LavaError
 
-if TYPE_CHECKING:
-    from lava_ros.scene import Lava, Scene
-
 #: Files in this folder that are not effects.
-_OTHERS = ('bingham', 'effect', 'laws', 'scales')
+_OTHERS = ('bingham', 'effect', 'laws', 'protocols', 'scales')
 
 
 def _read() -> dict[str, ModuleType]:

@@ -18,18 +18,16 @@ If the effect is switched on during a run, ages count from then.
 """
 
 from functools import lru_cache
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from lava_ros.effects.bingham import speed  # noqa: F401, the speed function of this effect
-from lava_ros.effects.effect import Effect, footprint_change, number
-
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
+from lava_ros.effects.effect import Effect, number
+from lava_ros.effects.scales import footprint_change, Scales
 
 
-def _resistance(scales: 'Scales') -> np.ndarray:
+def _resistance(scales: Scales) -> np.ndarray:
     """Return the stress of the crust at the horizon over that at the base of each column."""
     lava, thickness = scales.lava, scales.columns.thickness
     crust = np.minimum(np.sqrt(lava.crust_diffusivity * scales.duration), thickness)

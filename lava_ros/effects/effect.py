@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, TYPE_CHECKING
+from typing import Any
+
+import numpy as np
 
 from lava_ros import validation
+from lava_ros.effects.protocols import Lava, Scene
+from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from lava_ros.effects.scales import Scales
-    from lava_ros.scene import Lava, Scene
 
 
 def number(default: float | None, text: str, least: float, most: float, unit: str = '') -> Any:
@@ -108,16 +106,6 @@ def join_names(
             owners.setdefault(key, f'effects.{name}')
             joined[key] = item
     return joined
-
-
-def footprint_change(speed: float) -> float:
-    """Return the maximum fraction of an inundated area that a change of the speed changes.
-
-    In a valley with evenly rising sides the length of a flow is as the root of its mobility k, its
-    width as k^(-1/4): one outline is longer by half of the change, the other is wider by a
-    quarter. On a plane, and between walls, it is less (docs/MODEL.md).
-    """
-    return 0.75 * speed
 
 
 @dataclass(frozen=True)

@@ -8,18 +8,16 @@ agreement with measurements.
 """
 
 from functools import lru_cache
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from lava_ros.effects.bingham import speed  # noqa: F401, the speed function of this effect
-from lava_ros.effects.effect import Effect, footprint_change, number
-
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
+from lava_ros.effects.effect import Effect, number
+from lava_ros.effects.scales import footprint_change, Scales
 
 
-def _bingham(scales: 'Scales') -> np.ndarray:
+def _bingham(scales: Scales) -> np.ndarray:
     """Return the yield strength of each column over the stress at its base."""
     strength = scales.law(scales.lava.yield_strength_at, scales.columns.temperature)
     return strength / scales.stress
