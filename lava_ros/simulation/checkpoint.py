@@ -119,8 +119,8 @@ class Checkpoint:
         if (particles[:, 2] < 0.0).any():
             raise LavaError('checkpoint.state.particle', 'a negative volume', 'volumes')
         if not len(particles) <= self.capacity < 2**31:
-            right = f'room for {len(particles)} particles'
-            raise LavaError('checkpoint.capacity', self.capacity, right)
+            expected = f'room for {len(particles)} particles'
+            raise LavaError('checkpoint.capacity', self.capacity, expected)
 
     @property
     def particle_count(self) -> int:
@@ -213,8 +213,8 @@ def from_bytes(data: bytes) -> Checkpoint:
     stored = data[_PREFIX.size : PREFIX_SIZE]
     found = _digest(data[: _PREFIX.size], header, body)
     if found != stored:
-        right = f'{stored.hex()}: the checkpoint is damaged'
-        raise LavaError('checkpoint.checksum', found.hex(), right)
+        expected = f'{stored.hex()}: the checkpoint is damaged'
+        raise LavaError('checkpoint.checksum', found.hex(), expected)
     try:
         return _checkpoint(parse_json('checkpoint.header', header), body, summary.time)
     except (KeyError, TypeError, AttributeError, UnicodeDecodeError, ValueError) as error:
@@ -433,8 +433,8 @@ def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
     if parts:
         raise LavaError('checkpoint.arrays', sorted(parts), 'those of the effects that are on')
     if simulation.time != checkpoint.time:
-        right = f'that of the clock, {simulation.time:g} s'
-        raise LavaError('checkpoint.time', checkpoint.time, right)
+        expected = f'that of the clock, {simulation.time:g} s'
+        raise LavaError('checkpoint.time', checkpoint.time, expected)
     simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
     simulation._review.since.update(checkpoint.switched_on)
     simulation._review.largest.update(checkpoint.measured)

@@ -64,6 +64,6 @@ def formulated(effects: Effects, accuracy: Accuracy) -> Effects:
     if accuracy.formulation != 'as-published':
         return effects
     if 'inertia' in effects:
-        right = 'false with accuracy.formulation as-published, which has no inertia'
-        raise LavaError('effects.inertia', True, right)
+        expected = 'false with accuracy.formulation as-published, which has no inertia'
+        raise LavaError('effects.inertia', True, expected)
     return replace(effects, green=True, steep=False)

@@ -91,7 +91,7 @@ def test_only_regular_files_are_opened(tmp_path, alarm):
     for name in ('elevation.asc', 'footprint.asc', 'vent.csv', 'effusion_rate.csv'):
         (tmp_path / name).write_text('')
     os.mkfifo(tmp_path / 'case.yaml')
-    with pytest.raises(LavaError, match='case.yaml.*no regular file'):
+    with pytest.raises(LavaError, match='case.yaml.*not a regular file'):
         load_case(tmp_path)
     assert read_trials(tmp_path / 'none.csv', [], []) == []
 
@@ -108,7 +108,7 @@ def test_a_file_to_write_is_left_as_it_is(tmp_path, caplog, alarm):
     assert file_to_write('--json', tmp_path / 'new.json', ('.json',)) == tmp_path / 'new.json'
     assert [path.name for path in tmp_path.iterdir()] == ['old.json']
     assert old.read_text() == 'precious'
-    assert caplog.messages == [f'{old} is there and will be replaced']
+    assert caplog.messages == [f'{old} exists and will be replaced']
     (tmp_path / 'file').write_text('')
     os.mkfifo(tmp_path / 'pipe')
     names = ['none/a.json', 'file/a.json', 'pipe', 'a\0b']
@@ -158,7 +158,7 @@ def test_what_is_replaced_is_said(command, option, name, bag, tmp_path, monkeypa
     for is_there in (False, True):
         status, _, said = lava(command, bag, option, path)
         assert status == 0
-        assert (f'{path} is there and will be replaced' in said) == is_there
+        assert (f'{path} exists and will be replaced' in said) == is_there
         path.touch()
 
 
@@ -325,7 +325,7 @@ def test_what_is_read(tmp_path, monkeypatch):
     assert data['c'] == {'x': 1, 'y': 2}
     assert str(data['d']) == '2001-02-03'
     assert parse_yaml('scene', '') is None
-    monkeypatch.setattr(yaml_files, 'MOST_BYTES', 100)
+    monkeypatch.setattr(yaml_files, 'MAX_BYTES', 100)
     assert parse_yaml('scene', ' ' * 99 + '1') == 1
     with pytest.raises(LavaError, match='at most 100 bytes'):
         parse_yaml('scene', ' ' * 100 + '1')
@@ -337,12 +337,12 @@ def test_what_is_read(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ('text', 'reason'),
     [
-        (BOMB, '500000 values, those behind aliases counted each time, in line 6, column'),
+        (BOMB, '500000 values, those of an alias counted each time, in line 6, column'),
         ('a: &a [*a]', 'an alias inside the value that it refers to in line 1, column 8'),
         ('a: *b', "undefined alias 'b' in line 1, column 4"),
         ('a: ' + '[' * 5000 + ']' * 5000, '50 levels of lists and mappings in line 1, column 53'),
         ('- &a0 []\n' + ''.join(f'- &a{i + 1} [*a{i}]\n' for i in range(60)), '50 levels'),
-        ('a: 1\nb: !!timestamp 2001-99-99', 'a value that is no timestamp in line 2, column 4'),
+        ('a: 1\nb: !!timestamp 2001-99-99', 'a value that is not of type timestamp in line 2, column 4'),
         ('!!timestamp x', 'no timestamp'),
         ('!!int x', 'no int'),
         ('!!int ""', 'no int'),

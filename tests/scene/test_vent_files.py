@@ -265,7 +265,7 @@ def test_archives_and_parts(tmp_path: Path) -> None:
         read_features('--vents', tmp_path / 'two.zip', TERRAIN)
     write(tmp_path / 'd.gpkg', 'Point', POINTS[0], {})
     (tmp_path / 'd.gpkg-wal').write_bytes(b'changes')
-    with pytest.raises(LavaError, match='a GeoPackage that no program has open'):
+    with pytest.raises(LavaError, match='a GeoPackage closed by other programs'):
         read_features('--vents', tmp_path / 'd.gpkg', TERRAIN)
 
 
