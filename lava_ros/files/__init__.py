@@ -127,7 +127,6 @@ def write_output(field: str, path: str | Path, data: str | bytes) -> None:
 
 
 def _target(path: Path) -> Path:
-    """Return the path with all links resolved."""
     return Path(os.path.realpath(path))
 
 

@@ -166,7 +166,6 @@ def opened_raster(field: str, path: str | Path) -> Iterator[Any]:
 
 
 def _format_of(field: str, path: Path) -> RasterFormat:
-    """Return the format of a file."""
     with open_input(path) as file:
         head = file.read(1024)
     for item in FORMATS:

@@ -158,11 +158,10 @@ def _read(known: Format, data: bytes, path: Path) -> list[Item]:
 
 
 def _check_members(path: Path, data: bytes) -> str | None:
-    """Warn of members of GeoJSON that GDAL ignores, and raise LavaError for ambiguous ones.
+    """Warn of GeoJSON members that GDAL ignores, and raise LavaError for ambiguous ones.
 
-    Returns:
-        Coordinate system that a file of the standard before RFC 7946 names, None without one. GDAL
-        itself replaces an unknown system by degrees.
+    Returns the coordinate system in a file before RFC 7946: GDAL replaces an unknown one by
+    degrees.
     """
     others: list[str] = []
 

@@ -279,11 +279,7 @@ class _Row(NamedTuple):
 def _intervals(
     table: str, rows: list[_Row], columns: Mapping[str, Column], amount: str, gaps: str | None
 ) -> Iterator[tuple[str, Interval]]:
-    """Yield the label in errors and the mean rate of each interval.
-
-    Rates change linearly between instants. Times without a rate are filled by the method ``gaps``,
-    with a warning.
-    """
+    """Yield the label in errors and the mean rate of each interval, and warn of filled gaps."""
     is_volume, is_instant = 'volume' in amount, 'time' in columns
     if is_instant and len(rows) < 2:
         where, shown = (rows[0].where, 'the only row') if rows else (table, 'no value')

@@ -192,13 +192,8 @@ def _thickness_on(
 ) -> np.ndarray:
     """Return the thickness on the cells of a terrain, or on finer cells [m], 0 without lava.
 
-    Args:
-        label: Name of the flow in errors.
-        path: Raster of thickness, or outlines if a thickness is given.
-        terrain: Terrain under the flow.
-        given: Thickness within the outlines, None for a raster.
-        is_ground: True for ground: a raster is then resampled to the cells of the terrain, and a
-            part of the flow may be off the terrain, with a warning.
+    The file has outlines if a thickness is ``given``. Ground is resampled to the cells of the
+    terrain, and may extend beyond it, with a warning.
     """
     name, suffix = f'{label}.file', path.suffix.lower()
     if given is not None:
@@ -295,18 +290,10 @@ def _check_on_terrain(
     field: str, path: Path, terrain: Terrain, places: np.ndarray, volumes: np.ndarray,
     may_exceed: bool,
 ) -> bool:
-    """Return True if all places of a flow are on cells with data.
-
-    Args:
-        field: Name of the field in errors.
-        path: Path of the file, for errors.
-        terrain: Terrain under the flow.
-        places: Eastings and northings [m], shape [count, 2].
-        volumes: Weight of each place, shape [count].
-        may_exceed: True if a part may be elsewhere, with a warning.
+    """Return True if all ``places`` [m], shape [count, 2], of a flow are on cells with data.
 
     Raises:
-        LavaError: If all places are elsewhere, or one is and ``may_exceed`` is False.
+        LavaError: If all places are elsewhere, or if one is and ``may_exceed`` is False.
     """
     is_on = terrain.covered(places - np.asarray(terrain.offset))
     if is_on.all():

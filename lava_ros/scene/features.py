@@ -66,7 +66,6 @@ class Feature:
 
 
 def _name(where: str, properties: Mapping[str, Any]) -> str:
-    """Return the name of a feature; may be empty."""
     # the first of several columns with a name counts
     for header, value in properties.items():
         if value and understood(where, [header], ['name'])[0]:
@@ -191,5 +190,4 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
 
 
 def _non_empty_cells(row: Mapping[str, str]) -> dict[str, str]:
-    """Return the non-empty cells of a row by column."""
     return {name: text for name, text in row.items() if text}

@@ -179,10 +179,7 @@ def to_square_metric_cells(raster: Raster, resolution: float | None) -> Raster:
 
 
 def _crs(raster: Raster) -> Any:
-    """Return the raster's coordinate system; without one, any system in metres.
-
-    A raster without a system is only resampled, never reprojected.
-    """
+    """Return the raster's coordinate system; without one, any in metres, as for resampling."""
     if not raster.is_placed:
         return coordinate_system(32631)
     return coordinate_system(raster.epsg, raster.wkt)

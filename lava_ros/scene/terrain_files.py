@@ -364,11 +364,7 @@ def _check_heights(raster: Raster, path: Path) -> None:
 def _log_summary(
     path: Path, terrain: Terrain, system: str, wrong: np.ndarray, is_filled: bool
 ) -> None:
-    """Log the properties of a file, and warn of suspect data.
-
-    ``system`` is the coordinate system of the file. ``wrong`` marks holes and pits, bool, shape
-    [rows, columns]; ``is_filled`` is True if they have been filled.
-    """
+    """Log the properties of a file, and warn of holes and pits (``wrong``) and other suspects."""
     if terrain.epsg and system != f'EPSG:{terrain.epsg}':
         system = f'{system} taken to EPSG:{terrain.epsg}'
     low, high = float(np.nanmin(terrain.elevation)), float(np.nanmax(terrain.elevation))
