@@ -127,7 +127,7 @@ def test_an_empty_list_is_set_and_loaded(node_with, value):
         ),
         (
             {'effects_on': ['green', 'inertia']},
-            "effects_on is ['green', 'inertia'], expected green false beside inertia",
+            "effects_on is ['green', 'inertia'], expected green false with inertia",
         ),
         ({'effects_on': ['vft']}, "effects_on is 'vft', expected an effect that the material has"),
         ({'effects_on': ['arrhenius'], 'lava.vft_b': 5000.0}, "effects_on is 'arrhenius'"),

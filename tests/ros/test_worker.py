@@ -449,10 +449,10 @@ def test_every_effect_has_a_text():
     (inertia,) = (item for item in decide(scene, {'green': True}) if item.name == 'inertia')
     known = table(green=True)
     assert known['inertia'] == f'off: {inertia.reason}'
-    assert known['inertia'].endswith(', but not beside green')
+    assert known['inertia'].endswith(', but excluded by green')
     frozen = replace(Effects(), solidification=True)
     known = effect_table(frozen, decide(_scene(solidus=1200.0), horizon=1.0))
-    assert known['solidification'].startswith('on: share of the way to the solidus = ')
+    assert known['solidification'].startswith('on: fraction of the way to the solidus = ')
     assert known['solidification'].endswith(', but an effect stays on during a run')
 
 

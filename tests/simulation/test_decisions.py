@@ -61,9 +61,9 @@ def test_a_run_says_what_keeps_an_effect_off():
     )
     assert low.rival == '' and low.reason.endswith('0.01 <= 0.22, measured 0.1')
     assert high.rival == 'inertia'
-    assert high.reason == 'h / half-width = 0.4 > 0.22, but not beside inertia'
+    assert high.reason == 'h / half-width = 0.4 > 0.22, but excluded by inertia'
     assert high.cost == pytest.approx(EFFECTS['helmholtz'].cost * 0.4 / 0.22)
     switched = noted(before, effects('helmholtz'), 0.4, 60.0)
     assert switched.is_on and switched.rival == '' and switched.cost == 0.0
-    assert switched.reason == 'h / half-width = 0.4 > 0.22 from 60 s on, 0.01 expected'
+    assert switched.reason == 'h / half-width = 0.4 > 0.22 since 60 s, 0.01 expected'
     assert np.isnan(noted(before, effects(), math.nan, math.nan).measured)

@@ -200,7 +200,7 @@ def test_of_those_that_exclude_each_other_one_is_on():
     assert switched_on(fluid, accuracy=close, overrides={'green': True}) == {'green'}
     assert switched_on(fluid, accuracy=close, overrides={'inertia': False}) == {'helmholtz'}
     reasons = {item.name: item.reason for item in decide(fluid, accuracy=close)}
-    assert reasons['helmholtz'].endswith('but not beside inertia')
+    assert reasons['helmholtz'].endswith('but excluded by inertia')
 
 
 def test_every_decision_says_why():
