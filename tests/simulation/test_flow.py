@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Thickness, velocity, free fall and limits, compared with sums over all pairs and sheets.
+"""Thickness, velocity and step limits against direct sums over all pairs and exact sheets.
 
-And the printed formulas, against the same written out in numpy, and against the corrected ones;
-and time integration: order, stability and cost of super-time-stepping.
+Also the published formulas against numpy, and the order, stability and cost of time integration.
 """
 
 import math
@@ -29,7 +28,6 @@ THIN = Lava(viscosity=100.0, arrhenius=0.0)
 
 
 def scattered(effects, **options):
-    """Return a simulation of 500 random particles on a wavy terrain, and the particles."""
     rng = np.random.default_rng(7)
     x = np.arange(30) * 10.0
     terrain = Terrain(5 * np.sin(x / 40)[None, :] + 0.1 * x[:, None], 10.0, origin=(-40.0, 15.0))
@@ -58,8 +56,8 @@ def wendland(distance, radius):
         ('energy', only('helmholtz')),
     ],
 )
-def test_sums_in_parts_are_the_same_sums(monkeypatch, gradient, effects):
-    """As for members of a batch on a GPU: one thread adds four parts."""
+def test_sums_in_parts_equal_whole_sums(monkeypatch, gradient, effects):
+    """For members of a batch on a GPU, one thread adds four parts."""
     knobs = {'precision': 'float64', 'gradient': gradient}
     whole = scattered(effects, **knobs)[0].sample()
     for name, value in (('parts', 4), ('lanes', 1), ('is_wide', False)):
@@ -84,8 +82,7 @@ def test_thickness_is_the_sum_over_all_pairs(device, precision):
     assert sample.thickness == pytest.approx(total * (1 - excess), rel=tolerance)
 
 
-def test_velocity_is_minus_the_gradient_of_the_sum():
-    """The SPH gradient is the derivative of the thickness sum with respect to position."""
+def test_velocity_follows_the_gradient_of_the_thickness_sum():
     places = np.random.default_rng(1).uniform(20, 80, (60, 2))
     simulation = simulated(
         Terrain(np.zeros((10, 10)), 10.0),
@@ -122,8 +119,8 @@ def test_sheet_moves_at_the_exact_speed(device, degrees):
 def test_green_velocity_has_the_exact_response(device, wavelength):
     """The response to sin(q x) is 1 / (1 + q^2 / k^2), k^2 = 5 / (2 h^2), support 6 / k."""
     run = response('green', GREEN_RADIUS, wavelength, Accuracy(ratio=6.0), device)
-    right = 1.0 / (1.0 + (2.0 * math.pi / wavelength) ** 2 / 2.5)
-    assert run.measurements[0].measured == pytest.approx(right, rel=0.02)
+    expected = 1.0 / (1.0 + (2.0 * math.pi / wavelength) ** 2 / 2.5)
+    assert run.measurements[0].measured == pytest.approx(expected, rel=0.02)
 
 
 def sheet_velocity(lava, thickness, device='cpu', **options):
@@ -142,7 +139,6 @@ def sheet_velocity(lava, thickness, device='cpu', **options):
 
 
 def test_green_velocity_of_a_uniform_sheet_is_the_local_one(device):
-    """On a uniform sheet the Green's function changes nothing."""
     green, local = (
         sheet_velocity(Lava(), 1.0, device, effects=only(*names), ratio=4.0)
         for names in (('green',), ())
@@ -151,7 +147,7 @@ def test_green_velocity_of_a_uniform_sheet_is_the_local_one(device):
 
 
 def test_published_speed_is_not_that_of_a_sheet():
-    """On a uniform sheet the print is rho g h^6 grad S / mu^2, not rho g h^2 grad S / (3 mu)."""
+    """Published: rho g h^6 grad S / mu^2; exact: rho g h^2 grad S / (3 mu)."""
     published, corrected = (
         sheet_velocity(
             Lava(viscosity=1e4), 2.0, effects=only(), formulation=formulation, precision='float64'
@@ -195,8 +191,7 @@ def test_published_velocity_is_the_printed_sum(device):
     assert sample.velocity == pytest.approx((height**3)[:, None] * mean, rel=1e-6, abs=1e-12)
 
 
-def test_fixed_step_is_taken_whatever_the_limits_say():
-    """With the paper's 0.01 s the number of steps is the time over it."""
+def test_fixed_step_ignores_the_step_limits():
     fixed, limited = (
         spread_of_fixed_volume(
             200, accuracy=Accuracy(fixed_step=step, integrator='euler'), growth=1.05
@@ -208,8 +203,7 @@ def test_fixed_step_is_taken_whatever_the_limits_say():
 
 
 @pytest.mark.parametrize('integrator', ['euler', 'rkl2'])
-def test_steps_beyond_the_limit_are_not_taken(device, integrator):
-    """No step moves a particle too far, and no Euler step exceeds the stable one."""
+def test_steps_stay_within_their_limits(device, integrator):
     simulation, _ = scattered(only(), device=device, integrator=integrator)
     for time in (5.0, 20.0, 50.0):
         simulation.advance(time)
@@ -226,7 +220,7 @@ def test_steps_beyond_the_limit_are_not_taken(device, integrator):
 
 
 def heads(simulation):
-    """Return u^2 / 2g over the thickness, less the fall from the top, of each particle [m]."""
+    """Return u^2 / 2g - h, less the fall from the highest source, of each particle [m]."""
     sample = simulation.sample()
     terrain = simulation.scene.terrain
     places = sample.position - 0.5 * np.add(terrain.extent[:2], terrain.extent[2:])
@@ -240,8 +234,8 @@ def heads(simulation):
 
 
 @pytest.mark.parametrize('on', [(), ('helmholtz',), ('green',)])
-def test_no_lava_is_faster_than_its_fall(device, on):
-    """In lava that fills a pit, the balance alone gives 79 m/s at the wall, 7 m deep."""
+def test_lava_is_not_faster_than_free_fall(device, on):
+    """In a filled pit, the force balance alone gives 79 m/s at the wall, 7 m deep."""
     simulation = simulated(
         Terrain(PIT, 10.0),
         THIN,
@@ -255,12 +249,10 @@ def test_no_lava_is_faster_than_its_fall(device, on):
         simulation.advance(time)
         assert heads(simulation).max() < 1e-3
         fastest = max(fastest, np.hypot(*simulation.sample().velocity.T).max())
-    # and it is not limited by more than that
     assert fastest > 5.0
 
 
-def test_slow_lava_is_what_it_was(device):
-    """Lava that creeps down a slope moves bitwise identically without the bound."""
+def test_free_fall_limit_does_not_change_slow_lava(device):
     ground, vent = incline(0.2, 40, 60, 10.0), Vent((100.0, 200.0), 5.0, radius=10.0)
     samples = []
     for bound in (True, False):
@@ -275,8 +267,7 @@ def test_slow_lava_is_what_it_was(device):
     assert np.array_equal(samples[0].velocity, samples[1].velocity)
 
 
-def test_lava_has_fallen_from_wherever_it_came(device):
-    """The top is the highest particle or open vent so far; on a new terrain it starts again."""
+def test_highest_source_is_kept_until_the_terrain_changes(device):
     ground = incline(0.2, 20, 50, 10.0, top=100.0)
     vents = {x: Vent((x, 105.0), 1.0) for x in (105.0, 305.0)}
     lava = Particles(np.array([[205.0, 105.0]]), 10.0, 1400.0)
@@ -302,7 +293,7 @@ def test_lava_has_fallen_from_wherever_it_came(device):
 
 
 def relaxed(longest_step, integrator='rkl2', viscosity=2e4, **options):
-    """Return positions of a heap after 20 s, in their first order, and the evaluations."""
+    """Return positions of a heap after 20 s in their initial order, and the step report."""
     places = lattice(9.5)
     places = places[np.hypot(*places.T) < 9.0]
     # each particle has a different temperature, which identifies it
@@ -322,9 +313,8 @@ def relaxed(longest_step, integrator='rkl2', viscosity=2e4, **options):
     return sample.position[np.argsort(sample.temperature)], steps
 
 
-def test_order_in_time_is_two():
-    """Halving the step divides the error of RKL2 by four, of Euler by two."""
-    # of second order, its own error is a 25th of the smallest error compared with it
+def test_rkl2_is_of_second_order_and_euler_of_first():
+    # the reference error, of second order, is a 25th of the smallest error compared with it
     reference, _ = relaxed(0.01)
     for integrator, order in (('rkl2', 2.0), ('euler', 1.0)):
         steps = (0.2, 0.1, 0.05)
@@ -338,7 +328,6 @@ def test_order_in_time_is_two():
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
 def test_many_stages_stay_stable(device, precision):
-    """Steps of many stages of a stiff heap stay close to small explicit ones, without noise."""
     reference, _ = relaxed(5.0, 'euler', viscosity=200.0)
     position, steps = relaxed(5.0, precision=precision, device=device, viscosity=200.0)
     assert steps.evaluations > 4 * steps.count
@@ -348,7 +337,6 @@ def test_many_stages_stay_stable(device, precision):
 
 
 def test_super_time_steps_are_cheaper_than_explicit_ones():
-    """At no larger error, RKL2 evaluates the velocity at most a third as often as Euler."""
     euler = spread_of_fixed_volume(
         8000, accuracy=Accuracy(integrator='euler', diffusion_number=2.0, courant_number=0.5)
     )
