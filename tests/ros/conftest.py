@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fixtures: processes in a ROS graph of this test run, and nodes in the test's process."""
+"""Fixtures for processes in the ROS graph of a test run, and for nodes in the test's process."""
 
 import json
 import os
@@ -22,7 +22,7 @@ from ros_domain import own_domain
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 
-#: Runs the node, or the module's ``main``, with five heartbeats a second to shorten waits.
+#: Runs the node, or the module's ``main``, with five heartbeats per second to shorten waits.
 QUICK_MODULE = """
 from lava_ros.ros import active_node
 from lava_ros.{} import main
@@ -77,7 +77,6 @@ class Process:
 
     @property
     def log(self):
-        """Text that the process has written to stderr."""
         return '\n'.join(self.errors)
 
     def line(self, timeout):
@@ -154,7 +153,7 @@ class Graph:
     """Starts processes in one graph, or in a second one (``aside``).
 
     Attributes:
-        directory: Where the processes run.
+        directory: Working directory of the processes.
     """
 
     def __init__(self, directory):
@@ -180,11 +179,9 @@ class Graph:
         return self._publishers[-1]
 
     def listener(self, *topics):
-        """Start a process that reports the messages it receives."""
         return self._start(Listener, *topics)
 
     def comparison(self, mask, *costmaps):
-        """Start a robot that compares costmaps with its own map and a mask."""
         return self._start(Comparison, mask, *costmaps)
 
     def process(self, *arguments, aside=False):
@@ -198,7 +195,6 @@ class Graph:
             yield ' '.join(process.child.args[1:3]), process.log[-5000:]
 
     def close(self):
-        """End the processes that still run: a killed one leaves its shared memory in /dev/shm."""
         for process in self._started:
             process.child.stdin.close()
             process.child.terminate()
@@ -224,7 +220,6 @@ def pytest_runtest_makereport(item):
 
 @pytest.fixture
 def bench(request):
-    """A worker without ROS, with the options of the test's parameter."""
     from worker_bench import Bench
 
     result = Bench(**getattr(request, 'param', {}))
@@ -234,7 +229,6 @@ def bench(request):
 
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory):
-    """A graph for the tests of a module."""
     result = Graph(tmp_path_factory.mktemp('graph'))
     yield result
     result.close()
@@ -242,7 +236,6 @@ def graph(tmp_path_factory):
 
 @pytest.fixture
 def alone(graph):
-    """End all processes that a test has started in the graph."""
     yield
     graph.close()
 

@@ -102,7 +102,6 @@ def info(width=COLUMNS, angle=0.0, x=0.0, **changes):
 
 
 def cloud(columns, frame_id='map'):
-    """Return a point cloud of FLOAT32 columns."""
     return codec.point_cloud(columns, codec.header(frame_id, 0))
 
 
@@ -114,7 +113,6 @@ def vents(frame_id='map', without=(), **changes):
 
 
 def click(x, y, frame_id='map'):
-    """Return a point clicked in a viewer."""
     message = PointStamped()
     message.header.frame_id = frame_id
     message.point.x, message.point.y = x, y
@@ -130,7 +128,6 @@ def outline(reach=100.0, late=0.0, frame_id='map', **changes):
 
 
 def spoilt(value):
-    """Return the elevations with one cell replaced."""
     values = elevation()
     values[5, 5] = value
     return values
@@ -178,10 +175,9 @@ CASES = {
     'wide_cloud': ('terrain_cloud', lambda: cloud({'x': [0, 3e5], 'y': [0, 3e5], 'z': [0, 1]})),
     'many_vents': ('vents', lambda: cloud({key: np.ones(1001) for key in VENT_COLUMNS})),
     'lying_vents': ('vents', lambda: lying_cloud(2**31, 2**31)),
-    # of another size, with the same valley
+    # another size, with the same valley
     'higher': ('terrain', lambda: image(elevation(505.0, COLUMNS + 8))),
     'higher_info': ('terrain_info', lambda: info(width=COLUMNS + 8)),
-    # where no vent is
     'away': ('terrain_info', lambda: info(x=1e5)),
     'outline': ('observed_outline', outline),
     'outline_wrong_frame': ('observed_outline', lambda: outline(frame_id='odom')),
@@ -266,7 +262,6 @@ class Publisher(Asking):
     """Publishes the messages of a test to nodes in a graph, and calls their services."""
 
     def __init__(self, domain, remap=()):
-        """Join the graph of a domain."""
         self._context = Context()
         self._context.init(args=[], domain_id=domain)
         words = ['--ros-args', *(word for rule in remap for word in ('-r', rule))]
@@ -281,7 +276,6 @@ class Publisher(Asking):
         self._clients = {}
 
     def close(self):
-        """Leave the graph."""
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.shutdown()
@@ -308,5 +302,4 @@ class Publisher(Asking):
             publisher.publish(make())
 
     def clock(self, seconds):
-        """Send a time on /clock."""
         self._clock.publish(Clock(clock=codec.time_message(round(seconds * 1e9))))

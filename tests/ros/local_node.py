@@ -88,7 +88,6 @@ class LocalNode(Asking, Hearing):
     """
 
     def __init__(self, directory, patch, *, remap=(), **parameters):
-        """Start a node with parameters (``__`` is a point) and diagnostics many times a second."""
         patch.setattr(active_node, 'HEARTBEAT', HEARTBEAT)
         # no warning about a clock that stands still
         patch.setattr(diagnostics, 'PATIENCE', float('inf'))
@@ -115,16 +114,13 @@ class LocalNode(Asking, Hearing):
 
     @property
     def log(self):
-        """Lines that the node has logged."""
         return '\n'.join(self._log.lines)
 
     @property
     def worker(self):
-        """Worker of the simulation."""
         return self.node._active._worker
 
     def close(self):
-        """End the simulation and leave the graph."""
         self.node.close()
         self._executor.shutdown()
         self.node.destroy_node()

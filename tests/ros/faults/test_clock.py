@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time on /clock: missing, of a replay, or jumping; and a custom file of layers."""
+"""Time on /clock: absent, of a replay, or with jumps; and a custom layer file."""
 
 import signal
 import time
@@ -18,8 +18,7 @@ SECOND = 10**9
 #: Simulated seconds per second of the clock.
 SCALE = 2.0
 
-#: Maximum lag of the newest map behind the clock [s of the clock]: maps are due once a second of
-#: the clock, and the simulation may lag then.
+#: Maximum lag of the newest map behind the clock [s of the clock], with maps due once a second.
 BEHIND = 2.0
 
 #: Start and maximum length of the replayed bag [s], and rate of the replay.
@@ -83,12 +82,10 @@ class Clocked:
 
 @pytest.fixture
 def clocked(graph, alone):
-    """A node for one test."""
     return Clocked(graph)
 
 
-def test_a_clock_that_does_not_come(clocked):
-    """Without a clock, time stands still, with a heartbeat, a first map and a warning."""
+def test_missing_clock_is_a_warning_and_time_stands_still(clocked):
     silent = clocked.listener.wait_for_status(
         'simulation', lambda told: '/clock' in told['message'] and told['state'] == 'running'
     )
@@ -98,8 +95,7 @@ def test_a_clock_that_does_not_come(clocked):
     clocked.node.wait_for_log('/clock does not arrive')
 
 
-def test_the_clock_of_a_replay(clocked, tmp_path):
-    """The node follows the clock in simulated time, stamps and rate, and stops with it."""
+def test_node_follows_the_clock_of_a_replay(clocked, tmp_path):
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         # a graph without lava that publishes /clock
         for second in range(LENGTH + 1):
@@ -125,8 +121,8 @@ def test_the_clock_of_a_replay(clocked, tmp_path):
     player.end(signal.SIGINT)
     listener.wait_for_status('simulation', lambda told: 'clock stands still' in told['message'])
     clocked.node.wait_for_log('/clock stands still')
-    said = [line for line in clocked.node.log.splitlines() if '/clock' in line]
-    assert all('[WARN]' in line for line in said), said
+    warnings = [line for line in clocked.node.log.splitlines() if '/clock' in line]
+    assert all('[WARN]' in line for line in warnings), warnings
     beats = [item['stamp_ns'] for item in listener.seen if item['topic'] == 'diagnostics']
     assert beats[-1] == beats[-2]
     # at most the time of the clock; a busy machine may lose some
@@ -148,8 +144,7 @@ def test_the_clock_of_a_replay(clocked, tmp_path):
         pytest.param(30.0, marks=pytest.mark.nightly),
     ],
 )
-def test_a_coarse_clock(clocked, step):
-    """Simulated time follows steps of seconds, as of `ros2 bag play --clock 1 --rate 5`."""
+def test_simulated_time_follows_a_coarse_clock(clocked, step):
     clocked.run(2.0)
     before, count = clocked.simulated(), 4
     for _ in range(count):
@@ -160,8 +155,7 @@ def test_a_coarse_clock(clocked, step):
     assert before + SCALE * (count - 1) * step <= after <= before + SCALE * (count * step + BEHIND)
 
 
-def test_a_clock_that_jumps(clocked):
-    """Jumps do not change simulated time, but stamps, and cause a warning."""
+def test_jump_of_the_clock_does_not_change_simulated_time(clocked):
     clocked.run(2.0)
     before = clocked.simulated()
     for to in (1e6, 500.0, 0.0):
@@ -180,8 +174,7 @@ def test_a_clock_that_jumps(clocked):
         assert after < before <= after + SCALE * (3.0 + BEHIND)
 
 
-def test_a_clock_that_shows_no_time(clocked):
-    """A time before 0 is refused, once in the log, and the node continues."""
+def test_rejects_a_negative_time_of_the_clock(clocked):
     clocked.run(2.0)
     before = clocked.simulated()
     for _ in range(3):
