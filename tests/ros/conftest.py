@@ -51,13 +51,8 @@ class Process:
     def __init__(self, directory, arguments, aside=False):
         self.environment = _environment(aside)
         self.child = subprocess.Popen(
-            [sys.executable, *arguments],
-            cwd=directory,
-            env=self.environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
+            [sys.executable, *arguments], cwd=directory, env=self.environment,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )
         self.errors = []
         self._lines = queue.Queue()

@@ -29,9 +29,7 @@ def line_of(topic, kind, data):
     header = message.markers[0].header if kind is MarkerArray else message.header
     stamp = header.stamp
     line = {
-        'topic': topic,
-        'stamp_ns': stamp.sec * 10**9 + stamp.nanosec,
-        'frame_id': header.frame_id,
+        'topic': topic, 'stamp_ns': stamp.sec * 10**9 + stamp.nanosec, 'frame_id': header.frame_id,
         'sha256': hashlib.sha256(data).hexdigest(),
     }
     if kind is OccupancyGrid:

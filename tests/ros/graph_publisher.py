@@ -49,11 +49,7 @@ TYPES = {
     'observed_outline': (OccupancyGrid, QoSProfile(depth=10)),
 }
 SERVICES = {
-    'reset': Trigger,
-    'step': Trigger,
-    'save': Trigger,
-    'pause': SetBool,
-    'record': SetBool,
+    'reset': Trigger, 'step': Trigger, 'save': Trigger, 'pause': SetBool, 'record': SetBool,
 }
 TRANSITIONS = {
     'configure': Transition.TRANSITION_CONFIGURE,
@@ -63,11 +59,8 @@ TRANSITIONS = {
 }
 #: Goal states of the transitions.
 GOALS = {
-    'configure': 'inactive',
-    'activate': 'active',
-    'deactivate': 'inactive',
-    'cleanup': 'unconfigured',
-    'shutdown': 'finalized',
+    'configure': 'inactive', 'activate': 'active', 'deactivate': 'inactive',
+    'cleanup': 'unconfigured', 'shutdown': 'finalized',
 }
 #: Services that are not idempotent.
 ONCE = {'change_state', 'step', 'save', 'record'}

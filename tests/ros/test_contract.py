@@ -44,12 +44,8 @@ OPTIONAL = [
 
 #: Parameters of the node.
 GIVEN = {
-    'device': 'cpu',
-    'msg_config': 'default.yaml',
-    'use_sim_time': True,
-    'layers_on': OPTIONAL,
-    'forecast_horizon': 1.0,
-    'ensemble_members': 4,
+    'device': 'cpu', 'msg_config': 'default.yaml', 'use_sim_time': True, 'layers_on': OPTIONAL,
+    'forecast_horizon': 1.0, 'ensemble_members': 4,
     'places': [str(ROOT / 'examples' / 'places.csv')],
 }
 
@@ -83,8 +79,7 @@ def endpoints_of(looking, name):
             for info in infos:
                 if info.node_name == name:
                     found[kind][topic] = {
-                        'type': info.topic_type,
-                        'reliability': info.qos_profile.reliability.name,
+                        'type': info.topic_type, 'reliability': info.qos_profile.reliability.name,
                         'durability': info.qos_profile.durability.name,
                     }
     return found
@@ -164,9 +159,7 @@ def test_topics_are_those_of_the_table(shown, kind, way):
         reliability, durability, _ = qos.upper().split(', ')
         if direction == way:
             expected[full_name(name)] = {
-                'type': kind_of_message,
-                'reliability': reliability,
-                'durability': durability,
+                'type': kind_of_message, 'reliability': reliability, 'durability': durability,
             }
     assert shown[kind] == expected
 
@@ -312,9 +305,7 @@ def test_foxglove_shows_topics_of_the_node(foxglove, shown):
 
 def test_foxglove_plots_numbers_of_the_diagnostics(foxglove):
     status = diagnostics.simulation_status(
-        WorkerStatus(WorkerState.RUNNING, '', 1.0, 1.0, False, 'cpu'),
-        SNAPSHOT,
-        is_active=True,
+        WorkerStatus(WorkerState.RUNNING, '', 1.0, 1.0, False, 'cpu'), SNAPSHOT, is_active=True,
         frame_stamp_ns=0,
     )
     diagnostics.sign(DiagnosticArray(status=[status]), '/lava', 'cpu')

@@ -131,30 +131,13 @@ def test_warnings_of_the_simulation(budget, worker, expected):
 def test_simulation_values_are_those_of_the_frame():
     values = _values(_simulation(snapshot=_snapshot()))
     assert values == {
-        'state': 'running',
-        'lifecycle': 'active',
-        'device': 'cpu',
-        'speed': '2',
-        'mean_speed': '3',
-        'clock_lost_s': '0',
-        'clock_jumps': '0',
-        'simulated_time_s': '12.5',
-        'frame_stamp_ns': '99',
-        'particles': '3',
-        'inundated_area_m2': '2.0',
-        'standing_area_m2': '1.0',
-        'volume_emitted_m3': '10.0',
-        'volume_held_m3': '10.0',
-        'volume_pending_m3': '0.5',
-        'volume_late_m3': '0.0',
-        'volume_left_m3': '0.0',
-        'volume_frozen_m3': '0.0',
-        'volume_in_holes_m3': '0.0',
-        'volume_error': '0.000e+00',
-        'steps': '40',
-        'step_s': '0.25',
-        'step_limit': 'advection',
-        'step_stages': '1',
+        'state': 'running', 'lifecycle': 'active', 'device': 'cpu', 'speed': '2',
+        'mean_speed': '3', 'clock_lost_s': '0', 'clock_jumps': '0', 'simulated_time_s': '12.5',
+        'frame_stamp_ns': '99', 'particles': '3', 'inundated_area_m2': '2.0',
+        'standing_area_m2': '1.0', 'volume_emitted_m3': '10.0', 'volume_held_m3': '10.0',
+        'volume_pending_m3': '0.5', 'volume_late_m3': '0.0', 'volume_left_m3': '0.0',
+        'volume_frozen_m3': '0.0', 'volume_in_holes_m3': '0.0', 'volume_error': '0.000e+00',
+        'steps': '40', 'step_s': '0.25', 'step_limit': 'advection', 'step_stages': '1',
         'highest_temperature_c': '-273.15',
     }
 
@@ -202,12 +185,7 @@ def test_effects_status_lists_effects_with_reasons():
 def test_failed_recording_is_an_error():
     good = diagnostics.recorder_status(RecorderStatus('recording', 'bags/x', 1, 5, ''))
     assert (good.name, good.level, good.message) == ('recorder', OK, 'recording')
-    assert _values(good) == {
-        'state': 'recording',
-        'bag': 'bags/x',
-        'files': '1',
-        'messages': '5',
-    }
+    assert _values(good) == {'state': 'recording', 'bag': 'bags/x', 'files': '1', 'messages': '5'}
     bad = diagnostics.recorder_status(RecorderStatus('off', 'bags/x', 1, 5, 'disk full'))
     assert (bad.level, bad.message) == (ERROR, 'disk full')
 
@@ -263,8 +241,8 @@ def test_jump_or_loss_of_time_is_a_warning_for_a_while(worker, kind, expected, i
     watch = ClockWatch()
     assert _look(watch, 1, 0.0, is_simulated=is_simulated) == {}
     for now in (1.0, 0.9 * WARNING_TIME):
-        told = _look(watch, int(now * 1e9), now, is_simulated=is_simulated, **worker)
-        assert list(told) == [kind] and told[kind].startswith(expected)
+        warnings = _look(watch, int(now * 1e9), now, is_simulated=is_simulated, **worker)
+        assert list(warnings) == [kind] and warnings[kind].startswith(expected)
     assert _look(watch, 10**11, 2.0 * WARNING_TIME, is_simulated=is_simulated, **worker) == {}
     more = {name: value + MIN_LOST for name, value in worker.items()}
     later = _look(watch, 10**12, 3.0 * WARNING_TIME, is_simulated=is_simulated, **more)

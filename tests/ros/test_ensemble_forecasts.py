@@ -30,9 +30,7 @@ from lava_ros.scene import Lava, Scene, Terrain
 
 SCENE = Scene(Terrain(np.zeros((4, 5)), 10.0), lava=Lava())
 
-RULES = ForecastRules(
-    horizon=60.0, threshold=0.01, max_age=30.0, share=1.0, max_particles=1000
-)
+RULES = ForecastRules(horizon=60.0, threshold=0.01, max_age=30.0, share=1.0, max_particles=1000)
 
 MASK = Mask(np.eye(4, 5) > 0.0, np.ones((4, 5), dtype=bool), 10.0, (0.0, 0.0))
 
@@ -147,9 +145,7 @@ def test_bag_has_the_topics_of_the_node(tmp_path):
     }
     grid = messages['inundation_probability']
     assert (grid.info.width, grid.info.height, grid.info.resolution) == (30, 24, 20.0)
-    np.testing.assert_array_equal(
-        np.array(grid.data).reshape(24, 30), occupancy(maps.probability)
-    )
+    np.testing.assert_array_equal(np.array(grid.data).reshape(24, 30), occupancy(maps.probability))
     assert set(grid.data) == {0, 33, 67, 100}
     for name, values in (
         ('expected_peak_thickness', maps.thickness), ('arrival_time_p50', maps.arrival[0.5]),

@@ -42,11 +42,8 @@ def test_first_day_of_etna_2001_has_volume_area_and_direction(graph):
         record=True,
         bag_directory=str(bag),
         **{
-            'lava.density': 2600.0,
-            'lava.viscosity': 1e4,
-            'lava.reference_temperature': 1360.0,
-            'lava.arrhenius': 0.04,
-            'lava.convection': 0.0,
+            'lava.density': 2600.0, 'lava.viscosity': 1e4, 'lava.reference_temperature': 1360.0,
+            'lava.arrhenius': 0.04, 'lava.convection': 0.0,
         },
     )
     listener, publisher = graph.listener('height'), graph.publisher()

@@ -235,12 +235,8 @@ class Machine:
         if self.is_lost:
             return
         way = leave_in_time.way_out(
-            arrival - age,
-            self.cell,
-            None,
-            duration=CELL / self.speed,
-            clearance=self.clearance / CELL,
-            margin=self.margin,
+            arrival - age, self.cell, None, duration=CELL / self.speed,
+            clearance=self.clearance / CELL, margin=self.margin,
         )
         if len(way) > 1:
             ahead = CELL * (np.array(way[1][::-1]) + 0.5) - self.place
@@ -254,9 +250,7 @@ def test_machine_survives_with_a_forecast_but_not_with_the_current_map():
         Terrain(ground, CELL), (Vent((45.0, 205.0), 30.0, radius=15.0),), Lava(viscosity=1e3)
     )
     simulation = Simulation(
-        scene,
-        effects=Effects(steep=True),
-        accuracy=Accuracy(spacing=8.0, thickness=2.0),
+        scene, effects=Effects(steep=True), accuracy=Accuracy(spacing=8.0, thickness=2.0),
         device='cpu',
     )
     simulation.advance(60.0)

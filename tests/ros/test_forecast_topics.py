@@ -42,10 +42,7 @@ uncertainty:
 FORECASTS = ('arrival_time', 'arrival', 'arrival_class', 'peak_height', 'peak_temperature')
 
 ENSEMBLES = (
-    'inundation_probability',
-    'arrival_time_p10',
-    'arrival_time_p50',
-    'arrival_time_p90',
+    'inundation_probability', 'arrival_time_p10', 'arrival_time_p50', 'arrival_time_p90',
     'expected_peak_thickness',
 )
 
@@ -59,13 +56,8 @@ def node(local, tmp_path):
     np.savez(tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0)
     (tmp_path / 'scene.yaml').write_text(SCENE, encoding='utf-8')
     node = local(
-        scene='scene.yaml',
-        spacing=0.0,
-        time_scale=SCALE,
-        forecast_horizon=HORIZON / 3600.0,
-        forecast_max_age=10.0 * HORIZON,
-        ensemble_members=MEMBERS,
-        record=True,
+        scene='scene.yaml', spacing=0.0, time_scale=SCALE, forecast_horizon=HORIZON / 3600.0,
+        forecast_max_age=10.0 * HORIZON, ensemble_members=MEMBERS, record=True,
         bag_directory='recorded',
     )
     assert node.change('configure') and node.change('activate'), node.log
@@ -225,8 +217,7 @@ def test_rejects_layer_files_that_do_not_fit(tmp_path):
     assert "layers.arrival_time.source is 'arrival'" in _refusal({}, msg_config='forecast.yaml')
     assert 'layers_off' in _refusal({'layers_off': ('arrivals',)})
     layers = published_layers(
-        CONFIGS / 'default.yaml',
-        CONFIGS / 'forecast.yaml',
+        CONFIGS / 'default.yaml', CONFIGS / 'forecast.yaml',
         settings=Settings(layers_off=('arrival',)),
     )
     assert {layer.topic for layer in layers if layer.is_forecast} == {*FORECASTS} - {'arrival'}

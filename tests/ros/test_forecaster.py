@@ -73,10 +73,8 @@ class Bench:
         self.worker = SimulationWorker(simulation_of, clock=time.monotonic, time_scale=SCALE)
         self.reasons = []
         self.forecaster = Forecaster(
-            self.worker,
-            lambda: self.rules,
-            on_change=lambda: self.reasons.append(self.staleness()),
-            make_process=self._process,
+            self.worker, lambda: self.rules,
+            on_change=lambda: self.reasons.append(self.staleness()), make_process=self._process,
         )
         self.worker.start()
         self.worker.set_scene(scene()).result(PATIENCE)
@@ -231,9 +229,7 @@ def test_process_blocks_sigint():
 
 def test_failed_forecast_is_reported_without_affecting_the_simulation(bench):
     bench.rules = replace(RULES, max_particles=3)
-    error = wait_until(
-        lambda: bench.worker.request_snapshot() or bench.forecaster.status.error
-    )
+    error = wait_until(lambda: bench.worker.request_snapshot() or bench.forecaster.status.error)
     assert 'at most 3 (max_particles)' in error
     bench.rules, old = RULES, bench.forecaster.latest
     bench.forecast(lambda item: item is not old)

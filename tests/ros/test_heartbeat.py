@@ -49,9 +49,7 @@ class Robot:
             self.alive[topic] = event.alive_count
 
         asked = QoSProfile(
-            depth=1,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL,
-            deadline=Duration(seconds=2),
+            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, deadline=Duration(seconds=2),
             liveliness_lease_duration=Duration(seconds=2),
         )
         events = SubscriptionEventCallbacks(deadline=miss, liveliness=change)

@@ -31,11 +31,7 @@ raise SystemExit(main())
 """
 
 #: Transitions to a state.
-PATHS = {
-    'unconfigured': (),
-    'inactive': ('configure',),
-    'active': ('configure', 'activate'),
-}
+PATHS = {'unconfigured': (), 'inactive': ('configure',), 'active': ('configure', 'activate')}
 
 
 def change(node, *names):

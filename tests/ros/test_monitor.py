@@ -142,9 +142,7 @@ class Graph:
 
 @pytest.fixture
 def graph() -> Iterator[Graph]:
-    rclpy.init(
-        args=[], domain_id=own_domain(), signal_handler_options=SignalHandlerOptions.NO
-    )
+    rclpy.init(args=[], domain_id=own_domain(), signal_handler_options=SignalHandlerOptions.NO)
     graph = Graph()
     yield graph
     graph.close()

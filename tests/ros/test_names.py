@@ -132,8 +132,7 @@ def test_late_subscriber_gets_the_terrain_of_a_file(graph):
     listener.wait_for_topic('/hekla/height', lambda grid: grid['shape'] == [30, 40])
     second = graph.listener(*topics)
     second.newest(
-        '/hekla/terrain',
-        '/hekla/relief',
+        '/hekla/terrain', '/hekla/relief',
         condition=lambda newest: newest['/hekla/relief']['shape'] == [30, 40],
     )
     listener.status_now('simulation', node='hekla/lava2')

@@ -48,12 +48,8 @@ def _image(values, encoding, dtype, *, padding=0, is_bigendian=False):
     data = values.astype(np.dtype(dtype).newbyteorder('>' if is_bigendian else '<'))
     lines = [line.tobytes() + b'\xff' * padding for line in data]
     return Image(
-        height=rows,
-        width=columns,
-        encoding=encoding,
-        is_bigendian=int(is_bigendian),
-        step=columns * data.itemsize + padding,
-        data=array('B', b''.join(lines)),
+        height=rows, width=columns, encoding=encoding, is_bigendian=int(is_bigendian),
+        step=columns * data.itemsize + padding, data=array('B', b''.join(lines)),
     )
 
 
@@ -85,13 +81,8 @@ def _cloud(order, datatypes, *, rows, padding, is_bigendian):
         for name, offset, datatype in zip(order, offsets, datatypes, strict=True)
     ]
     return PointCloud2(
-        height=rows,
-        width=3,
-        fields=fields,
-        is_bigendian=is_bigendian,
-        point_step=step,
-        row_step=3 * step + padding,
-        data=array('B', data),
+        height=rows, width=3, fields=fields, is_bigendian=is_bigendian, point_step=step,
+        row_step=3 * step + padding, data=array('B', data),
     )
 
 
@@ -151,13 +142,10 @@ def test_image_and_cloud_survive_a_round_trip():
 
 TERRAIN = Terrain(np.arange(6.0).reshape(2, 3), 10.0, origin=(100.0, 200.0))
 SNAPSHOT = Snapshot(
-    time=5.0,
-    terrain=TERRAIN,
+    time=5.0, terrain=TERRAIN,
     thickness=np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 0.05]], np.float32),
-    temperature=np.full((2, 3), 1273.15, np.float32),
-    budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
-    particle_count=1,
-    steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
+    temperature=np.full((2, 3), 1273.15, np.float32), budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
+    particle_count=1, steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
 )
 
 
@@ -335,9 +323,7 @@ class _Published:
         self.publishers = LayerPublishers(
             SimpleNamespace(create=self._create),
             [layer for layer in load_layers(CONFIGS / file) if layer.enabled],
-            recorder or Recorder(),
-            frame_id='map',
-            clock=lambda: self.now,
+            recorder or Recorder(), frame_id='map', clock=lambda: self.now,
         )
 
     def _create(self, kind, message_class, topic, profile):

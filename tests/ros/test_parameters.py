@@ -53,9 +53,7 @@ def test_zero_and_empty_mean_automatic():
 def test_lists_of_effects_become_one_mapping():
     settings = parameters.settings_from(
         _values(
-            effects_on=['inertia', 'merging'],
-            effects_off=['', 'steep'],
-            layers_on=['', 'a'],
+            effects_on=['inertia', 'merging'], effects_off=['', 'steep'], layers_on=['', 'a'],
             horizon=2.0,
         )
     )

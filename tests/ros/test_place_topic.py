@@ -39,8 +39,7 @@ CORNER = (500_000.0, 4_180_000.0)
 def folder(tmp_path):
     """Files of a scene and its places: posts, a road across the valley, a town off the map."""
     np.savez(
-        tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0, epsg=32633,
-        offset=CORNER,
+        tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0, epsg=32633, offset=CORNER
     )
     (tmp_path / 'scene.yaml').write_text(SCENE, encoding='utf-8')
     rows = [f'{name},{500_000 + x},{4_180_000 + y},,' for name, (x, y) in POSTS.items()]

@@ -60,8 +60,7 @@ class Listener:
         self.raw: Written = {'/map': [], '/text': []}
         self.clock: list[int] = []
         latched = QoSProfile(
-            depth=10,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL,
+            depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL,
             reliability=ReliabilityPolicy.RELIABLE,
         )
         node.create_subscription(String, '/map', self.raw['/map'].append, latched, raw=True)

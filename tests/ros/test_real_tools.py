@@ -36,8 +36,7 @@ ROBOT = {
     'update_frequency': 2.0,
     'always_send_full_costmap': True,
     'static_layer': {
-        'plugin': 'nav2_costmap_2d::StaticLayer',
-        'map_topic': '/map',
+        'plugin': 'nav2_costmap_2d::StaticLayer', 'map_topic': '/map',
         'map_subscribe_transient_local': True,
     },
     'inflation_layer': {'plugin': 'nav2_costmap_2d::InflationLayer', 'inflation_radius': 1.0},
@@ -98,13 +97,8 @@ class Tools:
 
     def start(self, *words):
         child = subprocess.Popen(
-            ['ros2', *words],
-            cwd=self.graph.directory,
-            env=self.environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
+            ['ros2', *words], cwd=self.graph.directory, env=self.environment,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
         )
         self._started.append(child)
         return child
@@ -114,13 +108,8 @@ class Tools:
         end = time.monotonic() + PATIENCE
         while True:
             ended = subprocess.run(
-                ['ros2', *words],
-                cwd=self.graph.directory,
-                env=self.environment,
-                capture_output=True,
-                text=True,
-                timeout=PATIENCE,
-                check=False,
+                ['ros2', *words], cwd=self.graph.directory, env=self.environment,
+                capture_output=True, text=True, timeout=PATIENCE, check=False,
             )
             if 'Node not found' not in ended.stderr or time.monotonic() > end:
                 break
@@ -324,8 +313,7 @@ def test_launch_restarts_a_killed_node_that_resumes(tools):
         tools.kill_node()
         since_ns = time.time_ns()
         hazard = tools.listener.wait_for_topic(
-            f'{tools.prefix}/hazard',
-            lambda item, since_ns=since_ns: item['stamp_ns'] > since_ns,
+            f'{tools.prefix}/hazard', lambda item, since_ns=since_ns: item['stamp_ns'] > since_ns,
             PATIENCE,
         )
         assert hazard['wet'] > 3

@@ -201,11 +201,8 @@ def written(tmp_path):
 
 def test_bags_since_a_time_are_listed_newest_first(tmp_path, written):
     for name, seconds in {
-        'bags/old/old_0.mcap': 50.0,
-        'bags/new/new_0.mcap': 40.0,
-        'bags/new/new_1.mcap': 300.0,
-        'bags/first/first_0.mcap': 100.0,
-        'bags/notes/notes.txt': 400.0,
+        'bags/old/old_0.mcap': 50.0, 'bags/new/new_0.mcap': 40.0, 'bags/new/new_1.mcap': 300.0,
+        'bags/first/first_0.mcap': 100.0, 'bags/notes/notes.txt': 400.0,
         'beside/given/given_0.mcap': 200.0,
     }.items():
         written(name, seconds)

@@ -40,20 +40,14 @@ class FrameRecording:
         self.recorder = Recorder()
         self.recording = SceneRecording(
             SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/'),
-            self.recorder,
-            frame_id='map',
-            configs={},
-            parameters=lambda: self.parameters,
+            self.recorder, frame_id='map', configs={}, parameters=lambda: self.parameters,
         )
 
     def write(self, time, effects):
         terrain = self.scene.terrain
         snapshot = snapshot_at(time, np.zeros(terrain.shape, np.float32), terrain)
         eruption = SimpleNamespace(
-            scene=self.scene,
-            effects=effects,
-            schedule=self.schedule,
-            origin=self.origin,
+            scene=self.scene, effects=effects, schedule=self.schedule, origin=self.origin,
             device='cpu',
         )
         self.recording.write(eruption, snapshot, int(time * 1e9))

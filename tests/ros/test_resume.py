@@ -47,14 +47,8 @@ def has_lava(status):
 def test_node_resumes_from_the_bag_of_a_killed_node(graph, tmp_path):
     first_bag, second_bag = tmp_path / 'first', tmp_path / 'second'
     node = graph.node(
-        device='cpu',
-        time_scale=50.0,
-        record=True,
-        bag_directory=str(first_bag),
-        checkpoint_period=1.0,
-        preset='draft',
-        effects_off=['cooling'],
-        onset='2006-07-14T22:00Z',
+        device='cpu', time_scale=50.0, record=True, bag_directory=str(first_bag),
+        checkpoint_period=1.0, preset='draft', effects_off=['cooling'], onset='2006-07-14T22:00Z',
     )
     publisher, listener = graph.publisher(), graph.listener('height')
 
@@ -80,10 +74,7 @@ def test_node_resumes_from_the_bag_of_a_killed_node(graph, tmp_path):
 
     node = graph.node(
         program=('-c', QUICK_MODULE.format('cli.main'), 'node', '--resume', str(first_bag)),
-        device='cpu',
-        time_scale=50.0,
-        record=True,
-        bag_directory=str(second_bag),
+        device='cpu', time_scale=50.0, record=True, bag_directory=str(second_bag),
     )
     node.wait_for_log(f'resuming at {checkpoint.time:.3f} s simulated')
     reached = wait_for('simulation', lambda item: has_lava(item) and int(item['steps']) > steps)
@@ -233,17 +224,13 @@ def test_omitted_parameters_are_those_of_the_checkpoint():
     known = defaults(one.scene.lava)
     assert adopted(one, known, known) == {}
     forced = checkpoint(
-        forced={'inertia': True, 'crust': False},
-        horizon=2.0 * HORIZON,
+        forced={'inertia': True, 'crust': False}, horizon=2.0 * HORIZON,
         accuracy=replace(preset_accuracy('fine', spacing=3.0), thickness=1.7),
     )
     result = adopted(forced, known, known)
     assert result == {
-        'effects_on': ['inertia'],
-        'effects_off': ['crust'],
-        'horizon': HORIZON / 1800.0,
-        'preset': 'fine',
-        'spacing': 3.0,
+        'effects_on': ['inertia'], 'effects_off': ['crust'], 'horizon': HORIZON / 1800.0,
+        'preset': 'fine', 'spacing': 3.0,
     }
     assert adopted(forced, {**known, **result}, known) == {}
 

@@ -278,7 +278,7 @@ def test_recording_parameters_can_be_changed(start, tmp_path):
 def test_frequent_saves_are_rejected(start, tmp_path):
     node = start()
     answers = [node.call('save')]
-    # slow saves gain allowance meanwhile, but less than they use
+    # slow saves gain allowance, but less than they use
     while len(answers) < 30 and answers[-1]['success']:
         answers.append(node.call('save'))
     assert 'one more each' in answers[-1]['message'], answers[-1]

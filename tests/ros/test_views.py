@@ -55,16 +55,12 @@ SNAPSHOTS = [snapshot_at(time, growing(time, TERRAIN), TERRAIN) for time in (200
 def record_node(directory: Path) -> Path:
     recorder = Recorder()
     node = SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/')
-    recording = SceneRecording(
-        node, recorder, frame_id='map', configs={}, parameters=dict
-    )
+    recording = SceneRecording(node, recorder, frame_id='map', configs={}, parameters=dict)
 
     def create(kind: str, message: Any, topic: str, given: Any) -> Any:
         return SimpleNamespace(publish=lambda data: None, topic_name=f'/{topic}')
 
-    enabled = [
-        layer for layer in load_layers(ROOT / 'msg_configs/default.yaml') if layer.enabled
-    ]
+    enabled = [layer for layer in load_layers(ROOT / 'msg_configs/default.yaml') if layer.enabled]
     layers: Any = LayerPublishers(
         SimpleNamespace(create=create), enabled, recorder, frame_id='map'
     )

@@ -435,9 +435,7 @@ def test_frames_continue_while_effects_change():
     )
     frames = []
     worker = SimulationWorker(
-        lambda scene: Simulation(scene, device='cpu'),
-        clock=time.monotonic,
-        time_scale=60.0,
+        lambda scene: Simulation(scene, device='cpu'), clock=time.monotonic, time_scale=60.0,
         on_snapshot=lambda: frames.append(worker.latest),
     )
     worker.start()

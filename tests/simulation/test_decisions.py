@@ -50,9 +50,7 @@ def test_review_measures_an_excluded_effect():
 
 def test_decision_names_the_effect_that_excludes_it():
     before = decision('helmholtz', 0.01)
-    low, high = (
-        noted(before, effects('inertia'), measured, math.nan) for measured in (0.1, 0.4)
-    )
+    low, high = (noted(before, effects('inertia'), measured, math.nan) for measured in (0.1, 0.4))
     assert low.rival == '' and low.reason.endswith('0.01 <= 0.22, measured 0.1')
     assert high.rival == 'inertia'
     assert high.reason == 'h / half-width = 0.4 > 0.22, but not beside inertia'

@@ -32,8 +32,7 @@ def scattered(effects, **options):
     x = np.arange(30) * 10.0
     terrain = Terrain(5 * np.sin(x / 40)[None, :] + 0.1 * x[:, None], 10.0, origin=(-40.0, 15.0))
     particles = Particles(
-        rng.uniform([0, 60], [200, 260], (500, 2)),
-        rng.uniform(50, 150, 500),
+        rng.uniform([0, 60], [200, 260], (500, 2)), rng.uniform(50, 150, 500),
         rng.uniform(1100, 1400, 500),
     )
     knobs = {'spacing': 9.0, 'thickness': 1.0, **options}
@@ -85,13 +84,8 @@ def test_thickness_is_the_sum_over_all_pairs(device, precision):
 def test_velocity_follows_the_gradient_of_the_thickness_sum():
     places = np.random.default_rng(1).uniform(20, 80, (60, 2))
     simulation = simulated(
-        Terrain(np.zeros((10, 10)), 10.0),
-        Lava(viscosity=1e4),
-        Particles(places, 64.0, 1400.0),
-        effects=only(),
-        spacing=8.0,
-        thickness=1.0,
-        precision='float64',
+        Terrain(np.zeros((10, 10)), 10.0), Lava(viscosity=1e4), Particles(places, 64.0, 1400.0),
+        effects=only(), spacing=8.0, thickness=1.0, precision='float64',
     )
     sample = simulation.sample()
     first = np.argmin(np.linalg.norm(sample.position - places[0], axis=1))
@@ -126,13 +120,9 @@ def test_green_velocity_has_the_exact_response(device, wavelength):
 def sheet_velocity(lava, thickness, device='cpu', **options):
     """Return the mean velocity in the middle of a uniform sheet on a slope of 0.1 towards +x."""
     simulation = simulated(
-        incline(0.1, 40, 40, 1.0, origin=(-20.0, -20.0)),
-        lava,
-        Particles(lattice(10.0), thickness, 1400.0),
-        device=device,
-        spacing=1.0,
-        thickness=thickness,
-        **options,
+        incline(0.1, 40, 40, 1.0, origin=(-20.0, -20.0)), lava,
+        Particles(lattice(10.0), thickness, 1400.0), device=device, spacing=1.0,
+        thickness=thickness, **options,
     )
     sample = simulation.sample()
     return sample.velocity[np.abs(sample.position).max(axis=1) < 1.0].mean(axis=0)
@@ -163,17 +153,10 @@ def test_published_velocity_is_the_printed_sum(device):
     """Equations 3.36, 3.40 and 3.44, summed over all pairs."""
     slope = 0.125
     simulation = simulated(
-        incline(-slope, 20, 20, 1.0),
-        Lava(viscosity=100.0),
+        incline(-slope, 20, 20, 1.0), Lava(viscosity=100.0),
         Particles(np.random.default_rng(5).uniform(4.0, 16.0, (150, 2)), 0.64, 1423.0),
-        effects=only(),
-        device=device,
-        spacing=0.8,
-        ratio=2.5,
-        thickness=1.0,
-        kernel='poly6',
-        formulation='as-published',
-        precision='float64',
+        effects=only(), device=device, spacing=0.8, ratio=2.5, thickness=1.0, kernel='poly6',
+        formulation='as-published', precision='float64',
     )
     sample, radius = simulation.sample(), simulation.radius
     offset = sample.position[:, None] - sample.position[None]
@@ -237,12 +220,8 @@ def heads(simulation):
 def test_lava_is_not_faster_than_free_fall(device, on):
     """In a filled pit, the force balance alone gives 79 m/s at the wall, 7 m deep."""
     simulation = simulated(
-        Terrain(PIT, 10.0),
-        THIN,
-        Vent((150.0, 150.0), 200.0, radius=10.0),
-        effects=only('steep', *on),
-        device=device,
-        refinement=0.5,
+        Terrain(PIT, 10.0), THIN, Vent((150.0, 150.0), 200.0, radius=10.0),
+        effects=only('steep', *on), device=device, refinement=0.5,
     )
     fastest = 0.0
     for time in range(50, 201, 50):
@@ -299,12 +278,9 @@ def relaxed(longest_step, integrator='rkl2', viscosity=2e4, **options):
     # each particle has a different temperature, which identifies it
     label = 1000.0 + np.arange(len(places))
     simulation = simulated(
-        flat(40),
-        Lava(viscosity=viscosity),
+        flat(40), Lava(viscosity=viscosity),
         Particles(places, 0.5 + 0.5 * np.exp(-0.02 * (places**2).sum(axis=1)), label),
-        effects=only(),
-        longest_step=longest_step,
-        integrator=integrator,
+        effects=only(), longest_step=longest_step, integrator=integrator,
         **{'spacing': 1.0, 'thickness': 1.0, 'precision': 'float64', **options},
     )
     simulation.advance(20.0)

@@ -32,13 +32,8 @@ def smooth_hills():
 def flow(elevation, places, effects, *, origin=None, time=120.0, **options):
     """Return a blob of lava on a terrain after a while, and its particles."""
     simulation = simulated(
-        Terrain(elevation, 5.0, origin=origin or (-2.5 * SIDE,) * 2),
-        Lava(viscosity=2e3),
-        Particles(places, 32.0, 1400.0),
-        effects=effects,
-        spacing=4.0,
-        thickness=2.0,
-        **options,
+        Terrain(elevation, 5.0, origin=origin or (-2.5 * SIDE,) * 2), Lava(viscosity=2e3),
+        Particles(places, 32.0, 1400.0), effects=effects, spacing=4.0, thickness=2.0, **options,
     )
     simulation.advance(time)
     return simulation.snapshot(), simulation.sample()

@@ -58,21 +58,15 @@ def test_no_speed_exceeds_the_largest_local_speed():
     given = Particles(rng.uniform(8.0, 32.0, (600, 2)), rng.uniform(0.2, 3.0, 600), 1400.0)
     speeds = []
     for effects in (only(), only('helmholtz')):
-        simulation = simulated(
-            terrain, LAVA, given, effects=effects, spacing=1.0, thickness=2.0
-        )
+        simulation = simulated(terrain, LAVA, given, effects=effects, spacing=1.0, thickness=2.0)
         speeds.append(np.abs(simulation.sample().velocity).max())
     assert 0.0 < speeds[1] <= speeds[0]
 
 
 def test_step_length_follows_the_reduced_speed():
     simulation = simulated(
-        flat(20),
-        replace(LAVA, viscosity=1e8),
-        Particles(lattice(3.0), 50.0, 1400.0),
-        effects=only('helmholtz'),
-        spacing=1.0,
-        thickness=50.0,
+        flat(20), replace(LAVA, viscosity=1e8), Particles(lattice(3.0), 50.0, 1400.0),
+        effects=only('helmholtz'), spacing=1.0, thickness=50.0,
     )
     speed = np.linalg.norm(simulation.sample().velocity, axis=1).max()
     reach = simulation._stage.constants.reach
@@ -87,14 +81,8 @@ def test_columns_do_not_attract_each_other(device, precision, height, distance):
     """A neighbour with more weight than the particle itself would attract it."""
     places = 0.5 * distance * np.array([[-1.0, 0.0], [1.0, 0.0]])
     simulation = simulated(
-        flat(8),
-        Lava(viscosity=1e6),
-        Particles(places, height, 1400.0),
-        effects=only('green'),
-        device=device,
-        spacing=1.0,
-        ratio=3.5,
-        precision=precision,
+        flat(8), Lava(viscosity=1e6), Particles(places, height, 1400.0), effects=only('green'),
+        device=device, spacing=1.0, ratio=3.5, precision=precision,
     )
     sample = simulation.sample()
     apart = np.sign(sample.position[:, 0]) * sample.velocity[:, 0]

@@ -23,14 +23,8 @@ WEIGHT = 2500.0 * 9.81
 def cooled(lava, hours, *, longest_step, device='cpu'):
     """Return temperature and thickness in the middle of a sheet too stiff to move."""
     simulation = simulated(
-        flat(20),
-        lava,
-        Particles(lattice(6.0), 2.0, 1423.0),
-        effects=only('cooling'),
-        device=device,
-        spacing=1.0,
-        thickness=2.0,
-        longest_step=longest_step,
+        flat(20), lava, Particles(lattice(6.0), 2.0, 1423.0), effects=only('cooling'),
+        device=device, spacing=1.0, thickness=2.0, longest_step=longest_step,
     )
     simulation.advance(3600.0 * hours)
     sample = simulation.sample()

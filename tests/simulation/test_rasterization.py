@@ -22,14 +22,10 @@ TIME = DOME.time_of_radius(RADIUS)
 def mapped(count, ratio, device='cpu', cells=300):
     """Return the map of Huppert's profile given as particles, on a square of 400 m."""
     simulation = simulated(
-        flat(cells, 400.0 / cells),
-        Lava(),
-        Particles(DOME.particles(count, TIME), VOLUME / count, 1400.0),
-        effects=only(),
-        device=device,
-        spacing=RADIUS * math.sqrt(math.pi / count),
-        thickness=VOLUME / (math.pi * RADIUS**2),
-        ratio=ratio,
+        flat(cells, 400.0 / cells), Lava(),
+        Particles(DOME.particles(count, TIME), VOLUME / count, 1400.0), effects=only(),
+        device=device, spacing=RADIUS * math.sqrt(math.pi / count),
+        thickness=VOLUME / (math.pi * RADIUS**2), ratio=ratio,
     )
     return simulation.snapshot().thickness
 
@@ -92,8 +88,7 @@ def test_map_has_the_volume_of_particles_and_deposit(device, scene, preset):
     terrain, place, lava = SCENES[scene]
     simulation = Simulation(
         Scene(terrain, (Vent(place, 20.0, temperature=1423.0, radius=5.0),), lava),
-        effects={'solidification': scene == 'freezing'},
-        accuracy=PRESETS[preset].accuracy,
+        effects={'solidification': scene == 'freezing'}, accuracy=PRESETS[preset].accuracy,
         device=device,
     )
     simulation.advance(60.0)
@@ -160,13 +155,9 @@ def test_map_restores_the_height_of_waves(wavelength):
     y = np.arange(0.5, side)
     rows = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
     simulation = simulated(
-        Terrain(np.zeros((160, 160)), 0.5),
-        Lava(),
-        Particles(rows, thickness * (held[-1] - held[0]) / side, 1400.0),
-        spacing=1.0,
-        thickness=thickness,
-        ratio=radius,
-        raster_ratio=1.0,
+        Terrain(np.zeros((160, 160)), 0.5), Lava(),
+        Particles(rows, thickness * (held[-1] - held[0]) / side, 1400.0), spacing=1.0,
+        thickness=thickness, ratio=radius, raster_ratio=1.0,
     )
     middle = (np.arange(160) + 0.5) * 0.5 - 0.5 * side
     inside = np.abs(middle) < wavelength * radius

@@ -111,11 +111,8 @@ def test_resumed_run_is_bitwise_identical(name, precision, device):
 def test_changes_after_a_checkpoint_have_the_same_result(device):
     lava = replace(COOLING, convection=1000.0)
     simulation = Simulation(
-        Scene(hill(), VENTS, lava),
-        effects={'merging': False, 'solidification': True},
-        accuracy=Accuracy(spacing=4.0, deterministic=True),
-        device=device,
-        horizon=7200.0,
+        Scene(hill(), VENTS, lava), effects={'merging': False, 'solidification': True},
+        accuracy=Accuracy(spacing=4.0, deterministic=True), device=device, horizon=7200.0,
     )
     simulation.advance(STOP)
     resumed = resumed_from(simulation)
@@ -164,10 +161,8 @@ def test_neighbour_grid_of_a_resumed_run_covers_lava_far_from_vents(device, monk
     ground = Terrain(np.zeros((300, 300)), 10.0)
     places = np.stack(np.meshgrid(*[np.arange(100.0, 300.0, 10.0)] * 2), axis=-1).reshape(-1, 2)
     simulation = Simulation(
-        Scene(ground, (Vent((2800.0, 2800.0), 1.0),), Lava()),
-        effects=Effects(),
-        accuracy=Accuracy(spacing=10.0, thickness=1.0),
-        device=device,
+        Scene(ground, (Vent((2800.0, 2800.0), 1.0),), Lava()), effects=Effects(),
+        accuracy=Accuracy(spacing=10.0, thickness=1.0), device=device,
         particles=Particles(places, 100.0, 1400.0),
     )
     monkeypatch.setattr(neighbors, 'MOST_IN_CELL', 50)
@@ -228,8 +223,8 @@ def test_resumes_a_checkpoint_without_vent_sequences():
 
 def test_resumes_a_checkpoint_without_arrival_times():
     checkpoint, _ = checkpoint_and_run('freezing')
-    former = {'arrived.times', 'solidification.placed'}
-    arrays = {name: item for name, item in checkpoint.arrays.items() if name not in former}
+    missing = {'arrived.times', 'solidification.placed'}
+    arrays = {name: item for name, item in checkpoint.arrays.items() if name not in missing}
     shown = Simulation.resume(replace(checkpoint, arrays=arrays), device='cpu').snapshot()
     assert shown.budget.frozen > 0.0
     frozen = standing_cells(shown.frozen)

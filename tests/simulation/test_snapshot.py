@@ -38,13 +38,8 @@ def test_parts_of_the_budget_add_up_to_the_emitted_volume():
     budget = VolumeBudget(100.0, 40.0, 10.0, 25.0, frozen=35.0, late=8.0, in_holes=20.0)
     rows = {name: value.removesuffix(' m3') for name, value in budget.rows()}
     assert rows == {
-        'emitted': '100',
-        'flowing': '30',
-        'frozen': '35',
-        'left over the border': '5',
-        'left into cells without data': '20',
-        'waiting in the vents': '10',
-        'of that late': '8',
+        'emitted': '100', 'flowing': '30', 'frozen': '35', 'left over the border': '5',
+        'left into cells without data': '20', 'waiting in the vents': '10', 'of that late': '8',
         'unaccounted for': 'below 1e-15',
     }
     parts = [float(rows[name]) for name in list(rows)[1:6]]
@@ -130,8 +125,8 @@ def test_kept_snapshots_do_not_change(device):
     simulation.advance(140.0)
     simulation.begin_snapshot()
     for grids, copied in zip(kept, copies, strict=True):
-        for grid, former in zip(grids, copied, strict=True):
-            assert np.array_equal(grid, former, equal_nan=True)
+        for grid, copy in zip(grids, copied, strict=True):
+            assert np.array_equal(grid, copy, equal_nan=True)
     assert len({grids[0].ctypes.data for grids in kept}) == len(kept)
 
 
@@ -161,13 +156,8 @@ def test_launches_in_flight_do_not_change_the_flow(monkeypatch):
         monkeypatch.setitem(simulation_module._UNDER_WAY, False, number)
         ground = incline(0.5, 30, 200, 10.0, top=900.0)
         simulation = simulated(
-            ground,
-            Lava(),
-            Vent((60.0, 155.0), 100.0),
-            effects=only('inertia'),
-            spacing=5.0,
-            thickness=0.4,
-            deterministic=True,
+            ground, Lava(), Vent((60.0, 155.0), 100.0), effects=only('inertia'), spacing=5.0,
+            thickness=0.4, deterministic=True,
         )
         room = simulation._state.capacity
         for time in (15.0, 15.001, 40.0):

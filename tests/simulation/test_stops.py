@@ -55,8 +55,7 @@ def begun(name, device):
     """Return an eruption before its first step."""
     lava, effects = SCENES[name]
     return Simulation(
-        Scene(hill(), VENTS, lava),
-        effects=effects,
+        Scene(hill(), VENTS, lava), effects=effects,
         accuracy=Accuracy(spacing=4.0, thickness=0.5, longest_step=20.0, deterministic=True),
         device=device,
     )
@@ -148,9 +147,7 @@ def kinds_of_stops():
     for name in SCENES:
         for kind in ('looks', 'looks in a batch', *READINGS):
             is_for_every_run = name == 'merging' or kind in ('looks', 'resumed checkpoints')
-            yield pytest.param(
-                name, kind, marks=() if is_for_every_run else pytest.mark.nightly
-            )
+            yield pytest.param(name, kind, marks=() if is_for_every_run else pytest.mark.nightly)
 
 
 @pytest.mark.parametrize(('name', 'kind'), list(kinds_of_stops()))
@@ -212,8 +209,7 @@ def test_highest_source_of_a_later_vent_does_not_depend_on_stops(device):
     simulation = Simulation(
         Scene(Terrain(np.zeros((30, 30)), 10.0), vents, replace(COOLING, convection=1000.0)),
         effects=Effects(solidification=True),
-        accuracy=Accuracy(spacing=4.0, thickness=0.5, deterministic=True),
-        device=device,
+        accuracy=Accuracy(spacing=4.0, thickness=0.5, deterministic=True), device=device,
     )
     tops = []
     for time in stops(4):

@@ -95,8 +95,7 @@ def run(source: str, kind: str, rate: float, device: str, effects: Effects) -> F
             simulation = Simulation.resume(from_bytes(stored), device=device)
     sample = simulation.sample()
     return Flow(
-        simulation.snapshot().thickness > 0.05,
-        float(np.ptp(sample.position[:, 1])),
+        simulation.snapshot().thickness > 0.05, float(np.ptp(sample.position[:, 1])),
         simulation.particle_count,
         float((sample.volume * sample.temperature).sum() / sample.volume.sum()),
         simulation.budget().error,

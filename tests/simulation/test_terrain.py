@@ -126,11 +126,11 @@ def ordered(device, real, cell, rank, *, again):
     rows[:count, 2] = 1 + np.arange(count)
     # a particle that has left may be NaN
     rows[:count][cell == CELLS] = np.nan
-    way, cells = arguments_type(real)(), cell_frame(real)()
+    args, cells = arguments_type(real)(), cell_frame(real)()
     cells.rows, cells.columns = 1, CELLS
     for name, values in (('starts', starts), ('sizes', np.append(sizes, 0))):
         setattr(cells, name, wp.array(values, dtype=wp.int32, device=device))
-    way.cells = cells
+    args.cells = cells
     for name, values in (
         ('particle', rows),
         ('ordered', np.full((count + SPARE, 4), np.nan)),
@@ -144,11 +144,11 @@ def ordered(device, real, cell, rank, *, again):
         ('ordered_remainder', np.zeros((count, 2))),
     ):
         dtype = arguments_type(real).vars[name].type.dtype
-        setattr(way, name, wp.array(np.asarray(values), dtype=dtype, device=device))
+        setattr(args, name, wp.array(np.asarray(values), dtype=dtype, device=device))
     launches = [(list_members, count)] if again else []
     for kernel, threads in (*launches, (order_particles, count + SPARE)):
-        wp.launch(kernel, threads, inputs=[way, 0], device=device)
-    counts, found = way.counts, way.ordered
+        wp.launch(kernel, threads, inputs=[args, 0], device=device)
+    counts, found = args.counts, args.ordered
     return found.numpy()[:, 2], int(counts.numpy()[PARTICLES])
 
 

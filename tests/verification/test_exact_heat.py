@@ -23,9 +23,7 @@ LAVA = Lava(density=2500.0, specific_heat=1150.0)
 def column_on_ground(thickness):
     """Return the temperature, by time, of a column at 1400 K on ground at 300 K."""
     lava = replace(LAVA, ground_conductivity=2.0, ground_diffusivity=7e-7)
-    return partial(
-        exact.column_on_ground, lava, initial=1400.0, ground=300.0, thickness=thickness
-    )
+    return partial(exact.column_on_ground, lava, initial=1400.0, ground=300.0, thickness=thickness)
 
 
 def test_column_on_ground_obeys_duhamels_integral():
@@ -70,9 +68,7 @@ def test_convecting_slab_limits():
 
 def test_crystallizing_sheet_conserves_heat():
     lava = replace(LAVA, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0)
-    sheet = partial(
-        exact.crystallising_sheet, lava, initial=1423.0, ambient=300.0, thickness=2.0
-    )
+    sheet = partial(exact.crystallising_sheet, lava, initial=1423.0, ambient=300.0, thickness=2.0)
     for time in (1e3, 3e4, 1e5):
         flux = quad(lambda t: 50.0 * (sheet(t) - 300.0), 0.0, time, limit=500)[0]
         end = sheet(time)

@@ -66,13 +66,13 @@ class Clocked:
 
     def simulated(self):
         """Return simulated time once it stands still with the clock [s]."""
-        told = []
+        times = []
 
         def stands(status):
-            told.append(status.get('simulated_time_s'))
+            times.append(status.get('simulated_time_s'))
             # on a busy machine a step may take longer than a heartbeat and still lag
             is_behind = 'slower' in status['message']
-            return len(told) > 5 and told[-5:] == 5 * told[-1:] and not is_behind
+            return len(times) > 5 and times[-5:] == 5 * times[-1:] and not is_behind
 
         self.listener.hear()
         status = self.listener.wait_for_status('simulation', stands)
@@ -87,7 +87,7 @@ def clocked(graph, alone):
 
 def test_missing_clock_is_a_warning_and_time_stands_still(clocked):
     silent = clocked.listener.wait_for_status(
-        'simulation', lambda told: '/clock' in told['message'] and told['state'] == 'running'
+        'simulation', lambda status: '/clock' in status['message'] and status['state'] == 'running'
     )
     assert silent['level'] == 1
     assert silent['message'].startswith('/clock does not arrive, so simulated time stands still')
@@ -113,13 +113,13 @@ def test_node_follows_the_clock_of_a_replay(clocked, tmp_path):
     most = 4.0 * SCALE
     listener.wait_for_status(
         'simulation',
-        lambda told: float(told['simulated_time_s']) > most and '/clock' not in told['message'],
+        lambda item: float(item['simulated_time_s']) > most and '/clock' not in item['message'],
     )
     # a busy machine may have published no later map by now
     shown_ns = found['danger']['stamp_ns']
     listener.wait_for_topic('danger', lambda grid: grid['stamp_ns'] > shown_ns)
     player.end(signal.SIGINT)
-    listener.wait_for_status('simulation', lambda told: 'clock stands still' in told['message'])
+    listener.wait_for_status('simulation', lambda item: 'clock stands still' in item['message'])
     clocked.node.wait_for_log('/clock stands still')
     warnings = [line for line in clocked.node.log.splitlines() if '/clock' in line]
     assert all('[WARN]' in line for line in warnings), warnings
@@ -161,11 +161,11 @@ def test_jump_of_the_clock_does_not_change_simulated_time(clocked):
     for to in (1e6, 500.0, 0.0):
         where = 'ahead' if to > clocked.now else 'back'
         clocked.jump(to)
-        told = clocked.listener.wait_for_status(
+        status = clocked.listener.wait_for_status(
             'simulation',
             lambda status: f'the clock jumped {where}' in status['message'],  # noqa: B023
         )
-        assert told['level'] == 1
+        assert status['level'] == 1
         after = clocked.simulated()
         assert before <= after <= before + SCALE * BEHIND
         grid = clocked.run(3.0)

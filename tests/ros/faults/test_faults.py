@@ -203,8 +203,8 @@ def test_step_that_does_not_end_is_reported(node, monkeypatch):
             assert answer['message'].startswith(words)
             status = node.status_now('simulation')
             assert 'waiting for it: ' in status['message'] and 'reset' in status['message']
-            said = [line for line in node.log.splitlines() if 'a step takes' in line]
-            assert len(said) == 1 and '[WARN]' in said[0], said
+            warnings = [line for line in node.log.splitlines() if 'a step takes' in line]
+            assert len(warnings) == 1 and '[WARN]' in warnings[0], warnings
         finally:
             may_end.set()
     recover(node)
@@ -297,6 +297,6 @@ def test_subscribers_that_never_read_do_not_affect_others(graph, served):
     for topic in (*['height'] * 11, *['diagnostics'] * 2):
         listener.wait_for_topic(topic)
     stopped.child.send_signal(signal.SIGCONT)
-    heard = len(stopped.seen)
-    stopped.wait(lambda _: len(stopped.seen) > heard + 3)
+    count = len(stopped.seen)
+    stopped.wait(lambda _: len(stopped.seen) > count + 3)
     never_reads.end(signal.SIGKILL)

@@ -53,8 +53,8 @@ def recovered(graph, bag):
         (item.topic.removeprefix('/'), item.publish_ns, sha256(item.data).hexdigest())
         for item in reader.messages()
     ]
-    said = [process.line(5.0) for _ in range(2 + len(reader.topics))]
-    return said, messages
+    lines = [process.line(5.0) for _ in range(2 + len(reader.topics))]
+    return lines, messages
 
 
 def received_grids(listener):
@@ -72,11 +72,11 @@ def check_kill(graph, node, listener, bag):
     time.sleep(1.0)
     received = received_grids(listener)
     assert BagReader(bag).recovered
-    said, saved = recovered(graph, bag)
-    assert said[0].startswith(f'{len(saved)} messages'), said
+    lines, saved = recovered(graph, bag)
+    assert lines[0].startswith(f'{len(saved)} messages'), lines
     heights = sum(topic == 'height' for topic, *_ in saved)
-    assert any(line.split() == [str(heights), '/height'] for line in said), said
-    assert said[-1].endswith('the bag had been cut off')
+    assert any(line.split() == [str(heights), '/height'] for line in lines), lines
+    assert lines[-1].endswith('the bag had been cut off')
     # messages before the recording are not part of it
     first = min(stamp for _, stamp, _ in saved)
     lost = [item for item in received if item[1] >= first and item not in set(saved)]
