@@ -21,7 +21,7 @@ LAVA = Lava(density=1000.0, specific_heat=1000.0, viscosity=1e15, emissivity=0.0
 
 
 def layer(temperature_at, *, effects=CONDUCTING, lava=LAVA, jitter=0.0, **options):
-    """Return an even layer 2 m thick on 300 m by 200 m, which solidifies in the first step."""
+    """Return a strip 40 m by 8 m and 2 m thick, with particles 0.5 m apart."""
     x, y = np.meshgrid(np.arange(-20.0, 20.0, 0.5) + 0.25, np.arange(-4.0, 4.0, 0.5) + 0.25)
     places = np.stack([x, y], axis=-1).reshape(-1, 2)
     places += jitter * np.random.default_rng(1).uniform(-0.5, 0.5, places.shape)

@@ -57,10 +57,12 @@ def flux(lava, surface):
         ),
         *((replace(FREEZING, emissivity=0.9), LATENT, step, 1) for step in (1e-3, 1e9)),
         (GROUNDED, GROUND, 1e9, 30),
+        (Lava(viscosity=1e14), only('cooling'), 1e9, 1),
     ],
 )
 @precisions
 def test_temperature_stays_in_range_for_any_step(device, precision, lava, effects, step, steps):
+    """For any step, material and temperature, including lava that is colder than the air."""
     before = np.array([HOT, 1400.0, 1325.0, 1250.0, 1000.0, 301.0, AIR, 250.0])
     (after,), _ = still_columns(
         lava, effects, before, [steps * step], longest_step=step, precision=precision,

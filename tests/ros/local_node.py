@@ -129,8 +129,6 @@ class LocalNode(Asking, Hearing):
         del self.node, self._executor, self._context
         gc.collect()
 
-    # the clock
-
     def jump(self, to):
         """Set the clock to a time [s]."""
         self.now = to
@@ -179,8 +177,6 @@ class LocalNode(Asking, Hearing):
         """Run callbacks until a text is in the log after position ``after``."""
         self.wait_until(lambda: text in self.log[after:], timeout)
 
-    # inputs and services
-
     def deliver(self, topic, message):
         """Pass a message to the node as if received on a topic (full name)."""
         (taker,) = [item for item in self.node.subscriptions if item.topic_name == topic]
@@ -221,10 +217,8 @@ class LocalNode(Asking, Hearing):
         self.wait_until(lambda: found() == made)
         return made
 
-    # outputs
-
     def next(self, timeout):
-        """Return the next message, AssertionError where none comes in time [s]."""
+        """Return the next message; raise AssertionError if none arrives in time [s]."""
         end = time.monotonic() + timeout
         while not self._sent:
             assert time.monotonic() < end, f'nothing in {timeout} s; log:\n{self.log}'

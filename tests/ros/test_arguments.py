@@ -64,7 +64,11 @@ MISTAKES = {
     ('-p', 'autostart:=3'): 'autostart is 3, expected a bool',
     ('-p', 'use_sim_time:=3'): "Trying to set parameter 'use_sim_time' to '3'",
     ('-p', 'layers_on:=3'): 'layers_on is 3, expected a list of layers',
-    ('-p', 'discharge:=60.0'): '-p discharge is 60.0, expected a parameter that this node has',
+    ('-p', 'discharge:=60.0'): (
+        '-p discharge is 60.0, expected a parameter that this node has; similar names: '
+        'default_discharge; vents come by the scene file'
+    ),
+    ('-p', 'layers_on:=[points]'): "layers_on is 'points', expected one of height, temp",
     ('-p', 'scene:=nothing.yaml'): "scene is 'nothing.yaml', expected ",
 }
 

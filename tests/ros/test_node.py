@@ -147,19 +147,6 @@ def test_changing_effects_does_not_stop_publishing(running):
         assert grid['wet'] > 0
 
 
-def test_reset_restarts_the_scene_at_time_0(running):
-    assert running.call('pause', True)['success']
-    answer = running.call('reset')
-    assert answer == {'success': True, 'message': 'starting again at time 0'}
-    status = running.status_now('simulation', lambda status: status['simulated_time_s'] == '0.0')
-    assert status['state'] == 'paused'
-    assert 'reset: starting again at time 0' in running.log
-    assert running.call('pause', False)['success']
-    running.status_now('simulation', lambda status: status['state'] == 'running')
-    running.run(2.0)
-    running.wait_for_topic('height', lambda grid: grid['wet'] > 0)
-
-
 def test_bag_has_inputs_scene_parameters_and_effects(flowing, tmp_path):
     node = flowing(record=True, bag_directory='bag')
     node.publish('click')
@@ -241,22 +228,3 @@ def test_unknown_parameters_of_a_file_are_warnings(graph):
     assert "'time_scales'" in scale and 'vents' not in scale
     assert 'similar names: time_scale' in scale
     assert unheard_of.endswith("no parameter 'unheard_of': its value has no effect")
-
-
-def test_node_that_cannot_start_exits_with_2(graph):
-    nodes = [
-        (graph.node(aside=True, **parameters), words)
-        for parameters, words in (
-            ({'time_scale': 60}, 'written 5.0'),
-            (
-                {'discharge': 60.0},
-                '-p discharge is 60.0, expected a parameter that this node has; similar names: '
-                'default_discharge; vents come by the scene file',
-            ),
-            ({'layers_on': ['points']}, "layers_on is 'points', expected one of height, temp"),
-        )
-    ]
-    for node, words in nodes:
-        assert node.wait_for_end() == 2
-        (sentence,) = node.log.splitlines()
-        assert sentence.startswith('lava_node cannot start: ') and words in sentence

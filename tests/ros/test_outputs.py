@@ -154,7 +154,7 @@ def _message(**layer):
     return outputs.layer_message(made, SNAPSHOT, frame_id='map', stamp_ns=3_000_000_004)
 
 
-def test_grid_has_the_place_and_values_of_the_layer():
+def test_grid_and_image_have_place_and_values_of_the_layer():
     grid = _message(message='nav_msgs/OccupancyGrid', range=[0.0, 100.0])
     assert isinstance(grid.data, array) and grid.data.typecode == 'b'
     assert list(grid.data) == [0, 1, 2, 3, -1, 0]
@@ -163,9 +163,6 @@ def test_grid_has_the_place_and_values_of_the_layer():
     assert (grid.info.width, grid.info.height, grid.info.resolution) == (3, 2, 10.0)
     assert (grid.info.origin.position.x, grid.info.origin.position.y) == (100.0, 200.0)
     assert grid.info.origin.orientation == Pose().orientation
-
-
-def test_image_has_the_raw_values():
     image = _message(message='sensor_msgs/Image', threshold=0.0)
     np.testing.assert_array_equal(image_array(image, 'height'), SNAPSHOT.thickness)
 

@@ -85,8 +85,9 @@ def test_bag_has_each_change_of_effects(frames):
     assert frames.effects('two') == [{'stamp_ns': 7 * 10**9, 'time': 7.0, 'effects': FAST}]
 
 
-def test_bag_names_the_checkpoint_it_was_resumed_from(frames):
+def test_bag_has_origin_and_onset_of_its_start(frames):
     frames.origin = Origin('bags/first', 120.0, 7)
+    frames.parameters = {'onset': '2006-07-14T22:00Z'}
     frames.write(2.0, STEEP)
     frames.recorder.stop()
     frames.recorder.arm(frames.directory / 'two')
@@ -94,21 +95,11 @@ def test_bag_names_the_checkpoint_it_was_resumed_from(frames):
     frames.origin = None
     frames.write(0.0, FAST)
     frames.recorder.stop()
-    data = [BagReader(frames.directory / name).custom_data for name in ('one', 'two')]
-    assert 'resumed_from' not in data[0]
-    assert json.loads(data[1]['resumed_from']) == {
-        'bag': 'bags/first', 'time': 120.0, 'stamp_ns': 7
-    }
-
-
-def test_bag_has_the_onset_parameter(frames):
-    frames.recorder.stop()
-    frames.parameters = {'onset': '2006-07-14T22:00Z'}
-    frames.recorder.arm(frames.directory / 'two')
-    frames.write(2.0, STEEP)
-    frames.recorder.stop()
-    data = [BagReader(frames.directory / name).custom_data for name in ('one', 'two')]
-    assert 'onset' not in data[0] and data[1]['onset'] == '2006-07-14T22:00Z'
+    first, second = (BagReader(frames.directory / name).custom_data for name in ('one', 'two'))
+    assert not {'resumed_from', 'onset'} & set(first)
+    origin = {'bag': 'bags/first', 'time': 120.0, 'stamp_ns': 7}
+    assert json.loads(second['resumed_from']) == origin
+    assert second['onset'] == '2006-07-14T22:00Z'
 
 
 def test_bag_has_the_schedule_of_closed_vents(frames):

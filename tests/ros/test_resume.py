@@ -33,11 +33,8 @@ pytestmark = pytest.mark.usefixtures('alone')
 
 def numbers(status):
     """Return simulated time, emitted volume and steps of a status."""
-    return (
-        float(status['simulated_time_s']),
-        float(status['volume_emitted_m3']),
-        int(status['steps']),
-    )
+    names = ('simulated_time_s', 'volume_emitted_m3', 'steps')
+    return tuple(float(status[name]) for name in names)
 
 
 def has_lava(status):

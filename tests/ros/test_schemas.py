@@ -156,7 +156,7 @@ VALID = {
     ],
 }
 
-#: Values whose limits depend on other values, on a file or on a list of codes, not on the schema.
+#: Values whose limits depend on other values, a file or a list of codes: no schema has them.
 DEPENDENT = re.compile(
     r'scene\.terrain\.(file|epsg|resolution|(window|offset)\[.\])'
     r'|scene\.vents\[.\]\.(position|end|projected|projected_end)\[.\]'

@@ -68,32 +68,30 @@ def seen_of(looks, device, threshold=0.1):
     return seen
 
 
-@pytest.mark.parametrize('rows', [1, 5])
-def test_steady_front_has_exact_arrival_times(device, rows):
-    looks = [(10.0, strip(2, rows)), (20.0, strip(7, rows)), (30.0, strip(10, rows))]
-    times = seen_of(looks, device)
-    expected = [10.0, 10.0, 11.0, 13.0, 15.0, 17.0, 19.0, 20.0 + 10.0 / 6, 25.0, 30.0 - 10.0 / 6]
-    np.testing.assert_allclose(times.arrival[:, :10], [expected] * rows)
-    assert np.isnan(times.arrival[:, 10:]).all()
+LOBE = np.zeros((9, 20))
+LOBE[:, :2] = LOBE[3:6, 2:12] = 1.0
 
 
-def test_arrival_increases_along_a_lobe(device):
-    before, after = np.zeros((9, 20)), np.zeros((9, 20))
-    before[:, :2] = after[:, :2] = 1.0
-    after[3:6, 2:12] = 1.0
-    times = seen_of([(0.0, before), (10.0, after)], device).arrival
-    np.testing.assert_allclose(times[3:6, 2:12], [np.arange(10) + 0.5] * 3)
-
-
-def test_rising_lava_arrives_at_the_threshold_thickness(device):
-    thin, thick = strip(5, thickness=0.02), strip(5, thickness=0.22)
-    times = seen_of([(0.0, thin), (10.0, thick)], device).arrival
-    np.testing.assert_allclose(times[0, :5], 4.0, rtol=1e-6)
-
-
-def test_unconnected_lava_arrives_right_after_the_previous_observation(device):
-    times = seen_of([(5.0, strip(0)), (15.0, strip(3))], device).arrival
-    np.testing.assert_array_equal(times[0, :3], 5.0)
+@pytest.mark.parametrize(
+    ('looks', 'columns', 'expected'),
+    [
+        (
+            [(10.0, strip(2, 5)), (20.0, strip(7, 5)), (30.0, strip(10, 5))], slice(10),
+            [10.0, 10.0, 11.0, 13.0, 15.0, 17.0, 19.0, 20.0 + 10.0 / 6, 25.0, 30.0 - 10.0 / 6],
+        ),
+        # along a lobe
+        ([(0.0, strip(2, 9, 20, 1.0)), (10.0, LOBE)], slice(2, 12), np.arange(10) + 0.5),
+        # lava that rises to the threshold
+        ([(0.0, strip(5, thickness=0.02)), (10.0, strip(5, thickness=0.22))], slice(5), [4.0] * 5),
+        # unconnected lava may have arrived right after the previous observation
+        ([(5.0, strip(0)), (15.0, strip(3))], slice(3), [5.0] * 3),
+    ],
+)
+def test_arrival_is_interpolated_between_observations(device, looks, columns, expected):
+    arrival = seen_of(looks, device).arrival
+    middle = arrival[len(arrival) // 2]
+    np.testing.assert_allclose(middle[columns], expected, rtol=1e-6)
+    assert np.isnan(middle[columns.stop :]).all()
 
 
 @pytest.mark.nightly

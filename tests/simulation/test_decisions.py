@@ -46,6 +46,7 @@ def test_review_measures_an_excluded_effect():
         assert review.note(called_for, on) == []
     assert review.largest == {'helmholtz': 0.4} and review.count == 3
     assert review.note(called_for, effects()) == ['helmholtz']
+    assert review.note(called_for, effects('helmholtz')) == []
 
 
 def test_decision_names_the_effect_that_excludes_it():

@@ -21,7 +21,7 @@ from lava_ros.verification.cases.case import ISOTHERMAL
 from lava_ros.verification.cases.sheets import GREEN_RADIUS, response, sheet_speed
 from solver import flat, incline, lattice, only, simulated
 
-#: Ten cells by ten, 50 m deep.
+#: A pit of 10 x 10 cells, 50 m deep.
 PIT = np.pad(np.zeros((10, 10)), 10, constant_values=50.0)
 
 THIN = Lava(viscosity=100.0, arrhenius=0.0)

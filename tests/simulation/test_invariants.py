@@ -40,9 +40,9 @@ def flow(elevation, places, effects, *, origin=None, time=120.0, **options):
 
 
 def check_symmetry(thickness, elevation):
-    """Check that mirrored and rotated scenes give such grids to rounding noise.
+    """Check that mirrored and rotated scenes give mirrored and rotated maps to rounding noise.
 
-    ``thickness`` makes a map of a flow of the ground and of a function that moves places on it.
+    ``thickness`` returns the map of an elevation and of a function that transforms positions.
     """
     plain = thickness(elevation, lambda places: places)
     mirrored = thickness(elevation[:, ::-1], lambda places: places * [-1.0, 1.0])

@@ -22,7 +22,6 @@ LAVA = Lava(viscosity=1e4, arrhenius=0.0)
 
 @pytest.mark.parametrize('radius', [0.6, 1.0, 3.5, 10.0])
 def test_response_is_that_of_stokes_flow(device, radius):
-    """The response to sin(q x) is that of Stokes flow."""
     run = response('helmholtz', radius, 8.0 * radius, Accuracy(ratio=3.0), device)
     assert run.measurements[0].error < 0.01
 

@@ -3,6 +3,7 @@
 
 """Accuracy settings; presets against the committed measurements of error and cost."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -71,10 +72,9 @@ def test_presets_by_name():
 
 
 def test_explicit_spacing_replaces_the_automatic_one():
-    assert preset_accuracy('draft') == PRESETS['draft'].accuracy
-    chosen = preset_accuracy('draft', spacing=12.0)
-    assert chosen.spacing == 12.0
-    assert chosen.ratio == PRESETS['draft'].accuracy.ratio
+    draft = PRESETS['draft'].accuracy
+    assert preset_accuracy('draft') == draft
+    assert preset_accuracy('draft', spacing=12.0) == replace(draft, spacing=12.0)
 
 
 def test_measurements_name_their_command_without_paths():
@@ -97,12 +97,10 @@ def test_preset_errors_are_those_measured(name):
 def test_no_setting_dominates_a_preset(name):
     """No setting is better by more than a fifth in both error and time."""
     own = point(name)
-    better = [
-        item.setting
-        for item in POINTS
+    assert [
+        item.setting for item in POINTS
         if item.error < 0.8 * own.error and item.cost < 0.8 * own.cost
-    ]
-    assert better == []
+    ] == []
 
 
 def test_each_preset_is_more_accurate_and_more_expensive():

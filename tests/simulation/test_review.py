@@ -15,8 +15,8 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.checkpoint import from_bytes
 from lava_ros.simulation.measurement import measure_resolution, measure_widths
-from lava_ros.simulation.review import called_for, LONGEST, next_review
-from lava_ros.simulation.selection import decide, Decision
+from lava_ros.simulation.review import LONGEST, next_review
+from lava_ros.simulation.selection import decide
 from slope_scenes import ground, HOUR, LAVA, scene
 
 #: A vent whose lava solidifies once it is at rest: its discharge falls to 0.
@@ -91,14 +91,6 @@ def test_effects_are_not_switched_off(device: str):
     assert on <= set(simulation.effects)
     simulation.set_terrain(Terrain(np.zeros((60, 200)), 10.0))
     assert on <= set(simulation.effects)
-
-
-def test_excluded_effect_is_not_requested():
-    lateral = Decision('helmholtz', EFFECTS['helmholtz'], 0.5, True)
-    assert called_for([lateral], Effects(inertia=True)) == []
-    assert called_for([lateral], Effects(helmholtz=True)) == []
-    assert called_for([lateral], Effects()) == [lateral]
-    assert called_for([replace(lateral, is_on=False)], Effects()) == []
 
 
 def test_reviews_do_not_change_the_flow(device: str):

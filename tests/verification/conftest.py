@@ -20,7 +20,6 @@ class FakeCase:
         self.accuracies = []
 
     def run(self, accuracy, device):
-        """Return a run of an experiment, and its errors by wavelength over thickness."""
         self.accuracies.append(accuracy)
         scale = accuracy.refinement * accuracy.ratio
         measurements = tuple(

@@ -180,7 +180,7 @@ def test_rejects_a_negative_time_of_the_clock(clocked):
     for _ in range(3):
         clocked.jump(-20.0)
         time.sleep(0.2)
-    # /clock keeps only the newest time, so some may be missed.
+    # /clock keeps only the newest time, so some may be missed
     status = clocked.listener.wait_for_status(
         'inputs', lambda status: 'rejected.message' in status
     )

@@ -110,7 +110,9 @@ def fail(node):
 
 def recover(node):
     """Reset, and wait until there is lava."""
-    assert node.call('reset')['success']
+    answer = node.call('reset')
+    assert answer['success'] and answer['message'].startswith('starting again at time 0')
+    assert 'reset: starting again at time 0' in node.log
     node.run_commands()
     status = node.status_now('simulation', lambda status: status['state'] == 'running')
     assert status['level'] != ERROR

@@ -104,7 +104,7 @@ def needs_of(cubin):
 
 
 def launched(name, lanes=1, integrator='euler', is_short=None, directs=None, parts=None):
-    """Return the kernels that a stage launches, unlaunched; with lanes those for few particles.
+    """Return the kernels that a stage would launch; with several lanes those for few particles.
 
     Sums have as many parts as there are lanes, except for members of a batch: one lane, four
     parts.
