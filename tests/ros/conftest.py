@@ -75,7 +75,6 @@ class Process:
         return '\n'.join(self.errors)
 
     def line(self, timeout):
-        """Return the next line of stdout."""
         end = time.monotonic() + timeout
         while True:
             ended = self.child.poll() is not None
@@ -101,7 +100,6 @@ class Process:
         return code
 
     def end(self, number=signal.SIGTERM, timeout=PATIENCE):
-        """Signal the process and return its exit code."""
         if self.child.poll() is None:
             self.child.send_signal(number)
         try:
@@ -128,11 +126,9 @@ class Listener(Process, Hearing):
         self.seen = []
 
     def next(self, timeout):
-        """Return the next message; raise AssertionError if none arrives in time [s]."""
         return json.loads(self.line(timeout))
 
     def hear(self):
-        """Read all messages received so far, and return their total number."""
         while not self._lines.empty():
             self.seen.append(json.loads(self.line(1.0)))
         return len(self.seen)
@@ -169,7 +165,6 @@ class Graph:
         return self.process(*program, *words, aside=aside)
 
     def publisher(self, *, remap=()):
-        """Start a process that publishes messages on request."""
         self._publishers.append(Publisher(own_domain(), remap))
         return self._publishers[-1]
 
@@ -180,7 +175,6 @@ class Graph:
         return self._start(Comparison, mask, *costmaps)
 
     def process(self, *arguments, aside=False):
-        """Start any other Python process."""
         return self._start(Process, arguments, aside)
 
     @property

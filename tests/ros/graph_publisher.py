@@ -274,7 +274,6 @@ class Publisher(Asking):
         self._context.shutdown()
 
     def request(self, kind, name, timeout, **fields):
-        """Call a service once; return its response, None if none arrives in time [s]."""
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
         client = self._clients[name]

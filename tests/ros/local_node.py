@@ -130,7 +130,6 @@ class LocalNode(Asking, Hearing):
         gc.collect()
 
     def jump(self, to):
-        """Set the clock to a time [s]."""
         self.now = to
         self.deliver('/clock', Clock(clock=codec.time_message(round(to * 1e9))))
 
@@ -193,7 +192,6 @@ class LocalNode(Asking, Hearing):
             self.deliver(self.node.resolve_topic_name(topic), message)
 
     def request(self, kind, name, timeout, **fields):
-        """Call a service and return its answer."""
         (service,) = [item for item in self.node.services if item.service_name == name]
         return service.callback(kind.Request(**fields), kind.Response())
 
@@ -218,7 +216,6 @@ class LocalNode(Asking, Hearing):
         return made
 
     def next(self, timeout):
-        """Return the next message; raise AssertionError if none arrives in time [s]."""
         end = time.monotonic() + timeout
         while not self._sent:
             assert time.monotonic() < end, f'nothing in {timeout} s; log:\n{self.log}'
@@ -226,7 +223,6 @@ class LocalNode(Asking, Hearing):
         return line_of(*self._sent.popleft())
 
     def hear(self):
-        """Read all messages received so far, and return their total number."""
         while self._sent:
             self.seen.append(self.next(0.0))
         return len(self.seen)

@@ -123,7 +123,7 @@ LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
         ({}, {'clock': {'clock': '/clock does not', 'lost': 'time'}}, '/clock does not; time'),
     ],
 )
-def test_warnings_of_the_simulation(budget, worker, expected):
+def test_lost_lava_and_delays_are_warnings(budget, worker, expected):
     status = _simulation(snapshot=_snapshot(**budget), **worker)
     assert (status.level, status.message) == (WARN, expected)
 

@@ -49,7 +49,7 @@ def _cloud(x, y, z):
     return codec.point_cloud({'x': np.ravel(x), 'y': np.ravel(y), 'z': np.ravel(z)}, _header())
 
 
-def test_terrain_from_image():
+def test_image_becomes_terrain():
     rules = replace(RULES, epsg=32633, offset_easting=5e5, offset_northing=4.17e6)
     terrain = inputs.terrain_from_image(*_pair(resolution=0.1), rules)
     np.testing.assert_array_equal(terrain.elevation, ELEVATION)
@@ -57,7 +57,7 @@ def test_terrain_from_image():
     assert (terrain.epsg, terrain.offset) == (32633, (500000.0, 4170000.0))
 
 
-def test_terrain_from_16_bit_image():
+def test_16_bit_image_is_converted_to_metres():
     rules = replace(RULES, terrain_scale=0.1, terrain_offset=-100.0)
     for mark in '<>':
         image, info = _pair()
@@ -198,7 +198,7 @@ def _vents(*changes, **extra):
     return codec.point_cloud({name: [row[name] for row in rows] for name in names}, _header())
 
 
-def test_vents_from_cloud():
+def test_cloud_becomes_vents():
     first, second = inputs.vents_from_cloud(_vents({}, {'x': 9.0}), RULES)
     assert first == Vent((1.0, 2.0), 5.0, temperature=1373.15, radius=8.0, name='vent 0')
     assert (second.position, second.name) == ((9.0, 2.0), 'vent 1')

@@ -227,7 +227,7 @@ def points(marker):
     return [(item.x, item.y, item.z) for item in marker.points]
 
 
-def test_markers_of_vents():
+def test_vent_has_a_marker_a_label_and_a_line_to_the_ground():
     first, *others = vent_markers(VENTS, 10.0, HILL, frame_id='map', stamp_ns=0).markers
     assert first.action == Marker.DELETEALL
     assert {item.action for item in others} == {Marker.ADD}
@@ -256,7 +256,7 @@ def test_markers_of_vents():
     assert only.action == Marker.DELETEALL
 
 
-def test_markers_of_barriers():
+def test_barrier_is_a_line_on_the_map():
     crest = ((500_110.0, 4_180_210.0), (500_120.0, 4_180_215.0), (500_130.0, 4_180_215.0))
     ground = replace(HILL, offset=(500_000.0, 4_180_000.0), barriers=(crest,))
     _, line = vent_markers((), 0.0, ground, frame_id='map', stamp_ns=0).markers

@@ -62,7 +62,7 @@ def point(preset):
     return found
 
 
-def test_presets_by_name():
+def test_unknown_preset_is_an_error_that_lists_them():
     assert tuple(PRESETS) == (*LADDER, 'as-published')
     assert PRESETS[DEFAULT].accuracy.refinement == Accuracy().refinement
     wide = [name for name, item in PRESETS.items() if item.accuracy.precision == 'float64']
