@@ -17,8 +17,6 @@ from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.state import FAR, State
 from lava_ros.verification.cases import spread_of_fixed_volume
-from lava_ros.verification.cases.case import ISOTHERMAL
-from lava_ros.verification.cases.sheets import GREEN_RADIUS, response, sheet_speed
 from solver import flat, incline, lattice, only, simulated
 
 #: A pit of 10 x 10 cells, 50 m deep.
@@ -99,22 +97,6 @@ def test_velocity_follows_the_gradient_of_the_thickness_sum():
     ]
     mobility = 2500.0 * 9.81 * sample.thickness[first] ** 2 / (3 * 1e4)
     assert sample.velocity[first] == pytest.approx(-mobility * np.array(slope), rel=1e-5)
-
-
-@pytest.mark.parametrize('degrees', [2.0, 10.0, 30.0, 45.0])
-def test_sheet_moves_at_the_exact_speed(device, degrees):
-    """A uniform sheet moves at rho g h^2 sin(b) / (3 mu) along the slope, however steep."""
-    slope = math.radians(degrees)
-    run = sheet_speed('speed', ISOTHERMAL, Accuracy(), device, slope=slope)
-    assert run.measurements[0].error < 0.002
-
-
-@pytest.mark.parametrize('wavelength', [4.0, 8.0, 20.0])
-def test_green_velocity_has_the_exact_response(device, wavelength):
-    """The response to sin(q x) is 1 / (1 + q^2 / k^2), k^2 = 5 / (2 h^2), support 6 / k."""
-    run = response('green', GREEN_RADIUS, wavelength, Accuracy(ratio=6.0), device)
-    expected = 1.0 / (1.0 + (2.0 * math.pi / wavelength) ** 2 / 2.5)
-    assert run.measurements[0].measured == pytest.approx(expected, rel=0.02)
 
 
 def sheet_velocity(lava, thickness, device='cpu', **options):

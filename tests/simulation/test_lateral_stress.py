@@ -89,24 +89,6 @@ def test_columns_do_not_attract_each_other(device, precision, height, distance):
     assert apart.min() >= 0.0
 
 
-@pytest.mark.parametrize(
-    ('effect', 'width', 'spacing', 'ratio', 'within'),
-    [
-        # as wide as thick: the profile is not a parabola
-        ('helmholtz', 1.0, 0.05, 3.0, 0.03),
-        ('helmholtz', 2.5, 0.125, 3.0, 0.01),
-        ('helmholtz', 5.0, 0.125, 3.0, 0.01),
-        ('green', 6.0, 1.0 / 3.0, 11.8, 0.01),
-    ],
-)
-def test_mean_velocity_in_a_channel_is_exact(device, effect, width, spacing, ratio, within):
-    accuracy = Accuracy(spacing=spacing, ratio=ratio)
-    _, mean = channel_velocity(width, effect=effect, accuracy=accuracy, device=device)
-    half = 0.5 * math.sqrt(2.5) * width
-    assert mean.measured == pytest.approx(1.0 - math.tanh(half) / half, rel=0.01)
-    assert mean.error < within
-
-
 def test_short_support_underestimates_the_walls(device):
     """Cut off at 1.7 thicknesses the Green's function sums only half of the walls."""
     accuracy = Accuracy(spacing=0.3, ratio=5.5)

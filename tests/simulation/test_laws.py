@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cooling, and speed as a function of the slope, against exact solutions."""
+"""Order of cooling in time, and speed as a function of the slope."""
 
 import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 import warp as wp
 
 from lava_ros.effects import Effects
@@ -30,21 +29,6 @@ def cooled(lava, hours, *, longest_step, device='cpu'):
     sample = simulation.sample()
     middle = np.argmin(np.abs(sample.position).sum(axis=1))
     return sample.temperature[middle], sample.thickness[middle]
-
-
-@pytest.mark.parametrize('convection', [0.0, 50.0])
-@pytest.mark.parametrize('hours', [1.0, 10.0, 24.0])
-def test_sheet_cools_by_radiation_and_convection(device, hours, convection):
-    lava = Lava(viscosity=1e14, convection=convection)
-    temperature, thickness = cooled(lava, hours, longest_step=60.0, device=device)
-    assert thickness == pytest.approx(2.0, rel=1e-3)
-    capacity = 2500.0 * 1150.0 * thickness
-
-    def rate(_, t):
-        return -(0.9 * 5.670374419e-8 * (t**4 - 300.0**4) + convection * (t - 300.0)) / capacity
-
-    expected = solve_ivp(rate, (0.0, 3600.0 * hours), [1423.0], rtol=1e-9).y[0, -1]
-    assert temperature == pytest.approx(expected, rel=1e-3)
 
 
 def test_cooling_is_second_order_in_time():

@@ -16,11 +16,10 @@ from types import SimpleNamespace
 import pytest
 import warp as wp
 
-from lava_ros.effects.green import device as green
-from lava_ros.simulation import cells, flow, neighbors, Simulation
+from lava_ros.simulation import flow, neighbors, Simulation
 from lava_ros.simulation import stage as stages
 from lava_ros.simulation.backend.batched_launches import BLOCK
-from lava_ros.simulation.backend.compiled import FEW_THREADS, quick_kernel
+from lava_ros.simulation.backend.compiled import FEW_THREADS
 from lava_ros.simulation.fused_stage import BOUNDS
 from lava_ros.simulation.state import State
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
@@ -358,50 +357,3 @@ def test_checks_detect_local_memory(compiled):
     assert code.needs[0] > 0
     with pytest.raises(AssertionError):
         check_local(code)
-
-
-def plain_load(width):
-    def load_of(real):
-        kind = wp.types.vector(width, real) if width > 1 else real
-
-        @wp.func
-        def load(values: wp.array(dtype=kind), i: int):
-            return values[i]
-
-        return load
-
-    return load_of
-
-
-@pytest.mark.nightly
-def test_checks_detect_plain_loads(compiled, monkeypatch):
-    for module in (cells, flow, green):
-        for width in (1, 2, 4):
-            if hasattr(module, f'load{width}'):
-                monkeypatch.setattr(module, f'load{width}', plain_load(width))
-    monkeypatch.setattr(flow, 'sums_function', cells.sums_function.__wrapped__)
-    monkeypatch.setattr(green, '_sums_function', green._sums_function.__wrapped__)
-    monkeypatch.setattr(green, '_velocity_function', green._velocity_function.__wrapped__)
-    kernels = [
-        flow.flow_kernels.__wrapped__(
-            wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green']
-        ).flow,
-        green._velocity_kernel.__wrapped__(
-            wp.float32, lanes=1, parts=1, is_short=False, is_wide=False
-        ),
-    ]
-    for code in compiled(kernels):
-        with pytest.raises(AssertionError):
-            check_sum(code)
-
-
-@pytest.mark.nightly
-def test_checks_detect_slow_arithmetic(compiled, monkeypatch):
-    assert flow.quick_kernel is quick_kernel
-    monkeypatch.setattr(flow, 'quick_kernel', partial(quick_kernel, fast_math=False))
-    kernels = flow.flow_kernels.__wrapped__(
-        wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare']
-    )
-    (code,) = compiled([kernels.flow])
-    with pytest.raises(AssertionError):
-        check_arithmetic(code)
