@@ -87,11 +87,9 @@ def equal(one, other):
     return same_maps and same_numbers and same_state
 
 
-def resumed_from(simulation):
-    data = simulation.checkpoint().to_bytes()
-    return Simulation.resume(from_bytes(data), device=simulation.device)
-
-
+@pytest.mark.parametrize(
+    ('name', 'precision'), [*((name, 'float32') for name in SCENES), ('bare', 'float64')]
+)
 def test_resumed_run_is_bitwise_identical(name, precision, device):
     simulation = simulation_at_stop(name, device, precision)
     checkpoint = simulation.checkpoint()
@@ -115,7 +113,8 @@ def test_changes_after_a_checkpoint_have_the_same_result(device):
         accuracy=Accuracy(spacing=4.0, deterministic=True), device=device, horizon=7200.0,
     )
     simulation.advance(STOP)
-    resumed = resumed_from(simulation)
+    data = simulation.checkpoint().to_bytes()
+    resumed = Simulation.resume(from_bytes(data), device=simulation.device)
     assert resumed.decisions() == simulation.decisions()
     ground = hill()
     raised = replace(ground, elevation=ground.elevation + np.linspace(0.0, 5.0, 28))
