@@ -5,13 +5,11 @@
 
 from concurrent.futures import Future
 import queue
-import threading
 
 import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.ros.worker_status import Command, CommandQueue, WorkerState
-from lava_ros.scene import Vent
 from worker_bench import Bench, PATIENCE, TERRAIN, VENT
 
 
@@ -74,35 +72,6 @@ def test_busy_simulation_runs_commands_between_slices(bench):
     bench.wait(lambda: bench.worker._target == 1000.0)
     # it would take 1000 s to catch up with the clock
     bench.run(bench.worker.set_vents([VENT]))
-
-
-def test_only_the_newest_waiting_vents_are_used(bench):
-    bench.start()
-    given, set_vents = [], bench.simulation.set_vents
-    may_continue = threading.Event()
-
-    def slow_set_vents(vents):
-        given.append(vents[0].discharge)
-        assert may_continue.wait(60.0)
-        set_vents(vents)
-
-    bench.simulation.set_vents = slow_set_vents
-    futures = []
-    for batch in range(5):
-        may_continue.clear()
-        for index in range(100):
-            futures.append(bench.worker.set_vents([Vent((25.0, 15.0), 100.0 * batch + 1 + index)]))
-            assert len(bench.worker._commands) < 10
-            if index == 0:
-                bench.wait(lambda: given[-1:] == [100.0 * batch + 1])  # noqa: B023
-        may_continue.set()
-        bench.run(futures[-1])
-        bench.now += 0.1
-        bench.wait(lambda: bench.simulation.time == pytest.approx(0.1 * (batch + 1)))  # noqa: B023
-    assert given == [1.0, 100.0, 101.0, 200.0, 201.0, 300.0, 301.0, 400.0, 401.0, 500.0]
-    assert bench.simulation.scene.vents[0].discharge == 500.0
-    assert all(future.done() for future in futures)
-    assert sum(not future.cancelled() for future in futures) == len(given)
 
 
 def test_snapshot_is_updated_on_request(bench):
