@@ -182,7 +182,7 @@ def test_node_resumes_after_each_of_several_kills(graph, tmp_path):
             assert moment >= kept[-1][1]
         else:
             # the first bag had none
-            assert 'going on' not in node.log
+            assert 'resuming at' not in node.log
         assert ('this one has none' in node.log) is (number == 2)
         if number > 1:
             recorder = wait_for(
