@@ -57,9 +57,7 @@ def write_case(folder: Path, *, hours: float = 3.0, yaml: str = '') -> Path:
     return folder
 
 
-def write_case_in_degrees(
-    folder: Path, *, hours: float = 3.0
-) -> tuple[Path, tuple[float, float]]:
+def write_case_in_degrees(folder: Path, *, hours: float = 3.0) -> tuple[Path, tuple[float, float]]:
     """Write the same case in longitude and latitude, as GeoTIFF.
 
     Returns:

@@ -31,8 +31,7 @@ START = 1_790_000_000 * SECOND + 123
 #: A slope with an unknown corner, in UTM zone 33.
 TERRAIN = Terrain(
     elevation=np.where(
-        np.add.outer(np.arange(30.0), np.arange(40.0)) < 3.0,
-        np.nan,
+        np.add.outer(np.arange(30.0), np.arange(40.0)) < 3.0, np.nan,
         np.add.outer(np.arange(30.0), 2.0 * np.arange(40.0)),
     ),
     resolution=5.0,
@@ -72,19 +71,12 @@ def growing(time: float, terrain: Terrain = TERRAIN) -> np.ndarray:
 
 
 def record(
-    directory: Path,
-    times: Sequence[float] = (200.0, 400.0, 600.0, 800.0),
-    *,
+    directory: Path, times: Sequence[float] = (200.0, 400.0, 600.0, 800.0), *,
     flow: Callable[[float], np.ndarray] = growing,
-    arrived: Callable[[float], np.ndarray] | None = None,
-    terrain: Terrain = TERRAIN,
-    vents: Sequence[Vent] = (VENT,),
-    config: str | None = None,
-    custom_data: Mapping[str, str] | None = None,
-    prefix: str = '',
-    clock: bool = True,
-    max_duration: float = 0.0,
-    close: bool = True,
+    arrived: Callable[[float], np.ndarray] | None = None, terrain: Terrain = TERRAIN,
+    vents: Sequence[Vent] = (VENT,), config: str | None = None,
+    custom_data: Mapping[str, str] | None = None, prefix: str = '', clock: bool = True,
+    max_duration: float = 0.0, close: bool = True,
 ) -> Path:
     """Record frames of a flow at simulated times [s], two seconds of ROS time apart.
 
@@ -137,13 +129,10 @@ def snapshot_at(time: float, thickness: np.ndarray, terrain: Terrain) -> Snapsho
     temperature = np.where(thickness > 0.0, hot, np.nan)
     volume = float(np.nansum(thickness)) * terrain.resolution**2
     return Snapshot(
-        time=time,
-        terrain=terrain,
+        time=time, terrain=terrain,
         thickness=np.where(terrain.has_data, thickness, np.nan).astype(np.float32),
-        temperature=temperature.astype(np.float32),
-        budget=VolumeBudget(volume, volume, 0.0, 0.0),
-        particle_count=1,
-        steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
+        temperature=temperature.astype(np.float32), budget=VolumeBudget(volume, volume, 0.0, 0.0),
+        particle_count=1, steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
     )
 
 

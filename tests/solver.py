@@ -40,12 +40,8 @@ def lattice(half: float, spacing: float = 1.0) -> np.ndarray:
 
 
 def simulated(
-    ground: Terrain,
-    lava: Lava,
-    *on_it: Particles | Vent,
-    effects: Any = None,
-    device: str = 'cpu',
-    **knobs: Any,
+    ground: Terrain, lava: Lava, *on_it: Particles | Vent, effects: Any = None,
+    device: str = 'cpu', **knobs: Any,
 ) -> Simulation:
     """A simulation of vents and particles.
 
@@ -54,9 +50,7 @@ def simulated(
     vents = tuple(item for item in on_it if isinstance(item, Vent))
     around = {name: knobs.pop(name) for name in AROUND if name in knobs}
     return Simulation(
-        Scene(ground, vents, lava, **around),
-        effects=effects,
-        accuracy=Accuracy(**knobs),
+        Scene(ground, vents, lava, **around), effects=effects, accuracy=Accuracy(**knobs),
         device=device,
         particles=next((item for item in on_it if isinstance(item, Particles)), None),
     )

@@ -120,11 +120,9 @@ def run(tmp_path_factory):
         volume=json.loads((out / 'hindcast.json').read_text())['volume'],
         decisions=json.loads((out / 'hindcast.json').read_text())['decisions'],
         plot=json.loads((folder / 'plot.json').read_text()),
-        report=(folder / 'report.html').read_text(),
-        page=(out / 'hindcast.html').read_text(),
+        report=(folder / 'report.html').read_text(), page=(out / 'hindcast.html').read_text(),
         arrival=read_tif(out / 'arrival.tif'),
-        thickness=np.nan_to_num(read_tif(out / 'thickness.tif')),
-        bag=read_bag(out / 'bag'),
+        thickness=np.nan_to_num(read_tif(out / 'thickness.tif')), bag=read_bag(out / 'bag'),
     )
 
 

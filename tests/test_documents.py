@@ -45,11 +45,9 @@ ROOT = Path(__file__).parents[1]
 
 #: Why a block may stay unrun.
 REASONS = {
-    'installs': 'changes what is installed',
-    'tests': 'runs the tests, or takes as long',
+    'installs': 'changes what is installed', 'tests': 'runs the tests, or takes as long',
     'a full ROS installation': 'ros2, rviz2 and their like are not on PyPI',
-    'a robot': 'needs one',
-    'a display': 'opens a window',
+    'a robot': 'needs one', 'a display': 'opens a window',
     'no program': 'is text: a layout, a table, output',
 }
 
@@ -116,8 +114,7 @@ def _furnish(folder: Path) -> None:
     for name, values in (('etna.tif', elevation), ('seen.tif', near), ('where.tif', near)):
         with rasterio.open(
             folder / name, 'w', driver='GTiff', width=60, height=140, count=1, dtype='float32',
-            nodata=-9999.0,
-            crs='EPSG:32633', transform=from_origin(easting, northing, cell, cell),
+            nodata=-9999.0, crs='EPSG:32633', transform=from_origin(easting, northing, cell, cell),
         ) as file:
             file.write(values, 1)
     corner = (easting, northing - 140 * cell)

@@ -30,10 +30,7 @@ ROOT = Path(__file__).parents[1]
 
 #: Distribution that brings a module, where the names differ.
 DISTRIBUTIONS = {
-    'PIL': 'pillow',
-    'mcap_ros2': 'mcap-ros2-support',
-    'warp': 'warp-lang',
-    'yaml': 'pyyaml',
+    'PIL': 'pillow', 'mcap_ros2': 'mcap-ros2-support', 'warp': 'warp-lang', 'yaml': 'pyyaml',
 }
 
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()

@@ -31,7 +31,7 @@ def _machine(
 ):
     """Replace runs by those of a machine of known speed; return the list of pilots as they run.
 
-        At or above the refinement ``slow_from`` the scene needs effects that take ``slower`` times
+    At or above the refinement ``slow_from`` the scene needs effects that take ``slower`` times
     as long. Evaluations grow exponentially with ``worse``. Above the refinement ``leap`` runs
     take four times as long; at or above 1 they take ``late`` times as long after 0.4 of their
     time.
