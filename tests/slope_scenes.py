@@ -18,12 +18,12 @@ MOBILITY = 2600.0 * 9.81 * SLOPE / (1.0 + SLOPE**2) ** 2 / 3e4
 
 
 def ground(cell: float, wall: float = 0.0) -> Terrain:
-    """An incline of 5 degrees, 2 km by 600 m, with walls that rise by ``wall`` to both sides."""
+    """Return an incline of 5 degrees, 2 km by 600 m, with side walls of a slope ``wall``."""
     x = (np.arange(round(2000.0 / cell)) + 0.5) * cell
     y = (np.arange(round(600.0 / cell)) + 0.5) * cell - 300.0
     return Terrain(1000.0 - SLOPE * x + wall * np.abs(y)[:, None], cell)
 
 
 def scene(terrain: Terrain, discharge: float = 10.0) -> Scene:
-    """A vent near the upper end, in the middle."""
+    """Return a scene with a vent near the upper end, in the middle."""
     return Scene(terrain, (Vent((100.0, 300.0), discharge),), LAVA)
