@@ -19,18 +19,14 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 
 SPEED = 0.5
-
 HORIZON = 3600.0
-
 DISCHARGE = 25.0
 
 #: Geometric standard deviation of the discharge.
 FACTOR = 1.6
 
 LOGNORMAL = {'distribution': 'lognormal', 'median': 1.0, 'factor': FACTOR}
-
 TERRAIN = Terrain(np.zeros((24, 30)), 20.0, epsg=32633, offset=(500_000.0, 4_180_000.0))
-
 VENT = Vent((300.0, 240.0), DISCHARGE)
 
 

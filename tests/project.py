@@ -17,7 +17,6 @@ _CONTENT = tomllib.loads(
 )
 
 PROJECT = _CONTENT['project']
-
 TOOLS = _CONTENT['tool']
 
 #: Requirements of each extra; ``all`` has those of the extras that it names.

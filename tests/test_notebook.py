@@ -14,7 +14,6 @@ import pytest
 
 pytest.importorskip('matplotlib')
 rasterio = pytest.importorskip('rasterio')
-
 ROOT = Path(__file__).parents[1]
 NOTEBOOK = json.loads((ROOT / 'examples/lava_ros.ipynb').read_text(encoding='utf-8'))
 

@@ -24,7 +24,6 @@ from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from project import EXTRAS, PROJECT
 
 ROOT = Path(__file__).parents[2]
-
 Usage = namedtuple('Usage', 'total used free')
 Version = namedtuple('Version', 'major minor micro')
 

@@ -36,7 +36,6 @@ from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy
 
 PLAN = disc_plan()
-
 MEMBERS = draw_members(PLAN.scene, 70)
 
 

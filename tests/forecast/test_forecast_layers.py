@@ -15,7 +15,6 @@ from lava_ros.maps.layers import ENSEMBLE_SOURCES, IMAGE, OCCUPANCY_GRID
 from lava_ros.scene import Terrain
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
-
 NAN = np.nan
 
 

@@ -32,7 +32,6 @@ SCENE = Scene(
 )
 
 RULES: dict[str, Any] = {'horizon': 120.0, 'threshold': 0.01, 'device': 'cpu'}
-
 MEMBERS = 5
 
 

@@ -60,9 +60,7 @@ def test_pilot_has_the_given_effects(device):
 
 
 EFFECTS = Effects()
-
 NOWHERE = np.zeros((1, 1), dtype=bool)
-
 REFINEMENTS = (0.2, 0.28, 0.4, 0.56)
 
 

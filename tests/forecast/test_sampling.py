@@ -41,7 +41,6 @@ MEMBER_2 = Member(
 )
 
 FIELD = '2d39301105cc3a08'
-
 SCENE = disc_plan(**UNCERTAIN).scene
 
 

@@ -52,7 +52,6 @@ def pulse(**options: Any) -> Plan:
 
 
 PULSE = pulse()
-
 MEMBERS = draw_members(PULSE.scene, COUNT)
 
 
@@ -195,10 +194,7 @@ class Calling:
 
 
 DISCS = disc_plan()
-
 DISC_MEMBERS = draw_members(DISCS.scene, 70)
-
-
 ITEM = {'effect': 'inertia', 'number': 2.0, 'threshold': 1.0, 'member': 0, 'time_s': 60.0}
 
 

@@ -14,7 +14,6 @@ import yaml
 from ros_domain import own_domain
 
 ROOT = Path(__file__).parents[2]
-
 pytestmark = pytest.mark.skipif(shutil.which('ros2') is None, reason='ros2 is not installed')
 
 #: Records its arguments, and the files of parameters, which launch removes.
