@@ -123,8 +123,8 @@ def record(
                 message = outputs.layer_message(layer, snapshot, frame_id='map', stamp_ns=stamp)
                 write(layer.topic, layer.message, message, stamp)
         if clock:
-            report = diagnostics_of(snapshot, stamp)
-            write('diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', report, stamp + SECOND // 2)
+            kind, report = 'diagnostic_msgs/msg/DiagnosticArray', diagnostics_of(snapshot, stamp)
+            write('diagnostics', kind, report, stamp + SECOND // 2)
         writer.flush()
     if close:
         writer.close()

@@ -169,7 +169,8 @@ def show(seconds: float, memory: list[tuple[float, int]], receiver: Receiver) ->
     """Show the progress in a terminal."""
     if sys.stderr.isatty():
         at, size = memory[-1]
-        text = f'{at:.0f} of {seconds:.0f} s, {size / 1e6:.0f} MB, {len(receiver.received)} messages'
+        count = len(receiver.received)
+        text = f'{at:.0f} of {seconds:.0f} s, {size / 1e6:.0f} MB, {count} messages'
         print(f'\r{text:70}', end='', file=sys.stderr, flush=True)
 
 
