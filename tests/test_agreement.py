@@ -22,16 +22,18 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
 
 from cli.calls import done
-from eruption import CELL, CORNER, SHAPE, write_case
+from eruption import CELL, CORNER, SHAPE, VENT, write_case
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.lookahead import LookAhead
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import FALSE_ALARM, HIT
 from lava_ros.hindcast.run import FORCED, Settings
+from lava_ros.maps.frames import Recording
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.place_arrivals import live_arrivals
 from lava_ros.maps.places import places_on
 from lava_ros.maps.plot import area_words
+from lava_ros.pages.runs import read_run
 from lava_ros.ros import codec, outputs
 from lava_ros.scene.features import read_features
 from lava_ros.simulation import Simulation
@@ -180,6 +182,23 @@ def test_standing_lava_is_the_same_in_all_outputs(run):
     flowing = run.volume['held'] - run.volume['pending']
     assert flowing + run.volume['frozen'] == pytest.approx(volume, rel=1e-5)
     assert float(run.bag.diagnostics['volume_frozen_m3']) == run.volume['frozen']
+
+
+@pytest.mark.parametrize('name', ['thickness', 'arrival'])
+def test_exported_maps_have_the_tags_of_the_hindcast(run, name):
+    with (
+        rasterio.open(run.out / f'{name}.tif') as file,
+        rasterio.open(run.maps / f'{name}.tif') as exported,
+    ):
+        assert file.nodata == exported.nodata and file.units == exported.units
+        tags = ('scene', 'effects', 'preset', 'lava_ros', 'observation')
+        assert [file.tags()[tag] for tag in tags] == [exported.tags()[tag] for tag in tags]
+
+
+def test_pages_show_vents_that_have_closed(run):
+    assert not len(Recording(run.out / 'bag').frame_at().vents)
+    vents = read_run(run.out / 'bag').panels['thickness'].frame.vents
+    np.testing.assert_allclose(vents + CORNER, [VENT])
 
 
 def test_outline_used_as_observation_agrees_with_its_run(run):

@@ -224,7 +224,9 @@ def test_blocks_are_found_and_exceptions_have_reasons() -> None:
 def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     environment = _environment(shop)
     if 'run: together' in block.remarks:
-        commands = [_with_free_port(command) for command in _commands(block)]
+        # the port of the document may be in use
+        commands = [re.sub(r'^(lava watch.*?)( --port \d+)?$', r'\1 --port 0', command)
+                    for command in _commands(block)]
         _run_together(commands, shop, environment)
         return
     monkeypatch.chdir(shop)
@@ -241,12 +243,6 @@ def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.Monk
             )
             status, output = done.returncode, [done.stdout, done.stderr]
         assert status == 0, '\n'.join([f'{block}: {command}', *output])
-
-
-def _with_free_port(command: str) -> str:
-    if not command.startswith('lava watch'):
-        return command
-    return re.sub(r'( --port \d+)?$', ' --port 0', command, count=1)
 
 
 def _run_together(commands: list[str], folder: Path, environment: dict[str, str]) -> None:

@@ -4,7 +4,6 @@
 """Descriptions of the package agree with the package."""
 
 import ast
-from functools import cache
 import importlib
 import json
 from pathlib import Path
@@ -75,7 +74,6 @@ def test_settings_that_no_other_test_needs() -> None:
     assert 'docs/images' not in (ROOT / 'Makefile').read_text()
 
 
-@cache
 def _imports() -> set[str]:
     found: set[str] = set()
     for path in (ROOT / 'lava_ros').rglob('*.py'):
@@ -85,10 +83,6 @@ def _imports() -> set[str]:
             if isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 found.add(node.module.split('.')[0])
     return found - set(sys.stdlib_module_names) - {'lava_ros'}
-
-
-def _is_ros(module: str) -> bool:
-    return module in ROS_MODULES or module.endswith(('_msgs', '_srvs', '_interfaces'))
 
 
 def test_name_version_and_contact_agree() -> None:
@@ -174,11 +168,13 @@ def test_image_contains_the_package(installed: dict[str, list[str]], tmp_path: P
 
 
 def test_imported_packages_are_declared() -> None:
-    of_ros = {name for name in _imports() if _is_ros(name)}
+    imports = _imports()
+    of_ros = {name for name in imports if name.endswith(('_msgs', '_srvs', '_interfaces'))}
+    of_ros |= ROS_MODULES & imports
     declared = {item.text for item in MANIFEST.findall('exec_depend')}
     assert of_ros - {'grid_map_msgs'} <= declared
     requirements = [*PROJECT['dependencies'], *EXTRAS['all']]
-    needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in _imports() - of_ros}
+    needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in imports - of_ros}
     assert needed <= {_canonical(Requirement(item).name) for item in requirements}
 
 

@@ -16,7 +16,6 @@ from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_cas
 from lava_ros.bag import BagReader
 from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
 from lava_ros.maps.frames import Recording
-from lava_ros.pages.runs import read_run
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
 
@@ -89,25 +88,6 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert frame.time == times[-1] == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4
     assert Recording(out / 'bag').frame_at(times[1]).time == times[1]
-
-
-def test_maps_and_bag_of_a_hindcast_agree(valley, tmp_path):
-    done(*valley)
-    done('export', tmp_path / 'out/bag', '-o', tmp_path / 'maps')
-    for name in ('thickness', 'arrival'):
-        with (
-            rasterio.open(tmp_path / f'out/{name}.tif') as file,
-            rasterio.open(tmp_path / f'maps/{name}.tif') as exported,
-        ):
-            assert file.nodata == exported.nodata and file.units == exported.units
-            tags = ('scene', 'effects', 'preset', 'lava_ros', 'observation')
-            assert [file.tags()[tag] for tag in tags] == [exported.tags()[tag] for tag in tags]
-            if name == 'thickness':
-                np.testing.assert_array_equal(file.read(1), exported.read(1))
-    # no vent emits at the end, but pages still show the vents
-    assert not len(Recording(tmp_path / 'out/bag').frame_at().vents)
-    vents = read_run(tmp_path / 'out/bag').panels['thickness'].frame.vents
-    np.testing.assert_allclose(vents + CORNER, [VENT])
 
 
 def test_the_number_of_maps_does_not_change_the_result(tmp_path):

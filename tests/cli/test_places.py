@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
-import yaml
 
 from cli.calls import done, refused
+from cli.inputs import ensemble_words, write_outline, write_scene
 from recording import growing, record, TERRAIN
 
 #: Points along the flow of the ensemble [m, map frame].
@@ -136,22 +136,9 @@ def test_table_up_to_a_time_leaves_out_later_arrivals(bag: Path, tmp_path: Path)
 def ensemble(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run six members, of which few flow far."""
     folder = tmp_path_factory.mktemp('ensemble')
-    np.savez(
-        folder / 'ground.npz', elevation=TERRAIN.elevation, resolution=5.0, epsg=32633,
-        origin=TERRAIN.origin, offset=TERRAIN.offset,
-    )
-    (folder / 'scene.yaml').write_text(yaml.safe_dump({
-        'terrain': {'file': 'ground.npz'},
-        'vents': [{'position': [50.0, 95.0], 'discharge': 4.0, 'radius': 8.0}],
-        'uncertainty': {
-            'position': {'deviation': 10.0},
-            'discharge': {'distribution': 'loguniform', 'low': 0.3, 'high': 3.0},
-        },
-    }))
-    done(
-        'ensemble', folder / 'scene.yaml', '-o', folder / 'members', '--members', 6,
-        '--horizon', '3min', '--workers', 1, '--device', 'cpu',
-    )
+    rates = {'distribution': 'loguniform', 'low': 0.3, 'high': 3.0}
+    write_scene(folder, 4.0, {'position': {'deviation': 10.0}, 'discharge': rates})
+    done(*ensemble_words(folder, 6))
     return folder / 'members'
 
 
@@ -196,17 +183,11 @@ def test_table_of_an_ensemble_equals_its_geotiffs(ensemble: Path, tmp_path: Path
 
 
 def test_table_uses_the_weights_of_members(ensemble: Path, tmp_path: Path) -> None:
-    scene = ensemble.parent / 'scene.yaml'
-    ensemble = Path(shutil.copytree(ensemble, tmp_path / 'members'))
-    crs = {'properties': {'name': 'EPSG:32633'}}
+    folder = Path(shutil.copytree(ensemble.parent, tmp_path / 'ensemble'))
     ring = np.array([(20, 75), (60, 75), (60, 115), (20, 115), (20, 75)]) + TERRAIN.offset
-    area = {'type': 'Polygon', 'coordinates': [ring.tolist()], 'crs': crs}
-    (tmp_path / 'seen.geojson').write_text(json.dumps(area))
-    done(
-        'ensemble', scene, '-o', ensemble, '--members', 6, '--horizon', '3min', '--workers', 1,
-        '--device', 'cpu', '--observed', tmp_path / 'seen.geojson', '--observed-at', '2min',
-    )
-    ensemble = ensemble / 'weighted'
+    outline = write_outline(tmp_path / 'outline.geojson', ring)
+    done(*ensemble_words(folder, 6), '--observed', outline, '--observed-at', '2min')
+    ensemble = folder / 'members/weighted'
     found = table(ensemble, write_places(tmp_path / 'a.geojson'), folder=tmp_path)
     likely = values_at(ensemble / 'inundation_probability.tif', POINTS)
     assert any(value % (100.0 / 6) > 0.1 for value in likely.values())

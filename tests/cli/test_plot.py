@@ -18,9 +18,9 @@ import pytest
 import rasterio
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.warp import transform
-import yaml
 
 from cli.calls import done, refused
+from cli.inputs import ensemble_words, write_outline, write_scene
 from command_line import lava
 from lava_ros.maps.export import MAPS
 from lava_ros.scene import Terrain
@@ -44,33 +44,17 @@ def bag(tmp_path_factory):
 def ensemble(tmp_path_factory):
     """Run four members on the terrain of the bag."""
     folder = tmp_path_factory.mktemp('ensemble')
-    np.savez(
-        folder / 'ground.npz', elevation=TERRAIN.elevation, resolution=5.0, epsg=32633,
-        origin=TERRAIN.origin, offset=TERRAIN.offset, source='a slope of tests',
-    )
-    (folder / 'scene.yaml').write_text(yaml.safe_dump({
-        'terrain': {'file': 'ground.npz'},
-        'vents': [{'position': [50.0, 95.0], 'discharge': 3.0, 'radius': 8.0}],
-        'uncertainty': {'position': {'deviation': 5.0}},
-    }))
-    done(*ensemble_words(folder))
+    write_scene(folder, 3.0, {'position': {'deviation': 5.0}})
+    done(*ensemble_words(folder, 4))
     return folder / 'members'
-
-
-def ensemble_words(folder: Path) -> list[object]:
-    words = ['ensemble', folder / 'scene.yaml', '-o', folder / 'members', '--members']
-    return [*words, '4', '--horizon', '3min', '--workers', '1', '--device', 'cpu']
 
 
 @pytest.fixture
 def outline(tmp_path):
     """Write an observed outline that overlaps both flows."""
-    crs = {'properties': {'name': 'EPSG:32633'}}
     ring = [[499_950, 4_180_070], [500_060, 4_180_070], [500_060, 4_180_120],
             [499_950, 4_180_120], [499_950, 4_180_070]]
-    area = {'type': 'Polygon', 'coordinates': [ring], 'crs': crs}
-    (tmp_path / 'outline.geojson').write_text(json.dumps(area))
-    return str(tmp_path / 'outline.geojson')
+    return str(write_outline(tmp_path / 'outline.geojson', ring))
 
 
 def test_plot_describes_a_bag(bag, tmp_path):
@@ -113,7 +97,7 @@ def test_isochrones_of_an_ensemble_are_nested(ensemble):
 
 
 def test_ensemble_adds_a_format_when_run_again(ensemble, monkeypatch):
-    words = [*ensemble_words(ensemble.parent), '--formats', 'gpkg']
+    words = [*ensemble_words(ensemble.parent, 4), '--formats', 'gpkg']
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, 'pyogrio', None)
         assert "pip install 'lava_ros[terrain]'" in refused(*words)
@@ -230,13 +214,11 @@ def test_onset_of_a_bag_gives_dates(tmp_path, caplog):
 
 @pytest.mark.parametrize('command', ['plot', 'report'])
 def test_observed_lava_off_the_map_is_refused(command, bag, ensemble, tmp_path):
-    crs = {'properties': {'name': 'EPSG:32633'}}
     ring = [[0, 0], [100, 0], [100, 100], [0, 100], [0, 0]]
-    area = {'type': 'Polygon', 'coordinates': [ring], 'crs': crs}
-    (tmp_path / 'far.geojson').write_text(json.dumps(area))
+    far = write_outline(tmp_path / 'far.geojson', ring)
     page = tmp_path / {'plot': 'a.png', 'report': 'a.html'}[command]
     for run in (ensemble, bag) if command == 'plot' else (ensemble,):
-        output = refused(command, run, '-o', page, '--observed', tmp_path / 'far.geojson')
+        output = refused(command, run, '-o', page, '--observed', far)
         assert re.search('--observed is .*far.geojson.*observed lava on the terrain', output)
     assert not page.exists()
 

@@ -31,9 +31,8 @@ from lava_ros.forecast.sentinels import is_sentinel
 from lava_ros.forecast.store import maps_at, Store
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy
+from slope_scenes import uncertain_scene
 
 PLAN = disc_plan()
 MEMBERS = draw_members(PLAN.scene, 70)
@@ -94,51 +93,31 @@ def test_maps_are_published_while_members_run(tmp_path: Path) -> None:
     assert same(recorded[0], run(tmp_path / 'b', count=16).maps)
 
 
-def _replaced(path: Path, **arrays: Any) -> None:
+def _change(path: Path, name: str, value: Any) -> None:
+    """Replace an array of a member, or its first cell by an integer; None removes it."""
     with np.load(path) as stored:
-        kept = {name: value for name, value in {**stored, **arrays}.items() if value is not None}
+        arrays = dict(stored)
+    if isinstance(value, int):
+        arrays[name].flat[0] = value
+    else:
+        arrays[name] = value
     with path.open('wb') as file:
-        np.savez(file, **kept)
+        np.savez(file, **{name: value for name, value in arrays.items() if value is not None})
 
 
-def _with_cell(name: str, value: int) -> Callable[[Path], None]:
-    def damage(path: Path) -> None:
-        with np.load(path) as stored:
-            values = stored[name]
-        values.flat[0] = value
-        _replaced(path, **{name: values})
-
-    return damage
-
-
-#: Invalid arrays of a member, and how the error begins.
-WRONG_ARRAYS: dict[str, tuple[Callable[[Path], object], str]] = {
-    'a row of looks': (
-        lambda path: _replaced(path, look=np.zeros(3, np.uint16)), 'look of PATH is .* shape',
-    ),
-    'other cells': (
-        lambda path: _replaced(path, millimetres=np.zeros((2, 3), np.uint32)),
-        r'millimetres of PATH is .* shape \(2, 3\)',
-    ),
-    'metres': (
-        lambda path: _replaced(path, millimetres=np.full((2, 3), np.nan)),
-        'millimetres of PATH is .*float64',
-    ),
-    'no looks': (lambda path: _replaced(path, look=None), 'look of PATH is missing'),
-    'three corners': (
-        lambda path: _replaced(path, corner=np.zeros(3, np.int32)), r'corner of PATH is .*\(3,\)',
-    ),
-    'a corner far away': (
-        lambda path: _replaced(path, corner=np.array([0, 2**31 - 1], np.int32)),
-        'corner of PATH is 2147483647',
-    ),
-    'a corner before the first cell': (
-        lambda path: _replaced(path, corner=np.array([-1, 0], np.int32)), 'corner of PATH is -1',
-    ),
-    'a late look': (_with_cell('look', 60), 'look of PATH is 60'),
-    'lava of 4295 km': (_with_cell('millimetres', 2**32 - 1), 'millimetres of PATH is 4294967295'),
-    'no fraction': (lambda path: _replaced(path, left=np.array([np.nan])), 'left of PATH is nan'),
-    'a fraction of 7': (lambda path: _replaced(path, left=np.array([7.0])), 'left of PATH is 7.0'),
+#: Invalid arrays of a member: name, value and error.
+WRONG_ARRAYS: dict[str, tuple[str, Any, str]] = {
+    'a row of looks': ('look', np.zeros(3, np.uint16), 'is .* shape'),
+    'other cells': ('millimetres', np.zeros((2, 3), np.uint32), r'is .* shape \(2, 3\)'),
+    'metres': ('millimetres', np.full((2, 3), np.nan), 'is .*float64'),
+    'no looks': ('look', None, 'is missing'),
+    'three corners': ('corner', np.zeros(3, np.int32), r'is .*\(3,\)'),
+    'a corner far away': ('corner', np.array([0, 2**31 - 1], np.int32), 'is 2147483647'),
+    'a corner before the first cell': ('corner', np.array([-1, 0], np.int32), 'is -1'),
+    'a late look': ('look', 60, 'is 60'),
+    'lava of 4295 km': ('millimetres', 2**32 - 1, 'is 4294967295'),
+    'no fraction': ('left', np.array([np.nan]), 'is nan'),
+    'a fraction of 7': ('left', np.array([7.0]), 'is 7.0'),
 }
 
 DAMAGES: dict[str, Callable[[Path], object]] = {
@@ -148,7 +127,8 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
     ),
     'empty': lambda path: path.write_bytes(b''),
     'partial': lambda path: path.rename(path.with_suffix('.123.partial')),
-    **{name: damage for name, (damage, _) in WRONG_ARRAYS.items()},
+    **{key: partial(_change, name=name, value=value)
+       for key, (name, value, _) in WRONG_ARRAYS.items()},
 }
 
 
@@ -167,9 +147,9 @@ def test_wrong_arrays_are_named(
 ) -> None:
     run(tmp_path)
     path = tmp_path / 'members/0000005.npz'
-    change, message = WRONG_ARRAYS[damage]
-    change(path)
-    message = message.replace('PATH', re.escape(str(path)))
+    name, value, error = WRONG_ARRAYS[damage]
+    _change(path, name, value)
+    message = f'{name} of {re.escape(str(path))} {error}'
     none = np.zeros(0, int)
     places = Places((), (), none, none, (), none, none, none, none)
     with pytest.raises(LavaError, match=f'^{message}'):
@@ -233,16 +213,7 @@ Runs = Callable[..., HazardMaps]
 @pytest.fixture(scope='module')
 def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Runs, HazardMaps]:
     """Return a function that runs eight members on a slope, and the maps of one run."""
-    y, x = np.mgrid[0:30, 0:24] * 20.0
-    scene = Scene(
-        Terrain(500.0 - 0.1 * y + 5.0 * np.sin(x / 60.0), 20.0),
-        (Vent((240.0, 100.0), 10.0, radius=30.0),),
-        Lava(viscosity=5e3),
-        uncertainty=uncertainty_from_dict({
-            'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
-            'terrain': {'deviation': 1.0, 'correlation': 60.0},
-        }),
-    )
+    scene = uncertain_scene(10.0)
     plan, members = make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20), 8
 
     def runs(folder: Path, runner: Any, **options: Any) -> HazardMaps:

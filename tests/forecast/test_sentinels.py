@@ -28,26 +28,16 @@ from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.sentinels import CalledEffect, is_sentinel, MAX_SENTINELS, REVIEWS
 from lava_ros.forecast.store import Store
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from slope_scenes import uncertain_scene
 
 COUNT = 34
 
 
 def pulse(**options: Any) -> Plan:
     """Return the plan of a vent that soon closes: yield strength matters where lava thins."""
-    y, x = np.mgrid[0:30, 0:24] * 20.0
-    scene = Scene(
-        Terrain(500.0 - 0.1 * y + 5.0 * np.sin(x / 60.0), 20.0),
-        (Vent((240.0, 100.0), ((0.0, 10.0), (300.0, 0.0)), radius=30.0),),
-        Lava(viscosity=5e3, yield_strength=12.0),
-        uncertainty=uncertainty_from_dict({
-            'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
-            'terrain': {'deviation': 1.0, 'correlation': 60.0},
-        }),
-    )
+    scene = uncertain_scene(((0.0, 10.0), (300.0, 0.0)), yield_strength=12.0)
     return make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20, **options)
 
 

@@ -108,10 +108,6 @@ def _spliced(chance: random.Random, topic: str, valid: dict[str, bytes]) -> byte
     return data[:end] + data[start:]
 
 
-def _another_type(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
-    return valid[chance.choice(list(valid))]
-
-
 def _one_insane(chance: random.Random, topic: str, _: Any) -> bytes:
     """Replace one value of a valid message, so that no other value hides it."""
     message = _VALID[topic]()
@@ -143,6 +139,6 @@ def _insane(chance: random.Random, topic: str, _: Any) -> bytes:
 
 _KINDS: dict[str, Callable[[random.Random, str, dict[str, bytes]], bytes]] = {
     'random bytes': _random_bytes, 'cut short': _cut_short, 'bits flipped': _bits_flipped,
-    'spliced': _spliced, 'another type': _another_type, 'insane values': _insane,
-    'one insane value': _one_insane,
+    'spliced': _spliced, 'insane values': _insane, 'one insane value': _one_insane,
+    'another type': lambda chance, _, valid: valid[chance.choice(list(valid))],
 }

@@ -124,17 +124,9 @@ def _scene(folder: Path, tree: Any) -> Path:
     return _yaml(folder / 'scene.yaml', tree)
 
 
-def _case(folder: Path, tree: Any) -> Path:
-    return _yaml(write_case(folder / 'case', hours=0.5) / 'case.yaml', tree)
-
-
 def _yaml(path: Path, tree: Any) -> Path:
     path.write_text(yaml.safe_dump(tree, sort_keys=False, allow_unicode=True), encoding='utf-8')
     return path
-
-
-def _known_scene(path: Path) -> Any:
-    return _of_scene(scene_from_yaml(path))
 
 
 def _known_case(path: Path) -> Any:
@@ -248,7 +240,8 @@ DOCUMENTS = (
             'gravity': 9.7, 'ambient_temperature': 290.0,
             'uncertainty': {'effusion_rate': _FACTOR, 'position': {'radius': 5.0}},
         },
-        _scene, _known_scene, (('terrain',), ('terrain', 'file')), depth=4,
+        _scene, lambda path: _of_scene(scene_from_yaml(path)),
+        (('terrain',), ('terrain', 'file')), depth=4,
     ),
     Document(
         'YAML', {
@@ -261,7 +254,8 @@ DOCUMENTS = (
                 'width': 10.0,
             }}],
         },
-        _case, _known_case, depth=4,
+        lambda folder, tree: _yaml(write_case(folder / 'case', hours=0.5) / 'case.yaml', tree),
+        _known_case, depth=4,
     ),
     Document(
         'YAML', {'layers': {

@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from launch_files.stand_in import Context, start
+from lava_ros.cli.parser import parse_command_line
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros.parameters import constant_parameters, LIFECYCLE, PARAMETERS, SOURCES
 from lava_ros.scene import constants_of
@@ -29,19 +30,18 @@ FILTERS = yaml.safe_load((ROOT / 'params/nav2_filters.yaml').read_text(encoding=
 
 
 @pytest.mark.parametrize('path', sorted((ROOT / 'launch').glob('*.launch.py')))
-def test_every_argument_is_documented(path, monkeypatch):
+def test_every_parameter_is_a_documented_argument(path, monkeypatch):
     _, declared = start(monkeypatch, path)
-    assert declared
+    assert set(SPECS) | {'log_level', 'respawn', 'params_file'} <= set(declared)
     for argument in declared.values():
         assert argument.description and argument.default_value != (), argument.name
 
 
 def test_only_given_arguments_become_parameters(monkeypatch):
-    (node,), declared = start(monkeypatch, LAVA)
+    (node,), _ = start(monkeypatch, LAVA)
     assert node.command == ['lava_ros:lava_node', '--ros-args', '--log-level', 'info']
     assert node.name == 'lava'
     assert node.parameters == {}
-    assert set(SPECS) <= set(declared)
     given = {name: yaml.safe_dump(spec.default, default_flow_style=True).removesuffix('...\n')
              for name, spec in SPECS.items() if spec.default != ''}
     (whole,), _ = start(monkeypatch, LAVA, **given)
@@ -68,11 +68,6 @@ def test_arguments_reach_the_node_with_their_type(monkeypatch):
     assert all(type(node.parameters[name]) is type(value) for name, value in values.items())
 
 
-def test_every_parameter_is_an_argument_of_the_keepout_file(monkeypatch):
-    _, declared = start(monkeypatch, KEEPOUT)
-    assert set(SPECS) | {'log_level', 'respawn', 'params_file', 'filters_file'} <= set(declared)
-
-
 def test_launch_arguments_are_up_to_date():
     module = load_script(ROOT / 'docs/parameters.py')
     text = (ROOT / 'launch/lava_parameters.yaml').read_text(encoding='utf-8')
@@ -92,14 +87,17 @@ def test_launch_arguments_are_up_to_date():
         (BOTH, {'params_file': 'none.yaml'}, "params_file is 'none.yaml', expected a file"),
         (MASKS, {'filters_file': 'none.yaml'}, "filters_file is 'none.yaml', expected a file"),
         (MASKS, {'msg_config': 'none.yaml'}, "msg_config is 'none.yaml', expected a file of lay"),
+        (BOTH, {'rviz': 'true', 'missing': 'rviz2'}, 'rviz2'),
+        (MASKS, {'missing': 'nav2_map_server'}, 'nav2_map_server'),
+        (MASKS, {'missing': 'nav2_lifecycle_manager'}, 'nav2_lifecycle_manager'),
         # no mask would be published, although the servers announce it
         (MASKS, {'msg_config': 'default.yaml'}, 'a file with a layer keepout_mask or speed_mask'),
     ],
 )
-def test_wrong_arguments_start_nothing(monkeypatch, paths, arguments, words):
+def test_wrong_arguments_and_missing_packages_start_nothing(monkeypatch, paths, arguments, words):
     started = []
     for path in paths:
-        with pytest.raises(RuntimeError, match=words):
+        with pytest.raises((RuntimeError, LookupError), match=words):
             start(monkeypatch, path, processes=started, **arguments)
     assert started == []
 
@@ -146,27 +144,13 @@ def test_replay_replaces_the_node(monkeypatch):
         ['rviz2:rviz2', '-d', str(ROOT / 'rviz/lava.rviz')],
     ]
     assert processes[1].parameters == {}
+    args = parse_command_line(processes[0].command[1:])
+    assert (args.command, args.bag, args.rate) == ('replay', 'bags/demo', 10.0)
     assert [process.namespace for process in processes] == ['', '']
     processes, _ = start(monkeypatch, LAVA, replay='bags/demo', rviz='true', namespace='etna')
     assert [process.namespace for process in processes] == ['etna', 'etna']
     (_, viewer), _ = start(monkeypatch, LAVA, rviz='true', use_sim_time='true')
     assert viewer.parameters == {'use_sim_time': True}
-
-
-@pytest.mark.parametrize(
-    ('path', 'words', 'missing'),
-    [
-        (LAVA, {'rviz': 'true'}, 'rviz2'),
-        (KEEPOUT, {'rviz': 'true'}, 'rviz2'),
-        (KEEPOUT, {}, 'nav2_map_server'),
-        (KEEPOUT, {}, 'nav2_lifecycle_manager'),
-    ],
-)
-def test_missing_packages_start_nothing(monkeypatch, path, words, missing):
-    started = []
-    with pytest.raises(LookupError, match=missing):
-        start(monkeypatch, path, processes=started, missing=missing, **words)
-    assert started == []
 
 
 @pytest.mark.parametrize(
@@ -189,20 +173,12 @@ def test_mask_topics_are_in_the_namespace_of_the_node(monkeypatch, pushed, names
         assert topic == f'{space}/{word}_mask'
 
 
-def test_replay_command_can_be_parsed(monkeypatch):
-    from lava_ros.cli.parser import parse_command_line
-
-    (replay,), _ = start(monkeypatch, LAVA, replay='bags/demo')
-    args = parse_command_line(replay.command[1:])
-    assert (args.command, args.bag, args.rate) == ('replay', 'bags/demo', 1.0)
-
-
 def test_keepout_starts_node_info_servers_and_manager(monkeypatch):
     processes, declared = start(monkeypatch, KEEPOUT, scene='etna.yaml')
     by_name = {process.name: process for process in processes}
     assert by_name['lava'].parameters['msg_config'] == 'nav2_speed.yaml'
     assert by_name['lava'].parameters['scene'] == 'etna.yaml'
-    assert {'time_scale', 'rviz', 'replay'} <= set(declared)
+    assert {'rviz', 'replay', 'filters_file'} <= set(declared)
     servers = [name for name in by_name if name.endswith('_info_server')]
     manager = by_name['lifecycle_manager_lava_filters']
     assert manager.command[0] == 'nav2_lifecycle_manager:lifecycle_manager'
