@@ -71,7 +71,3 @@ def test_signal_ignored_by_nohup_stays_ignored() -> None:
     done = interrupted('lava', '--version', module='lava_ros.cli.main', handler='SIG_IGN')
     assert done.returncode == 0
     assert done.stdout.startswith('interrupted\nlava_ros ')
-
-
-def test_all_programs_are_tested() -> None:
-    assert set(PROGRAMS) == {'lava', 'lava_node'}

@@ -13,7 +13,6 @@ from types import SimpleNamespace
 from typing import Any
 
 from packaging.requirements import Requirement
-from packaging.specifiers import SpecifierSet
 import pytest
 
 from command_line import lava
@@ -55,12 +54,9 @@ def test_packages_equal_those_of_pyproject():
 
 
 def test_versions_are_compared_as_numbers():
-    for version, bounds in (('1.19.0', '>=1.9,<2'), ('6.0.3', '>=6,<7'), ('1.3.10', '>=1.3.10')):
-        lowest = bounds.split(',')[0].lstrip('>=')
-        assert SpecifierSet(bounds).contains(version)
-        assert doctor._parts(version) >= doctor._parts(lowest)
-    assert doctor._parts('2.0.0rc1') == (2, 0)
-    assert doctor._parts('10') > doctor._parts('9.9')
+    for higher, lower in (('1.19.0', '1.9'), ('6.0.3', '6'), ('10', '9.9')):
+        assert doctor._parts(higher) > doctor._parts(lower)
+    assert doctor._parts('1.3.10') == (1, 3, 10) and doctor._parts('2.0.0rc1') == (2, 0)
 
 
 def test_missing_and_untested_packages_are_reported(monkeypatch):

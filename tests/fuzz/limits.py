@@ -11,7 +11,7 @@ import signal
 
 
 @contextmanager
-def bounded(memory: int, patience: int = 120) -> Iterator[None]:
+def bounded(memory: int = 3 << 30, patience: int = 120) -> Iterator[None]:
     """Raise an error if memory grows by more than a limit [bytes], or after a time [s]."""
 
     def end(*_: object) -> None:

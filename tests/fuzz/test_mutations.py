@@ -19,9 +19,6 @@ from fuzz.limits import bounded
 from fuzz.mutations import change, damaged, Document, DOCUMENTS, KINDS
 from lava_ros.errors import LavaError
 
-#: Maximum growth of memory while a file is read [bytes].
-MEMORY = 3 << 30
-
 #: Files of each kind: 25 in every test run, 500 in `make nightly`.
 FILES = max(1, settings.default.max_examples // 4)
 
@@ -47,7 +44,7 @@ def outcome(document: Document, path: Path, caplog: Any) -> tuple[str | None, st
     """Return the result of a file, None if it is refused, and the error or log."""
     caplog.clear()
     try:
-        with bounded(MEMORY), warnings.catch_warnings():
+        with bounded(), warnings.catch_warnings():
             # numpy warns of a number that was not checked
             warnings.simplefilter('error', RuntimeWarning)
             result = repr(document.read(path))

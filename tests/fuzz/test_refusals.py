@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from fuzz.files import grid
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict
@@ -267,23 +266,6 @@ def test_refuses_random_bytes_as_a_terrain(data, ending, tmp_path_factory):
     path.write_bytes(data)
     with pytest.raises(LavaError):
         load_terrain(path)
-
-
-@given(data=st.data())
-def test_damaged_terrain_files_are_read_or_refused(data, tmp_path_factory):
-    path = tmp_path_factory.mktemp('file') / f'ground.{data.draw(st.sampled_from(("npz", "asc")))}'
-    if path.suffix == '.npz':
-        np.savez(path, elevation=GROUND.elevation, resolution=10.0)
-    else:
-        path.write_text(grid(0, 0, GROUND.elevation))
-    content = bytearray(path.read_bytes())
-    for _ in range(data.draw(st.integers(1, 5))):
-        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    path.write_bytes(content[: data.draw(st.integers(1, len(content)))])
-    try:
-        assert isinstance(load_terrain(path), Terrain)
-    except LavaError as error:
-        assert error.field
 
 
 PARAMETERS = {
