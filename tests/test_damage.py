@@ -135,15 +135,12 @@ def test_damaged_description_is_replaced_by_its_copy(bag: Path, tmp_path: Path, 
     assert list(BagReader(tmp_path / 'new').messages()) == whole
 
 
-@pytest.mark.parametrize(
-    ('opcode', 'offset', 'report'),
-    [
-        (Opcode.STATISTICS, FRAME.size, 'the index at the end of'),
-        (Opcode.FOOTER, FRAME.size + 1, 'the index at the end of'),
-        (Opcode.DATA_END, FRAME.size, 'the data outside of chunks and attachments'),
-        (Opcode.MESSAGE_INDEX, FRAME.size + 8, 'the data outside of chunks and attachments'),
-    ],
-)
+@pytest.mark.parametrize(('opcode', 'offset', 'report'), [
+    (Opcode.STATISTICS, FRAME.size, 'the index at the end of'),
+    (Opcode.FOOTER, FRAME.size + 1, 'the index at the end of'),
+    (Opcode.DATA_END, FRAME.size, 'the data outside of chunks and attachments'),
+    (Opcode.MESSAGE_INDEX, FRAME.size + 8, 'the data outside of chunks and attachments'),
+])
 def test_each_section_has_a_checksum(bag: Path, opcode: Opcode, offset: int, report: str) -> None:
     path = bag / 'bag_0.mcap'
     whole = list(BagReader(bag).messages())

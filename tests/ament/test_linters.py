@@ -28,13 +28,10 @@ ARGUMENTS = {
 
 
 @pytest.mark.linter
-@pytest.mark.parametrize(
-    'name',
-    [
-        pytest.param(name, marks=getattr(pytest.mark, name))
-        for name in ARGUMENTS
-        if find_spec(f'ament_{name}')
-    ],
-)
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=getattr(pytest.mark, name))
+    for name in ARGUMENTS
+    if find_spec(f'ament_{name}')
+])
 def test_code_passes_the_linter(name: str) -> None:
     assert import_module(f'ament_{name}.main').main(argv=ARGUMENTS[name]) == 0

@@ -130,18 +130,15 @@ def test_verify_shows_progress_before_a_case_runs(monkeypatch):
     assert (status, printed) == (130, '  0 %  1 of 1: a fake\n')
 
 
-@pytest.mark.parametrize(
-    ('errors', 'words', 'status'),
-    [
-        # outside, or not measured
-        ((0.001, 0.02), (), 1),
-        ((math.nan, 0.001), (), 1),
-        # a cheaper preset has a wider bound
-        ((0.015, 0.001), ('--preset', 'draft'), 0),
-        ((0.015, 0.001), ('--preset', 'standard'), 1),
-        ((0.001, 0.02), ('--json', '-'), 1),
-    ],
-)
+@pytest.mark.parametrize(('errors', 'words', 'status'), [
+    # outside, or not measured
+    ((0.001, 0.02), (), 1),
+    ((math.nan, 0.001), (), 1),
+    # a cheaper preset has a wider bound
+    ((0.015, 0.001), ('--preset', 'draft'), 0),
+    ((0.015, 0.001), ('--preset', 'standard'), 1),
+    ((0.001, 0.02), ('--json', '-'), 1),
+])
 def test_verify_fails_when_an_error_exceeds_its_bound(errors, words, status, monkeypatch):
     def run(accuracy: object, device: str) -> Run:
         first, second = errors

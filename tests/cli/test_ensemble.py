@@ -119,30 +119,27 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path, bui
     assert json.loads(report.read_text())['resumed'] == 2
 
 
-@pytest.mark.parametrize(
-    ('words', 'named'),
-    [
-        (('--barriers-at', '1h'), '--barriers-at'),
-        (('--places', 'hut.csv'), '--places'),
-        (('--barriers', 'none.geojson'), '--barriers'),
-        (('--barriers', 'hut.csv'), 'a line'),
-        (('--emplaced-as', 'ground'), '--emplaced-as'),
-        (('--emplaced-flow', 'hut.csv', '--emplaced-thickness', '3'), 'at least one area'),
-        (('--terrain-at', '1h', 'none.tif'), 'none.tif'),
-        (('--terrain-at', '-1h', 'ground.npz'), '--terrain-at'),
-        (('--members', '0'), 'members'),
-        (('--horizon', 'soon'), '--horizon'),
-        (('--horizon=-1h',), '--horizon'),
-        (('--workers', '0'), '--workers'),
-        (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
-        (('--device', 'cuda:77'), '--device'),
-        (('--observed', 'outline.tif'), '--observed-at'),
-        (('--observed', 'none.tif', '--observed-at', '1h'), '--observed'),
-        (('--susceptibility', 'none.tif'), '--susceptibility'),
-        (('--json', 'none/report.json'), '--json'),
-        (('--threshold', '-1'), 'threshold'),
-    ],
-)
+@pytest.mark.parametrize(('words', 'named'), [
+    (('--barriers-at', '1h'), '--barriers-at'),
+    (('--places', 'hut.csv'), '--places'),
+    (('--barriers', 'none.geojson'), '--barriers'),
+    (('--barriers', 'hut.csv'), 'a line'),
+    (('--emplaced-as', 'ground'), '--emplaced-as'),
+    (('--emplaced-flow', 'hut.csv', '--emplaced-thickness', '3'), 'at least one area'),
+    (('--terrain-at', '1h', 'none.tif'), 'none.tif'),
+    (('--terrain-at', '-1h', 'ground.npz'), '--terrain-at'),
+    (('--members', '0'), 'members'),
+    (('--horizon', 'soon'), '--horizon'),
+    (('--horizon=-1h',), '--horizon'),
+    (('--workers', '0'), '--workers'),
+    (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
+    (('--device', 'cuda:77'), '--device'),
+    (('--observed', 'outline.tif'), '--observed-at'),
+    (('--observed', 'none.tif', '--observed-at', '1h'), '--observed'),
+    (('--susceptibility', 'none.tif'), '--susceptibility'),
+    (('--json', 'none/report.json'), '--json'),
+    (('--threshold', '-1'), 'threshold'),
+])
 def test_refuses_unusable_options(scene, lines, tmp_path, monkeypatch, words, named):
     monkeypatch.chdir(tmp_path)
     error = refused('ensemble', scene, '-o', 'out', *words)

@@ -239,15 +239,12 @@ def test_barriers_of_a_file_have_their_own_heights(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ('words', 'named'),
-    [
-        (['--line', '1,2'], '--height'),
-        (['--line', '1;2', '3;4', '--height', '5'], 'easting,northing'),
-        (['--line', '1,2', '3,4', '--height', '5'], 'a line on the terrain'),
-        ([], '--low-pass'),
-    ],
-)
+@pytest.mark.parametrize(('words', 'named'), [
+    (['--line', '1,2'], '--height'),
+    (['--line', '1;2', '3;4', '--height', '5'], 'easting,northing'),
+    (['--line', '1,2', '3,4', '--height', '5'], 'a line on the terrain'),
+    ([], '--low-pass'),
+])
 def test_refuses_unusable_barriers(words, named, tmp_path):
     case = write_case(tmp_path / 'valley')
     assert named in refused('barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', *words)

@@ -105,16 +105,13 @@ CHANGES = [
 ORIGIN = {'bag': 'bags/first', 'time': 1234.5, 'stamp_ns': 7}
 
 
-@pytest.mark.parametrize(
-    ('name', 'value', 'shown'),
-    [
-        ('effects', CHANGES, [
-            'effects', '  steep            on: slope = 0.8 > 0.12', '  changed at 60.0 s',
-            '  steep            off: forced',
-        ]),
-        ('resumed_from', ORIGIN, ['resumed    at 1234.500 s simulated, from bags/first']),
-    ],
-)
+@pytest.mark.parametrize(('name', 'value', 'shown'), [
+    ('effects', CHANGES, [
+        'effects', '  steep            on: slope = 0.8 > 0.12', '  changed at 60.0 s',
+        '  steep            off: forced',
+    ]),
+    ('resumed_from', ORIGIN, ['resumed    at 1234.500 s simulated, from bags/first']),
+])
 def test_info_shows_effects_and_the_source_of_a_resumed_run(name, value, shown, tmp_path):
     BagWriter(tmp_path / 'bag', custom_data={name: json.dumps(value)}).close()
     lines, report = info(tmp_path / 'bag')
@@ -124,14 +121,11 @@ def test_info_shows_effects_and_the_source_of_a_resumed_run(name, value, shown, 
     assert report[name] == value
 
 
-@pytest.mark.parametrize(
-    ('name', 'text'),
-    [
-        *(('effects', text) for text in ('[1', '[1]', '{}', '[{"time": 0}]')),
-        *(('resumed_from', text) for text in ('[1]', '{"bag": 1, "time": 2}', 'a bag')),
-        ('scene', '[Etna'),
-    ],
-)
+@pytest.mark.parametrize(('name', 'text'), [
+    *(('effects', text) for text in ('[1', '[1]', '{}', '[{"time": 0}]')),
+    *(('resumed_from', text) for text in ('[1]', '{"bag": 1, "time": 2}', 'a bag')),
+    ('scene', '[Etna'),
+])
 def test_info_shows_unreadable_data_as_shortened_text(name, text, tmp_path):
     data = {name: text, 'long': 'x ' * 100}
     BagWriter(tmp_path / 'bag', custom_data=data).close()

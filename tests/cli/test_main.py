@@ -36,59 +36,56 @@ ROOT = Path(__file__).parents[2]
 TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
 
 
-@pytest.mark.parametrize(
-    ('line', 'named'),
-    [
-        ('plot none -o a.png', 'bag is'),
-        ('info none', 'bag is'),
-        ('export none -o out', 'bag is'),
-        ('animate none -o a.gif', 'bag is'),
-        ('report none -o a.html', 'bag is'),
-        # YAML's message of several lines becomes one
-        ('effects file', "scene is 'file', expected"),
-        ('feed --terrain none', 'none'),
-        ('feed --scene none', 'none'),
-        ('demo --duration -1', '--duration is'),
-        ('demo --max-speed 0', '--max-speed is'),
-        ('demo --domain 500', '--domain is'),
-        ('demo --forecast --members 1', '--members is 1'),
-        ('demo --forecast --max-speed 0', '--max-speed is 0'),
-        ('demo --forecast --domain 500', '--domain is 500'),
-        ('demo --forecast --json missing/out.json', '--json is'),
-        ('demo --forecast --scene file', 'no --scene together with --forecast'),
-        ('demo --members 8', 'no --members without --forecast'),
-        ('accuracy --case none', '--case is'),
-        ('accuracy --device cuda:77', '--device is'),
-        ('accuracy --repetitions 0', '--repetitions is'),
-        ('accuracy --output file/folder', '--output is'),
-        ('accuracy --json none/a.json', '--json is'),
-        ('verify --preset perfect', '--preset is'),
-        ('verify --preset as-published', '--preset is'),
-        ('verify --case sheet none', '--case is'),
-        ('verify --device tpu', '--device is'),
-        ('verify --json /nowhere/at/all/a.json', '--json is'),
-        ('bench effects --device cuda:77', '--device is'),
-        ('bench effects --repetitions 0', '--repetitions is'),
-        ('bench effects --output none/a.csv', '--output is'),
-        ('bench effects --json .', '--json is'),
-        ('bench effects --device cpu --particles 400 500', 'one number'),
-        ('bench steps --device cpu --particles 400 3', '--particles is'),
-        ('watch nothing.mcap', 'nothing.mcap'),
-        ('watch --port 70000', '--port is 70000'),
-        ('watch bag --namespace /etna', 'no --namespace together with a bag'),
-        ('watch --namespace "/no good"', '--namespace is'),
-        # all commands parse times alike
-        ('demo --duration "1 hour"', TIME),
-        ('effects --horizon "1 hour"', TIME),
-        ('plan --within 9s --horizon "1 hour"', TIME),
-        ('plot bag -o a.png --time "1 hour"', TIME),
-        ('export bag -o out --at "1 hour"', TIME),
-        ('animate bag -o a.gif --seconds "1 hour"', TIME),
-        ('replay bag --start-offset "1 hour"', TIME),
-        ('replay bag --wait-for-subscribers "1 hour"', TIME),
-        ('accuracy --longest "1 hour"', TIME),
-    ],
-)
+@pytest.mark.parametrize(('line', 'named'), [
+    ('plot none -o a.png', 'bag is'),
+    ('info none', 'bag is'),
+    ('export none -o out', 'bag is'),
+    ('animate none -o a.gif', 'bag is'),
+    ('report none -o a.html', 'bag is'),
+    # YAML's message of several lines becomes one
+    ('effects file', "scene is 'file', expected"),
+    ('feed --terrain none', 'none'),
+    ('feed --scene none', 'none'),
+    ('demo --duration -1', '--duration is'),
+    ('demo --max-speed 0', '--max-speed is'),
+    ('demo --domain 500', '--domain is'),
+    ('demo --forecast --members 1', '--members is 1'),
+    ('demo --forecast --max-speed 0', '--max-speed is 0'),
+    ('demo --forecast --domain 500', '--domain is 500'),
+    ('demo --forecast --json missing/out.json', '--json is'),
+    ('demo --forecast --scene file', 'no --scene together with --forecast'),
+    ('demo --members 8', 'no --members without --forecast'),
+    ('accuracy --case none', '--case is'),
+    ('accuracy --device cuda:77', '--device is'),
+    ('accuracy --repetitions 0', '--repetitions is'),
+    ('accuracy --output file/folder', '--output is'),
+    ('accuracy --json none/a.json', '--json is'),
+    ('verify --preset perfect', '--preset is'),
+    ('verify --preset as-published', '--preset is'),
+    ('verify --case sheet none', '--case is'),
+    ('verify --device tpu', '--device is'),
+    ('verify --json /nowhere/at/all/a.json', '--json is'),
+    ('bench effects --device cuda:77', '--device is'),
+    ('bench effects --repetitions 0', '--repetitions is'),
+    ('bench effects --output none/a.csv', '--output is'),
+    ('bench effects --json .', '--json is'),
+    ('bench effects --device cpu --particles 400 500', 'one number'),
+    ('bench steps --device cpu --particles 400 3', '--particles is'),
+    ('watch nothing.mcap', 'nothing.mcap'),
+    ('watch --port 70000', '--port is 70000'),
+    ('watch bag --namespace /etna', 'no --namespace together with a bag'),
+    ('watch --namespace "/no good"', '--namespace is'),
+    # all commands parse times alike
+    ('demo --duration "1 hour"', TIME),
+    ('effects --horizon "1 hour"', TIME),
+    ('plan --within 9s --horizon "1 hour"', TIME),
+    ('plot bag -o a.png --time "1 hour"', TIME),
+    ('export bag -o out --at "1 hour"', TIME),
+    ('animate bag -o a.gif --seconds "1 hour"', TIME),
+    ('replay bag --start-offset "1 hour"', TIME),
+    ('replay bag --wait-for-subscribers "1 hour"', TIME),
+    ('accuracy --longest "1 hour"', TIME),
+])
 def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'file').write_text('terrain: {file: a\nvents: [')
@@ -195,15 +192,12 @@ def test_vents_from_a_file(island, tmp_path):
         scene_of(*words)
 
 
-@pytest.mark.parametrize(
-    ('start', 'end', 'series'),
-    [
-        ('', '', ((-math.inf, 9.0),)),
-        ('60', '', ((60.0, 9.0),)),
-        ('', '90', ((0.0, 9.0), (90.0, 0.0))),
-        ('60', '90', ((60.0, 9.0), (90.0, 0.0))),
-    ],
-)
+@pytest.mark.parametrize(('start', 'end', 'series'), [
+    ('', '', ((-math.inf, 9.0),)),
+    ('60', '', ((60.0, 9.0),)),
+    ('', '90', ((0.0, 9.0), (90.0, 0.0))),
+    ('60', '90', ((60.0, 9.0), (90.0, 0.0))),
+])
 def test_vents_of_a_file_open_and_close(start, end, series, island, tmp_path):
     text = f'x,y,q,start_s,end_s\n365300,7650400,9,{start},{end}\n'
     (tmp_path / 'vents.csv').write_text(text)
@@ -252,17 +246,14 @@ def test_options_set_vent_discharge_and_material(place, island, caplog):
     assert re.search(sentence, caplog.text)
 
 
-@pytest.mark.parametrize(
-    ('words', 'sentence'),
-    [
-        (('--vent', '-155.2,19.4'), "--vent is '-155.2,19.4', expected"),
-        (('--vent', '1,2,3'), "--vent is '1,2,3', expected longitude,latitude"),
-        (('--vent', 'nan,1'), "--vent is 'nan,1', expected longitude,latitude"),
-        (('--vent', '364000,7650400'), 'a place on the terrain, which covers easting 365000 to'),
-        (('--discharge', '-3'), 'discharge is -3.0, expected a finite number at least 0'),
-        (('--material', 'obsidian'), "lava.material is 'obsidian', expected one of"),
-    ],
-)
+@pytest.mark.parametrize(('words', 'sentence'), [
+    (('--vent', '-155.2,19.4'), "--vent is '-155.2,19.4', expected"),
+    (('--vent', '1,2,3'), "--vent is '1,2,3', expected longitude,latitude"),
+    (('--vent', 'nan,1'), "--vent is 'nan,1', expected longitude,latitude"),
+    (('--vent', '364000,7650400'), 'a place on the terrain, which covers easting 365000 to'),
+    (('--discharge', '-3'), 'discharge is -3.0, expected a finite number at least 0'),
+    (('--material', 'obsidian'), "lava.material is 'obsidian', expected one of"),
+])
 def test_refuses_unusable_vents(words, sentence, island):
     assert sentence in refused('effects', '--terrain', island, *words)
 
@@ -287,20 +278,17 @@ def test_help_lists_every_command():
         assert done(name, '--help').startswith(f'usage: lava {name} ')
 
 
-@pytest.mark.parametrize(
-    ('words', 'sentence'),
-    [
-        ((), 'lava: the following arguments are required: COMMAND; '),
-        (('dance',), "lava: argument COMMAND: invalid choice: 'dance' (choose from "),
-        (('replay',), 'lava replay: the following arguments are required: bag; '),
-        (('replay', 'b', '--rate', 'x'), "lava replay: argument --rate: invalid float value: 'x'"),
-        (('replay', 'bag', '--rte', '2'), 'lava: unrecognized arguments: --rte 2'),
-        (('info', 'a', 'b'), 'lava: unrecognized arguments: b; '),
-        (('info', 'a', '\x1b[31m'), 'lava: unrecognized arguments: \\x1b[31m; '),
-        (('info', '\udcff'), "lava: an argument is '\\udcff', expected text in UTF-8; "),
-        (('demo', '--preset', 'none'), "lava demo: argument --preset: invalid choice: 'none'"),
-    ],
-)
+@pytest.mark.parametrize(('words', 'sentence'), [
+    ((), 'lava: the following arguments are required: COMMAND; '),
+    (('dance',), "lava: argument COMMAND: invalid choice: 'dance' (choose from "),
+    (('replay',), 'lava replay: the following arguments are required: bag; '),
+    (('replay', 'b', '--rate', 'x'), "lava replay: argument --rate: invalid float value: 'x'"),
+    (('replay', 'bag', '--rte', '2'), 'lava: unrecognized arguments: --rte 2'),
+    (('info', 'a', 'b'), 'lava: unrecognized arguments: b; '),
+    (('info', 'a', '\x1b[31m'), 'lava: unrecognized arguments: \\x1b[31m; '),
+    (('info', '\udcff'), "lava: an argument is '\\udcff', expected text in UTF-8; "),
+    (('demo', '--preset', 'none'), "lava demo: argument --preset: invalid choice: 'none'"),
+])
 def test_wrong_usage_is_one_line(words, sentence):
     output = refused(*words)
     assert output.count('\n') == 1
@@ -336,34 +324,28 @@ def test_help_imports_nothing_heavy():
         assert not HEAVY & set(line.split()), line
 
 
-@pytest.mark.parametrize(
-    ('declared', 'known'),
-    [
-        (options.PRESETS, tuple(presets.PRESETS)),
-        (options.DEFAULT_PRESET, presets.DEFAULT),
-        (options.seconds_of('', options.HORIZON), resolution.HORIZON),
-        (options.MAPS, export.MAPS),
-        (options.SOURCES, layers.SOURCES),
-        (options.FORMATS, export.FORMATS),
-        (plot.DRAWN, tuple(dict.fromkeys((*layers.SOURCES, 'arrival', *runs.ENSEMBLE_MAPS)))),
-        (scene_options.GAPS, effusion_rates.GAPS),
-        (scene_options.EMPLACED_KINDS, emplaced.KINDS),
-        (scene_options.DEFAULT_MATERIAL, materials.DEFAULT),
-    ],
-)
+@pytest.mark.parametrize(('declared', 'known'), [
+    (options.PRESETS, tuple(presets.PRESETS)),
+    (options.DEFAULT_PRESET, presets.DEFAULT),
+    (options.seconds_of('', options.HORIZON), resolution.HORIZON),
+    (options.MAPS, export.MAPS),
+    (options.SOURCES, layers.SOURCES),
+    (options.FORMATS, export.FORMATS),
+    (plot.DRAWN, tuple(dict.fromkeys((*layers.SOURCES, 'arrival', *runs.ENSEMBLE_MAPS)))),
+    (scene_options.GAPS, effusion_rates.GAPS),
+    (scene_options.EMPLACED_KINDS, emplaced.KINDS),
+    (scene_options.DEFAULT_MATERIAL, materials.DEFAULT),
+])
 def test_constants_of_the_parser_equal_those_of_the_package(declared, known):
     assert declared == known
 
 
-@pytest.mark.parametrize(
-    ('line', 'words'),
-    [
-        ('lava do', {'doctor'}),
-        ('lava replay --ra', {'--rate'}),
-        ('lava demo --preset dr', {'draft'}),
-        ('lava effects et', {'etna.yaml'}),
-    ],
-)
+@pytest.mark.parametrize(('line', 'words'), [
+    ('lava do', {'doctor'}),
+    ('lava replay --ra', {'--rate'}),
+    ('lava demo --preset dr', {'draft'}),
+    ('lava effects et', {'etna.yaml'}),
+])
 def test_shell_completes_commands_options_choices_and_files(line, words, tmp_path):
     (tmp_path / 'etna.yaml').write_text('')
     run = [sys.executable, '-m', 'lava_ros.cli.main']

@@ -202,14 +202,11 @@ def test_table_uses_the_weights_of_members(ensemble: Path, tmp_path: Path) -> No
         assert words in error, error
 
 
-@pytest.mark.parametrize(
-    ('text', 'words'),
-    [
-        ('name,x,y\nhut,here,5\n', r"line 2 \(hut\), x is 'here'"),
-        ('name,x,y,x_end,y_end\nroad,500000,4180090,500000,4180090\n', r'\(road\) is .a line'),
-        ('name,east\nhut,5\n', 'the columns x,y'),
-    ],
-)
+@pytest.mark.parametrize(('text', 'words'), [
+    ('name,x,y\nhut,here,5\n', r"line 2 \(hut\), x is 'here'"),
+    ('name,x,y,x_end,y_end\nroad,500000,4180090,500000,4180090\n', r'\(road\) is .a line'),
+    ('name,east\nhut,5\n', 'the columns x,y'),
+])
 def test_refuses_unusable_features_by_name(
     bag: Path, tmp_path: Path, text: str, words: str
 ) -> None:

@@ -137,26 +137,23 @@ def test_plot_draws_overlays_and_counts_those_off_the_map(bag, tmp_path, caplog,
     assert blue[1] > blue[0] + 300
 
 
-@pytest.mark.parametrize(
-    ('words', 'named'),
-    [
-        (('--layers', 'inundation_probability'), 'one of thickness, temperature, hazard'),
-        (('--overlay', 'none.csv'), '--overlay is .none.csv., expected a file that exists'),
-        (('--observed', 'none.geojson'), '--observed is'),
-        (('--time', '9h'), 'time is'),
-        (('--extent', '5', '1', '4', '2'), '--extent is .5 1 4 2., expected WEST SOUTH EAST'),
-        (('--extent', '1', '2', '3', '4'), '--extent is .1 2 3 4., expected an extent with'),
-        (('--extent', 'nan', '2', '3', '4'), '--extent is nan'),
-        (('--scale', '1:0'), '--scale is .0., expected'),
-        (('--scale', '1:20'), '--scale is .1:20., expected 1:[0-9]+ or smaller'),
-        (('--scale', 'large'), '--scale is'),
-        (('--onset', '2006-07-14T22:00'), '--onset is .*offset from UTC'),
-        (('--onset', 'yesterday'), '--onset is'),
-        (('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Etna'), '--timezone is'),
-        (('--timezone', 'Europe/Rome'), '--timezone is .*together with --onset'),
-        (('--logo', 'none.png'), '--logo is .none.png., expected a PNG or JPEG'),
-    ],
-)
+@pytest.mark.parametrize(('words', 'named'), [
+    (('--layers', 'inundation_probability'), 'one of thickness, temperature, hazard'),
+    (('--overlay', 'none.csv'), '--overlay is .none.csv., expected a file that exists'),
+    (('--observed', 'none.geojson'), '--observed is'),
+    (('--time', '9h'), 'time is'),
+    (('--extent', '5', '1', '4', '2'), '--extent is .5 1 4 2., expected WEST SOUTH EAST'),
+    (('--extent', '1', '2', '3', '4'), '--extent is .1 2 3 4., expected an extent with'),
+    (('--extent', 'nan', '2', '3', '4'), '--extent is nan'),
+    (('--scale', '1:0'), '--scale is .0., expected'),
+    (('--scale', '1:20'), '--scale is .1:20., expected 1:[0-9]+ or smaller'),
+    (('--scale', 'large'), '--scale is'),
+    (('--onset', '2006-07-14T22:00'), '--onset is .*offset from UTC'),
+    (('--onset', 'yesterday'), '--onset is'),
+    (('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Etna'), '--timezone is'),
+    (('--timezone', 'Europe/Rome'), '--timezone is .*together with --onset'),
+    (('--logo', 'none.png'), '--logo is .none.png., expected a PNG or JPEG'),
+])
 def test_plot_refuses_unusable_options(bag, tmp_path, words, named):
     assert re.search(named, refused('plot', bag, '-o', tmp_path / 'a.png', *words))
     assert not (tmp_path / 'a.png').exists()
@@ -260,15 +257,12 @@ def test_refuses_an_unfinished_ensemble(ensemble, tmp_path):
     refused('report', tmp_path, '-o', tmp_path / 'a.html')
 
 
-@pytest.mark.parametrize(
-    ('name', 'value', 'limits'),
-    [
-        ('inundation_probability', 700.0, '0 to 100'), ('arrival_time_p50', -3.0, '0 to 180'),
-        ('arrival_time_p10', np.inf, '0 to 180'),
-        ('expected_peak_thickness', 4.3e6, '0 to 100000'),
-        ('elevation', 4.3e6, '-100000 to 100000'),
-    ],
-)
+@pytest.mark.parametrize(('name', 'value', 'limits'), [
+    ('inundation_probability', 700.0, '0 to 100'), ('arrival_time_p50', -3.0, '0 to 180'),
+    ('arrival_time_p10', np.inf, '0 to 180'),
+    ('expected_peak_thickness', 4.3e6, '0 to 100000'),
+    ('elevation', 4.3e6, '-100000 to 100000'),
+])
 def test_impossible_values_of_an_ensemble_are_refused(ensemble, tmp_path, name, value, limits):
     folder = shutil.copytree(ensemble, tmp_path / 'members')
     with rasterio.open(folder / f'{name}.tif', 'r+', IGNORE_COG_LAYOUT_BREAK='YES') as file:

@@ -46,23 +46,18 @@ def interrupted(
     )
 
 
-@pytest.mark.parametrize(
-    ('words', 'module'),
-    [
-        (['lava', '--help'], 'lava_ros.cli.main'),
-        (['lava', '--help'], 'argparse'),
-        *((['lava', name], f'lava_ros.cli.{name}') for name in COMMANDS),
-        # imports of the command itself
-        (['lava', 'effects'], 'numpy'),
-        (['lava', 'info', 'none'], 'mcap'),
-        (['lava_node'], 'lava_ros.ros.node'),
-        (['lava_node'], 'rclpy'),
-        (['lava_node'], 'numpy'),
-    ],
-)
-def test_program_interrupted_at_its_start_prints_nothing(
-    words: list[str], module: str
-) -> None:
+@pytest.mark.parametrize(('words', 'module'), [
+    (['lava', '--help'], 'lava_ros.cli.main'),
+    (['lava', '--help'], 'argparse'),
+    *((['lava', name], f'lava_ros.cli.{name}') for name in COMMANDS),
+    # imports of the command itself
+    (['lava', 'effects'], 'numpy'),
+    (['lava', 'info', 'none'], 'mcap'),
+    (['lava_node'], 'lava_ros.ros.node'),
+    (['lava_node'], 'rclpy'),
+    (['lava_node'], 'numpy'),
+])
+def test_program_interrupted_at_its_start_prints_nothing(words: list[str], module: str) -> None:
     done = interrupted(*words, module=module)
     assert (done.stdout, done.stderr, done.returncode) == ('interrupted\n', '', 130)
 

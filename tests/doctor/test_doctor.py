@@ -145,17 +145,14 @@ def test_free_space_is_checked(free, level, tmp_path, monkeypatch):
     assert '/proc/bags cannot be written (' in found.text
 
 
-@pytest.mark.parametrize(
-    ('state', 'level', 'words'),
-    [
-        ((0, 3000), OK, 'synchronised within 3 ms'),
-        ((0x40, 3000), WARN, 'not synchronised'),
-        # synchronised, but with a large error
-        ((0, 16_000_000), WARN, 'not synchronised'),
-        # a C library without adjtimex
-        (None, WARN, 'its state is unknown'),
-    ],
-)
+@pytest.mark.parametrize(('state', 'level', 'words'), [
+    ((0, 3000), OK, 'synchronised within 3 ms'),
+    ((0x40, 3000), WARN, 'not synchronised'),
+    # synchronised, but with a large error
+    ((0, 16_000_000), WARN, 'not synchronised'),
+    # a C library without adjtimex
+    (None, WARN, 'its state is unknown'),
+])
 def test_synchronisation_of_the_clock_is_checked(state, level, words, monkeypatch):
     assert one(doctor.check_clock()).level in (OK, WARN)
 
@@ -182,22 +179,19 @@ def test_ros_distribution_is_checked(monkeypatch):
     assert "pip install 'lava_ros[ros]'" in found.way_out
 
 
-@pytest.mark.parametrize(
-    ('environment', 'level', 'words'),
-    [
-        ({}, OK, 'domain 0, range SUBNET: every machine of the subnet'),
-        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, OK, 'this machine alone'),
-        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}, FAIL, 'nobody'),
-        (
-            {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF', 'ROS_STATIC_PEERS': '10.0.0.7'},
-            OK,
-            'nobody, and 10.0.0.7',
-        ),
-        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'localhost'}, FAIL, 'no such range'),
-        ({'ROS_DOMAIN_ID': '300'}, FAIL, "ROS_DOMAIN_ID is '300'"),
-        ({'ROS_DOMAIN_ID': 'five'}, FAIL, "ROS_DOMAIN_ID is 'five'"),
-    ],
-)
+@pytest.mark.parametrize(('environment', 'level', 'words'), [
+    ({}, OK, 'domain 0, range SUBNET: every machine of the subnet'),
+    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, OK, 'this machine alone'),
+    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}, FAIL, 'nobody'),
+    (
+        {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF', 'ROS_STATIC_PEERS': '10.0.0.7'},
+        OK,
+        'nobody, and 10.0.0.7',
+    ),
+    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'localhost'}, FAIL, 'no such range'),
+    ({'ROS_DOMAIN_ID': '300'}, FAIL, "ROS_DOMAIN_ID is '300'"),
+    ({'ROS_DOMAIN_ID': 'five'}, FAIL, "ROS_DOMAIN_ID is 'five'"),
+])
 def test_discovery_settings_are_checked(environment, level, words):
     found = one(doctor.check_discovery(environment))
     assert found.level == level
@@ -266,14 +260,11 @@ def test_middleware_that_cannot_start_is_reported(monkeypatch):
     assert one(doctor.check_round_trip()).text == 'not tried: no rclpy'
 
 
-@pytest.mark.parametrize(
-    ('code', 'words'),
-    [
-        ('import time; time.sleep(60)', 'nothing came back within 0.5 s'),
-        ('import os; os.abort()', 'ended with status -6'),
-        ('print("""{"error": "a latched message did not arrive within 20 s"}""")', 'latched'),
-    ],
-)
+@pytest.mark.parametrize(('code', 'words'), [
+    ('import time; time.sleep(60)', 'nothing came back within 0.5 s'),
+    ('import os; os.abort()', 'ended with status -6'),
+    ('print("""{"error": "a latched message did not arrive within 20 s"}""")', 'latched'),
+])
 def test_middleware_that_hangs_or_crashes_is_reported(code, words, monkeypatch):
     run = subprocess.run
     monkeypatch.setattr(

@@ -67,40 +67,37 @@ def _shown(source, message=OCCUPANCY_GRID, *, withdrawn=False, **changes):
     return layer.values(ahead.withdrawn() if withdrawn else ahead)
 
 
-@pytest.mark.parametrize(
-    ('source', 'changes', 'grid'),
-    [
-        # 100 is now, 1 just within the horizon, 0 not within it, -1 no data
-        ('arrival', {}, [[100, 75, 1], [1, 0, -1]]),
-        ('arrival', {'outside': 100}, [[100, 75, 1], [1, 0, 100]]),
-        # a cell that lava reaches after the end of the range is 1
-        ('arrival', {'range': [0.0, 50.0]}, [[100, 50, 1], [1, 0, -1]]),
-        # an earlier class is worse, and contains its bound
-        ('arrival', {'classes': [25.0, 50.0, 99.0]}, [[100, 100, 50], [25, 0, -1]]),
-        # with a step a cell is 100 if lava arrives by then; a margin surrounds it
-        ('arrival', {'step': 99.0}, [[100, 100, 100], [0, 0, -1]]),
-        ('arrival', {'step': 20.0}, [[100, 0, 0], [0, 0, -1]]),
-        ('arrival', {'step': 20.0, 'margin': 10.0}, [[100, 100, 0], [100, 100, -1]]),
-        # peaks have the scale of their quantity
-        ('peak_thickness', {'range': [0.0, 10.0]}, [[50, 20, 0], [3, 0, -1]]),
-        ('peak_temperature', {'range': [0.0, 1200.0]}, [[94, 86, 0], [44, 0, -1]]),
-        ('peak_hazard', {'threshold': 0.0}, [[100, 100, 100], [100, 0, -1]]),
-        # 0 only if lava arrives in no member, 100 only if in all, -1 no data
-        ('inundation_probability', {}, [[100, 60, 1], [0, 0, -1]]),
-        ('inundation_probability', {'step': 50.0, 'outside': 100}, [[100, 100, 0], [0, 0, 100]]),
-        ('inundation_probability', {'classes': [10.0, 60.0]}, [[100, 100, 33], [0, 0, -1]]),
-        ('inundation_probability', {'step': 50.0, 'margin': 10.0}, [[100] * 3, [100, 100, -1]]),
-        # like the arrival of a forecast, for a fraction of the members
-        ('arrival_p10', {}, [[100, 75, 0], [0, 0, -1]]),
-        ('arrival_p50', {}, [[100, 50, 0], [0, 0, -1]]),
-        ('arrival_p90', {}, [[90, 0, 0], [0, 0, -1]]),
-        ('arrival_p10', {'step': 30.0}, [[100, 100, 0], [0, 0, -1]]),
-        ('arrival_p50', {'step': 30.0}, [[100, 0, 0], [0, 0, -1]]),
-        ('arrival_p90', {'step': 30.0}, [[100, 0, 0], [0, 0, -1]]),
-        ('expected_peak_thickness', {'range': [0.0, 10.0], 'threshold': 0.1},
-         [[50, 20, 0], [0, 0, -1]]),
-    ],
-)
+@pytest.mark.parametrize(('source', 'changes', 'grid'), [
+    # 100 is now, 1 just within the horizon, 0 not within it, -1 no data
+    ('arrival', {}, [[100, 75, 1], [1, 0, -1]]),
+    ('arrival', {'outside': 100}, [[100, 75, 1], [1, 0, 100]]),
+    # a cell that lava reaches after the end of the range is 1
+    ('arrival', {'range': [0.0, 50.0]}, [[100, 50, 1], [1, 0, -1]]),
+    # an earlier class is worse, and contains its bound
+    ('arrival', {'classes': [25.0, 50.0, 99.0]}, [[100, 100, 50], [25, 0, -1]]),
+    # with a step a cell is 100 if lava arrives by then; a margin surrounds it
+    ('arrival', {'step': 99.0}, [[100, 100, 100], [0, 0, -1]]),
+    ('arrival', {'step': 20.0}, [[100, 0, 0], [0, 0, -1]]),
+    ('arrival', {'step': 20.0, 'margin': 10.0}, [[100, 100, 0], [100, 100, -1]]),
+    # peaks have the scale of their quantity
+    ('peak_thickness', {'range': [0.0, 10.0]}, [[50, 20, 0], [3, 0, -1]]),
+    ('peak_temperature', {'range': [0.0, 1200.0]}, [[94, 86, 0], [44, 0, -1]]),
+    ('peak_hazard', {'threshold': 0.0}, [[100, 100, 100], [100, 0, -1]]),
+    # 0 only if lava arrives in no member, 100 only if in all, -1 no data
+    ('inundation_probability', {}, [[100, 60, 1], [0, 0, -1]]),
+    ('inundation_probability', {'step': 50.0, 'outside': 100}, [[100, 100, 0], [0, 0, 100]]),
+    ('inundation_probability', {'classes': [10.0, 60.0]}, [[100, 100, 33], [0, 0, -1]]),
+    ('inundation_probability', {'step': 50.0, 'margin': 10.0}, [[100] * 3, [100, 100, -1]]),
+    # like the arrival of a forecast, for a fraction of the members
+    ('arrival_p10', {}, [[100, 75, 0], [0, 0, -1]]),
+    ('arrival_p50', {}, [[100, 50, 0], [0, 0, -1]]),
+    ('arrival_p90', {}, [[90, 0, 0], [0, 0, -1]]),
+    ('arrival_p10', {'step': 30.0}, [[100, 100, 0], [0, 0, -1]]),
+    ('arrival_p50', {'step': 30.0}, [[100, 0, 0], [0, 0, -1]]),
+    ('arrival_p90', {'step': 30.0}, [[100, 0, 0], [0, 0, -1]]),
+    ('expected_peak_thickness', {'range': [0.0, 10.0], 'threshold': 0.1},
+     [[50, 20, 0], [0, 0, -1]]),
+])
 def test_grids_are_scaled_and_unknown_when_withdrawn(source, changes, grid):
     if source in ENSEMBLE_SOURCES:
         changes = {'threshold': 0.01, **changes}
@@ -109,20 +106,17 @@ def test_grids_are_scaled_and_unknown_when_withdrawn(source, changes, grid):
     assert set(_shown(source, withdrawn=True, **changes).ravel()) == unknown
 
 
-@pytest.mark.parametrize(
-    ('source', 'image', 'gone'),
-    [
-        # seconds, NaN for never, -1 for unknown, which is not safe
-        ('arrival', _array([0.0, 25.0, 99.0], [100.0, NAN, -1.0]), -1.0),
-        ('arrival_p10', _array([0, 25, NAN], [NAN, NAN, -1]), -1.0),
-        ('arrival_p50', _array([0, 50, NAN], [NAN, NAN, -1]), -1.0),
-        ('arrival_p90', _array([10, NAN, NAN], [NAN, NAN, -1]), -1.0),
-        ('peak_thickness', FORECAST.thickness, NAN),
-        ('peak_temperature', FORECAST.temperature - np.float32(273.15), NAN),
-        ('inundation_probability', ENSEMBLE.maps.probability, NAN),
-        ('expected_peak_thickness', ENSEMBLE.maps.thickness, NAN),
-    ],
-)
+@pytest.mark.parametrize(('source', 'image', 'gone'), [
+    # seconds, NaN for never, -1 for unknown, which is not safe
+    ('arrival', _array([0.0, 25.0, 99.0], [100.0, NAN, -1.0]), -1.0),
+    ('arrival_p10', _array([0, 25, NAN], [NAN, NAN, -1]), -1.0),
+    ('arrival_p50', _array([0, 50, NAN], [NAN, NAN, -1]), -1.0),
+    ('arrival_p90', _array([10, NAN, NAN], [NAN, NAN, -1]), -1.0),
+    ('peak_thickness', FORECAST.thickness, NAN),
+    ('peak_temperature', FORECAST.temperature - np.float32(273.15), NAN),
+    ('inundation_probability', ENSEMBLE.maps.probability, NAN),
+    ('expected_peak_thickness', ENSEMBLE.maps.thickness, NAN),
+])
 def test_images_are_unscaled_and_empty_when_withdrawn(source, image, gone):
     values = _shown(source, IMAGE, threshold=0.0)
     assert values.dtype == np.float32
@@ -151,18 +145,15 @@ def test_layers_of_the_file_are_latched_and_recorded():
     assert not any(layer.is_forecast or layer.is_ensemble for layer in live)
 
 
-@pytest.mark.parametrize(
-    ('source', 'changes', 'field'),
-    [
-        ('arrival', {'margin': 10.0}, 'margin'),
-        ('peak_thickness', {}, 'range'),
-        # a probability has a fixed scale
-        ('inundation_probability', {'range': [0, 50]}, 'range'),
-        ('inundation_probability', {'scale': [0, 50]}, 'scale'),
-        ('inundation_probability', {'margin': 5.0}, 'margin'),
-        ('inundation_probability', {'message': IMAGE, 'step': 5.0}, 'step'),
-    ],
-)
+@pytest.mark.parametrize(('source', 'changes', 'field'), [
+    ('arrival', {'margin': 10.0}, 'margin'),
+    ('peak_thickness', {}, 'range'),
+    # a probability has a fixed scale
+    ('inundation_probability', {'range': [0, 50]}, 'range'),
+    ('inundation_probability', {'scale': [0, 50]}, 'scale'),
+    ('inundation_probability', {'margin': 5.0}, 'margin'),
+    ('inundation_probability', {'message': IMAGE, 'step': 5.0}, 'step'),
+])
 def test_names_the_option_that_does_not_suit_the_source(source, changes, field):
     with pytest.raises(LavaError) as caught:
         _layer(source, **{'threshold': 0.01, **changes})

@@ -226,13 +226,10 @@ def test_folder_keeps_switched_on_effects_and_reasons(tmp_path: Path) -> None:
         Store(tmp_path, replace(DISCS, forced={'inertia': False}))
 
 
-@pytest.mark.parametrize(
-    'found',
-    [
-        'nothing', None, [3], [{'effect': 'inertia'}], [{**ITEM, 'effect': 'magic'}],
-        [{**ITEM, 'number': 'many'}],
-    ],
-)
+@pytest.mark.parametrize('found', [
+    'nothing', None, [3], [{'effect': 'inertia'}], [{**ITEM, 'effect': 'magic'}],
+    [{**ITEM, 'number': 'many'}],
+])
 def test_a_damaged_list_of_effects_is_refused(found: object, tmp_path: Path) -> None:
     Store(tmp_path, DISCS)
     path = tmp_path / 'ensemble.json'

@@ -181,7 +181,7 @@ def vents_on(draw: Any, terrain: Terrain, lava: Lava, limit: int = 3) -> tuple[V
 @st.composite
 def any_effects(draw: Any) -> Effects:
     """Draw effects that are compatible."""
-    # at limit one of each group
+    # at most one of each group
     one_of = (('none', 'arrhenius', 'arrhenius', 'vft'), ('none', 'green', 'helmholtz', 'inertia'),
               ('none', 'cooling', 'cover', 'crust'))
     on = {draw(st.sampled_from(names)) for names in one_of}

@@ -48,16 +48,11 @@ def frames(simulation: Simulation, watch: Watch, until: float, count: int = 6) -
         yield frame
 
 
-@pytest.mark.parametrize(
-    ('make', 'field'),
-    [
-        (lambda: decide(Scene(GROUND, lava=Lava()), True), 'effects'),
-        (lambda: decide(Scene(GROUND, lava=Lava()), horizon=math.nan), 'horizon'),
-    ],
-)
-def test_refuses_invalid_effects_and_horizons(
-    make: Callable[[], Any], field: str
-) -> None:
+@pytest.mark.parametrize(('make', 'field'), [
+    (lambda: decide(Scene(GROUND, lava=Lava()), True), 'effects'),
+    (lambda: decide(Scene(GROUND, lava=Lava()), horizon=math.nan), 'horizon'),
+])
+def test_refuses_invalid_effects_and_horizons(make: Callable[[], Any], field: str) -> None:
     with pytest.raises(LavaError) as caught:
         make()
     assert caught.value.field == field
@@ -73,17 +68,13 @@ def test_refuses_lava_jammed_with_crystals_at_the_vent() -> None:
     assert Scene(GROUND, [Vent(MIDDLE, 250.0, 1400.0)], stiff).vents
 
 
-@pytest.mark.parametrize(
-    'scene',
-    [
-        Scene(GROUND, (), Lava(reference_temperature=288.15), 288.15),
-        Scene(GROUND, (), Lava(reference_temperature=200.0)),
-        Scene(GROUND, (), Lava(reference_temperature=1100.0, solidus=1100.0)),
-        Scene(GROUND, [Vent(MIDDLE, 1.0, 2000.0)], Lava(arrhenius=1.0, reference_temperature=1.0)),
-        Scene(GROUND, [Vent(MIDDLE, 1e-309)], lava=Lava()),
-    ],
-    ids=['as cold as air', 'colder than air', 'at the solidus', 'no viscosity', 'no thickness'],
-)
+@pytest.mark.parametrize('scene', [
+    Scene(GROUND, (), Lava(reference_temperature=288.15), 288.15),
+    Scene(GROUND, (), Lava(reference_temperature=200.0)),
+    Scene(GROUND, (), Lava(reference_temperature=1100.0, solidus=1100.0)),
+    Scene(GROUND, [Vent(MIDDLE, 1.0, 2000.0)], Lava(arrhenius=1.0, reference_temperature=1.0)),
+    Scene(GROUND, [Vent(MIDDLE, 1e-309)], lava=Lava()),
+], ids=['as cold as air', 'colder than air', 'at the solidus', 'no viscosity', 'no thickness'])
 def test_effects_are_chosen_for_cold_and_thin_lava(scene: Scene) -> None:
     assert all(item.reason for item in decide(scene))
 
@@ -133,14 +124,10 @@ def test_signalling_nan_is_refused_without_a_warning(recwarn: pytest.WarningsRec
     assert not recwarn.list
 
 
-@pytest.mark.parametrize(
-    ('vent', 'viscosity', 'more', 'until', 'spacing'),
-    [
-        (Vent((0.5, 0.5), 400.0, radius=1.0, velocity=(0.0, 40.0)), 165.0, 'inertia', 0.2, 2.0),
-        (Vent((20.0, 20.0), 440.0, radius=1.0), 2.5e8, '', 60.0, 1.0),
-    ],
-    ids=['thrown out of its vent', 'pushed by the lava behind it'],
-)
+@pytest.mark.parametrize(('vent', 'viscosity', 'more', 'until', 'spacing'), [
+    (Vent((0.5, 0.5), 400.0, radius=1.0, velocity=(0.0, 40.0)), 165.0, 'inertia', 0.2, 2.0),
+    (Vent((20.0, 20.0), 440.0, radius=1.0), 2.5e8, '', 60.0, 1.0),
+], ids=['thrown out of its vent', 'pushed by the lava behind it'])
 def test_speed_and_lava_behind_may_warm_a_particle(
     vent: Vent, viscosity: float, more: str, until: float, spacing: float
 ) -> None:

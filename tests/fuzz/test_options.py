@@ -163,24 +163,21 @@ def test_command_lines_are_accepted_or_refused(in_part: Any, place: None, trial:
     in_part(is_accepted_or_refused, words=command_lines())
 
 
-@pytest.mark.parametrize(
-    'words',
-    [
-        ['calibrate', 'valley', '--seed=-1'],
-        ['hindcast', 'valley', '--runs=0'],
-        ['hindcast', 'valley', '--runs=1000000000'],
-        ['plan', 'scene.yaml', '--within', '1min', '--members', '9' * 5000],
-        ['plan', 'scene.yaml', '--within', '1e305d'],
-        ['bench', 'steps', '--repetitions=1000000000'],
-        ['accuracy', '--repetitions=1000000000'],
-        ['verify', '--json', 'x' * 300],
-        ['demo', '--output', 'x' * 300],
-        ['export', str(SAMPLE), '-o', '\udcff'],
-        ['barrier', 'ground.npz', '-o', 'new.tif', '--height=5', '--line', '0,0', '0,1e-200'],
-        ['bench', 'convergence', '--runs=0'],
-        ['export', str(SAMPLE), '-o', 'maps', '--at=nan'],
-    ],
-)
+@pytest.mark.parametrize('words', [
+    ['calibrate', 'valley', '--seed=-1'],
+    ['hindcast', 'valley', '--runs=0'],
+    ['hindcast', 'valley', '--runs=1000000000'],
+    ['plan', 'scene.yaml', '--within', '1min', '--members', '9' * 5000],
+    ['plan', 'scene.yaml', '--within', '1e305d'],
+    ['bench', 'steps', '--repetitions=1000000000'],
+    ['accuracy', '--repetitions=1000000000'],
+    ['verify', '--json', 'x' * 300],
+    ['demo', '--output', 'x' * 300],
+    ['export', str(SAMPLE), '-o', '\udcff'],
+    ['barrier', 'ground.npz', '-o', 'new.tif', '--height=5', '--line', '0,0', '0,1e-200'],
+    ['bench', 'convergence', '--runs=0'],
+    ['export', str(SAMPLE), '-o', 'maps', '--at=nan'],
+])
 def test_refuses_command_lines_that_fuzzing_found(words: list[str], place: None) -> None:
     status, errors = outcome(words)
     assert status == 2 and len(errors.splitlines()) == 1, errors

@@ -74,26 +74,23 @@ def test_launch_arguments_are_up_to_date():
     assert module.launch_arguments() == text, 'run python docs/parameters.py'
 
 
-@pytest.mark.parametrize(
-    ('paths', 'arguments', 'words'),
-    [
-        (BOTH, {'scen': 'etna.yaml'}, 'scen: unknown argument; similar: scene'),
-        (BOTH, {'xyz': '1'}, 'xyz: unknown argument'),
-        (BOTH, {'time_scale': 'fast'}, "time_scale is 'fast', expected a number"),
-        (BOTH, {'ensemble_members': '2.5'}, "ensemble_members is '2.5', expected a whole number"),
-        (BOTH, {'record': 'maybe'}, "record is 'maybe', expected true or false"),
-        (BOTH, {'layers_on': 'lava_points'}, "layers_on is 'lava_points', expected a list"),
-        (BOTH, {'layers_on': '[1]'}, 'layers_on .* expected a list'),
-        (BOTH, {'params_file': 'none.yaml'}, "params_file is 'none.yaml', expected a file"),
-        (MASKS, {'filters_file': 'none.yaml'}, "filters_file is 'none.yaml', expected a file"),
-        (MASKS, {'msg_config': 'none.yaml'}, "msg_config is 'none.yaml', expected a file of lay"),
-        (BOTH, {'rviz': 'true', 'missing': 'rviz2'}, 'rviz2'),
-        (MASKS, {'missing': 'nav2_map_server'}, 'nav2_map_server'),
-        (MASKS, {'missing': 'nav2_lifecycle_manager'}, 'nav2_lifecycle_manager'),
-        # no mask would be published, although the servers announce it
-        (MASKS, {'msg_config': 'default.yaml'}, 'a file with a layer keepout_mask or speed_mask'),
-    ],
-)
+@pytest.mark.parametrize(('paths', 'arguments', 'words'), [
+    (BOTH, {'scen': 'etna.yaml'}, 'scen: unknown argument; similar: scene'),
+    (BOTH, {'xyz': '1'}, 'xyz: unknown argument'),
+    (BOTH, {'time_scale': 'fast'}, "time_scale is 'fast', expected a number"),
+    (BOTH, {'ensemble_members': '2.5'}, "ensemble_members is '2.5', expected a whole number"),
+    (BOTH, {'record': 'maybe'}, "record is 'maybe', expected true or false"),
+    (BOTH, {'layers_on': 'lava_points'}, "layers_on is 'lava_points', expected a list"),
+    (BOTH, {'layers_on': '[1]'}, 'layers_on .* expected a list'),
+    (BOTH, {'params_file': 'none.yaml'}, "params_file is 'none.yaml', expected a file"),
+    (MASKS, {'filters_file': 'none.yaml'}, "filters_file is 'none.yaml', expected a file"),
+    (MASKS, {'msg_config': 'none.yaml'}, "msg_config is 'none.yaml', .* a file of layers"),
+    (BOTH, {'rviz': 'true', 'missing': 'rviz2'}, 'rviz2'),
+    (MASKS, {'missing': 'nav2_map_server'}, 'nav2_map_server'),
+    (MASKS, {'missing': 'nav2_lifecycle_manager'}, 'nav2_lifecycle_manager'),
+    # no mask would be published, although the servers announce it
+    (MASKS, {'msg_config': 'default.yaml'}, 'a file with a layer keepout_mask or speed_mask'),
+])
 def test_wrong_arguments_and_missing_packages_start_nothing(monkeypatch, paths, arguments, words):
     started = []
     for path in paths:
@@ -110,16 +107,13 @@ def test_accepts_further_arguments_of_an_including_file(monkeypatch):
     module['refuse_unknown'](context, str(LAVA), module['declare_arguments']())
 
 
-@pytest.mark.parametrize(
-    ('arguments', 'respawns'),
-    [
-        ({}, False),
-        ({'record': 'true'}, True),
-        ({'record': 'true', 'respawn': 'false'}, False),
-        ({'respawn': 'true'}, True),
-        ({'record': 'false', 'respawn': 'True'}, True),
-    ],
-)
+@pytest.mark.parametrize(('arguments', 'respawns'), [
+    ({}, False),
+    ({'record': 'true'}, True),
+    ({'record': 'true', 'respawn': 'false'}, False),
+    ({'respawn': 'true'}, True),
+    ({'record': 'false', 'respawn': 'True'}, True),
+])
 def test_recording_node_is_restarted_when_it_is_killed(monkeypatch, arguments, respawns):
     before = time.time()
     (node,), _ = start(monkeypatch, LAVA, **arguments)
@@ -153,16 +147,13 @@ def test_replay_replaces_the_node(monkeypatch):
     assert viewer.parameters == {'use_sim_time': True}
 
 
-@pytest.mark.parametrize(
-    ('pushed', 'namespace', 'space'),
-    [
-        ('', '', ''),
-        ('', 'etna', '/etna'),
-        ('', '/etna', '/etna'),
-        ('/robot1', '', '/robot1'),
-        ('/robot1', 'etna', '/robot1/etna'),
-    ],
-)
+@pytest.mark.parametrize(('pushed', 'namespace', 'space'), [
+    ('', '', ''),
+    ('', 'etna', '/etna'),
+    ('', '/etna', '/etna'),
+    ('/robot1', '', '/robot1'),
+    ('/robot1', 'etna', '/robot1/etna'),
+])
 def test_mask_topics_are_in_the_namespace_of_the_node(monkeypatch, pushed, namespace, space):
     given = {'ros_namespace': pushed} if pushed else {}
     processes, _ = start(monkeypatch, KEEPOUT, namespace=namespace, **given)
