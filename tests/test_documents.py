@@ -106,7 +106,6 @@ def shop(tmp_path: Path) -> Path:
 
 
 def _furnish(folder: Path) -> None:
-    """Write a mountain, scenes, an outline, a bag and a truncated bag."""
     easting, northing, cell = 499000.0, 4180000.0, 50.0
     y, x = np.mgrid[140:0:-1, 0:60] * cell
     elevation = (1500.0 - 0.15 * y + 20.0 * np.sin(x / 400.0)).astype('float32')
@@ -142,7 +141,6 @@ def _furnish(folder: Path) -> None:
 
 
 def _environment(folder: Path) -> dict[str, str]:
-    """Return an environment in which `lava` and `python` are those of this checkout."""
     programs = folder / '.bin'
     programs.mkdir()
     for name, words in (
@@ -187,7 +185,6 @@ def _running(language: str) -> Any:
 
 
 def _change(root: Path, block: Block, remark: str) -> None:
-    """Apply a block to the copy of the package."""
     kind, _, rest = remark.partition(': ')
     if kind == 'file':
         (root / rest).write_text(block.text + '\n')

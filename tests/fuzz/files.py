@@ -93,7 +93,6 @@ def _copied(
 
 
 def _messages(chance: random.Random, source: Path, target: Path) -> None:
-    """Change fields, or the length, of all messages of a type."""
     name = chance.choice(list(_TYPES))
     seed = chance.random()
 
@@ -148,7 +147,6 @@ def _other(chance: random.Random, value: Any) -> Any:
 
 
 def _described(chance: random.Random, source: Path, target: Path) -> None:
-    """Change a text that describes the recording."""
     texts = dict(BagReader(source).custom_data)
     names = [*texts, 'effects', 'parameters', 'resumed_from', 'msg_config', 'version']
     texts[chance.choice(names)] = chance.choice(TEXTS)
@@ -156,7 +154,6 @@ def _described(chance: random.Random, source: Path, target: Path) -> None:
 
 
 def _redefined(chance: random.Random, source: Path, target: Path) -> None:
-    """Change the definition of all types."""
     _copied(source, target, definition=chance.choice(_DEFINITIONS))
 
 
@@ -212,7 +209,6 @@ def _set(chance: random.Random, content: bytes) -> bytes:
 
 
 def _records(chance: random.Random, source: Path, target: Path) -> None:
-    """Change numbers in records, also in chunks; repeat, remove or relabel records."""
     data = (source / f'{source.name}_0.mcap').read_bytes()
     records = list(split(data))
     for _ in range(chance.choice((1, 1, 2, 4))):

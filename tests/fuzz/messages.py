@@ -128,7 +128,6 @@ def _one_insane(chance: random.Random, topic: str, _: Any) -> bytes:
 
 
 def _insane(chance: random.Random, topic: str, _: Any) -> bytes:
-    """Change some fields of a valid message, at any depth."""
     message = _VALID[topic]()
     for _ in range(chance.choice((1, 2, 4, 30))):
         change(chance, message)

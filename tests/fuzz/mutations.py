@@ -76,7 +76,6 @@ def _npz(folder: Path, tree: Any) -> Path:
 
 
 def _header(folder: Path, tree: Any, suffix: str) -> Path:
-    """Write a header of lines, with heights as text below it or as numbers in a second file."""
     lines = ''.join(f'{name} {value}\n' for name, value in tree.items())
     path = folder / f'ground{suffix}'
     if suffix == '.asc':
@@ -319,7 +318,6 @@ class Change(NamedTuple):
 
 
 def _paths(tree: Any, depth: int, above: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Yield the paths of the named parts of a tree."""
     if depth and isinstance(tree, dict | list):
         for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
             if isinstance(tree, dict):
@@ -420,7 +418,6 @@ def change(chance: random.Random, document: Document) -> Change:
 
 
 def _is_number(value: Any) -> bool:
-    """Return True if a value, as text, is a finite number."""
     with suppress(ValueError):
         return math.isfinite(float(str(value)))
     return False
