@@ -367,7 +367,7 @@ def case_file() -> Schema:
 def layers() -> Schema:
     """Return the schema of a file of msg_configs/."""
     checks = {name: of_check(check) for name, check in layer_files.CHECKS.items()}
-    bound, classes = of_check(layer_files.RANGE_CHECK), layer_files.MOST_CLASSES - 1
+    bound, classes = of_check(layer_files.RANGE_CHECK), layer_files.MAX_CLASSES - 1
     known = {
         **checks,
         'topic': {'type': 'string', 'pattern': f'^{layer_files.TOPIC.pattern}$'},
