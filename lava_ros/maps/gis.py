@@ -211,9 +211,7 @@ def isochrones(
 def vents(items: Sequence[Vent], offset: tuple[float, float]) -> dict[str, list[dict[str, Any]]]:
     """Return layers of GeoJSON features of vents: points (``vents``) and lines (``fissures``).
 
-    Args:
-        items: The vents.
-        offset: Easting and northing [m] of the map frame's origin.
+    ``offset`` is easting and northing [m] of the map frame's origin.
     """
     layers: dict[str, list[dict[str, Any]]] = {}
     for item in items:
@@ -249,7 +247,7 @@ def usual_formats(crs: Any) -> tuple[str, ...]:
 
 
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
-    """Raise LavaError if a format lacks a library, or one in degrees a coordinate system."""
+    """Raise LavaError if a library is missing, or a coordinate system for GeoJSON or KML."""
     for name in formats:
         if crs is None and _in_degrees(name):
             expected = f'the EPSG code of the map: {name} has longitudes and latitudes'
@@ -296,7 +294,6 @@ def write_formats(
 
 
 def _geographic(features: Sequence[Mapping[str, Any]], place: Place) -> list[dict[str, Any]]:
-    """Return features in longitude and latitude."""
     from rasterio.warp import transform_geom
 
     geometries = [item['geometry'] for item in features]

@@ -99,15 +99,8 @@ SCALE_CHECK = partial(whole, at_least=0, at_most=100)
 def find_config(name: str, *, field: str) -> Path:
     """Find a layer configuration by its path, or by its name in msg_configs/.
 
-    Args:
-        name: Path or file name.
-        field: Name of the field in an error.
-
-    Returns:
-        Path of the file.
-
     Raises:
-        LavaError: If there is no such file.
+        LavaError: If there is no such file; the error names ``field``.
     """
     return find_file(name, 'msg_configs', field=field, expected='a readable YAML file')
 

@@ -71,7 +71,6 @@ class Onset:
         return f'{text} ({day}{local:%H:%M %Z})'
 
     def _date(self, seconds: float) -> datetime:
-        """Return a simulated time [s] as a date, UTC."""
         try:
             return (self.start + timedelta(seconds=seconds)).astimezone(timezone.utc)
         except OverflowError as error:

@@ -187,7 +187,6 @@ def _area(rings: Sequence[np.ndarray], shape: tuple[int, int]) -> _Part:
 
 
 def _enclosed(ring: np.ndarray) -> float:
-    """Return the area that a ring encloses."""
     x, y = np.concatenate([ring, ring[:1]]).T - ring[0][:, None]
     return 0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])))
 

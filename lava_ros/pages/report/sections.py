@@ -97,9 +97,9 @@ def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
     thickest = survey.frame.thickest
     if math.isfinite(thickest):
         prefix = 'over ' if survey.frame.layers['thickness'].is_saturated else ''
-        rows.append(('thickest', f'{prefix}{thickest:.3g} m'))
+        rows.append(('maximum thickness', f'{prefix}{thickest:.3g} m'))
     if survey.largest.get('thickness', 0.0) > thickest:
-        rows.append(('thickest before', f'{survey.largest["thickness"]:.3g} m'))
+        rows.append(('peak thickness', f'{survey.largest["thickness"]:.3g} m'))
     if math.isfinite(front := survey.front[-1]):
         shown = f'{front / 1000.0:.2f} km' if front >= 1000.0 else f'{front:.0f} m'
         rows.append(('front, from the nearest vent', shown))
@@ -121,16 +121,15 @@ def effects_tables(description: Mapping[str, Any]) -> list[tuple[str, Table]]:
         for change in description['effects']
     )
     order = sorted((row[1:] for row in start), key=lambda row: not row[1].startswith('on'))
-    tables = [('', Table(('effect', 'at the start', 'because'), order, states=1))]
+    tables = [('', Table(('effect', 'at the start', 'reason'), order, states=1))]
     if changes:
         rows = [row for rows in changes for row in rows]
-        head = ('when', 'effect', 'now', 'because')
-        tables.append(('Changed while it ran', Table(head, rows, states=2)))
+        head = ('time', 'effect', 'state', 'reason')
+        tables.append(('Changes during the run', Table(head, rows, states=2)))
     return tables
 
 
 def _effect(name: object, text: object) -> tuple[str, str, str]:
-    """Return the name of an effect, its state and the reason."""
     state, _, reason = str(text).partition(': ')
     return str(name).replace('_', ' '), state, reason
 
@@ -203,7 +202,7 @@ def accuracy_table(recording: Recording, description: Mapping[str, Any]) -> Tabl
     ]
     speed = run.number('mean_speed')
     if speed > 0.0:
-        rows.append(('computing an hour of the flow took', seconds(3600.0 / speed)))
+        rows.append(('wall time per simulated hour', seconds(3600.0 / speed)))
     return Table(('this run', ''), rows)
 
 
@@ -217,7 +216,7 @@ def recorded_tables(recording: Recording, survey: Survey) -> list[Table]:
         ('bag', bag.path.name),
         ('state', 'cut off; earlier messages are complete' if bag.recovered else 'finished'),
         ('size', f'{bag.size / 1e6:.2f} MB in {len(bag.files)} file(s)'),
-        ('recording lasted', duration(bag.duration_ns / 1e9)),
+        ('duration of the recording', duration(bag.duration_ns / 1e9)),
         ('maps shown on this page', f'{len(survey.times)} frames of the last run'),
         ('terrain', f'{columns} x {rows} cells of {frame.resolution:g} m'),
         ('coordinate system', system_name(terrain.get('epsg'), terrain.get('wkt'))),

@@ -227,7 +227,7 @@ def test_barriers_are_on_the_map(tmp_path):
 def test_page_lists_effects_and_accuracy(read):
     """The tables have effects with reasons, changes, and the preset with its error and cost."""
     assert read.after('cooling', 2) == ['on', 'heat lost = 2.5 > 0.01']
-    assert read.after('Changed while it ran', 8)[4:] == ['5 min', 'crust', 'on', 'forced']
+    assert read.after('Changes during the run', 8)[4:] == ['5 min', 'crust', 'on', 'forced']
     assert any(item.startswith('standard: For maps') for item in read.texts)
     assert float(*read.after('particles across the flow', 1)) > 1.0
     assert re.fullmatch(r'[0-9.]+ %', *read.after('expected error of the footprint', 1))
@@ -263,7 +263,7 @@ def test_picture_and_page_agree(tmp_path):
     assert rows['standing lava, 0.1 m or more'] == '1800 m²'
     # without arrival times, drained cells are unknown
     assert frame.inundated is None and not any('inundated' in name for name in rows)
-    assert rows['thickest'] == '41.3 m'
+    assert rows['maximum thickness'] == '41.3 m'
     assert Reader(bag).after('5 m or more', 2) == ['over a roof', '25 m²']
     assert read_run(bag).summary == '1800 m² standing lava  ·  up to 41.3 m thick'
     assert not any('thicker in places' in item for item in warnings(
