@@ -326,9 +326,9 @@ class Layer:
             return wet, temperature - np.float32(ZERO_CELSIUS)
         index = np.full(wet.shape, np.float32(DRAINED))
         index[wet] = hazard(thickness, temperature, self.hazard)
-        came = snapshot.arrival if isinstance(snapshot, Forecast) else snapshot.arrived
-        if came is not None:
-            wet = wet | (inundated_cells(came) & np.isfinite(snapshot.thickness))
+        times = snapshot.arrival if isinstance(snapshot, Forecast) else snapshot.arrived
+        if times is not None:
+            wet = wet | (inundated_cells(times) & np.isfinite(snapshot.thickness))
         return wet, index[wet]
 
 

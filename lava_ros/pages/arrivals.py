@@ -74,7 +74,7 @@ def _table_of_members(folder: Path, members: Members, places: Places) -> Arrival
     assert maps.places is not None
     rows = arrivals(
         places,
-        {share: places.at(times) for share, times in maps.arrival.items()},
+        {part: places.at(times) for part, times in maps.arrival.items()},
         probability=maps.places.probability,
         first=maps.places.arrival,
     )

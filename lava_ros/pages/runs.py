@@ -45,8 +45,8 @@ ENSEMBLE_MAPS = {
         'inundation_probability', 'probability', STYLES['probability'].title
     ),
     **{
-        name: (f'arrival_time_p{share}', 'arrival', words)
-        for name, share, words in (
+        name: (f'arrival_time_p{percent}', 'arrival', words)
+        for name, percent, words in (
             ('arrival_time_p10', 10, 'Early arrival (1 run in 10)'),
             ('arrival', 50, 'Median arrival (1 run in 2)'),
             ('arrival_time_p90', 90, 'Late arrival (9 runs in 10)'),

@@ -97,15 +97,15 @@ def test_grids_are_scaled_by_the_configuration(changes, expected):
 def test_the_hazard_of_inundated_ground_is_never_0(kind, changes, expected):
     """Drained ground has a hazard, but no thickness."""
     thickness = np.array([[0.0, 0.005, 3.0], [0.2, 0.0, np.nan]], np.float32)
-    came = np.array([[1.0, 1.0, 1.0], [np.nan, np.nan, np.nan]], np.float32)
+    times = np.array([[1.0, 1.0, 1.0], [np.nan, np.nan, np.nan]], np.float32)
     shown = _snapshot(thickness, np.where(thickness > 0.0, 900.0, np.nan))
     source = 'hazard'
     if kind == 'snapshot':
-        shown = dataclasses.replace(shown, arrived=came)
+        shown = dataclasses.replace(shown, arrived=times)
     else:
         source = 'peak_hazard'
         shown = Forecast(
-            0.0, 10.0, 0.1, shown.terrain, came, thickness, shown.temperature, 1.0, 1
+            0.0, 10.0, 0.1, shown.terrain, times, thickness, shown.temperature, 1.0, 1
         )
     changes = {'range': [0.0, 100.0], 'threshold': 0.01, **changes}
     layer = _layer(source='hazard', **changes)
