@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frames that become more when a test says so, and the page of them, served from a thread."""
+"""A page with a growing number of frames, served from a thread."""
 
 import asyncio
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ TIMES = [200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0]
 
 
 class Growing:
-    """Six frames of a flow, of which the first so many are there; the last has probabilities."""
+    """Six frames of a flow, the first ``count`` available; the last has probabilities."""
 
     def __init__(self, folder: Path, count: int) -> None:
         bag = record(folder / 'bag', TIMES, arrived=_arrived)
@@ -37,26 +37,25 @@ class Growing:
         self.grow(count)
 
     def grow(self, count: int) -> None:
-        """Let there be so many frames."""
+        """Make the first ``count`` frames available."""
         self.times = [frame.time for frame in self._frames[:count]]
         self.version += 1
 
     def poll(self) -> None:
-        """Nothing comes by itself."""
+        """Do nothing: no frame arrives by itself."""
 
     def frame(self, index: int) -> Frame:
-        """One of them."""
         return self._frames[index]
 
 
 def _arrived(time: float) -> np.ndarray:
-    """One more column of cells every 100 s."""
+    """Return the arrival times of a flow that covers one more column every 100 s."""
     return np.where(growing(time) > 0.0, 100.0 * np.arange(1.0, 41.0), np.nan)
 
 
 @contextmanager
 def served(frames: Growing) -> Iterator[str]:
-    """The address of a page that shows frames, until the end."""
+    """Serve a page of frames; yield its address."""
     ready, servers = threading.Event(), []
 
     def run() -> None:

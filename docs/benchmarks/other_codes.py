@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes the tables of docs/accuracy/other_codes.md from the CSV files, as tables.py does.
+"""Write the tables of docs/accuracy/other_codes.md from the CSV files, like tables.py.
 
 python docs/benchmarks/other_codes.py
 """
@@ -15,10 +15,10 @@ from tables import HERE, Line, lines_of, written
 ACCURACY = HERE.parent / 'accuracy'
 PAGE = ACCURACY / 'other_codes.md'
 
-#: What codes.csv calls the exact solution as means over the cells.
+#: Name of the exact solution as means over the cells in codes.csv.
 EXACT = 'exact solution'
 
-#: What the page shows of ours: case and quantity of our CSV files, and what it calls them.
+#: Our cases on the page: names on the page by case and quantity in our CSV files.
 OURS = {
     ('constant_flux', 'radius'): 'Constant flux, R',
     ('lister', 'x at 100 T'): 'Point source on 5°, x_N',
@@ -28,7 +28,7 @@ OURS = {
 
 
 class Run(NamedTuple):
-    """A run of a case, ours or not."""
+    """A run of a case by our code or another one."""
 
     code: str
     size: str
@@ -38,7 +38,7 @@ class Run(NamedTuple):
 
 
 def our_runs(stem: str, case: str, quantity: str) -> list[Run]:
-    """What the presets score on a quantity of a case, the coarsest first."""
+    """Return the runs of presets for a quantity of a case, coarsest first."""
     rows = [
         row
         for row in lines_of(ACCURACY / f'{stem}.csv')
@@ -59,17 +59,17 @@ def our_runs(stem: str, case: str, quantity: str) -> list[Run]:
 
 
 def signed(error: float) -> str:
-    """A relative error in per cent, to two digits."""
+    """Format a relative error in per cent with two digits."""
     return f'{100.0 * error:+.2g} %' if math.isfinite(error) else 'none'
 
 
 def seconds(time: float) -> str:
-    """A time in seconds, to two digits below a minute."""
+    """Format a time in seconds, with two digits below 10 s."""
     return f'{time:.0f} s' if time >= 9.95 else f'{time:.2g} s'
 
 
 def grid_table(first: str, quantity: str, title: str) -> Iterator[Line]:
-    """What codes score on the same cells, less what the exact solution scores on them."""
+    """Yield the scores of codes minus those of the exact solution on the same cells."""
     rows = [row for row in lines_of('codes.csv') if row['case'].startswith(first)]
     scores = {
         (row['case'], row['code'], row['cell_m'], row['quantity']): float(row['value'])
@@ -92,7 +92,7 @@ def grid_table(first: str, quantity: str, title: str) -> Iterator[Line]:
 
 
 def ours_table() -> Iterator[Line]:
-    """The presets on the same quantities."""
+    """Yield the scores of the presets for the same quantities."""
     names = [run.code for run in our_runs('h200', 'fixed_volume', 'edge')]
     yield ('case', 'machine', *names)
     for (case, quantity), title in OURS.items():
@@ -107,7 +107,7 @@ def ours_table() -> Iterator[Line]:
 
 
 def others_table() -> Iterator[Line]:
-    """Numbers of other codes on cases that we have not run."""
+    """Yield published values of other codes for cases that we have not run."""
     groups: dict[tuple[str, str], list[str]] = {}
     sources: dict[tuple[str, str], str] = {}
     for row in lines_of(ACCURACY / 'other_codes.csv'):

@@ -41,9 +41,7 @@ class Hearing(ABC):
 
     def wait_for_topic(self, topic, condition=lambda _: True, timeout=PATIENCE):
         """Read messages until one of a topic fulfils a condition."""
-        return self.wait(
-            lambda message: message['topic'] == topic and condition(message), timeout
-        )
+        return self.wait(lambda message: message['topic'] == topic and condition(message), timeout)
 
     def wait_for_status(
         self, task, condition=lambda _: True, timeout=PATIENCE, node='lava', since_ns=0
