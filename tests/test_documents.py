@@ -55,7 +55,9 @@ REASONS = {
 
 DOCUMENTS = sorted(
     path
-    for pattern in ('*.md', 'docs/*.md', 'docs/tutorials/*.md', 'bags/*.md', 'examples/*.md')
+    for pattern in (
+        '*.md', 'docs/*.md', 'docs/how_to/*.md', 'docs/tutorials/*.md', 'bags/*.md', 'examples/*.md'
+    )
     for path in ROOT.glob(pattern)
 )
 
