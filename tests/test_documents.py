@@ -56,7 +56,8 @@ REASONS = {
 DOCUMENTS = sorted(
     path
     for pattern in (
-        '*.md', 'docs/*.md', 'docs/how_to/*.md', 'docs/tutorials/*.md', 'bags/*.md', 'examples/*.md'
+        '*.md', 'bags/*.md', 'docs/*.md', 'docs/how_to/*.md', 'docs/tutorials/*.md',
+        'examples/*.md',
     )
     for path in ROOT.glob(pattern)
 )
