@@ -73,7 +73,7 @@ DISCOVERY_RANGES = {
     'SUBNET': 'every machine of the subnet',
     'LOCALHOST': 'this machine alone',
     'SYSTEM_DEFAULT': 'as the middleware is configured',
-    'OFF': 'nobody',
+    'OFF': 'no machine',
 }
 
 #: Subscribers of robots and viewers that require latched grids.
@@ -116,25 +116,25 @@ def check_python() -> Said:
     if sys.version_info < oldest:
         return [(FAIL, version, 'install Python 3.10 to 3.13')]
     if sys.version_info >= untried:
-        return [(WARN, f'{version}, not tried', 'use Python 3.10 to 3.13')]
+        return [(WARN, f'{version}, not tested', 'use Python 3.10 to 3.13')]
     return [(OK, f'{version} ({sys.prefix})')]
 
 
 def check_packages() -> Said:
     """Check whether dependencies are installed in tested versions."""
-    said: Said = []
+    results: Said = []
     found = []
     for name, lowest, untried, extra in PACKAGES:
         version = _version(name)
         if not version:
             way_out = f"pip install 'lava_ros[{extra}]'" if extra else f'pip install {name}'
-            said.append((WARN if extra else FAIL, f'{name} is missing', way_out))
+            results.append((WARN if extra else FAIL, f'{name} is missing', way_out))
         elif _parts(lowest) <= _parts(version) < _parts(untried):
             found.append(f'{name} {version}')
         else:
             way_out = f"pip install '{name}>={lowest},<{untried}'"
-            said.append((WARN, f'{name} {version} was not tried', way_out))
-    return [*said, (OK, ', '.join(found))]
+            results.append((WARN, f'{name} {version} was not tested', way_out))
+    return [*results, (OK, ', '.join(found))]
 
 
 def _version(distribution: str) -> str:
@@ -179,9 +179,9 @@ def check_gpu() -> Said:
     has_hardware = Path('/dev/nvidia0').exists() or shutil.which('nvidia-smi') is not None
     text = f'none: the CPU does the work, on {usable_cores()} cores'
     return [(
-        WARN, 'there is an NVIDIA GPU that Warp does not see' if has_hardware else text,
+        WARN, 'Warp cannot use the NVIDIA GPU' if has_hardware else text,
         "install NVIDIA's driver, or give the container its GPU (docker run --gpus all); "
-        'small scenes run without',
+        'small scenes do not need one',
     )]
 
 
@@ -214,8 +214,8 @@ def check_disk(folder: str | Path) -> Said:
     free = shutil.disk_usage(_nearest(folder)).free
     text = f'{free / 1e9:.1f} GB free for bags in {folder}'
     if free < SCARCE:
-        return [(FAIL, text, 'make room, or set bag_root to another disk')]
-    return [(WARN, text, 'make room before a long recording') if free < LITTLE else (OK, text)]
+        return [(FAIL, text, 'free space, or set bag_root to another disk')]
+    return [(WARN, text, 'free space before a long recording') if free < LITTLE else (OK, text)]
 
 
 def _nearest(folder: Path) -> Path:
@@ -266,14 +266,14 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Said:
     domain = environment.get('ROS_DOMAIN_ID', '') or '0'
     if not domain.isdigit() or int(domain) not in DOMAINS:
         return [(FAIL, f'ROS_DOMAIN_ID is {domain!r}', 'set it to a number from 0 to 101')]
-    said: Said = []
+    results: Said = []
     if int(domain) not in SAFE_DOMAINS:
-        said.append((
-            WARN, f'the ports of domain {domain} are among those Linux gives away by itself',
+        results.append((
+            WARN, f'the ports of domain {domain} are in the ephemeral range of Linux',
             'set ROS_DOMAIN_ID to a number from 0 to 101',
         ))
     if environment.get('ROS_LOCALHOST_ONLY'):
-        said.append((
+        results.append((
             WARN, 'ROS_LOCALHOST_ONLY is deprecated and overrides the discovery range',
             'unset it; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST does the same',
         ))
@@ -282,11 +282,11 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Said:
     peers = environment.get('ROS_STATIC_PEERS', '')
     text += f', and {peers}' if peers else ''
     if reach not in DISCOVERY_RANGES:
-        return [*said, (FAIL, text, f'set it to one of {", ".join(DISCOVERY_RANGES)}')]
+        return [*results, (FAIL, text, f'set it to one of {", ".join(DISCOVERY_RANGES)}')]
     if reach == 'OFF' and not peers:
-        return [*said, (FAIL, text, 'set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET')]
+        return [*results, (FAIL, text, 'set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET')]
     way_out = 'any machine in the subnet can command the node; LOCALHOST prevents that'
-    return [*said, (OK, text, way_out) if reach == 'SUBNET' else (OK, text)]
+    return [*results, (OK, text, way_out) if reach == 'SUBNET' else (OK, text)]
 
 
 def check_security(environment: Mapping[str, str] = os.environ) -> Said:
@@ -313,7 +313,7 @@ def check_security(environment: Mapping[str, str] = os.environ) -> Said:
 def check_qos(layers: Iterable[Layer]) -> Said:
     """Check whether RViz and Nav2 can receive the layers with their QoS."""
     enabled = [layer for layer in layers if layer.enabled]
-    said: Said = [
+    results: Said = [
         (
             WARN, f'{consumer} gets nothing of {layer.topic}: it is {getattr(layer.qos, policy)}',
             f'set layers.{layer.name}.qos.{policy} to {getattr(LATCHED, policy)}',
@@ -325,7 +325,7 @@ def check_qos(layers: Iterable[Layer]) -> Said:
         if getattr(layer.qos, policy) != getattr(LATCHED, policy)
     ]
     names = ', '.join(layer.topic for layer in enabled)
-    return said or [(OK, f'{names}: RViz and Nav2 get what they ask for')]
+    return results or [(OK, f'{names}: RViz and Nav2 get what they ask for')]
 
 
 def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Said:

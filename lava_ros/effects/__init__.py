@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The effects, each in its own file or folder with everything that belongs to it; the registry.
+"""Registry of effects; each is a file or folder with its declaration, equations and constants.
 
-Each declares ``EFFECT`` (``effect.py``) and defines those of the functions below that it needs. An
-effect that depends on much of the solver is a folder, whose ``device.py`` is loaded when the
-effect is on. ``wp`` is Warp, or its substitute on the host (``laws.HOST``), ``real`` the scalar
-type to compute in, ``law`` and ``constants`` the structs of constants of ``laws.py``:
+Each declares ``EFFECT`` (``effect.py``) and defines the functions below that it needs. An effect
+that depends on much of the solver is a folder, whose ``device.py`` is loaded when the effect is
+on. ``wp`` is Warp, or its substitute on the host (``laws.HOST``), ``real`` the scalar type,
+``law`` and ``constants`` the structs of constants of ``laws.py``:
 
     viscosity(wp, real, law)                  mu(T)                          laws.py
     stiffening(wp, real, law, viscosity)      mu(T) with suspended solids    laws.py
@@ -90,7 +90,7 @@ class Effects:
         for name in self:
             for other, why in EFFECTS[name].excludes.items():
                 if other in self:
-                    raise LavaError(f'effects.{name}', True, f'false beside {other}: {why}')
+                    raise LavaError(f'effects.{name}', True, f'false with {other}: {why}')
 
     def __contains__(self, name: object) -> bool:
         """Return True if an effect is on."""

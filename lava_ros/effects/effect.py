@@ -103,8 +103,8 @@ def join_names(
     for name, effect in effects.items():
         for key, item in getattr(effect, part).items():
             if key in owners and key not in effect.adds_to:
-                right = f'a name that {owners[key]} does not declare'
-                raise LavaError(f'effects.{name}.{part}', key, right)
+                expected = f'a name that {owners[key]} does not declare'
+                raise LavaError(f'effects.{name}.{part}', key, expected)
             owners.setdefault(key, f'effects.{name}')
             joined[key] = item
     return joined

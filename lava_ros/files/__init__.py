@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files that users name: which are opened, and how new ones take the place of what was there."""
+"""Files of the user: safe opening of input, and atomic replacement of output."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,15 +17,15 @@ from lava_ros.errors import LavaError
 
 _LOG = logging.getLogger(__name__)
 
-#: Most cells of a grid that is read from a file: 10,000 x 10,000.
-MOST_CELLS = 10**8
+#: Maximum number of cells of a grid in a file: 10,000 x 10,000.
+MAX_CELLS = 10**8
 
 #: Suffixes of pictures.
 PICTURES = ('.png', '.pdf', '.svg')
 
 
-def warn_of_others(path: object, parts: str, names: Iterable[str], known: str = '') -> None:
-    """Warn of parts of a file that are not understood, by name; ``known`` says which are."""
+def warn_of_unknown(path: object, parts: str, names: Iterable[str], known: str = '') -> None:
+    """Warn of unknown parts of a file by name; ``known`` lists the known parts."""
     if others := ', '.join(dict.fromkeys(names)):
         _LOG.warning(f'{path}: {parts} that are not understood are ignored: {others}{known}')
 
@@ -33,12 +33,13 @@ def warn_of_others(path: object, parts: str, names: Iterable[str], known: str = 
 def open_input(path: str | Path) -> BinaryIO:
     """Open a file for reading bytes.
 
-    OSError where it cannot be read, or is no regular file: who opens a pipe waits for its writer,
-    and a device may never end.
+    Raises:
+        OSError: If it cannot be read or is not a regular file: opening a pipe waits for a writer,
+            and a device may never end.
     """
     try:
         _check_regular(os.stat(path), path)
-        # what is there by now may be another thing: it is not waited for, and looked at again
+        # the path may have changed since: open without waiting, and check again
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except ValueError as error:
         raise OSError(errno.EINVAL, str(error), str(path)) from error
@@ -51,12 +52,17 @@ def open_input(path: str | Path) -> BinaryIO:
 
 
 def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) -> Path:
-    """Check a path that is to be written, and return it; an existing file is announced in the log.
+    """Check and return the path of an output, and log that an existing file will be replaced.
 
-    The existing file stays until ``replacing`` has finished. ``endings`` are the suffixes that the
-    name may have, such as ``.json``; they keep output from replacing a file of another kind.
-    LavaError, which names ``field``, where the name has another suffix; the path is a folder, a
-    pipe or a device; its folder does not exist; or it cannot be written.
+    Args:
+        field: Name of the field in errors.
+        value: Path to check.
+        endings: Allowed suffixes, such as ``.json``, so that output does not replace a file of
+            another kind.
+
+    Raises:
+        LavaError: If the suffix is not allowed, the path is not a regular file, its folder does
+            not exist, or it cannot be written.
     """
     path = Path(value)
     if endings and path.suffix.lower() not in endings:
@@ -66,7 +72,7 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
         is_there = os.path.lexists(place)
         if is_there:
             _check_regular(os.stat(place), place)
-        # a folder that is no folder has nothing in it
+        # raises OSError if the parent is not a folder
         os.stat(os.path.join(place.parent, ''))
         for item in (place, place.parent) if is_there else (place.parent,):
             if not os.access(item, os.W_OK):
@@ -74,26 +80,28 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
     except (OSError, ValueError) as error:
         raise LavaError(field, str(value), f'a file to write ({error})') from error
     if is_there:
-        _LOG.info('%s is there and will be replaced', path)
+        _LOG.info('%s exists and will be replaced', path)
     return path
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a new, empty file beside ``path``, with the same suffix, which replaces it at the end.
+    """Yield a new, empty file in the folder of ``path``, which replaces it at the end.
 
-    If an exception is raised meanwhile, the new file is removed and the old one stays. OSError
-    where it cannot be created, or cannot replace the old one.
+    The new file has the same suffix. An exception removes it and leaves the old file.
+
+    Raises:
+        OSError: If the file cannot be created, or cannot replace the old one.
     """
     path = _target(path)
     partial = path.with_name(f'.{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}')
     mode = stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o666
-    # nothing that somebody has put there is written to
+    # never write into an existing file or through a link
     os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, mode))
     try:
         yield partial
         with partial.open('rb') as written:
-            # some file systems say only now that they are full
+            # some file systems report only here that they are full
             os.fsync(written.fileno())
         os.replace(partial, path)
     finally:
@@ -102,7 +110,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def writing(field: str, path: str | Path) -> Iterator[Path]:
-    """``replacing``, whose errors are LavaErrors that name ``field``."""
+    """Yield a file as ``replacing``; raise LavaError, which names ``field``, for an OSError."""
     try:
         with replacing(Path(path)) as partial:
             yield partial
@@ -113,13 +121,12 @@ def writing(field: str, path: str | Path) -> Iterator[Path]:
 
 
 def write_output(field: str, path: str | Path, data: str | bytes) -> None:
-    """Write a file completely, text in UTF-8, or leave it as it was; errors as in ``writing``."""
+    """Write a complete file, text in UTF-8, or leave the old one; errors as in ``writing``."""
     with writing(field, path) as partial:
         partial.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
 def _target(path: Path) -> Path:
-    """The file itself, also where the path is a link to it."""
     return Path(os.path.realpath(path))
 
 
@@ -127,4 +134,4 @@ def _check_regular(status: os.stat_result, path: str | Path) -> None:
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(status.st_mode):
-        raise OSError(errno.EINVAL, 'no regular file but a pipe, socket or device', str(path))
+        raise OSError(errno.EINVAL, 'not a regular file but a pipe, socket or device', str(path))

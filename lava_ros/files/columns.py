@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Columns of tables and attributes of features: the one table of their names and units.
+"""Names, synonyms and units of the columns of tables and the attributes of features.
 
-The columns of other people's files have any case, synonyms of the field and units in their
-headers: ``Effusion rate (m3/s)``, ``TADR``, ``start_h``, ``Easting``.
+Headers may have any case, synonyms and units: ``Effusion rate (m3/s)``, ``TADR``, ``start_h``,
+``Easting``.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -24,7 +24,7 @@ _SECONDS = {
     'minute': 60.0, 'minutes': 60.0, 'hr': 3600.0, 'hrs': 3600.0, 'hour': 3600.0, 'hours': 3600.0,
     'day': 86400.0, 'days': 86400.0,
 }
-# dates may say so
+# the headers of dates
 _TIME = {**_SECONDS, 'iso': 1.0, 'utc': 1.0}
 _VOLUME = {
     'm3': 1.0, 'km3': 1e9, '10_6_m3': 1e6, '106_m3': 1e6, 'x10_6_m3': 1e6, '1e6_m3': 1e6,
@@ -41,8 +41,8 @@ _CELSIUS = {'c': 273.15, 'degc': 273.15, 'deg_c': 273.15, 'celsius': 273.15}
 _DEGREES = {'deg': 1.0, 'degrees': 1.0, 'dd': 1.0, 'dms': 1.0, 'wgs84': 1.0}
 _ERROR = {**_RATE, '%': 0.01, 'percent': 0.01}
 
-#: Names of each column in lower case, its own first, and the factors of its units to SI; a column
-#: without a unit is in the first. A name of two columns is that of the first that is absent.
+#: Names of each column in lower case, starting with the key, and the factors of its units to SI. A
+#: column without a unit is in the first unit. A synonym of two columns means the first absent one.
 COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
     names.split()[0]: (tuple(names.split()), units)
     for units, *columns in (
@@ -84,26 +84,26 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
     for names in columns
 }
 
-#: Length of the names of columns in a Shapefile, to which longer ones are cut.
+#: Maximum length of column names in a Shapefile, which cuts longer names.
 SHAPEFILE_LETTERS = 10
 
-#: Columns that GIS programs add to number their rows.
+#: Row numbers that GIS programs add.
 _NUMBERS = ('fid', 'ogc_fid', 'objectid', 'gid')
 
-#: Words of a header that say what the volume of lava is that of.
+#: Words for bulk and dense-rock volumes in a header.
 _KINDS = {'dre': 'dense-rock', 'bulk': 'bulk'}
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column that is understood.
+    """A known column.
 
     Attributes:
-        header: The header as it is in the file.
-        unit: Its unit as it is in the file; empty if none.
+        header: Header in the file.
+        unit: Unit in the file; empty if none.
         factor: Factor to SI.
-        offset: What is added after that, of degrees Celsius.
-        kind: ``dense-rock`` or ``bulk`` where the header says that of a volume; else empty.
+        offset: Offset after the factor, for degrees Celsius.
+        kind: ``dense-rock`` or ``bulk`` if the header has such a word, otherwise empty.
     """
 
     header: str
@@ -113,9 +113,12 @@ class Column:
     kind: str = ''
 
     def number(self, where: str, value: object, **limits: Any) -> float:
-        """Return a value in SI units; LavaError, which names ``where`` and the header.
+        """Return a value in SI units.
 
         ``limits`` are those of ``validation.number`` in SI units.
+
+        Raises:
+            LavaError: If the value is not valid. The error names ``where`` and the header.
         """
         label = f'{where}, {self.header}'
         result = validation.number(label, value) * self.factor + self.offset
@@ -125,23 +128,23 @@ class Column:
 def understood(
     where: str, headers: Iterable[str], wanted: Collection[str]
 ) -> tuple[dict[str, Column], list[str]]:
-    """Find the columns of a file that are among the wanted ones.
+    """Find the wanted columns of a file.
 
     Args:
-        where: The file, for errors.
-        headers: The headers of the file's columns.
+        where: Name of the file in errors.
+        headers: Headers of the file.
         wanted: Columns to find, keys of ``COLUMNS``.
 
     Returns:
-        The columns by their name in ``COLUMNS``, and the headers of the other columns.
+        Columns by their name in ``COLUMNS``, and the headers of all other columns.
 
     Raises:
-        LavaError: Two columns have the same meaning, or the unit of one is not known.
+        LavaError: If two columns have the same meaning, or a unit is unknown.
     """
     found: dict[str, Column] = {}
     others: list[str] = []
     read = [(header, *_parts(header)) for header in headers]
-    # those with one meaning first: x1 is the start beside x2, and the end beside x0
+    # headers with one meaning first: x1 is the start with x2, and the end with x0
     for header, names, unit, kind in sorted(read, key=lambda item: len(item[1])):
         names = [name for name in names if name in wanted]
         if not names:
@@ -153,7 +156,7 @@ def understood(
             twice = f'{found[names[0]].header} and {header}'
             raise LavaError(f'columns of {where}', twice, f'one column for {names[0]}')
         units = COLUMNS[name][1]
-        # what is in the brackets of a name is no unit
+        # brackets after a name do not contain a unit
         unit = unit if units else ''
         if unit and _unit(unit) not in units:
             known = ', '.join(list(units)[:4]).replace('_per_', '/')
@@ -169,7 +172,7 @@ def understood(
 
 @cache
 def _parts(header: str) -> tuple[list[str], str, str]:
-    """Return the columns that a header may name, its unit as written, and the kind of volume."""
+    """Return the possible columns of a header, its unit as written, and the kind of volume."""
     text = unicodedata.normalize('NFKC', header).strip()
     bracket = re.fullmatch(r'(.+?)\s*[\[(]([^\[\]()]*)[\])]', text)
     text, unit = bracket.groups() if bracket else (text, '')
@@ -203,7 +206,7 @@ def _unit(text: str) -> str:
     return '%' if text == '%' else re.sub(r'[^a-z0-9]+', '_', text).strip('_')
 
 
-#: Degrees, minutes and seconds, each but the last whole, and the letter of a hemisphere.
+#: Degrees, minutes and seconds, and the letter of a hemisphere.
 _ANGLE = re.compile(
     r"""\s*(?P<before>[NSEW])?\s*(?P<sign>[-+])?\s*(?P<degrees>\d+(?:\.\d+)?)\s*(?:°|º|d|deg|:|\s)?
     (?:\s*(?P<minutes>\d+(?:\.\d+)?)\s*(?:['\u2032\u2019]|min|:|\s)?
@@ -212,15 +215,15 @@ _ANGLE = re.compile(
     re.VERBOSE | re.IGNORECASE,
 )
 
-#: Largest angle [degrees] by its axis, and the hemispheres, the negative one first.
+#: Maximum angle [degrees] of an axis, and its hemispheres, the negative one first.
 _AXES = {'longitude': (180.0, 'WE'), 'latitude': (90.0, 'SN')}
 
 
 def angle(field: str, value: object, axis: str) -> float:
-    """Read a longitude or latitude [degrees]: 15.006, 15°00'21.6"E, 15 0 21.6 or W 15 0.36.
+    """Parse a longitude or latitude [degrees]: 15.006, 15°00'21.6"E, 15 0 21.6 or W 15 0.36.
 
     Raises:
-        LavaError: It is not an angle of the axis; the error names ``field``.
+        LavaError: If it is not an angle of the axis. The error names ``field``.
     """
     limit, letters = _AXES[axis]
     expected = f'a {axis} from -{limit:g} to {limit:g} degrees: -15.006 or '

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The one reader of tables of text."""
+"""Reader of text tables."""
 
 from collections.abc import Sequence
 import csv
@@ -11,7 +11,7 @@ import re
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 
-#: Longest table that is read [bytes].
+#: Maximum size of a table [bytes].
 MAX_BYTES = 64 * 2**20
 
 #: A number with a decimal comma.
@@ -23,13 +23,21 @@ def read_table(
 ) -> list[tuple[str, dict[str, str]]]:
     """Read a table whose first line names its columns.
 
-    Values are separated by tabs, semicolons, commas or spaces, the first of them that the first
-    line has. Lines that begin with ``#`` are comments, and so is the rest of a line after `` #``.
-    Numbers may have decimal commas where commas separate nothing.
+    The separator is the first of tab, semicolon, comma and space that occurs in the first line.
+    Text after ``#``, at the start of a line or after a space, is a comment. Numbers may have
+    decimal commas unless the separator is a comma.
 
-    It has the ``columns``, in any order (None: any). Returns for each row what errors call it, and
-    its texts by column. LavaError, which names ``field`` or the line, where it cannot be read, has
-    no rows, other columns, a column twice, or rows of another length.
+    Args:
+        field: Name of the field in errors.
+        path: Path of the table.
+        columns: Names of the columns in any order; None: any columns.
+
+    Returns:
+        For each row, its name in errors and its texts by column.
+
+    Raises:
+        LavaError: If the table cannot be read, has no rows, other columns or a column twice, or if
+            a row has the wrong length.
     """
     try:
         with open_input(path) as file:
@@ -53,8 +61,8 @@ def read_table(
         raise LavaError(field, str(path), f'a readable table of text ({error})') from error
     names = ','.join(columns or ['of names of columns'])
     if len(lines) < 2:
-        right = f'a first line {names} and at least one row'
-        raise LavaError(str(path), f'{len(lines)} lines', right)
+        expected = f'a first line {names} and at least one row'
+        raise LavaError(str(path), f'{len(lines)} lines', expected)
     header = lines[0][1]
     if columns is not None and {*header} != {*columns}:
         raise LavaError(f'{path}, first line', ','.join(header), f'the columns {names}')
@@ -69,6 +77,6 @@ def read_table(
 
 
 def _cell(text: str, separator: str) -> str:
-    """Return the text of a cell with a decimal point."""
+    """Return the text of a cell, with a decimal point instead of a decimal comma."""
     text = text.strip()
     return text.replace(',', '.') if separator != ',' and _COMMA.fullmatch(text) else text

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""npz files from anywhere -> arrays of bounded size. All npz of this package is read here."""
+"""Reader of untrusted npz files into arrays of bounded size."""
 
 from pathlib import Path
 from zipfile import ZipFile
@@ -10,30 +10,31 @@ import numpy as np
 from numpy.lib import format as npy
 
 from lava_ros.errors import LavaError
-from lava_ros.files import MOST_CELLS, open_input
+from lava_ros.files import MAX_CELLS, open_input
 
-#: Most bytes of all arrays together: those of that grid in double precision, and some more.
-MOST_BYTES = 9 * MOST_CELLS
+#: Maximum size of all arrays together [bytes]: a grid in double precision, and a margin.
+MAX_BYTES = 9 * MAX_CELLS
 
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 def read_arrays(field: str, path: str | Path) -> dict[str, np.ndarray]:
-    """Read the arrays of an .npz file by name, without executing anything in it.
+    """Read the arrays of an .npz file by name, without unpickling.
 
-    LavaError, which names ``field``, where the file cannot be read, or its arrays are larger than
-    allowed or than the data that the file has for them.
+    Raises:
+        LavaError: If the file cannot be read, or its arrays are larger than allowed or than the
+            data in the file. The error names ``field``.
     """
     try:
         with open_input(path) as file, ZipFile(file) as archive:
             size = sum(item.file_size for item in archive.infolist())
-            if size > MOST_BYTES:
-                raise ValueError(f'{size} bytes of arrays, more than {MOST_BYTES}')
+            if size > MAX_BYTES:
+                raise ValueError(f'{size} bytes of arrays, more than {MAX_BYTES}')
             for item in archive.infolist():
-                # numpy takes the memory that a header asks for before it reads on
+                # numpy allocates the size in the header before it reads the data
                 with archive.open(item) as member:
                     shape, _, dtype = _HEADERS[npy.read_magic(member)](member)
-                # items without bytes are made all the same, each of them
+                # numpy also creates items of size 0 one by one
                 asked = max(dtype.itemsize, 1)
                 for side in shape:
                     asked *= side
@@ -42,7 +43,7 @@ def read_arrays(field: str, path: str | Path) -> dict[str, np.ndarray]:
             file.seek(0)
             with np.load(file, allow_pickle=False) as stored:
                 return {name: stored[name] for name in stored.files}
-    # zip, compression and header are parsed by libraries, which may raise anything for them
+    # the libraries that parse the file may raise any exception
     except Exception as error:
-        right = f'a readable .npz file ({type(error).__name__}: {error})'
-        raise LavaError(field, str(path), right) from error
+        expected = f'a readable .npz file ({type(error).__name__}: {error})'
+        raise LavaError(field, str(path), expected) from error

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Figures of matplotlib: texts as typed, embedded fonts, title and author of the file."""
+"""Figures of matplotlib: literal texts, embedded fonts, title and author of the file."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,17 +13,17 @@ from lava_ros.errors import LavaError, one_line
 from lava_ros.files import open_input, writing
 from lava_ros.files.optional import require
 
-#: Longest title and author in the metadata of a file [characters].
+#: Maximum length of a title and of an author in metadata [characters].
 _MAX_TEXT = 400
 
-#: Longest side of a logo [pixels].
+#: Maximum side of a logo [pixels].
 _MAX_LOGO = 1200
 
-#: Settings of matplotlib in place of those of the user.
+#: Settings of matplotlib that replace those of the user.
 _SETTINGS = {
-    # a $ in a title or in the name of a place does not begin a formula
+    # a $ in a title or a place name is not the start of a formula
     'text.parse_math': False,
-    # embedded TrueType fonts: the text of a page can be searched and copied
+    # with embedded TrueType fonts, text can be searched and copied
     'pdf.fonttype': 42,
     'ps.fonttype': 42,
 }
@@ -33,13 +33,11 @@ _SETTINGS = {
 def new_figure(
     field: str, output: str | Path, size: tuple[float, float], dpi: float
 ) -> Iterator[Any]:
-    """Create a white figure, on which all texts are drawn as they are.
-
-    It must be drawn and saved inside the context. Every figure of the package is made here.
+    """Create a white figure with literal texts. Draw and save it inside the context.
 
     Args:
-        field: What needs the figure, for the error.
-        output: What is written, for the error.
+        field: Name of the field in the error.
+        output: Name of the output in the error.
         size: Width and height [inches].
         dpi: Pixels per inch.
 
@@ -68,7 +66,7 @@ def save_picture(figure: Any, path: str | Path, *, title: str = '', author: str 
     names = {
         '.png': {'Title': title, 'Author': author, 'Software': program},
         '.pdf': {'Title': title, 'Author': author, 'Creator': program},
-        # the keys of Dublin Core, which SVG uses, call the author the creator
+        # SVG uses the keys of Dublin Core
         '.svg': {'Title': title, 'Creator': author or program},
     }
     known = {key: text for key, text in names.get(Path(path).suffix.lower(), {}).items() if text}

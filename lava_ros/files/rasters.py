@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Opens rasters from anywhere with the GDAL driver that the content of the file calls for."""
+"""Reader of untrusted rasters, which chooses the GDAL driver by the contents of the file."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -17,18 +17,18 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.files import MOST_CELLS, open_input, warn_of_others
+from lava_ros.files import MAX_CELLS, open_input, warn_of_unknown
 from lava_ros.files.optional import require
 
 
 class RasterFormat(NamedTuple):
-    """A raster format that is read.
+    """A raster format that can be read.
 
     Attributes:
         name: Name of the format, for people.
         driver: Name of the GDAL driver.
-        suffixes: Usual ends of the names of such files.
-        head: Pattern that the first bytes of such files match.
+        suffixes: Usual suffixes of file names.
+        head: Pattern of the first bytes of such files.
         needs_suffix: True if the first bytes of such files do not identify them.
         notes: Conditions and limits, for people.
         written: Outputs in this format, for people; empty if it is only read.
@@ -51,7 +51,7 @@ _HEADER = re.compile(
 
 _NUMBER = rb'[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?'
 
-#: Lines of the headers of ESRI grids: what their values match, and what that is called.
+#: Pattern and description of the value of each line in the header of an ESRI grid.
 _LINES = {
     name: (re.compile(pattern, re.IGNORECASE), words)
     for names, pattern, words in (
@@ -67,13 +67,13 @@ _LINES = {
     for name in names.split()
 }
 
-#: Lines of which one of each group is needed: GDAL takes 0 for a corner, and 1 for a side.
+#: Groups of lines of which one is required: without them GDAL assumes corners at 0 and sides of 1.
 _PLACE = (
     ('ulxmap', 'xllcorner', 'xllcenter'), ('ulymap', 'yllcorner', 'yllcenter'),
     ('xdim', 'cellsize', 'dx'), ('ydim', 'cellsize', 'dy'),
 )
 
-#: Every raster format that GDAL may open, in the order in which they are looked for.
+#: Raster formats in the order of detection.
 FORMATS = (
     RasterFormat(
         'GDAL virtual raster', 'VRT', ('.vrt',), re.compile(rb'[^\0]*<VRTDataset'),
@@ -101,7 +101,7 @@ FORMATS = (
     RasterFormat('Surfer 6 binary grid', 'GSBG', ('.grd',), re.compile(rb'DSBB')),
     RasterFormat('Surfer 7 binary grid', 'GS7BG', ('.grd',), re.compile(rb'DSRB')),
     RasterFormat(
-        # a height below 9216 m: the text of another format in its place calls another driver
+        # the first byte of an elevation below 9216 m, which text of another format does not have
         'SRTM', 'SRTMHGT', ('.hgt',), re.compile(rb'[\0-\x23\x80\xfe\xff]'), needs_suffix=True,
         notes='named after its south-west corner, such as `N37E015.hgt`',
     ),
@@ -115,10 +115,10 @@ FORMATS = (
     ),
 )
 
-#: Drivers of the files of which a virtual raster may consist.
+#: Drivers of the source files of a virtual raster.
 _TILES = ('GTiff', 'HFA', 'SRTMHGT')
 
-#: Elements of a virtual raster that name no file, except ``SourceFilename``, and run no code.
+#: Allowed elements of a virtual raster: ``SourceFilename``, and those without files or code.
 _VIRTUAL = {
     'VRTDataset', 'SRS', 'GeoTransform', 'Metadata', 'MDI', 'BlockXSize', 'BlockYSize', 'MaskBand',
     'VRTRasterBand', 'NoDataValue', 'HideNoDataValue', 'ColorInterp', 'Description', 'UnitType',
@@ -126,13 +126,13 @@ _VIRTUAL = {
     'SourceProperties', 'SrcRect', 'DstRect', 'NODATA', 'ScaleOffset', 'ScaleRatio',
 }
 
-#: Definitions of a coordinate system that are looked up in no file and at no address.
+#: Definitions of a coordinate system for which GDAL opens no file and no URL.
 _SYSTEM = re.compile(r'\s*(EPSG:\d+\s*$|[A-Za-z_]+\[)')
 
-#: Largest virtual raster, and the part of a header that is read [bytes].
+#: Maximum sizes of a virtual raster, and of the part of a header that is read [bytes].
 MAX_VIRTUAL, MAX_HEADER = 1 << 22, 1 << 16
 
-#: Drivers of text grids, and the header of Surfer's: sides, and ranges of x, y and z.
+#: Drivers of text grids, and the header of a Surfer grid: shape, and ranges of x, y and z.
 _TEXT = ('AAIGrid', 'GSAG')
 _SURFER = re.compile(rb'DSAA(?:\s+[-+.\deE]+){8}')
 
@@ -141,18 +141,18 @@ _SURFER = re.compile(rb'DSAA(?:\s+[-+.\deE]+){8}')
 def opened_raster(field: str, path: str | Path) -> Iterator[Any]:
     """Open a raster for reading, as ``rasterio.open`` does; it need not be georeferenced.
 
-    Only the drivers of ``FORMATS`` are used: some of the others open what a file refers to, also
-    over a network.
+    Only the drivers of ``FORMATS`` are used, since others may open files and URLs to which a file
+    refers.
 
     Raises:
-        LavaError: If the file cannot be opened or read, is of another format, holds several
-            rasters, has too many cells, is truncated, refers to files in other folders, or has
-            text among its values; or if rasterio is not installed.
+        LavaError: If the file cannot be read, has an unknown format, several rasters, too many
+            cells, missing data, references to other folders, or text among its values; or if
+            rasterio is not installed.
     """
     require('rasterio', field, str(path))
     from rasterio.errors import RasterioError
 
-    # an absolute path is no URL
+    # an absolute path cannot be a URL
     place = Path(path).absolute()
     try:
         kind = _format_of(field, place)
@@ -160,13 +160,12 @@ def opened_raster(field: str, path: str | Path) -> Iterator[Any]:
             _check_virtual(field, place)
         with _opened(field, place, kind) as source:
             yield source
-    # what GDAL says of a damaged file may contain bytes of it
+    # an error of GDAL may contain bytes of a damaged file
     except (RasterioError, OSError, UnicodeDecodeError) as error:
         raise LavaError(field, str(path), f'a raster that GDAL can read ({error})') from error
 
 
 def _format_of(field: str, path: Path) -> RasterFormat:
-    """Return the format of a file."""
     with open_input(path) as file:
         head = file.read(1024)
     for item in FORMATS:
@@ -174,14 +173,14 @@ def _format_of(field: str, path: Path) -> RasterFormat:
             item.needs_suffix and path.suffix.lower() not in item.suffixes
         ):
             return item
-    right = f'a raster of a known format: {", ".join(item.name for item in FORMATS)} '
-    right += '(gdal_translate turns other formats into GeoTIFF)'
-    raise LavaError(field, str(path), right)
+    expected = f'a raster of a known format: {", ".join(item.name for item in FORMATS)} '
+    expected += '(gdal_translate turns other formats into GeoTIFF)'
+    raise LavaError(field, str(path), expected)
 
 
 @contextmanager
 def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
-    """Open a raster with one driver, and check what GDAL does not."""
+    """Open a raster with one driver, and make the checks that GDAL does not make."""
     import rasterio
     from rasterio.errors import NotGeoreferencedWarning
 
@@ -194,17 +193,18 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
     numbers = _count_numbers(field, path) if kind.driver in _TEXT else None
     with warnings.catch_warnings(), _without_undecodable_errors():
         warnings.simplefilter('ignore', NotGeoreferencedWarning)
-        # a declared value of cells without data may be beyond float32
+        # the declared no-data value may be beyond float32
         warnings.filterwarnings('ignore', 'overflow encountered in cast', RuntimeWarning)
         with rasterio.open(path, driver=kind.driver) as source:
-            if source.height * source.width > MOST_CELLS:
+            if source.height * source.width > MAX_CELLS:
                 shown = f'{source.height} x {source.width} cells'
-                right = f'at most {MOST_CELLS} (gdal_translate -srcwin takes a part)'
-                raise LavaError(f'size of {path.name}', shown, right)
+                expected = f'at most {MAX_CELLS} (gdal_translate -srcwin extracts a part)'
+                raise LavaError(f'size of {path.name}', shown, expected)
             if not source.count:
                 names = ', '.join(name.rpartition(':')[2] for name in source.subdatasets)
-                right = f'a file with one raster, not {names or "none"} (gdal_translate takes one)'
-                raise LavaError(field, str(path), right)
+                expected = f'a file with one raster, not {names or "none"} '
+                expected += '(gdal_translate extracts one)'
+                raise LavaError(field, str(path), expected)
             if any(Path(name).absolute().parent != path.parent for name in source.files):
                 raise LavaError(field, str(path), 'a raster without files in other folders')
             if kind.driver == 'EHdr' or kind.name == 'NetCDF classic':
@@ -216,14 +216,14 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
                 _check_header(field, header, lines)
             cells = source.width * source.height
             if numbers not in (None, cells):
-                right = f'{cells}, as many as the header has cells'
-                raise LavaError(f'number of values in {path.name}', numbers, right)
+                expected = f'{cells}, as many as the header has cells'
+                raise LavaError(f'number of values in {path.name}', numbers, expected)
             yield source
 
 
 @contextmanager
 def _without_undecodable_errors() -> Iterator[None]:
-    """Keep Python from printing errors of GDAL that contain other bytes of a file than text."""
+    """Prevent Python from printing GDAL errors that contain bytes which are not text."""
     hooks = sys.excepthook, sys.unraisablehook
 
     def report(kind: Any, error: Any, traceback: Any) -> None:
@@ -242,7 +242,7 @@ def _without_undecodable_errors() -> Iterator[None]:
 
 
 def _check_virtual(field: str, path: Path) -> None:
-    """Refuse a virtual raster of anything but rasters in its folder."""
+    """Raise LavaError for a virtual raster with sources other than rasters in its folder."""
     with open_input(path) as file:
         text = file.read(MAX_VIRTUAL + 1)
     try:
@@ -272,7 +272,7 @@ def _check_virtual(field: str, path: Path) -> None:
 
 
 def _check_database(field: str, path: Path) -> None:
-    """Refuse a damaged database, whose missing values GDAL reads as 0."""
+    """Raise LavaError for a damaged database, whose missing values GDAL reads as 0."""
     try:
         with closing(sqlite3.connect(f'{path.as_uri()}?immutable=1', uri=True)) as database:
             (found,) = database.execute('PRAGMA quick_check(1)').fetchone()
@@ -288,39 +288,39 @@ def _check_database(field: str, path: Path) -> None:
 
 
 def _check_size(field: str, path: Path, source: Any) -> None:
-    """Refuse a truncated grid of uncompressed bytes, whose missing values GDAL reads as 0."""
+    """Raise LavaError for a truncated uncompressed grid, whose missing values GDAL reads as 0."""
     needed = source.width * source.height * sum(np.dtype(kind).itemsize for kind in source.dtypes)
     found = path.stat().st_size
     if path.suffix.lower() == '.flt':
-        # GDAL guesses the type from the size
+        # GDAL derives the type from the size
         needed = 4 * source.width * source.height
     if found < needed:
         raise LavaError(field, f'{found} bytes in {path.name}', f'{needed} bytes, as its header')
 
 
 def _check_header(field: str, path: Path, lines: Sequence[tuple[bytes, bytes]]) -> None:
-    """Refuse a header of an ESRI grid that GDAL would complete, and warn of lines it ignores."""
+    """Raise LavaError for an incomplete header of an ESRI grid, and warn of unknown lines."""
     names, others = set(), []
     for line, value in lines:
         label = line.decode(errors='replace')
-        pattern, right = _LINES.get(label.lower(), (None, ''))
+        pattern, expected = _LINES.get(label.lower(), (None, ''))
         if pattern is None:
             others.append(label)
         elif not pattern.fullmatch(value) or label.lower() in names:
-            right = 'only once' if label.lower() in names else right
+            expected = 'only once' if label.lower() in names else expected
             text = value.decode(errors='replace')
-            raise LavaError(f'{field}, {label} of {path.name}', text, right)
+            raise LavaError(f'{field}, {label} of {path.name}', text, expected)
         names.add(label.lower())
-    warn_of_others(path.name, 'lines', others)
+    warn_of_unknown(path.name, 'lines', others)
     for group in _PLACE:
         if len(found := names.intersection(group)) != 1:
-            right = f'a line of the header: one of {", ".join(group)}'
+            expected = f'a line of the header: one of {", ".join(group)}'
             shown = ' and '.join(sorted(found)) or None
-            raise LavaError(f'{field}, {group[-1]} of {path.name}', shown, right)
+            raise LavaError(f'{field}, {group[-1]} of {path.name}', shown, expected)
 
 
 def _count_numbers(field: str, path: Path) -> int:
-    """Count the values of a text grid; LavaError for text, which GDAL reads as 0 or in part."""
+    """Count the values of a text grid; raise LavaError for text, which GDAL reads as a number."""
     with open_input(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         begin, known, lines = 0, _NUMBER, []
         if surfer := _SURFER.match(data):
@@ -337,8 +337,8 @@ def _count_numbers(field: str, path: Path) -> int:
             before = data[: found.start()].split(b'\n')
             place = f'line {len(before)}, column {len(before[-1]) + 1} of {path.name}'
             text = found[0].decode(errors='replace')
-            right = 'a number with a decimal point; of cells without data, that of NODATA_value'
-            raise LavaError(place, text, right)
+            expected = 'a number with a decimal point; NODATA_value for cells without data'
+            raise LavaError(place, text, expected)
         count = 0
         for at in range(begin, len(data), 1 << 24):
             is_text = np.frombuffer(data[at - 1 : at + (1 << 24)], np.uint8) > ord(' ')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the package's data files are: msg_configs/, examples/, launch/."""
+"""Paths of the package's data files: msg_configs/, examples/, launch/."""
 
 import os
 from pathlib import Path
@@ -15,9 +15,11 @@ PACKAGE = 'lava_ros'
 def share_path(relative: str) -> Path:
     """Return the path of a data file or folder of this package.
 
-    ``msg_configs/default.yaml``, for example, is looked for in the checkout the package runs from,
-    then in each ament prefix (``AMENT_PREFIX_PATH``), then where pip puts data files
-    (``sys.prefix``). A LavaError lists these places.
+    The search order is the checkout from which the package runs, each ament prefix
+    (``AMENT_PREFIX_PATH``), and the data files of pip (``sys.prefix``).
+
+    Raises:
+        LavaError: If there is no such file. The error lists the places that were searched.
     """
     candidates = _candidates(relative)
     for candidate in candidates:

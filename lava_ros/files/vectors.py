@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points, lines and areas of other programs: GeoJSON, GeoPackage, Shapefile and KML by GDAL.
+"""Vector files: GeoJSON, GeoPackage, Shapefile and KML, by GDAL.
 
-A file is read into memory and given to GDAL from there: what it refers to is not opened.
+GDAL reads a file from memory, so that it cannot open other files to which the file refers.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,15 +20,15 @@ import warnings
 import zipfile
 
 from lava_ros.errors import LavaError
-from lava_ros.files import open_input, warn_of_others, write_output
+from lava_ros.files import open_input, warn_of_unknown, write_output
 from lava_ros.files.optional import require
 
 _LOG = logging.getLogger(__name__)
 
-#: Largest file, unpacked [bytes].
+#: Maximum size of an unpacked file [bytes].
 MAX_BYTES = 256 * 2**20
 
-#: Largest number of files in an archive, and of layers in a file.
+#: Maximum number of files in an archive, and of layers in a file.
 MAX_MEMBERS, MAX_LAYERS = 1000, 1000
 
 
@@ -36,13 +36,13 @@ class Format(NamedTuple):
     """A format of vector files.
 
     Attributes:
-        name: Its name, as people call it.
-        ending: End of the names of its files, which the option ``--formats`` takes too.
-        driver: GDAL's name of it, to write.
-        readers: GDAL's names of it that may read it.
-        begins: What its files begin with.
-        is_degrees: True if its coordinates are longitudes and latitudes.
-        has_layers: True if a file has several layers.
+        name: Name of the format, for people.
+        ending: Suffix of file names, which is also the value of the option ``--formats``.
+        driver: GDAL driver for writing.
+        readers: GDAL drivers for reading.
+        begins: Pattern of the first bytes of such files.
+        is_degrees: True if coordinates are longitudes and latitudes.
+        has_layers: True if a file may have several layers.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Format(NamedTuple):
 
 _KML = re.compile(rb'\s*(<\?xml[^>]*\?>\s*)?(<!--.*?-->\s*)*<(\w+:)?kml\b', re.DOTALL)
 
-#: Formats by the end of a file's name.
+#: Formats by the suffix of file names.
 FORMATS = {
     item.ending: item
     for item in (
@@ -69,17 +69,17 @@ FORMATS = {
     )
 }
 
-#: Other ends of names, and archives, with the formats that they may hold.
+#: Other suffixes, and archives, with the formats that they may contain.
 ALIASES = {'json': 'geojson'}
 ARCHIVES = {'kmz': ('kml',), 'zip': tuple(FORMATS), 'shz': ('shp',)}
 
-#: Ends of the names of files that can be read.
+#: Suffixes of files that can be read.
 ENDINGS = tuple(f'.{ending}' for ending in (*FORMATS, *ALIASES, *ARCHIVES))
 
-#: Parts of a Shapefile that are read and written; the first three it needs.
+#: Parts of a Shapefile that are read and written; the first three are required.
 _PARTS = ('.shp', '.shx', '.dbf', '.prj', '.cpg')
 
-#: Attributes of each KML feature, which say how it is drawn.
+#: Attributes of KML features for drawing.
 _OF_KML = frozenset((
     'id', 'description', 'Description', 'snippet', 'altitudeMode', 'tessellate', 'extrude',
     'visibility', 'drawOrder', 'icon', 'gx_media_links',
@@ -94,17 +94,17 @@ _MEMBERS = {
 }
 _GEOMETRY = ('type', 'coordinates', 'geometries', 'bbox')
 
-#: A feature: its name for errors, the geometry and attributes of GeoJSON, and the definition of
-#: its coordinate system (None: unknown).
+#: A feature: name in errors, geometry of GeoJSON, definition of the coordinate system (None:
+#: unknown), and attributes.
 Item = tuple[str, Mapping[str, Any] | None, str | None, Mapping[str, Any]]
 
 
 def read_vectors(field: str, path: Path) -> list[Item]:
-    """Read the features of all layers of a file, in two dimensions; GDAL's warnings are logged.
+    """Read the features of all layers of a file in two dimensions, and log warnings of GDAL.
 
     Raises:
-        LavaError: The file cannot be read, is too large, or is not what its name says; or pyogrio
-            is not installed. Errors name ``field``.
+        LavaError: If the file cannot be read, is too large, or is not of the format of its suffix;
+            or if pyogrio is not installed. Errors name ``field``.
     """
     require('pyogrio', field, str(path))
     known, contents = _content(field, path)
@@ -114,19 +114,19 @@ def read_vectors(field: str, path: Path) -> list[Item]:
             result = [item for data in contents for item in _read(known, data, path)]
         except LavaError:
             raise
-        # pyogrio has errors of several classes, and some of numpy
+        # the errors of pyogrio have no common class
         except Exception as error:
-            right = f'a file of {known.name} that GDAL can read ({_named(error, path)})'
-            raise LavaError(field, str(path), right) from error
-    # a file in memory has no ending
-    texts = {_named(item.message, path) for item in told} - {''}
+            expected = f'a file of {known.name} that GDAL can read ({_message(error, path)})'
+            raise LavaError(field, str(path), expected) from error
+    # GDAL warns that a file in memory has no suffix
+    texts = {_message(item.message, path) for item in told} - {''}
     for text in sorted(text for text in texts if 'file extension' not in text):
         _LOG.warning(f'{path}: {text}')
     return result
 
 
-def _named(message: object, path: Path) -> str:
-    """Return a message of GDAL with the name of the file instead of its name in memory."""
+def _message(message: object, path: Path) -> str:
+    """Return a message of GDAL with the name of the file instead of its path in memory."""
     return re.sub(r"/vsi[^\s']+", path.name, str(message))
 
 
@@ -158,11 +158,10 @@ def _read(known: Format, data: bytes, path: Path) -> list[Item]:
 
 
 def _check_members(path: Path, data: bytes) -> str | None:
-    """Warn of members of GeoJSON that GDAL passes over, and refuse what it takes for nothing.
+    """Warn of GeoJSON members that GDAL ignores, and raise LavaError for ambiguous ones.
 
-    Returns:
-        The coordinate system that a file from before RFC 7946 names; GDAL takes one that it does
-        not know for degrees.
+    Returns the coordinate system in a file before RFC 7946: GDAL replaces an unknown one by
+    degrees.
     """
     others: list[str] = []
 
@@ -185,19 +184,19 @@ def _check_members(path: Path, data: bytes) -> str | None:
         return members
 
     system = json.loads(data, object_pairs_hook=check).get('crs')
-    warn_of_others(path, 'members', others)
+    warn_of_unknown(path, 'members', others)
     return system and str(system['properties']['name'])
 
 
 def _as_geojson(meta: Any, geometry: Any, values: Any) -> list[dict[str, Any]]:
-    """Return features that pyogrio has read as those of GeoJSON, in their own system."""
+    """Convert features of pyogrio to GeoJSON, without a change of coordinates."""
     from pyogrio import raw
 
     if not len(geometry):
         return []
     text = io.BytesIO()
     with warnings.catch_warnings():
-        # that it is not told the system
+        # pyogrio warns that there is no coordinate system
         warnings.simplefilter('ignore')
         raw.write(
             text, geometry, values, meta['fields'], driver='GeoJSON', geometry_type='Unknown',
@@ -208,36 +207,36 @@ def _as_geojson(meta: Any, geometry: Any, values: Any) -> list[dict[str, Any]]:
 
 
 def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
-    """Return the format of a file, and the bytes for GDAL: an archive of a Shapefile's parts."""
+    """Return the format of a file, and its bytes for GDAL; a Shapefile becomes an archive."""
     ending = _ending(path)
     if f'.{ending}' not in ENDINGS:
         raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
     journal = path.with_name(f'{path.name}-wal')
     try:
         if ending == 'gpkg' and journal.exists() and journal.stat().st_size:
-            right = 'a GeoPackage that no program has open: it has changes that are not in it'
-            raise LavaError(field, str(path), right)
+            expected = 'a GeoPackage closed by other programs: its -wal file has unsaved changes'
+            raise LavaError(field, str(path), expected)
         files = _files(field, path)
     except FileNotFoundError:
         raise LavaError(field, str(path), 'a file that exists') from None
     except LavaError:
         raise
-    # a damaged archive raises what each of its parts does, which has no class in common
+    # the errors of damaged archives have no common class
     except Exception as error:
         raise LavaError(field, str(path), f'a readable file ({error})') from error
     wanted = ARCHIVES.get(ending, (ending,))
     found = sorted(
         name for name in files if _ending(name) in wanted and '__MACOSX' not in name.parts
     )
-    # a KMZ of GDAL has a file for each layer
+    # GDAL writes a KMZ with a file for each layer
     if not found or (len(found) > 1 and ending != 'kmz'):
         shown = ', '.join(map(str, found)) or 'other files'
-        right = f'an archive with one file of {", ".join(FORMATS[end].name for end in wanted)}'
-        raise LavaError(f'{field}, {path}', shown, right)
+        expected = f'an archive with one file of {", ".join(FORMATS[end].name for end in wanted)}'
+        raise LavaError(f'{field}, {path}', shown, expected)
     known = FORMATS[_ending(found[0])]
     contents = [files[name].removeprefix(b'\xef\xbb\xbf') for name in found]
     for data in contents:
-        # entities may refer to files, and grow without bound
+        # XML entities may refer to files, and expand without limit
         if not known.begins.match(data[:4096]) or (known.ending == 'kml' and b'<!DOCTYPE' in data):
             raise LavaError(field, str(path), f'a file of {known.name}')
     if known.ending != 'shp':
@@ -245,8 +244,8 @@ def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
     parts = {name.suffix.lower(): data for name, data in files.items()
              if name.with_suffix('') == found[0].with_suffix('')}
     if lacking := [name for name in _PARTS[:3] if name not in parts]:
-        right = f'a Shapefile with its other parts beside it ({", ".join(lacking)})'
-        raise LavaError(field, str(path), right)
+        expected = f'a Shapefile with its other parts in the same folder ({", ".join(lacking)})'
+        raise LavaError(field, str(path), expected)
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, 'w') as archive:
         for name, data in parts.items():
@@ -255,13 +254,13 @@ def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
 
 
 def _ending(path: Path) -> str:
-    """Return the end of a file's name, in lower case and without aliases."""
+    """Return the suffix of a file name without the dot, in lower case, with aliases resolved."""
     ending = path.suffix.lower()[1:]
     return ALIASES.get(ending, ending)
 
 
 def _files(field: str, path: Path) -> dict[Path, bytes]:
-    """Read a file, all parts of a Shapefile, or those files of an archive that may be wanted."""
+    """Read a file, all parts of a Shapefile, or all vector files of an archive."""
     unpacked, result = '', {}
     if _ending(path) in ARCHIVES:
         unpacked = ' when unpacked'
@@ -272,7 +271,7 @@ def _files(field: str, path: Path) -> dict[Path, bytes]:
             }
             if len(members) > MAX_MEMBERS:
                 raise LavaError(field, str(path), f'an archive of at most {MAX_MEMBERS} files')
-            # no more is unpacked of a member than the archive says
+            # zipfile unpacks at most the declared size of a member
             if sum(item.file_size for item in members.values()) <= MAX_BYTES:
                 return {name: archive.read(item) for name, item in members.items()}
     else:
@@ -283,11 +282,11 @@ def _files(field: str, path: Path) -> dict[Path, bytes]:
                     result[item] = file.read(MAX_BYTES + 1)
         if sum(map(len, result.values())) <= MAX_BYTES:
             return result
-    right = f'a file of at most {MAX_BYTES >> 20} MiB{unpacked}'
-    raise LavaError(field, str(path), right)
+    expected = f'a file of at most {MAX_BYTES >> 20} MiB{unpacked}'
+    raise LavaError(field, str(path), expected)
 
 
-#: Formats that features are written in: ends of names. A zip holds a Shapefile.
+#: Suffixes of the formats for writing. A zip contains a Shapefile.
 WRITTEN = (*FORMATS, 'kmz', 'zip', 'csv')
 
 
@@ -297,19 +296,19 @@ def write_vectors(
 ) -> list[Path]:
     """Write layers of GeoJSON features, and return the paths of the files.
 
-    Formats with layers have all in ``<stem>.<ending>``, others a file for each layer, named after
-    it. A Shapefile has several parts, or one zip. A table has the areas as WKT. Empty layers are
-    left out, except in GeoJSON. Files are there whole or not at all.
+    A format with layers is one file, ``<stem>.<ending>``; the others have a file named after each
+    layer. A CSV file has the geometries as WKT. Empty layers are omitted except in GeoJSON. Each
+    file is written completely or not at all.
 
     Args:
-        folder: Where the files go.
-        ending: The format, one of ``WRITTEN``.
-        layers: The features of each layer, of one kind of geometry, with coordinates in ``crs``.
-        crs: Definition of the coordinate system (WKT); None if there is none.
-        stem: Name of a file of several layers.
+        folder: Folder of the files.
+        ending: Format, one of ``WRITTEN``.
+        layers: Features of each layer, of one kind of geometry, with coordinates in ``crs``.
+        crs: Definition of the coordinate system (WKT); None without one.
+        stem: Name of a file with several layers.
 
     Raises:
-        LavaError: A file cannot be written.
+        LavaError: If a file cannot be written.
     """
     from pyogrio import raw
 
@@ -319,13 +318,13 @@ def write_vectors(
     written = []
     try:
         with TemporaryDirectory() as temporary, warnings.catch_warnings():
-            # names of a Shapefile's columns have ten letters
+            # GDAL warns that it cuts column names in a Shapefile
             warnings.simplefilter('ignore')
             for name, features in layers.items():
                 collection = {'type': 'FeatureCollection', 'features': list(features)}
                 text = json.dumps(collection) + '\n'
                 in_one = known is not None and known.has_layers
-                # GDAL packs the parts of a Shapefile of this name
+                # GDAL packs a Shapefile with the suffix .shp.zip
                 inner = {'zip': 'shp.zip', 'kmz': 'kml'}.get(ending, ending)
                 place = Path(temporary, f'{stem if in_one else name}.{inner}')
                 if not features:
@@ -341,7 +340,7 @@ def write_vectors(
             for place in sorted(Path(temporary).iterdir()):
                 data = place.read_bytes()
                 if ending == 'kmz':
-                    # GDAL adds no layer to an archive
+                    # GDAL cannot append a layer to an archive
                     packed = io.BytesIO()
                     with zipfile.ZipFile(packed, 'w', zipfile.ZIP_DEFLATED) as archive:
                         archive.writestr('doc.kml', data)
@@ -351,23 +350,23 @@ def write_vectors(
                 write_output('output', written[-1], data)
     except LavaError:
         raise
-    # what GDAL and SQLite say has no class in common
+    # the errors of GDAL and SQLite have no common class
     except Exception as error:
         raise LavaError('output', str(folder), f'a folder to write to ({error})') from error
     return written
 
 
 def geometries_of_wkt(field: str, texts: Sequence[str]) -> list[Mapping[str, Any] | None]:
-    """Read geometries in well-known text as those of GeoJSON; None for text that is not one.
+    """Convert well-known text to geometries of GeoJSON; None for invalid text.
 
     Raises:
-        LavaError: pyogrio is not installed. The error names ``field``.
+        LavaError: If pyogrio is not installed. The error names ``field``.
     """
     require('pyogrio', field, 'well-known text')
     from pyogrio import raw
 
     with TemporaryDirectory() as temporary, warnings.catch_warnings():
-        # what is wrong with a text is the caller's to say
+        # the caller reports invalid text
         warnings.simplefilter('ignore')
         place = Path(temporary, 'a.csv')
         with place.open('w', newline='', encoding='utf-8') as file:

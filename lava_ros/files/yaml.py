@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""YAML and JSON from anywhere -> plain data of bounded size. What others write is read here."""
+"""Parsers of untrusted YAML and JSON into plain data of bounded size."""
 
 import json
 from pathlib import Path
@@ -13,44 +13,50 @@ import yaml
 from lava_ros.errors import LavaError, LONGEST_VALUE, one_line
 from lava_ros.files import open_input
 
-#: Longest text that is read [bytes].
-MOST_BYTES = 16 * 2**20
+#: Maximum size of a text [bytes].
+MAX_BYTES = 16 * 2**20
 
-#: Most values, those behind an alias counted wherever it stands.
-MOST_VALUES = 500_000
+#: Maximum number of values; those of an alias count each time.
+MAX_VALUES = 500_000
 
-#: Most levels of lists and mappings in each other.
-MOST_LEVELS = 50
+#: Maximum nesting of lists and mappings.
+MAX_DEPTH = 50
 
-#: Most characters of a number.
-MOST_DIGITS = 100
+#: Maximum length of a number [characters].
+MAX_DIGITS = 100
 
 
 def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML file') -> Any:
-    """Read a YAML file as plain data; LavaError where ``parse_yaml`` refuses it or none is there.
+    """Read a YAML file as plain data.
 
-    ``expected`` describes a right file in errors, followed by the reason in brackets.
+    Args:
+        field: Name of the field in errors.
+        path: Path of the file.
+        expected: Description of a valid file in errors, which the reason follows in brackets.
+
+    Raises:
+        LavaError: If the file cannot be read, or as in ``parse_yaml``.
     """
     try:
         with open_input(path) as file:
-            text = file.read(MOST_BYTES + 1).decode()
+            text = file.read(MAX_BYTES + 1).decode()
     except (OSError, ValueError) as error:
         raise LavaError(field, str(path), f'{expected} ({error})') from error
     return parse_yaml(field, text, expected, value=str(path))
 
 
 def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | None = None) -> Any:
-    """Parse YAML into plain data; errors show ``value`` instead of the text.
+    """Parse YAML into plain data; dates stay text, and errors show ``value`` instead of the text.
 
-    Dates stay text. LavaError where the text is not YAML, or is longer, larger or deeper than
-    allowed; or has tags of Python, a value that does not fit its tag, a value that contains
-    itself, or a value that YAML 1.1 reads as another one than is written there: ``010``, ``1:30``
-    or ``no``.
+    Raises:
+        LavaError: If the text is not YAML or exceeds a limit; or if it has a Python tag, a value
+            that does not fit its tag, a value that contains itself, or a value that YAML 1.1 reads
+            differently from how it is written, such as ``010``, ``1:30`` or ``no``.
     """
     source = '' if value is None else f' of {value}'
     value = text if value is None else value
-    if len(text) > MOST_BYTES:
-        raise LavaError(field, value, f'{expected} (at most {MOST_BYTES} bytes)')
+    if len(text) > MAX_BYTES:
+        raise LavaError(field, value, f'{expected} (at most {MAX_BYTES} bytes)')
     try:
         return yaml.load(text, _Loader)
     except _MisreadError as error:
@@ -66,32 +72,34 @@ def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | No
 
 
 def parse_json(field: str, text: str | bytes) -> Any:
-    """Parse JSON into plain data; numbers are finite and of no more than ``MOST_DIGITS`` digits.
+    """Parse JSON into plain data.
 
-    LavaError also where the text is too deep or no JSON.
+    Raises:
+        LavaError: If the text is not JSON or too deep, or if a number is not finite or has more
+            than ``MAX_DIGITS`` digits.
     """
     try:
-        # without aliases it is as large as its text
+        # JSON has no aliases, so that the text bounds the size
         return json.loads(text, parse_int=_integer, parse_constant=_integer)
     except (ValueError, RecursionError) as error:
         raise LavaError(field, text, f'JSON ({error})') from error
 
 
 def _integer(text: str) -> int:
-    if len(text) > MOST_DIGITS:
-        raise ValueError(f'a number of more than {MOST_DIGITS} characters')
-    # NaN and Infinity are none
+    if len(text) > MAX_DIGITS:
+        raise ValueError(f'a number of more than {MAX_DIGITS} characters')
+    # raises ValueError for NaN and Infinity
     return int(text)
 
 
-#: Integers that YAML 1.1 does not read as decimal numbers: 010 is 8, 0x1F is 31.
+#: Integers that are not decimal in YAML 1.1: 010 is 8, 0x1F is 31.
 _OTHER_BASE = re.compile(r'([-+]?)0([0-9_]+|[bx].*)')
 
 
 class _MisreadError(yaml.composer.ComposerError):
-    """A value that YAML 1.1 reads as another one than is written there.
+    """A value that YAML 1.1 reads differently from how it is written.
 
-    ``place`` is its place below the document, such as ``.vents[0].discharge``.
+    ``place`` is the path in the document, such as ``.vents[0].discharge``.
     """
 
     def __init__(self, place: str, typed: str, expected: str, mark: Any) -> None:
@@ -100,7 +108,7 @@ class _MisreadError(yaml.composer.ComposerError):
 
 
 class _Loader(yaml.SafeLoader):
-    """The safe loader, which stops where a text would become more than is allowed."""
+    """The safe loader with limits on size and nesting."""
 
     yaml_implicit_resolvers: ClassVar[Any] = {
         first: [item for item in resolvers if item[0] != 'tag:yaml.org,2002:timestamp']
@@ -109,10 +117,10 @@ class _Loader(yaml.SafeLoader):
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
-        # keys and indices of the values around the present one
+        # keys and indices of the enclosing values
         self._place: list[str] = []
         self._depth = self._deepest = self._values = 0
-        # values and levels of what has an anchor, once its end is read
+        # number of values and levels of each complete node with an anchor
         self._sizes: dict[str, tuple[int, int]] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
@@ -125,10 +133,10 @@ class _Loader(yaml.SafeLoader):
         before, outer = self._values, self._deepest
         self._values += values
         self._deepest = self._depth + levels
-        if self._values > MOST_VALUES:
-            wrong = f'more than {MOST_VALUES} values, those behind aliases counted each time,'
-        elif self._deepest > MOST_LEVELS:
-            wrong = f'more than {MOST_LEVELS} levels of lists and mappings'
+        if self._values > MAX_VALUES:
+            wrong = f'more than {MAX_VALUES} values, those of an alias counted each time,'
+        elif self._deepest > MAX_DEPTH:
+            wrong = f'more than {MAX_DEPTH} levels of lists and mappings'
         if wrong:
             raise yaml.composer.ComposerError(None, None, wrong, event.start_mark)
         self._depth += 1
@@ -149,10 +157,10 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def _check_plain(self, node: Any, has_tag: bool) -> None:
-        """Refuse a plain scalar that YAML 1.1 reads as another value than is written there."""
+        """Raise an error for a plain scalar that YAML 1.1 reads differently."""
         kind, typed = node.tag.rpartition(':')[2], node.value
         expected = ''
-        if has_tag or len(typed) > MOST_DIGITS:
+        if has_tag or len(typed) > MAX_DIGITS:
             return
         if kind in ('int', 'float') and ':' in typed:
             expected = 'a number such as 90, or text in quotes: YAML 1.1 reads 1:30 as 90'
@@ -173,20 +181,20 @@ class _Loader(yaml.SafeLoader):
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
                 if (key.tag, key.value) in known:
-                    right = f'the key {key.value} twice'
-                    raise yaml.composer.ComposerError(None, None, right, key.start_mark)
+                    expected = f'the key {key.value} twice'
+                    raise yaml.composer.ComposerError(None, None, expected, key.start_mark)
                 known.add((key.tag, key.value))
         return node
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
         kind = node.tag.rpartition(':')[2]
         wrong = ''
-        if kind in ('int', 'float') and len(node.value) > MOST_DIGITS:
-            wrong = f'a number of more than {MOST_DIGITS} characters'
+        if kind in ('int', 'float') and len(node.value) > MAX_DIGITS:
+            wrong = f'a number of more than {MAX_DIGITS} characters'
         if wrong:
             raise yaml.constructor.ConstructorError(None, None, wrong, node.start_mark)
         try:
             return super().construct_object(node, deep)
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            right = f'a value that is no {kind}'
-            raise yaml.constructor.ConstructorError(None, None, right, node.start_mark) from error
+            wrong = f'a value that is not of type {kind}'
+            raise yaml.constructor.ConstructorError(None, None, wrong, node.start_mark) from error

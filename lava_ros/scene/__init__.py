@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a user describes: terrain, lava, vents, and what is uncertain about them."""
+"""Input of a simulation: terrain, lava, vents and their uncertainty."""
 
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.scene import (

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of effusion rates -> intervals with one rate: means, instants or erupted volumes."""
+"""Tables of effusion rates: mean rates, rates at instants, or erupted volumes."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files import warn_of_others
+from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import Column, understood
 from lava_ros.files.csv import read_table
 from lava_ros.scene.uncertainty import Distribution
@@ -22,23 +22,23 @@ from lava_ros.scene.vents import MAX_DISCHARGE
 
 _LOG = logging.getLogger(__name__)
 
-#: Effusion rate in a time without data: none, or on a line between its neighbours.
+#: Effusion rate in a time without data: 0, or interpolated linearly.
 GAPS = ('zero', 'interpolate')
 
-#: Columns of a table: one for what came out, and the others.
+#: Columns of an amount of lava, of which a table has one, and all columns.
 AMOUNTS = ('effusion_rate', 'volume', 'cumulative_volume')
 COLUMNS = ('start', 'end', 'time', *AMOUNTS, 'error')
 
 #: Cells without a rate.
 _MISSING = ('', '-', '--', 'na', 'n/a', 'nan', 'nodata', 'no data')
 
-#: Fraction of an interval that two of them may overlap by, for rounding.
+#: Maximum overlap of two intervals, due to rounding, as a fraction of the later one.
 _OVERLAP = 1e-6
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A time [s] with one effusion rate of all vents together [m3/s], the mean over it.
+    """An interval of time [s] with the mean effusion rate of all vents together [m3/s].
 
     ``error`` is the standard error of the rate [m3/s], None if the table has none.
     """
@@ -54,12 +54,12 @@ class Options:
     """Choices for reading a table of effusion rates.
 
     Attributes:
-        start: Date at which the eruption starts (ISO 8601), which is time 0; None: the first date
-            of the table.
-        gaps: One of ``GAPS``; None: times between intervals have no lava, with a warning, and
-            cells without a number are refused.
-        porosity: Fraction of the erupted lava that is bubbles: rates are dense-rock equivalents,
-            and bulk rates are larger by 1 / (1 - porosity). None: rates are bulk.
+        start: Date of the start of the eruption (ISO 8601), which is time 0; None: the first date
+            in the table.
+        gaps: One of ``GAPS``; None: times between intervals have no lava, with a warning, and a
+            cell without a number is an error.
+        porosity: Volume fraction of bubbles, which converts the dense-rock equivalents of the
+            table to bulk rates by the factor 1 / (1 - porosity). None: the rates are bulk.
     """
 
     start: str | None = None
@@ -67,7 +67,7 @@ class Options:
     porosity: float | None = None
 
     def __post_init__(self) -> None:
-        """Validate every field; LavaError names one that is not usable."""
+        """Validate all fields; raise LavaError for an invalid one."""
         if self.start is not None:
             _date('effusion_rate.start', self.start)
         if self.gaps is not None:
@@ -80,7 +80,7 @@ class Options:
 
 
 def options_from_dict(label: str, data: object) -> Options:
-    """Build options from the plain data of a YAML file; LavaError names what is wrong."""
+    """Build options from the plain data of a YAML file; raise LavaError for an invalid field."""
     names = [item.name for item in fields(Options)]
     values: dict[str, Any] = validation.keys(label, data, allowed=names)
     try:
@@ -93,37 +93,37 @@ def options_from_dict(label: str, data: object) -> Options:
 def read_effusion_rates(
     field: str, path: str | Path, options: Options | None = None
 ) -> tuple[Interval, ...]:
-    """Read a table of effusion rates, and log how it was read.
+    """Read a table of effusion rates, and log its interpretation.
 
-    The columns are ``start`` and ``end`` with mean rates or volumes of intervals, or ``time`` with
-    rates of instants, which change linearly between them, or with the cumulative volume. Names,
-    units and synonyms are those of ``columns.COLUMNS``; times are seconds, another unit that the
-    header names, or dates (ISO 8601, UTC unless they say another zone).
+    The columns are ``start`` and ``end`` with mean rates or volumes, or ``time`` with the
+    cumulative volume or with rates at instants, between which the rate changes linearly. Names,
+    units and synonyms are those of ``columns.COLUMNS``. Times are in seconds, in the unit of the
+    header, or dates (ISO 8601, UTC unless they have a time zone).
 
     Returns:
         Intervals of increasing time, which do not overlap.
 
     Raises:
-        LavaError: The table cannot be read or has values that are not usable.
+        LavaError: If the table cannot be read, or a value is not usable.
     """
     options = Options() if options is None else options
     path = Path(path)
     rows = read_table(field, path)
     columns, others = understood(str(path), rows[0][1], COLUMNS)
     if 'volume' in columns and 'time' in columns:
-        # of instants a volume is what has come out by then
+        # a volume at an instant is cumulative
         columns['cumulative_volume'] = columns.pop('volume')
     amounts = [name for name in AMOUNTS if name in columns]
     has_spans = 'start' in columns
     if len(amounts) != 1 or has_spans == ('time' in columns) or has_spans != ('end' in columns):
-        right = 'start, end and effusion_rate or volume, or time and effusion_rate or '
-        right += 'cumulative_volume'
-        raise LavaError(f'{path}, first line', ','.join(rows[0][1]), f'the columns {right}')
+        expected = 'start, end and effusion_rate or volume, or time and effusion_rate or '
+        expected += 'cumulative_volume'
+        raise LavaError(f'{path}, first line', ','.join(rows[0][1]), f'the columns {expected}')
     amount = amounts[0]
     if amount == 'cumulative_volume' and has_spans:
-        right = 'time in place of start and end'
-        raise LavaError(f'{path}, first line', ','.join(rows[0][1]), right)
-    warn_of_others(path, 'columns', others)
+        expected = 'time in place of start and end'
+        raise LavaError(f'{path}, first line', ','.join(rows[0][1]), expected)
+    warn_of_unknown(path, 'columns', others)
     if amount == 'cumulative_volume' and 'error' in columns:
         _LOG.warning(f'{path}: errors of a cumulative volume are not used')
     factor = _bulk_factor(path, columns[amount], options)
@@ -164,7 +164,7 @@ def read_effusion_rates(
 
 
 def series_of_rates(intervals: Sequence[Interval]) -> tuple[tuple[float, float], ...]:
-    """Return (time [s], rate [m3/s]) pairs, each until the next; the last is 0."""
+    """Return (time [s], rate [m3/s]) pairs; each rate holds until the next, and the last is 0."""
     series: list[tuple[float, float]] = []
     for item in intervals:
         if series and series[-1][0] == item.start:
@@ -174,10 +174,10 @@ def series_of_rates(intervals: Sequence[Interval]) -> tuple[tuple[float, float],
 
 
 def error_of_rates(intervals: Sequence[Interval]) -> Distribution | None:
-    """Return the factor on all rates that their errors amount to, None without any.
+    """Return the distribution of a common factor on all rates, None for rates without errors.
 
-    The errors of a method are the same at all times, so that they add up: the factor has the
-    relative error of the volume as its relative standard deviation, and the median 1.
+    The errors of a method are fully correlated in time, so that they add up: the relative standard
+    deviation of the factor is the relative error of the volume, and its median is 1.
     """
     known = [item for item in intervals if item.error is not None]
     volume = sum(item.discharge * (item.end - item.start) for item in known)
@@ -190,14 +190,14 @@ def error_of_rates(intervals: Sequence[Interval]) -> Distribution | None:
 def instants_to_series(
     where: str, instants: Sequence[tuple[float, float]]
 ) -> tuple[tuple[float, float], ...]:
-    """Return the series of rates [m3/s] that change linearly between instants [s]."""
+    """Return a series of rates [m3/s], the means of linear changes between instants [s]."""
     rows = [_Row(where, time, time, rate, None) for time, rate in instants]
     found = _intervals(where, rows, {'time': Column('time')}, 'effusion_rate', None)
     return series_of_rates([item for _, item in found])
 
 
 class _Times:
-    """Converter of the times of a table to seconds after the start, or after the first date."""
+    """Converter of times in a table to seconds since the start, or since the first date."""
 
     def __init__(self, start: str | None) -> None:
         self.origin = None if start is None else _date('effusion_rate.start', start)
@@ -212,8 +212,8 @@ class _Times:
             try:
                 date = _date(label, text)
             except LavaError:
-                right = 'a finite number, or a date such as 2021-09-19T14:10:00Z'
-                raise LavaError(label, text, right) from None
+                expected = 'a finite number, or a date such as 2021-09-19T14:10:00Z'
+                raise LavaError(label, text, expected) from None
         if self._is_date not in (None, date is not None):
             raise LavaError(label, text, 'dates in all rows, or numbers in all')
         self._is_date = date is not None
@@ -226,11 +226,11 @@ class _Times:
 
 
 def _date(label: str, text: object) -> datetime:
-    """Read a date; UTC unless it names another zone."""
+    """Parse a date, in UTC unless it has a time zone."""
     try:
         if not isinstance(text, str):
             raise ValueError
-        # Python 3.10 does not read the Z
+        # Python 3.10 cannot parse the Z
         date = datetime.fromisoformat(text.strip().replace('Z', '+00:00').replace('z', '+00:00'))
     except ValueError:
         raise LavaError(label, text, 'a date such as 2021-09-19T14:10:00Z') from None
@@ -238,36 +238,36 @@ def _date(label: str, text: object) -> datetime:
 
 
 def _bulk_factor(path: Path, column: Column, options: Options) -> float:
-    """Return the bulk volume over the volume in a table."""
+    """Return the ratio of the bulk volume to the volume in a table."""
     if column.kind == 'dense-rock' and options.porosity is None:
-        right = 'a porosity, with which dense-rock rates become bulk rates'
-        raise LavaError(f'{path}, {column.header}', 'dense-rock', right)
+        expected = 'a porosity, which converts dense-rock to bulk rates'
+        raise LavaError(f'{path}, {column.header}', 'dense-rock', expected)
     if column.kind == 'bulk' and options.porosity:
-        right = f'absent: {path} has bulk rates'
-        raise LavaError('effusion_rate.porosity', options.porosity, right)
+        expected = f'absent: {path} has bulk rates'
+        raise LavaError('effusion_rate.porosity', options.porosity, expected)
     return 1.0 / (1.0 - (options.porosity or 0.0))
 
 
 def _number(
     where: str, column: Column, row: Mapping[str, str], may_be_missing: bool
 ) -> float | None:
-    """Return the number of a row, at least 0; None if it is missing and may be."""
+    """Return a number of a row, at least 0; None for a missing number that may be missing."""
     text = row[column.header]
     is_missing = text.lower() in _MISSING
     if is_missing and may_be_missing:
         return None
-    right = 'a finite number' + ', or gaps: zero or interpolate' * is_missing
+    expected = 'a finite number' + ', or gaps: zero or interpolate' * is_missing
     try:
         value = column.number(where, text)
     except LavaError:
-        raise LavaError(f'{where}, {column.header}', text, right) from None
+        raise LavaError(f'{where}, {column.header}', text, expected) from None
     if value < 0.0:
         raise LavaError(f'{where}, {column.header}', text, 'at least 0')
     return value
 
 
 class _Row(NamedTuple):
-    """A row: what errors call it, its times [s], and its rate [m3/s] or volume [m3], if known."""
+    """A row: label in errors, times [s], and rate [m3/s] or volume [m3], None if missing."""
 
     where: str
     start: float
@@ -279,11 +279,7 @@ class _Row(NamedTuple):
 def _intervals(
     table: str, rows: list[_Row], columns: Mapping[str, Column], amount: str, gaps: str | None
 ) -> Iterator[tuple[str, Interval]]:
-    """Yield mean rates of intervals, and what errors call each.
-
-    Between instants rates change linearly. Times without a rate are filled as ``gaps`` says, and
-    each choice is logged.
-    """
+    """Yield the label in errors and the mean rate of each interval, and warn of filled gaps."""
     is_volume, is_instant = 'volume' in amount, 'time' in columns
     if is_instant and len(rows) < 2:
         where, shown = (rows[0].where, 'the only row') if rows else (table, 'no value')
@@ -294,13 +290,14 @@ def _intervals(
     for row in rows:
         where, start, end, value, error = row
         if end <= start:
-            right = f'a time after {"the row before" if is_instant else "its start"}, {start:g} s'
+            name = 'the row before' if is_instant else 'its start'
+            expected = f'a time after {name}, {start:g} s'
             header = columns['time' if is_instant else 'end'].header
-            raise LavaError(f'{where}, {header}', end, right)
+            raise LavaError(f'{where}, {header}', end, expected)
         before = filled[-1].end if filled else start
         if start < before - _OVERLAP * (end - start):
-            right = f'at least {before:g} s, where the row before ends'
-            raise LavaError(f'{where}, {columns["start"].header}', start, right)
+            expected = f'at least {before:g} s, where the row before ends'
+            raise LavaError(f'{where}, {columns["start"].header}', start, expected)
         if filled and start > before * (1.0 + 1e-12) + 1e-9:
             filled.append(_Row(where, before, start, None, None))
         if is_volume and value is not None:
@@ -321,13 +318,13 @@ def _intervals(
 
 
 def _between(first: _Row, last: _Row, volume: Column | None) -> _Row:
-    """Return the time between two instants, with the mean rate or the volume that came out."""
+    """Return the interval between two instants, with its mean rate or erupted volume."""
     value = error = None
     if first.value is not None and last.value is not None:
         value = last.value - first.value if volume else 0.5 * (first.value + last.value)
         if volume and value < 0.0:
-            right = f'at least that of the row before, {first.value:g} m3'
-            raise LavaError(f'{last.where}, {volume.header}', last.value, right)
+            expected = f'at least that of the row before, {first.value:g} m3'
+            raise LavaError(f'{last.where}, {volume.header}', last.value, expected)
     errors = [row.error for row in (first, last) if row.error is not None]
     if errors and not volume:
         error = sum(errors) / len(errors)

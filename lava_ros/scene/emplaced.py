@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Flows that have been emplaced before the start: as lava that still flows, or as ground."""
+"""Flows emplaced before the start: as lava that still flows, or as ground."""
 
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -31,33 +31,33 @@ from lava_ros.scene.vents import VENT_TEMPERATURE_RANGE
 
 _LOG = logging.getLogger(__name__)
 
-#: Maximum thickness of an emplaced flow [m]: the thickest lava lakes and domes reach 400 m.
+#: Maximum thickness of an emplaced flow [m]; lava lakes and domes reach 400 m.
 MAX_THICKNESS = 500.0
 
-#: Maximum number of cells of a flow, unless the terrain has more.
+#: Maximum number of cells of a flow whose cells are smaller than those of the terrain.
 MAX_CELLS = 4_000_000
 
-#: Roles of a flow: lava at the start, or a part of the ground.
+#: Roles of a flow: lava at the start, or ground.
 KINDS = ('lava', 'ground')
 
 #: Keys of a flow in a scene file.
 FLOW_KEYS = ('file', 'as', 'thickness', 'temperature')
 
-#: Checks of a temperature and of the thickness of an outline.
+#: Checks of a temperature, and of a thickness within outlines.
 TEMPERATURE_CHECK = partial(
     validation.number,
     at_least=VENT_TEMPERATURE_RANGE[0], at_most=VENT_TEMPERATURE_RANGE[1], unit='K',
 )
 THICKNESS_CHECK = partial(validation.number, above=0.0, at_most=MAX_THICKNESS, unit='m')
 
-#: A raster that differs from the elevation by less than this, as a fraction of the elevation's
-#: mean and of its standard deviation, is an elevation.
+#: Maximum difference from the elevation, as a fraction of the elevation's mean and standard
+#: deviation, at which a raster is an elevation instead of a thickness.
 MAX_DIFFERENCE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class EmplacedFlow:
-    """Lava that lies on the terrain at the start.
+    """Lava on the terrain at the start.
 
     Attributes:
         thickness: Thickness on square cells [m], float64, shape [rows, columns], 0 without lava;
@@ -65,7 +65,7 @@ class EmplacedFlow:
         resolution: Side of a cell [m].
         origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
         temperature: Temperature of the lava [K]; None: the eruption temperature of the material.
-        source: Where it is from, for people.
+        source: Origin of the data, for people.
     """
 
     thickness: np.ndarray = field(repr=False)
@@ -75,12 +75,12 @@ class EmplacedFlow:
     source: str = ''
 
     def __post_init__(self) -> None:
-        """Refuse a thickness or a cell that cannot be; LavaError names the field."""
+        """Validate the thickness and the resolution; raise LavaError for an invalid one."""
         thickness = np.asarray(self.thickness, dtype=np.float64)
         # NaN compares as False
         if thickness.ndim != 2 or not ((thickness >= 0.0) & (thickness <= MAX_THICKNESS)).all():
-            right = f'a 2-D array of 0 to {MAX_THICKNESS:g} m'
-            raise LavaError('emplaced_flow.thickness', f'array of {thickness.shape}', right)
+            expected = f'a 2-D array of 0 to {MAX_THICKNESS:g} m'
+            raise LavaError('emplaced_flow.thickness', f'array of {thickness.shape}', expected)
         object.__setattr__(self, 'thickness', thickness)
         validation.number('emplaced_flow.resolution', self.resolution, above=0.0, unit='m')
 
@@ -95,10 +95,10 @@ class EmplacedFlow:
         return float((self.thickness > 0.0).sum()) * self.resolution**2
 
     def columns(self, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-        """Divide the lava into columns that are no farther apart than a spacing [m].
+        """Divide the lava into columns with at most a given spacing [m].
 
-        The columns stand on the flow's cells, each divided evenly, or on blocks of whole cells.
-        Their volumes add up to ``volume``, and each stands in the centre of mass of its part.
+        A column is an equal part of a cell or a block of whole cells. Each is in the centre of
+        mass of its part, and the volumes add up to ``volume``.
 
         Returns:
             Map positions [m], float64, shape [count, 2], and volumes [m3], float64, shape [count].
@@ -106,7 +106,7 @@ class EmplacedFlow:
         row, column = np.nonzero(self.thickness > 0.0)
         volume: np.ndarray = self.thickness[row, column] * self.resolution**2
         parts = math.ceil(self.resolution / spacing * (1.0 - 1e-9))
-        # the middles of the parts of a cell, as fractions of its side
+        # centres of the parts of a cell, as fractions of its side
         steps = (np.arange(parts) + 0.5) / parts
         up, right = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing='ij'))
         cells = np.stack([np.add.outer(column, right), np.add.outer(row, up)], axis=-1)
@@ -120,7 +120,7 @@ class EmplacedFlow:
             middle = np.stack(
                 [np.bincount(owner, volume * axis) / total for axis in cells.T], axis=-1
             )
-            # the centre of a ring of lava lies outside the lava
+            # the centre of a ring of lava is outside the lava
             at = np.floor(middle).astype(np.int64)
             is_dry = self.thickness[at[:, 1], at[:, 0]] <= 0.0
             middle[is_dry] = cells[first[is_dry]]
@@ -129,7 +129,7 @@ class EmplacedFlow:
 
 
 def flow_to_dict(flow: EmplacedFlow) -> dict[str, Any]:
-    """Plain data that describes a flow, the thickness itself left out: for logs and bags."""
+    """Return plain data that describes a flow without its thickness, for logs and bags."""
     thickness = np.ascontiguousarray(flow.thickness)
     return {
         'source': flow.source,
@@ -149,14 +149,14 @@ def read_flows(
     Args:
         label: Name of the flows in errors.
         items: Plain data: a list of mappings with ``FLOW_KEYS``, of which ``file`` is required.
-        folder: Folder to which the names of files are relative.
-        terrain: The ground.
+        folder: Folder to which file names are relative.
+        terrain: Terrain before the flows.
 
     Returns:
-        The ground, raised by the flows that are a part of it, and the other flows.
+        Terrain raised by the flows that are ground, and the other flows.
 
     Raises:
-        LavaError: A file or a number cannot be used.
+        LavaError: If a file or a number cannot be used.
     """
     if not isinstance(items, list):
         raise LavaError(label, items, f'a list of mappings with keys {", ".join(FLOW_KEYS)}')
@@ -190,15 +190,10 @@ def read_flows(
 def _thickness_on(
     label: str, path: Path, terrain: Terrain, given: object, *, is_ground: bool
 ) -> np.ndarray:
-    """Read a thickness on the cells of a terrain, or on parts of them [m], 0 without lava.
+    """Return the thickness on the cells of a terrain, or on finer cells [m], 0 without lava.
 
-    Args:
-        label: Name of the flow in errors.
-        path: A raster of thickness, or outlines where a thickness is given.
-        terrain: The terrain.
-        given: The thickness of outlines, None for a raster.
-        is_ground: Whether it becomes ground. Cells of a raster are then those of the terrain, and
-            some of the flow may lie off the terrain, which a warning states.
+    The file has outlines if a thickness is ``given``. Ground is resampled to the cells of the
+    terrain, and may extend beyond it, with a warning.
     """
     name, suffix = f'{label}.file', path.suffix.lower()
     if given is not None:
@@ -209,18 +204,18 @@ def _thickness_on(
         places = np.concatenate(rings)
         _check_on_terrain(name, path, terrain, places, np.ones(len(places)), is_ground)
     elif suffix in vectors.ENDINGS and suffix != '.gpkg':
-        right = f'a thickness [m], which the outlines of {path.name} do not have'
-        raise LavaError(f'{label}.thickness', None, right)
+        expected = f'a thickness [m], which the outlines of {path.name} do not have'
+        raise LavaError(f'{label}.thickness', None, expected)
     else:
         result = _raster_on(name, path, terrain, is_ground)
     if not (result > 0.0).any():
-        right = f'a flow with a cell {terrain.bounds(projected=True)}'
-        raise LavaError(name, str(path), right)
+        expected = f'a flow with a cell {terrain.bounds(projected=True)}'
+        raise LavaError(name, str(path), expected)
     return result
 
 
 def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.ndarray:
-    """Read a raster of thickness on the cells of a terrain, or on parts of them [m]."""
+    """Read a raster of thickness on the cells of a terrain, or on finer cells [m]."""
     with opened_raster(field, path) as source:
         kind = np.dtype(source.dtypes[0])
         if source.count != 1 or kind.kind not in 'iuf' or kind.itemsize == 1:
@@ -235,21 +230,21 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
     if length != 1.0:
         raise LavaError(f'unit of the {where}', unit, 'm (gdal_calc.py can convert the values)')
     if 'peak' in described.lower():
-        right = 'the thickness at one time: the largest one of a run is more than there ever was'
-        raise LavaError(where, f'a map of {described}', right)
+        expected = 'the thickness at one time: a map of peaks has more lava than there ever was'
+        raise LavaError(where, f'a map of {described}', expected)
     bad = is_known & ~np.isfinite(values)
     if bad.any():
-        right = 'finite numbers; gdal_edit.py -a_nodata declares the value of cells without lava'
-        raise LavaError(where, f'{values[bad][0]} in {int(bad.sum())} cells', right)
+        expected = 'finite numbers; gdal_edit.py -a_nodata declares the value of empty cells'
+        raise LavaError(where, f'{values[bad][0]} in {int(bad.sum())} cells', expected)
     lava = np.where(is_known, values, 0.0)
     low, high = float(lava.min()), float(lava.max())
     if low < 0.0:
-        right = f'at least 0 m (where {low:g} stands for no lava, gdal_edit.py -a_nodata {low:g} '
-        right += 'declares it)'
-        raise LavaError(where, f'{low:g} in {int((lava < 0.0).sum())} cells', right)
+        expected = f'at least 0 m (if {low:g} means no lava, declare it with '
+        expected += f'gdal_edit.py -a_nodata {low:g})'
+        raise LavaError(where, f'{low:g} in {int((lava < 0.0).sum())} cells', expected)
     if high > MAX_THICKNESS:
-        right = f'at most {MAX_THICKNESS:g} m: a thickness [m], no elevation'
-        raise LavaError(where, high, right)
+        expected = f'at most {MAX_THICKNESS:g} m: a thickness [m], not an elevation'
+        raise LavaError(where, high, expected)
     row, column = np.nonzero(lava > 0.0)
     x, y = (
         start + across * (column + 0.5) + down * (row + 0.5)
@@ -258,7 +253,7 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
     area = abs(place.a * place.e - place.b * place.d)
     degree = METRES_PER_DEGREE if crs is not None and crs.is_geographic else 1.0
     if not is_ground:
-        terrain = _divided(terrain, math.sqrt(area) * degree)
+        terrain = _subdivide(terrain, math.sqrt(area) * degree)
     result = np.nan_to_num(
         resampled(terrain, lava, place, crs, path, field=field, method='average')
     )
@@ -269,19 +264,19 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
         try:
             x, y = transformed(horizontal(crs), own, x, y)
         except ValueError as error:
-            right = f'a place {terrain.bounds(projected=True)} ({error})'
-            raise LavaError(field, str(path), right) from error
+            expected = f'a place {terrain.bounds(projected=True)} ({error})'
+            raise LavaError(field, str(path), expected) from error
     places, volumes = np.stack([x, y], axis=-1), lava[row, column]
     is_inside = _check_on_terrain(field, path, terrain, places, volumes, is_ground)
     _check_not_elevation(where, result, terrain)
     if is_same and is_inside and result.any():
-        # of another grid, averages over cells lose some of what their border cuts
+        # averages on a different grid lose some of the volume in cells at the outline
         result *= volumes.sum() * area / (result.sum() * terrain.resolution**2)
     return result
 
 
-def _divided(terrain: Terrain, cell: float) -> Terrain:
-    """Divide the cells of a terrain into level ones, as fine as a cell [m] if possible."""
+def _subdivide(terrain: Terrain, cell: float) -> Terrain:
+    """Divide the cells of a terrain into smaller level cells, as small as ``cell`` if possible."""
     rows, columns = terrain.shape
     most = min(math.isqrt(MAX_CELLS // (rows * columns)), MAX_SIDE_CELLS // max(rows, columns))
     factor = math.ceil(min(terrain.resolution / cell * (1.0 - 1e-6), most))
@@ -295,18 +290,10 @@ def _check_on_terrain(
     field: str, path: Path, terrain: Terrain, places: np.ndarray, volumes: np.ndarray,
     may_exceed: bool,
 ) -> bool:
-    """Check that places of a flow are on cells with data, and return whether all are.
-
-    Args:
-        field: What errors call the file.
-        path: The file.
-        terrain: The terrain.
-        places: Eastings and northings [m], shape [count, 2].
-        volumes: What each of them counts, shape [count].
-        may_exceed: Whether a part may be elsewhere, which a warning then states.
+    """Return True if all ``places`` [m], shape [count, 2], of a flow are on cells with data.
 
     Raises:
-        LavaError: All are elsewhere, or one is and must not be.
+        LavaError: If all places are elsewhere, or if one is and ``may_exceed`` is False.
     """
     is_on = terrain.covered(places - np.asarray(terrain.offset))
     if is_on.all():
@@ -315,14 +302,14 @@ def _check_on_terrain(
     off = 100.0 * volumes[~is_on].sum() / volumes.sum()
     found = f'{path.name}: {off:.3g} % of it elsewhere, such as {east:.10g}, {north:.10g}'
     if not is_on.any() or not may_exceed:
-        right = f'a flow {terrain.bounds(projected=True)}'
-        raise LavaError(field, found, right)
+        expected = f'a flow {terrain.bounds(projected=True)}'
+        raise LavaError(field, found, expected)
     _LOG.warning(f'{found}: this part is left out')
     return False
 
 
 def _check_not_elevation(where: str, thickness: np.ndarray, terrain: Terrain) -> None:
-    """Refuse a thickness that is the elevation of the ground, or of another model of it."""
+    """Raise LavaError if a thickness is close to the elevation of the ground."""
     is_lava = (thickness > 0.0) & terrain.has_data
     if not is_lava.any():
         return
@@ -332,6 +319,6 @@ def _check_not_elevation(where: str, thickness: np.ndarray, terrain: Terrain) ->
         abs(off.mean()) <= MAX_DIFFERENCE * abs(ground.mean())
         and off.std() <= MAX_DIFFERENCE * ground.std()
     ):
-        right = f'a thickness: it differs from the elevation of the ground by {off.mean():.3g} m '
-        right += 'only, on average'
-        raise LavaError(where, f'{float(thickness[is_lava].mean()):.6g} m on average', right)
+        expected = f'a thickness, not an elevation: it differs by only {off.mean():.3g} m on '
+        expected += 'average from the elevation of the ground'
+        raise LavaError(where, f'{float(thickness[is_lava].mean()):.6g} m on average', expected)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Changes of the ground during an eruption: a new elevation, or barriers that have been built."""
+"""Changes of the ground during an eruption: a new elevation, or barriers."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -16,19 +16,19 @@ from lava_ros.scene.projection import system_name
 from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
 from lava_ros.scene.terrain import Terrain
 
-#: What changes the ground: the keys of an event in a file, of which it has one.
+#: Keys of a change in an event; an event in a file has one of them.
 CHANGES = ('terrain', 'barrier', 'barriers')
 
 
 @dataclass(frozen=True, eq=False)
 class TerrainEvent:
-    """A change of the ground at a time [s].
+    """A change of the ground.
 
     Attributes:
-        time: Simulated time from which on the ground is another [s].
-        text: What happens, in a few words.
-        terrain: The new ground; None: the ground stays as it is, but for the barriers.
-        barriers: Barriers that are built on it.
+        time: Simulated time of the change [s].
+        text: Short description.
+        terrain: New terrain; None: only the barriers change the ground.
+        barriers: Barriers built on the terrain.
     """
 
     time: float
@@ -37,16 +37,16 @@ class TerrainEvent:
     barriers: tuple[Barrier, ...] = ()
 
     def ground(self, before: Terrain, *, is_told: bool = False) -> Terrain:
-        """Return the ground after the event; with warnings of wide crests if it ``is_told``."""
+        """Return the ground after the event, with warnings of widened crests if ``is_told``."""
         return with_barriers(self.terrain or before, self.barriers, is_told=is_told)
 
     def reshaped(self, change: Callable[[Terrain], Terrain]) -> 'TerrainEvent':
-        """Return the event with another form of its new ground, such as finer cells."""
+        """Return the event with a change, such as refinement, of its terrain."""
         return self if self.terrain is None else replace(self, terrain=change(self.terrain))
 
 
 def event_to_dict(event: TerrainEvent) -> dict[str, Any]:
-    """Plain data that describes an event, the elevation itself left out: for logs and bags."""
+    """Return plain data that describes an event without its elevation, for logs and bags."""
     plain: dict[str, Any] = {'time': event.time, 'text': event.text}
     if event.barriers:
         plain['barriers'] = [
@@ -65,17 +65,17 @@ def read_events(
     """Read the changes of the ground of a scene or a case.
 
     Args:
-        label: What errors call them.
-        items: Plain data: a list of mappings with ``time`` [s] and one of ``CHANGES``:
-            ``terrain``, a file of the new elevation, ``barrier``, the fields of a ``Barrier``, or
-            ``barriers``, a vector file of lines with ``height``, ``width`` and maybe ``slope``.
-        folder: What the names of files are relative to.
-        ground: The ground before.
-        read: Reads the file of an elevation.
+        label: Name of the events in errors.
+        items: List of mappings with ``time`` [s] and one of ``CHANGES``: ``terrain``, a file of
+            the new elevation, ``barrier``, the fields of a ``Barrier``, or ``barriers``, a vector
+            file of lines with ``height``, ``width`` and optionally ``slope``.
+        folder: Folder to which file names are relative.
+        ground: Terrain before the events.
+        read: Function that reads an elevation file.
 
     Raises:
-        LavaError: A value or a file cannot be used, times do not increase, or an elevation is not
-            on the grid of the ground.
+        LavaError: If a value or a file cannot be used, times do not increase, or an elevation is
+            not on the grid of the ground.
     """
     if not isinstance(items, list):
         raise LavaError(label, items, 'a list of changes of the ground')
@@ -85,8 +85,8 @@ def read_events(
         data = validation.keys(where, item, allowed=['time', *CHANGES], required=['time'])
         time = validation.number(f'{where}.time', data.pop('time'), unit='s')
         if events and time <= events[-1].time:
-            right = f'a time after the event before, {events[-1].time:g} s'
-            raise LavaError(f'{where}.time', time, right)
+            expected = f'a time after the event before, {events[-1].time:g} s'
+            raise LavaError(f'{where}.time', time, expected)
         if len(data) != 1:
             raise LavaError(where, sorted(data), f'one of {", ".join(CHANGES)}')
         if 'barrier' in data:
@@ -106,19 +106,19 @@ def read_events(
             else:
                 terrain = read(folder / name)
                 if not terrain.has_system:
-                    # as of other rasters without a system
+                    # a raster without a system is in that of the terrain
                     terrain = replace(terrain, epsg=ground.epsg, wkt=ground.wkt)
                 check_same_grid(f'{where}.terrain', terrain, ground)
                 event = TerrainEvent(time, f'new ground from {name}', terrain)
-        # a barrier that touches no cell is refused here
+        # raises LavaError for a barrier that touches no cell
         ground = event.ground(ground, is_told=True)
         events.append(event)
     return events
 
 
 def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
-    """Refuse a terrain on other cells than those of the ground; LavaError names ``field``."""
-    shown, right = (
+    """Raise LavaError, which names ``field``, for a terrain on a grid other than the ground's."""
+    shown, expected = (
         '{} x {} cells of {:.9g} m from easting {:.9g}, northing {:.9g}'.format(
             *one.shape, one.resolution, one.origin[0] + one.offset[0],
             one.origin[1] + one.offset[1],
@@ -139,5 +139,5 @@ def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
         command += f'{east + x:.10g} {north + y:.10g}'
         if terrain.epsg != ground.epsg:
             shown += f', {system_name(terrain.epsg, terrain.wkt)}'
-            right += f', {system_name(ground.epsg, ground.wkt)}'
-        raise LavaError(field, shown, f'the grid of the ground before: {right} ({command})')
+            expected += f', {system_name(ground.epsg, ground.wkt)}'
+        raise LavaError(field, shown, f'the grid of the ground before: {expected} ({command})')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points, lines and areas of other programs' files -> a terrain's coordinates."""
+"""Points, lines and polygons from files, in the coordinates of a terrain."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -20,25 +20,25 @@ from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
 _LOG = logging.getLogger(__name__)
 
-#: Ends of the names of tables, and of all files that can be read.
+#: Suffixes of tables, and of all files that can be read.
 TABLES = ('.csv', '.tsv', '.txt')
 ENDINGS = (*vectors.ENDINGS, *TABLES)
 
-#: Columns of a table for the place of a row, in the terrain's system and in degrees.
+#: Columns of a table with coordinates, in the terrain's system and in degrees.
 PLACES = (('x', 'y'), ('lon', 'lat'))
 
-#: Columns of a table that hold well-known text.
+#: Columns of a table with well-known text.
 _WKT = ('wkt', 'geometry', 'geom', 'the_geom', 'shape')
 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """A point, a line or an area: a ``Point``, ``LineString`` or ``Polygon``.
+    """A ``Point``, ``LineString`` or ``Polygon``.
 
-    ``rings`` are coordinates in ``system``, shape [places, 2]: one array, but for an area its
-    outer ring and its holes. A ``system`` of None is that of the terrain: eastings and northings
-    [m], or degrees where ``in_degrees`` says so and the feature is on the terrain then. Errors
-    call the feature by ``where``, which the parts of one feature share.
+    ``rings`` are coordinates in ``system``, shape [places, 2]: one array, or the outer ring and
+    the holes of a polygon. If ``system`` is None, they are eastings and northings [m] of the
+    terrain, or degrees if ``in_degrees`` is True and the feature is then on the terrain. ``where``
+    is the name in errors; the parts of one feature have the same.
     """
 
     where: str
@@ -49,11 +49,11 @@ class Feature:
 
     @property
     def name(self) -> str:
-        """What it is called; may be empty."""
+        """Name of the feature; may be empty."""
         return _name(self.where, self.properties)
 
     def on(self, terrain: Terrain) -> 'Feature':
-        """Return the feature in the system of a terrain; LavaError where that is not possible."""
+        """Return the feature in the system of a terrain; raise LavaError if not possible."""
         places = np.concatenate(self.rings)
         if self.system is None and not in_degrees(terrain, *places):
             return self
@@ -66,16 +66,15 @@ class Feature:
 
 
 def _name(where: str, properties: Mapping[str, Any]) -> str:
-    """Return the name of a feature; may be empty."""
-    # of two columns for a name the first is taken
+    # the first of several columns with a name counts
     for header, value in properties.items():
         if value and understood(where, [header], ['name'])[0]:
             return str(value)
     return ''
 
 
-def _called(where: str, properties: Mapping[str, Any]) -> str:
-    """Return the place of a feature in its file, and its name if it has one, for errors."""
+def _label(where: str, properties: Mapping[str, Any]) -> str:
+    """Return the position of a feature in its file, and its name if any, for errors."""
     name = _name(where, properties)
     return f'{where} ({name})' if name else where
 
@@ -84,21 +83,22 @@ def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Featur
     """Read the features of a file in the system of a terrain.
 
     Raises:
-        LavaError: As ``load_features``, or a coordinate system is not known.
+        LavaError: As in ``load_features``, and if a coordinate system is unknown.
     """
     return [feature.on(terrain) for feature in load_features(field, path)]
 
 
 def load_features(field: str, path: str | Path) -> list[Feature]:
-    """Read the features of a file; a feature of several parts becomes several features.
+    """Read the features of a file; a multipart feature becomes several features.
 
     The file is one of ``vectors.FORMATS``, or a table with the columns ``x,y`` (or their synonyms
-    in ``columns.COLUMNS``) in the terrain's system, ``lon,lat`` in degrees, or well-known text.
-    With ``x_end,y_end`` or ``lon_end,lat_end`` a row of a table is a line. Features of a file that
-    names no coordinate system are in the terrain's.
+    in ``columns.COLUMNS``) in the terrain's system, ``lon,lat`` in degrees, or well-known text. A
+    row with ``x_end,y_end`` or ``lon_end,lat_end`` is a line. Features without a coordinate system
+    are in that of the terrain.
 
     Raises:
-        LavaError: The file cannot be read or has no features. Errors name ``field``, or a feature.
+        LavaError: If the file cannot be read or has no features. Errors name ``field`` or a
+            feature.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -110,7 +110,7 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
         _LOG.warning(f'{path} names no coordinate system: it is taken to be that of the terrain')
     features = []
     for where, geometry, system, properties in found:
-        where = _called(where, properties)
+        where = _label(where, properties)
         if geometry is None:
             _LOG.warning(f'{where} has no geometry and is left out')
             continue
@@ -130,7 +130,7 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
 
 
 def _parts(where: str, geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield the single geometries of a geometry; a point is a list of one place."""
+    """Yield the kind and coordinates of each part of a geometry; a point is a list of one."""
     kind = str(geometry['type'])
     if kind == 'GeometryCollection':
         for item in geometry['geometries']:
@@ -153,15 +153,15 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
     pairs = [pair for pair in PLACES if set(pair) <= set(columns)]
     wkt = next((name for name in header if name.lower() in _WKT), None)
     if len(pairs) + (wkt is not None) != 1:
-        right = ' or '.join(','.join(pair) for pair in PLACES)
-        raise LavaError(f'{path}, first line', ','.join(header), f'the columns {right} or wkt')
+        expected = ' or '.join(','.join(pair) for pair in PLACES)
+        raise LavaError(f'{path}, first line', ','.join(header), f'the columns {expected} or wkt')
     if wkt is not None:
         found = vectors.geometries_of_wkt(field, [row[wkt] for _, row in rows])
         for (where, row), geometry in zip(rows, found, strict=True):
             text = row.pop(wkt)
             if geometry is None and text:
                 raise LavaError(f'{where}, {wkt}', text, 'well-known text: POINT (500300 4179200)')
-            yield where, geometry, None, _filled(row)
+            yield where, geometry, None, _non_empty_cells(row)
         return
     (pair,) = pairs
 
@@ -181,14 +181,13 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
                 for name, cell, axis in zip(names, cells, ('longitude', 'latitude'), strict=True)]
 
     for where, row in rows:
-        called = _called(where, row)
-        start, end = place(called, row, ''), place(called, row, '_end')
+        label = _label(where, row)
+        start, end = place(label, row, ''), place(label, row, '_end')
         kind: dict[str, Any] = {'type': 'Point', 'coordinates': start}
         if end is not None:
             kind = {'type': 'LineString', 'coordinates': [start, end]}
-        yield where, kind, None if pair == ('x', 'y') else DEGREES, _filled(row)
+        yield where, kind, None if pair == ('x', 'y') else DEGREES, _non_empty_cells(row)
 
 
-def _filled(row: Mapping[str, str]) -> dict[str, str]:
-    """Return the cells of a row that are not empty."""
+def _non_empty_cells(row: Mapping[str, str]) -> dict[str, str]:
     return {name: text for name, text in row.items() if text}

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The material: what lava is made of, as constants of its laws."""
+"""Material constants of lava."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from lava_ros.errors import LavaError
 @dataclass(frozen=True)
 @with_fields(partial(join_names, 'constants', EFFECTS))
 class Lava:
-    """Material constants; each field says what it is, in which unit and within which limits.
+    """Material constants; each field declares its description, unit and limits.
 
-    Those that are of one effect alone are declared in its file. The defaults are table 3.1 of the
-    paper this method comes from. What the table lacks is off: a constant of 0 switches its physics
-    off. A scene that is given no lava has none of these, but ``materials.default_lava()``.
+    A constant that only one effect uses is declared in the file of the effect. The defaults are
+    those of table 3.1 in the paper of the method; constants that the table lacks are 0, which
+    switches their physics off. A scene without a lava uses ``materials.default_lava()`` instead.
     """
 
     density: float = number(2500.0, 'Density', 1.0, 1e5, 'kg/m3')
@@ -54,30 +54,30 @@ class Lava:
         def __getattr__(self, name: str) -> Any: ...  # noqa: D105
 
     def __post_init__(self) -> None:
-        """Validate every field; LavaError names one that is wrong, alone or beside another."""
+        """Validate all fields and their combinations; raise LavaError for an invalid one."""
         check_fields('lava', self)
         if self.solidus >= self.liquidus:
-            right = f'below lava.liquidus, {self.liquidus:g} K'
-            raise LavaError('lava.solidus', self.solidus, right)
+            expected = f'below lava.liquidus, {self.liquidus:g} K'
+            raise LavaError('lava.solidus', self.solidus, expected)
         for effect in EFFECTS.values():
             effect.check(self)
 
     @property
     def is_vft(self) -> bool:
-        """Whether the VFT law gives the viscosity."""
+        """True if the viscosity follows the VFT law."""
         return 'vft' in possible(self)
 
     @property
     def radiates(self) -> bool:
-        """Whether it loses heat to the air."""
+        """True if the lava loses heat to the air."""
         return self.emissivity > 0.0 or self.convection > 0.0
 
     def viscosity_at(self, temperature: float) -> float:
-        """Viscosity [Pa s] at a temperature [K], crystals included."""
+        """Return the viscosity [Pa s] at a temperature [K], including the effect of crystals."""
         return laws.viscosity_at(self, temperature)
 
     def yield_strength_at(self, temperature: float) -> float:
-        """Yield strength [Pa] at a temperature [K]."""
+        """Return the yield strength [Pa] at a temperature [K]."""
         return laws.strength_at(self, temperature)
 
 

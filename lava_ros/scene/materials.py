@@ -1,8 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
-"""Lavas by name, with the source of each number."""
+"""Lavas by name, with the reference of each constant."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -17,10 +16,10 @@ from lava_ros.scene.lava import Lava
 
 _LOG = logging.getLogger(__name__)
 
-#: The file of the package that holds them.
+#: File of the package with the materials.
 FILE = 'materials.yaml'
 
-#: What a lava is that nobody names: in files, commands, the node and Python's scenes.
+#: Name of the default material in scene files, commands, the node and the Python API.
 DEFAULT = 'etna_basalt'
 
 
@@ -28,7 +27,7 @@ DEFAULT = 'etna_basalt'
 class Constant:
     """A number, or the name of a law, with its reference.
 
-    ``range`` has the smallest and the largest published value, where both are known.
+    ``range`` has the minimum and the maximum published value, if both are known.
     """
 
     value: float | str
@@ -39,9 +38,9 @@ class Constant:
 
 @dataclass(frozen=True)
 class Material:
-    """A lava, by its name in scene and case files, and the temperature [K] at its vent.
+    """A lava with a name in scene and case files, and its eruption temperature [K].
 
-    ``constants`` are the fields of ``Lava`` that have a source; the others keep their defaults.
+    ``constants`` are the fields of ``Lava`` with a source; the others keep their defaults.
     """
 
     name: str
@@ -51,11 +50,11 @@ class Material:
 
     @property
     def lava(self) -> Lava:
-        """The constants as the simulation takes them."""
+        """Constants for a simulation."""
         return self.lava_with({})
 
     def lava_with(self, overrides: Mapping[str, Any]) -> Lava:
-        """The lava with other values of some fields of ``Lava``; LavaError names a wrong one."""
+        """Return the lava with some fields of ``Lava`` replaced; raise LavaError for a bad one."""
         names = [item.name for item in fields(Lava)]
         overrides = validation.keys('lava', overrides, allowed=names)
         # constants of an effect that was deleted have no field
@@ -65,7 +64,7 @@ class Material:
 
 @cache
 def materials() -> dict[str, Material]:
-    """All lavas, by name."""
+    """Return all materials by name."""
     from lava_ros.files.yaml import parse_yaml
 
     text = resources.files('lava_ros.scene').joinpath(FILE).read_text(encoding='utf-8')
@@ -82,13 +81,13 @@ def materials() -> dict[str, Material]:
 
 
 def material_named(name: object) -> Material:
-    """The lava of a name; LavaError lists the names where it is none."""
+    """Return the material of a name; raise LavaError for an unknown name."""
     known = materials()
     return known[validation.choice('lava.material', name, known)]
 
 
 def default_lava() -> Lava:
-    """The lava of scenes that name none, ``DEFAULT``."""
+    """Return the lava of a scene without a material, ``DEFAULT``."""
     return material_named(DEFAULT).lava
 
 
@@ -97,9 +96,14 @@ def lava_from_dict(
 ) -> tuple[Lava, Material]:
     """Build a lava from the plain data of a YAML file, and return it with its material.
 
-    The data are a mapping with the fields of ``Lava``; ``material`` names the lava whose constants
-    they replace, ``DEFAULT`` where it is absent. ``replacement`` is the name of a material to take
-    instead. A LavaError calls the data ``label``.
+    Args:
+        label: Name of the data in errors.
+        data: Mapping with fields of ``Lava``, and optionally ``material``, the name of the
+            material whose constants they replace, by default ``DEFAULT``.
+        replacement: Name of a material that replaces that of the data.
+
+    Raises:
+        LavaError: If a name or a value is not valid.
     """
     names = [item.name for item in fields(Lava)]
     given = validation.keys(label, data, allowed=['material', *names])
@@ -109,17 +113,17 @@ def lava_from_dict(
 
 
 def with_material_in_lava(label: str, data: Mapping[str, Any]) -> dict[str, Any]:
-    """Move ``material`` beside ``lava``, where case files had it, into ``lava``, with a warning.
+    """Move a top-level ``material``, as in old case files, into ``lava``, with a warning.
 
     Args:
-        label: What messages call the file.
-        data: The mapping of a scene or case file.
+        label: Name of the file in messages.
+        data: Mapping of a scene or case file.
 
     Returns:
-        The mapping without ``material``.
+        Mapping without a top-level ``material``.
 
     Raises:
-        LavaError: ``lava`` is not a mapping, or names a material too.
+        LavaError: If ``lava`` is not a mapping, or also has a material.
     """
     data = dict(data)
     if 'material' in data:
@@ -127,7 +131,7 @@ def with_material_in_lava(label: str, data: Mapping[str, Any]) -> dict[str, Any]
         if not isinstance(lava, Mapping):
             raise LavaError(f'{label}.lava', lava, 'a mapping of constants')
         if 'material' in lava:
-            raise LavaError(f'{label}.material', name, 'absent beside lava.material')
+            raise LavaError(f'{label}.material', name, 'absent when lava.material is given')
         _LOG.warning(f'{label}.material: its place is lava: {{material: {name}}}')
         data['lava'] = {'material': name, **lava}
     return data

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cells without data whose value a file does not declare: cliffs around them that ground lacks."""
+"""Detection of undeclared cells without data, by the cliffs around them."""
 
 from collections.abc import Iterator
 
@@ -10,35 +10,34 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import is_installed
 
-#: Values that files use for cells without data. The first ones are no height of ground near
-#: volcanoes, and even one cell of them counts; the others can be the sea, and only a block counts.
+#: Values that files use for cells without data. ``MARKS`` are not elevations near volcanoes, so
+#: that a single cell counts; ``BLOCK_MARKS`` may be the sea, so that only a block counts.
 MARKS = (-32768.0, -32767.0, -9999.0, -999.0, 9999.0, 32767.0, 65535.0, 99999.0)
 BLOCK_MARKS = (-99.0, -1.0, 0.0)
 
-#: Smallest number of cells of a block.
+#: Minimum number of cells in a block.
 MIN_BLOCK = 4
 
-#: Largest fraction of all cells with data in blocks: a plane with a few spikes is ground.
+#: Maximum fraction of all cells with data in blocks: a plane with a few spikes is ground.
 MAX_BLOCKS = 0.95
 
-#: Height of the step around cells without data, in cells (a slope of 63 degrees on nearly all
-#: sides) and in metres: boxes on the floor of a laboratory are lower.
+#: Minimum height of the step around cells without data, in cells (a slope of 63 degrees) and in
+#: metres: boxes on a laboratory floor are lower.
 MIN_STEP, MIN_STEP_HEIGHT = 2.0, 10.0
 
-#: Fraction of the border of such cells that may have a smaller step.
+#: Maximum fraction of the border of such cells with a smaller step.
 MAX_SMALL_STEPS = 0.1
 
-#: Heights between which and all others this much is empty, and more than all others differ by,
-#: are no heights [m].
+#: Minimum gap between invalid elevations and all others [m]; it also exceeds the range of those.
 MIN_GAP = 1000.0
 
-#: A step larger than all others [m].
+#: A step larger than any other [m].
 FAR = 1e30
 
-#: Bins in which an empty range of heights is looked for.
+#: Number of bins in the search for a gap.
 _BINS = 1024
 
-#: What the user can do, for ``format`` with the value.
+#: Advice in errors, for ``format`` with the value.
 NODATA_ADVICE = (
     'if these cells have no data, --nodata {0} or terrain.nodata: {0} in a scene file declares '
     'it, as gdal_edit.py -a_nodata {0} does in a GeoTIFF; --nodata none keeps them as ground'
@@ -47,7 +46,7 @@ NODATA_ADVICE = (
 
 def without_value(elevation: np.ndarray, value: float) -> np.ndarray:
     """Return the elevation with NaN in place of one stored value."""
-    # a value beyond float32 is infinite there, and so is the stored one
+    # a value beyond float32 is infinite, both here and in the array
     with np.errstate(over='ignore'):
         return np.where(elevation == np.float32(value), np.float32(np.nan), elevation)
 
@@ -55,35 +54,35 @@ def without_value(elevation: np.ndarray, value: float) -> np.ndarray:
 def check_missing(
     field: str, elevation: np.ndarray, cell: float, *, unit: float = 1.0, advice: str = ''
 ) -> None:
-    """Refuse an elevation in which some cells look as if they had no data.
+    """Raise LavaError if some cells of an elevation probably have no data.
 
     Args:
-        field: Name of the elevation, for the message.
+        field: Name of the elevation in the error.
         elevation: Elevation as stored, NaN without data, shape [rows, columns].
         cell: Approximate side of a cell [m].
         unit: Unit of the stored values [m].
-        advice: What the user can do; ``{0}`` stands for the value.
+        advice: Advice for the user, in which ``{0}`` stands for the value.
 
     Raises:
-        LavaError: If a value that files use for missing data stands in a block or a spike with
-            steep steps around it, or if some elevations are far away from all others.
+        LavaError: If a usual value for missing data occurs in a block or a spike with steep steps
+            around it, or if some elevations are far away from all others.
     """
     known = elevation[np.isfinite(elevation)]
     if not known.size:
         return
-    # neither the size of a cell nor the unit has been checked yet
+    # the cell size and the unit have not been validated yet
     unit = min(max(abs(unit), 1.0 / FAR), FAR)
     step = min(max(MIN_STEP * cell, MIN_STEP_HEIGHT) / unit, FAR)
     gap = min(MIN_GAP / unit, FAR)
     for value, count in (_far_value(known, gap), *_marks_with_cliffs(elevation, known, step)):
         if count:
             shown = f'{value:g} in {count} {"cell" if count == 1 else "cells"}'
-            right = f'heights like those around them ({advice.format(f"{value:g}")})'
-            raise LavaError(field, shown, right)
+            expected = f'heights like those around them ({advice.format(f"{value:g}")})'
+            raise LavaError(field, shown, expected)
 
 
 def _far_value(known: np.ndarray, least: float) -> tuple[float, int]:
-    """Return the outermost of the values that are far away from all others, and their number."""
+    """Return the extreme value of those far away from all others, and their number."""
     low, high = float(known.min()), float(known.max())
     if not high - low > least:
         return low, 0
@@ -95,7 +94,7 @@ def _far_value(known: np.ndarray, least: float) -> tuple[float, int]:
     gap = float(above.min()) - float(below.max())
     if gap < least or gap <= 0.5 * (high - low):
         return low, 0
-    # a constant is the mark, also in most cells
+    # a constant is a mark, even in the majority of cells
     is_constant = below.max() == low, above.min() == high
     is_low = is_constant[0] if is_constant[0] != is_constant[1] else below.size <= above.size
     return (low, below.size) if is_low else (high, above.size)
@@ -104,13 +103,13 @@ def _far_value(known: np.ndarray, least: float) -> tuple[float, int]:
 def _marks_with_cliffs(
     elevation: np.ndarray, known: np.ndarray, least: float
 ) -> Iterator[tuple[float, int]]:
-    """Yield each value for missing data, and its cells in blocks with steep steps around them."""
+    """Yield each usual value for missing data, and its number of cells with cliffs around them."""
     for value in (*MARKS, *BLOCK_MARKS):
         is_marked, is_block = elevation == value, value in BLOCK_MARKS
         others = known[known != value]
         if others.size == known.size:
             continue
-        # planes, and walls and steps of one height, are made by hand
+        # planes, and walls and steps of one height, are synthetic terrain
         if is_block and (others.size < (1.0 - MAX_BLOCKS) * known.size or not np.ptp(others)):
             continue
         labels = is_marked.astype(np.int32)
@@ -122,7 +121,7 @@ def _marks_with_cliffs(
         border, small = np.zeros((2, sizes.size))
         for one, other in ((labels, elevation), (labels.T, elevation.T)):
             for here, there in ((np.s_[1:], np.s_[:-1]), (np.s_[:-1], np.s_[1:])):
-                # steps to cells without data are NaN, which no comparison counts
+                # steps to cells without data are NaN, which compares as False
                 with np.errstate(over='ignore', invalid='ignore'):
                     step = np.abs(other[there] - np.float32(value))
                 at = (one[here] > 0) & (step > 0.0)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rasters and areas of other programs' files on the cells of a terrain."""
+"""Rasters and polygons from files, resampled to the cells of a terrain."""
 
 import math
 from pathlib import Path
@@ -18,20 +18,21 @@ from lava_ros.scene.terrain import Terrain
 
 
 def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
-    """Read a raster at the centres of a terrain's cells: float64, NaN where it has no data.
+    """Read a raster at the centres of a terrain's cells: float64, NaN without data.
 
-    A raster without a coordinate system is taken to be in the terrain's. Errors name ``field``.
+    A raster without a coordinate system is assumed to be in that of the terrain. Errors name
+    ``field``.
 
     Raises:
-        LavaError: The file cannot be read, has more than one band, has no data on the terrain, or
-            has no known coordinate system.
+        LavaError: If the file cannot be read, has more than one band, has no data on the terrain,
+            or has an unknown coordinate system.
     """
     with opened_raster(field, path) as source:
         band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
         place, crs, count = source.transform, source.crs, source.count
     if count != 1:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')
-    # likelihoods and masks are no heights: between two of them there is nothing
+    # probabilities and masks must not be interpolated
     result = resampled(terrain, band, place, crs, path, field=field, method='nearest')
     if np.isnan(result[terrain.has_data]).all():
         raise LavaError(field, str(path), 'a raster with data on the terrain')
@@ -42,20 +43,20 @@ def resampled(
     terrain: Terrain, values: np.ndarray, place: Any, crs: Any, path: str | Path, *, field: str,
     method: str,
 ) -> np.ndarray:
-    """Resample a raster to a terrain's cells: float64, NaN where it has no data.
+    """Resample a raster to a terrain's cells: float64, NaN without data.
 
     Args:
-        terrain: The terrain.
-        values: The raster as it is in the file, float64, NaN without data.
-        place: The affine transformation of its cells.
-        crs: Its coordinate system, None for that of the terrain.
-        path: The file, for errors.
-        field: What errors call it.
-        method: A method of ``rasterio.warp.Resampling``.
+        terrain: Target grid.
+        values: Raster as stored in the file, float64, NaN without data.
+        place: Affine transformation of the raster.
+        crs: Coordinate system of the raster, None for that of the terrain.
+        path: Path of the file, for errors.
+        field: Name of the field in errors.
+        method: Method of ``rasterio.warp.Resampling``.
 
     Raises:
-        LavaError: The raster is not georeferenced, only one of both has a coordinate system, or
-            none leads to the other.
+        LavaError: If the raster is not georeferenced, if the raster has a coordinate system and
+            the terrain has none, or if one cannot be transformed to the other.
     """
     from rasterio.warp import reproject, Resampling
 
@@ -74,29 +75,29 @@ def resampled(
             dst_nodata=np.nan,
             resampling=Resampling[method],
         )
-    # GDAL's errors have no class in common
+    # the errors of GDAL have no common class
     except Exception as error:
-        right = f'a raster that GDAL can put on the terrain ({error})'
-        raise LavaError(field, str(path), right) from error
+        expected = f'a raster that GDAL can put on the terrain ({error})'
+        raise LavaError(field, str(path), expected) from error
     return np.flipud(result)
 
 
 def check_placed(place: Any, path: str | Path, *, field: str) -> None:
-    """Refuse the affine transformation of a raster that is not georeferenced."""
+    """Raise LavaError if an affine transformation is not that of a georeferenced raster."""
     is_placed = all(map(math.isfinite, place)) and not (place.is_identity or place.is_degenerate)
     if not is_placed:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')
 
 
 def areas_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
-    """Mark the cells of a terrain whose centre is in one of the areas of a file: bool.
+    """Mark the cells of a terrain whose centre is in a polygon of a file: bool.
 
-    The file is one for ``features.read_features``; its points and lines are ignored. Errors name
+    ``features.read_features`` reads the file; its points and lines are ignored. Errors name
     ``field``.
 
     Raises:
-        LavaError: The file cannot be read, has no area or no known coordinate system, or rasterio
-            is not installed.
+        LavaError: If the file cannot be read, has no polygon or an unknown coordinate system, or
+            if rasterio is not installed.
     """
     require('rasterio', 'GeoTIFF', str(path))
     from rasterio.features import rasterize
@@ -113,7 +114,7 @@ def areas_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
 
 
 def _grid(terrain: Terrain) -> Any:
-    """Return where the cells of a terrain are for rasterio, row 0 in the north."""
+    """Return the affine transformation of a terrain with row 0 in the north."""
     from rasterio.transform import from_origin
 
     cell = terrain.resolution
@@ -122,10 +123,10 @@ def _grid(terrain: Terrain) -> Any:
 
 
 def _coordinates(terrain: Terrain, crs: Any, path: str | Path, field: str) -> Any:
-    """Return the terrain's coordinate system; a terrain without one is where its numbers say."""
+    """Return the terrain's coordinate system; without one, any system in metres."""
     own = coordinate_system(terrain.epsg, terrain.wkt)
     if own is None and crs:
-        right = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
-        raise LavaError(field, str(path), right)
-    # without systems both are in the same metres, whatever these are called
+        expected = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
+        raise LavaError(field, str(path), expected)
+    # neither has a system: any gives the same result
     return own or coordinate_system(32631)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A raster of elevations, brought to square cells of metres: cropped, resampled, to UTM."""
+"""Rasters of elevation: cropping, resampling to square cells, projection to UTM."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files import MOST_CELLS
+from lava_ros.files import MAX_CELLS
 from lava_ros.files.optional import require
 from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RANGE, Terrain
 
@@ -27,24 +27,24 @@ DEGREES = f'EPSG:{WGS84}'
 #: Length of a degree of latitude [m].
 METRES_PER_DEGREE = 111_195.0
 
-#: Beyond this latitude UTM is not defined [degrees].
+#: Maximum latitude of UTM [degrees].
 MAX_UTM_LATITUDE = 84.0
 
-#: Cells this small [m] in a file without coordinate system are degrees.
+#: Smaller cells [m] in a file without a coordinate system are in degrees.
 SMALLEST_CELL = 0.05
 
-#: How much lengths of a projected system may differ from those of UTM: Mercator's double at 60
-#: degrees, those of national grids differ by less than 0.1 %.
+#: Maximum relative difference of lengths between a projected system and UTM: national grids differ
+#: by less than 0.1 %, Mercator at 60 degrees by 100 %.
 MAX_DISTORTION = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Raster:
-    """A grid on its way to a Terrain: cells may be degrees and not square, row 0 is the south.
+    """A grid read from a file: cells may be in degrees and not square; row 0 is in the south.
 
-    ``corner`` is the lower-left one in the file's coordinates; ``offset`` is None unless the file
-    has one. ``wkt`` is as in ``Terrain``. ``is_metric`` says that coordinates are metres by the
-    definition of the format. ``barriers`` are those of ``Terrain``, in a file's own metres.
+    ``corner`` is the lower-left corner in the coordinates of the file; ``offset`` is None unless
+    the file has one. ``is_metric`` is True if the format defines coordinates in metres. ``wkt``
+    and ``barriers`` are those of ``Terrain``.
     """
 
     elevation: np.ndarray
@@ -60,12 +60,12 @@ class Raster:
 
     @property
     def system(self) -> str:
-        """What the file says its coordinates are."""
+        """Name of the coordinate system of the file."""
         return system_name(self.epsg, self.wkt)
 
     @property
     def is_placed(self) -> bool:
-        """Whether the file says what its coordinates are."""
+        """True if the file names its coordinate system."""
         return self.epsg is not None or self.wkt is not None
 
 
@@ -110,13 +110,13 @@ def horizontal(crs: Any) -> Any:
 def vertical_unit(crs: Any) -> tuple[str, float]:
     """Return the unit of the heights of a compound system, and its length [m].
 
-    The length is NaN for depths and for other units than lengths; ``'', 1`` stands for a system
-    without heights.
+    The length is NaN for depths and for units that are not lengths. A system without heights gives
+    ``'', 1``.
     """
     parts = _definition(crs)
     if parts.get('type') != 'CompoundCRS':
         return '', 1.0
-    # of a bound system the source is meant
+    # a bound system contains the actual one
     heights = parts['components'][1]
     heights = heights.get('source_crs', heights)
     axis = heights['coordinate_system']['axis'][0]
@@ -129,7 +129,7 @@ def vertical_unit(crs: Any) -> tuple[str, float]:
 
 
 def _definition(crs: Any) -> dict[str, Any]:
-    """The parts of a coordinate system by name (PROJJSON), empty where PROJ has none."""
+    """Return a coordinate system as PROJJSON, empty if PROJ cannot express it."""
     from rasterio.errors import CRSError
 
     try:
@@ -139,29 +139,29 @@ def _definition(crs: Any) -> dict[str, Any]:
 
 
 def with_epsg(raster: Raster, epsg: int | None) -> Raster:
-    """Give the raster the coordinate system that the user names, also in place of its own."""
+    """Return the raster with the coordinate system that the user gave, if any."""
     if epsg in (None, raster.epsg):
         return raster
     x, y = raster.corner
     has_degrees = is_degrees((x, y)) and min(raster.dx, raster.dy) < SMALLEST_CELL
     if has_degrees and not coordinate_system(epsg).is_geographic:
-        right = f'the code of a system in degrees: cells are {raster.dx:.3g} wide at {x:g}, {y:g}'
-        raise LavaError('terrain.epsg', epsg, right)
+        expected = f'a system in degrees: cells are {raster.dx:.3g} wide at {x:g}, {y:g}'
+        raise LavaError('terrain.epsg', epsg, expected)
     if raster.is_placed:
         _LOG.warning(f'EPSG:{epsg} as given, although the file states {raster.system}')
     return replace(raster, epsg=epsg, wkt=None)
 
 
-def in_square_metres(raster: Raster, resolution: float | None) -> Raster:
-    """Reproject degrees to UTM; make cells square and of the wanted size."""
+def to_square_metric_cells(raster: Raster, resolution: float | None) -> Raster:
+    """Reproject degrees to UTM, and resample to square cells of a resolution [m]."""
     for name in ('dx', 'dy'):
         most = RESOLUTION_RANGE[1]
         validation.number(f'terrain file {name}', getattr(raster, name), above=0.0, at_most=most)
     validation.pair('terrain file corner', raster.corner, most=MAX_COORDINATE)
     if raster.is_metric or not raster.is_placed:
         if min(raster.dx, raster.dy) < SMALLEST_CELL:
-            right = 'metres; an ESRI grid in degrees needs its coordinate system: epsg 4326'
-            raise LavaError('terrain file cell size', raster.dx, right)
+            expected = 'metres; an ESRI grid in degrees needs its coordinate system: epsg 4326'
+            raise LavaError('terrain file cell size', raster.dx, expected)
         target = raster.epsg
     else:
         target = _target_epsg(raster)
@@ -169,31 +169,28 @@ def in_square_metres(raster: Raster, resolution: float | None) -> Raster:
     if target == raster.epsg and square and resolution in (None, raster.dx):
         return raster
     try:
-        return _warped(raster, target, resolution)
+        return _resample(raster, target, resolution)
     except (LavaError, MemoryError):
         raise
-    # GDAL's errors have no class in common
+    # the errors of GDAL have no common class
     except Exception as error:
-        right = f'a place that GDAL can map to square cells of metres ({error})'
-        raise LavaError('terrain file corner', raster.corner, right) from error
+        expected = f'a place that GDAL can map to square cells of metres ({error})'
+        raise LavaError('terrain file corner', raster.corner, expected) from error
 
 
 def _crs(raster: Raster) -> Any:
-    """Return the raster's coordinate system; a raster without one gets any in metres.
-
-    Such a raster is only ever turned into itself at another cell size, so which does not matter.
-    """
+    """Return the raster's coordinate system; without one, any in metres, as for resampling."""
     if not raster.is_placed:
         return coordinate_system(32631)
     return coordinate_system(raster.epsg, raster.wkt)
 
 
 def _target_epsg(raster: Raster) -> int | None:
-    """EPSG code of the coordinates the terrain shall have: the UTM zone for degrees."""
+    """Return the EPSG code for the terrain: UTM for degrees and for stretched projections."""
     crs = _crs(raster)
     if crs.is_projected and not math.isclose(crs.linear_units_factor[1], 1.0, rel_tol=1e-9):
-        right = f'coordinates in metres, such as UTM, not {crs.linear_units}'
-        raise LavaError('terrain.epsg', raster.epsg, right)
+        expected = f'coordinates in metres, such as UTM, not {crs.linear_units}'
+        raise LavaError('terrain.epsg', raster.epsg, expected)
     rows, columns = raster.elevation.shape
     x = raster.corner[0] + 0.5 * columns * raster.dx
     y = raster.corner[1] + 0.5 * rows * raster.dy
@@ -202,14 +199,14 @@ def _target_epsg(raster: Raster) -> int | None:
     except ValueError as error:
         if not crs.is_geographic:
             return raster.epsg
-        right = f'a place on Earth in {raster.system} ({error})'
-        raise LavaError('terrain file corner', raster.corner, right) from error
+        expected = f'a place on Earth in {raster.system} ({error})'
+        raise LavaError('terrain file corner', raster.corner, expected) from error
     if crs.is_projected and not abs(latitude) <= MAX_UTM_LATITUDE:
         return raster.epsg
     validation.number('terrain longitude', longitude, unit='degrees')
     if not abs(latitude) <= MAX_UTM_LATITUDE:
-        right = 'at most 84 degrees north or south, or metres'
-        raise LavaError('terrain latitude', latitude, right)
+        expected = 'at most 84 degrees north or south, or metres'
+        raise LavaError('terrain latitude', latitude, expected)
     zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
     utm = int((32600 if latitude >= 0.0 else 32700) + zone)
     if crs.is_projected:
@@ -219,18 +216,18 @@ def _target_epsg(raster: Raster) -> int | None:
             return raster.epsg
         true = math.hypot(*(ends[1] - ends[0] for ends in places))
         if true == 0.0:
-            right = f'at least {SMALLEST_CELL:g} m'
-            raise LavaError('terrain file cell size', raster.dx, right)
-        # of a place that is nowhere on Earth there is no better system
+            expected = f'at least {SMALLEST_CELL:g} m'
+            raise LavaError('terrain file cell size', raster.dx, expected)
+        # NaN, a place outside the domain of UTM, keeps the system
         if not abs(raster.dx / true - 1.0) > MAX_DISTORTION:
             return raster.epsg
     return utm
 
 
-def _warped(raster: Raster, target: int | None, resolution: float | None) -> Raster:
-    """Resample to square cells in the target coordinate system, by cubic interpolation.
+def _resample(raster: Raster, target: int | None, resolution: float | None) -> Raster:
+    """Resample to square cells in the target coordinate system.
 
-    Cells at least twice as large as the file's are averages instead.
+    Interpolation is cubic. Cells at least twice as large as those of the file are averages.
     """
     rasterio = rasterio_for('resampling')
     source_crs = _crs(raster)
@@ -245,17 +242,17 @@ def _warped(raster: Raster, target: int | None, resolution: float | None) -> Ras
         natural, width, height = rasterio.warp.calculate_default_transform(
             source_crs, target_crs, columns, rows, west, south, east, north
         )
-        # Whole centimetres read better in every message and title.
+        # whole centimetres are easier to read in messages and titles
         native = max(round(natural.a, 2), SMALLEST_CELL)
         left, top = natural.c, natural.f
         right, bottom = left + width * natural.a, top - height * natural.a
     cell = resolution or native
     if target_crs != source_crs:
-        # Corners that are whole cells from zero give offsets that read well.
+        # corners at multiples of the cell size are easier to read
         left, bottom = math.floor(left / cell) * cell, math.floor(bottom / cell) * cell
     shape = (math.ceil((top - bottom) / cell - 1e-6), math.ceil((right - left) / cell - 1e-6))
-    if not 2 <= min(shape) <= max(shape) <= MAX_SIDE_CELLS or shape[0] * shape[1] > MOST_CELLS:
-        right = f'2 to {MAX_SIDE_CELLS} cells a side and at most {MOST_CELLS}, not {shape}'
+    if not 2 <= min(shape) <= max(shape) <= MAX_SIDE_CELLS or shape[0] * shape[1] > MAX_CELLS:
+        right = f'2 to {MAX_SIDE_CELLS} cells a side and at most {MAX_CELLS}, not {shape}'
         raise LavaError('terrain.resolution', cell, right)
     average = cell >= 2.0 * native
     result = np.full(shape, np.nan, dtype=np.float32)
@@ -282,8 +279,8 @@ def _warped(raster: Raster, target: int | None, resolution: float | None) -> Ras
     )
 
 
-def cropped(raster: Raster, window: tuple[float, float, float, float]) -> Raster:
-    """Keep the cells that a window in projected coordinates touches."""
+def crop(raster: Raster, window: tuple[float, float, float, float]) -> Raster:
+    """Return the part of a raster that a window in projected coordinates touches."""
     if isinstance(window, str) or not isinstance(window, Sequence) or len(window) != 4:
         raise LavaError('terrain.window', window, 'x0, y0, x1, y1 [m]')
     x0, y0, x1, y1 = (
@@ -298,9 +295,9 @@ def cropped(raster: Raster, window: tuple[float, float, float, float]) -> Raster
     last_row = min(math.ceil((y1 - south) / raster.dy - 1e-6), rows)
     if last_column - first_column < 2 or last_row - first_row < 2:
         east, north = west + columns * raster.dx, south + rows * raster.dy
-        right = f'x0, y0, x1, y1 that overlap the file, which covers x {west:.0f} to {east:.0f} m '
-        right += f'and y {south:.0f} to {north:.0f} m'
-        raise LavaError('terrain.window', tuple(window), right)
+        expected = 'x0, y0, x1, y1 that overlap the file, which covers '
+        expected += f'x {west:.0f} to {east:.0f} m and y {south:.0f} to {north:.0f} m'
+        raise LavaError('terrain.window', tuple(window), expected)
     return replace(
         raster,
         elevation=raster.elevation[first_row:last_row, first_column:last_column],
@@ -309,15 +306,15 @@ def cropped(raster: Raster, window: tuple[float, float, float, float]) -> Raster
 
 
 def is_degrees(place: Sequence[float]) -> bool:
-    """Return True if a place can be longitude and latitude."""
+    """Return True if a pair of coordinates can be longitude and latitude."""
     return abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0
 
 
 def in_degrees(terrain: Terrain, *places: Sequence[float]) -> bool:
     """Return True if places without a stated system are longitudes and latitudes.
 
-    They are if they can be, unless the terrain has no coordinate system, or one of them is on the
-    terrain as easting and northing.
+    They are if all values are in the range of degrees, the terrain has a coordinate system, and no
+    place is on the terrain as easting and northing.
     """
     return (
         terrain.has_system
@@ -327,7 +324,11 @@ def in_degrees(terrain: Terrain, *places: Sequence[float]) -> bool:
 
 
 def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[float, float]:
-    """Easting and northing [m] of a place; LavaError for a terrain without coordinate system."""
+    """Return the easting and northing [m] of a place.
+
+    Raises:
+        LavaError: If the terrain has no coordinate system, or the place is outside its domain.
+    """
     place = (longitude, latitude)
     ((x, y),) = on_terrain(terrain, np.array([place]), DEGREES, 'longitude, latitude', place)
     return (float(x), float(y))
@@ -336,28 +337,33 @@ def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[floa
 def on_terrain(
     terrain: Terrain, places: np.ndarray, system: str, where: str, shown: object
 ) -> np.ndarray:
-    """Transform places [count, 2] from a system to that of a terrain; errors show ``shown``."""
+    """Transform places [count, 2] from a system to that of a terrain.
+
+    Raises:
+        LavaError: If that is not possible. The error names ``where`` and ``shown``.
+    """
     own = coordinate_system(terrain.epsg, terrain.wkt)
     if own is None:
-        right = 'coordinates of the terrain, which has no coordinate system'
-        raise LavaError(where, shown, right)
+        expected = 'coordinates of the terrain, which has no coordinate system'
+        raise LavaError(where, shown, expected)
     try:
         return transformed(system, own, *places.T).T
     except ValueError as error:
-        right = f'places in the domain of {system_name(terrain.epsg, terrain.wkt)}, of a '
-        right += f'coordinate system that GDAL knows ({error})'
-        raise LavaError(where, shown, right) from error
+        expected = f'places in the domain of {system_name(terrain.epsg, terrain.wkt)}, of a '
+        expected += f'coordinate system that GDAL knows ({error})'
+        raise LavaError(where, shown, expected) from error
 
 
 def transformed(source: Any, target: Any, x: Any, y: Any) -> np.ndarray:
-    """Coordinates of places in another system, float64, shape [2, count].
+    """Transform coordinates to another system: float64, shape [2, count].
 
-    ValueError where a place is outside the domain of a system, or a system is unknown.
+    Raises:
+        ValueError: If a place is outside the domain of a system, or a system is unknown.
     """
     rasterio = rasterio_for('coordinate systems')
     try:
         found = np.array(rasterio.warp.transform(source, target, x, y))
-    # what GDAL says of systems and of places has no public class
+    # the errors of GDAL have no public class
     except Exception as error:
         raise ValueError(str(error)) from error
     if not np.isfinite(found).all():
@@ -366,7 +372,7 @@ def transformed(source: Any, target: Any, x: Any, y: Any) -> np.ndarray:
 
 
 def rasterio_for(reason: object) -> Any:
-    """Import rasterio with the modules that are used here."""
+    """Import rasterio and the submodules for coordinate systems and resampling."""
     require('rasterio', 'terrain file', str(reason))
     import rasterio.crs
     import rasterio.transform

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Terrain -> terrain: barriers of earth along a line, no short waves, finer cells."""
+"""Changes of a terrain: earth barriers along a line, low-pass filter, refinement."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files import warn_of_others
+from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import understood
 from lava_ros.files.optional import require
 from lava_ros.scene.features import read_features
@@ -23,19 +23,19 @@ from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
 _LOG = logging.getLogger(__name__)
 
-#: Smallest and largest numbers of barriers, and units: that of 1983 on Etna was 18 m high.
+#: Limits and units of the numbers of a barrier; that of 1983 on Etna was 18 m high.
 LIMITS = {'height': (0.1, 200.0, 'm'), 'width': (0.1, 1000.0, 'm'), 'slope': (0.05, 100.0, '')}
 
-#: Places nearer to each other than this are one [m].
+#: Minimum distance between two successive places of a line [m].
 APART = 1e-3
 
 
 @dataclass(frozen=True)
 class Barrier:
-    """A dam of earth: its height above the ground and the width of its crest [m].
+    """An earth dam: height above the ground and width of the crest [m].
 
-    The line of the crest is two or more places (x, y) [m] in projected coordinates; ``slope`` is
-    the fall of its sides, rise over run, and ``name`` is for people.
+    ``line``, the crest, is two or more places (x, y) [m] in projected coordinates. ``slope`` is
+    that of the sides, rise over run.
     """
 
     line: tuple[tuple[float, float], ...]
@@ -45,7 +45,7 @@ class Barrier:
     name: str = ''
 
     def __post_init__(self) -> None:
-        """Validate and normalise every field; LavaError names one that is not usable."""
+        """Validate and normalise all fields; raise LavaError for an invalid one."""
         if isinstance(self.line, str) or not isinstance(self.line, Sequence):
             raise LavaError('barrier.line', self.line, 'two or more places [x, y] m')
         places = tuple(
@@ -70,19 +70,19 @@ class Barrier:
 
     @property
     def volume(self) -> float:
-        """Earth that it takes on even ground [m3]: its cross-section along it, and its round ends.
+        """Volume on level ground [m3]: cross-section times length, and the round ends.
 
-        It is that of the crest as wide as given. At a bend, the sides add as much earth on the
-        outside as they share on the inside, to first order.
+        At a bend, the sides gain as much volume on the outside as they lose on the inside, to
+        first order.
         """
         run = self.height / self.slope
         inner, outer = 0.5 * self.width, 0.5 * self.width + run
-        # a cone without its top: both ends together
+        # both ends together are a truncated cone
         ends = math.pi * self.height * (outer**2 + outer * inner + inner**2) / 3.0
         return self.length * self.height * (self.width + run) + ends
 
     def text(self) -> str:
-        """Say what it is, and how much earth it takes."""
+        """Describe the barrier and its volume."""
         return (
             f'barrier{self.name and f" {self.name}"} {self.length:.0f} m long, '
             f'{self.height:g} m high, crest {self.width:g} m wide: '
@@ -90,14 +90,13 @@ class Barrier:
         )
 
     def crest_on(self, resolution: float) -> float:
-        """Width of the crest [m] on cells of a size [m]: never so narrow that lava finds a gap."""
-        # cells whose centre is nearer than half of it are crossed, and those leave no gap to
-        # diagonals
+        """Return the width of the crest [m] without gaps on cells of a size [m]."""
+        # cells whose centre is within half the width are raised: this leaves no diagonal gap
         return max(self.width, math.sqrt(2.0) * resolution)
 
     @classmethod
     def from_dict(cls, label: str, data: object) -> 'Barrier':
-        """Build a barrier from the plain data of a YAML file; LavaError names what is wrong."""
+        """Build a barrier from the plain data of a YAML file; raise LavaError for bad data."""
         required = ['line', 'height', 'width']
         allowed = [*required, 'slope', 'name']
         values = validation.keys(label, data, allowed=allowed, required=required)
@@ -110,13 +109,13 @@ def read_barriers(
     """Read the barriers of a file: its lines, with their height, width and slope.
 
     Args:
-        field: What errors call the file.
-        path: A file for ``features.read_features``.
-        terrain: The ground, whose coordinate system the result has.
-        usual: Height and width of the crest [m], and slope, of lines without their own.
+        field: Name of the field in errors.
+        path: File for ``features.read_features``.
+        terrain: Terrain whose coordinate system the result has.
+        usual: Default height and width of the crest [m], and slope.
 
     Raises:
-        LavaError: The file cannot be read, has points or areas, or a number is not usable.
+        LavaError: If the file cannot be read or has points or areas, or a number is not usable.
     """
     barriers = []
     unknown: list[str] = []
@@ -136,14 +135,14 @@ def read_barriers(
         except LavaError as error:
             name = error.field.removeprefix('barrier.')
             raise LavaError(f'{feature.where}, {name}', error.value, error.expected) from None
-    warn_of_others(path, 'attributes', unknown, f' (of a barrier: name, {", ".join(LIMITS)})')
+    warn_of_unknown(path, 'attributes', unknown, f' (of a barrier: name, {", ".join(LIMITS)})')
     return barriers
 
 
 def with_barriers(
     terrain: Terrain, barriers: Iterable[Barrier], *, is_told: bool = True
 ) -> Terrain:
-    """Raise a terrain by barriers, as ``with_barrier``; where they overlap the highest counts."""
+    """Raise a terrain by barriers, as ``with_barrier``; the higher one counts in an overlap."""
     raised = terrain
     for barrier in barriers:
         alone = with_barrier(terrain, barrier, is_told=is_told)
@@ -156,12 +155,14 @@ def with_barriers(
 
 
 def with_barrier(terrain: Terrain, barrier: Barrier, *, is_told: bool = True) -> Terrain:
-    """Raise a terrain by a barrier; LavaError where its line touches no cell with data.
+    """Raise a terrain by a barrier.
 
-    The ground is raised by the full height within half the width of the line. Beyond that it is
-    raised less and less, to nothing where the barrier's sides reach the ground. If the crest is
-    narrower than ``crest_on``, it is widened to that, so that lava finds no gap, and a warning
-    says so if it ``is_told``.
+    The ground rises by the full height within half the width of the line, and by less along the
+    sides. A crest narrower than ``crest_on`` is widened to that, so that it has no gap, with a
+    warning if ``is_told``.
+
+    Raises:
+        LavaError: If the barrier raises no cell with data.
     """
     rows, columns = terrain.shape
     cell = terrain.resolution
@@ -175,16 +176,16 @@ def with_barrier(terrain: Terrain, barrier: Barrier, *, is_told: bool = True) ->
         low, high = np.minimum(start, end) - reach, np.maximum(start, end) + reach
         across = slice(*np.searchsorted(x, (low[0], high[0])))
         up = slice(*np.searchsorted(y, (low[1], high[1])))
-        near = _distance(x[across], y[up], start, end)
+        near = _distance_to_segment(x[across], y[up], start, end)
         distance[up, across] = np.minimum(distance[up, across], near)
     added = np.clip(barrier.height - (distance - half) * barrier.slope, 0.0, barrier.height)
     if not (terrain.has_data & (added > 0.0)).any():
-        right = f'a line {terrain.bounds(projected=True)}'
-        raise LavaError('barrier.line', barrier.line, right)
+        expected = f'a line {terrain.bounds(projected=True)}'
+        raise LavaError('barrier.line', barrier.line, expected)
     if is_told and crest > barrier.width:
         _LOG.warning(
             f'the crest of the barrier, {barrier.width:g} m wide, becomes {crest:.3g} m wide on '
-            f'cells of {cell:g} m, so that lava finds no gap'
+            f'cells of {cell:g} m, so that it has no gap'
         )
     return replace(
         terrain,
@@ -193,44 +194,46 @@ def with_barrier(terrain: Terrain, barrier: Barrier, *, is_told: bool = True) ->
     )
 
 
-def _distance(
+def _distance_to_segment(
     x: np.ndarray, y: np.ndarray, start: tuple[float, float], end: tuple[float, float]
 ) -> np.ndarray:
-    """Distance of the places of a grid from a segment [m], shape [len(y), len(x)]."""
+    """Return the distance of grid points from a segment [m], shape [len(y), len(x)]."""
     along = np.subtract(end, start)
     dx, dy = x[None, :] - start[0], y[:, None] - start[1]
-    share = np.clip((dx * along[0] + dy * along[1]) / (along @ along), 0.0, 1.0)
-    return np.hypot(dx - share * along[0], dy - share * along[1])
+    fraction = np.clip((dx * along[0] + dy * along[1]) / (along @ along), 0.0, 1.0)
+    return np.hypot(dx - fraction * along[0], dy - fraction * along[1])
 
 
-#: Standard deviations of the filter up to which cells count: what is left out is 1e-4.
-_REACH = 4.0
+#: Radius of the filter in standard deviations; the rest would weigh 1e-4.
+_TRUNCATION = 4.0
 
-#: Standard deviation below which it changes nothing [cells]: a neighbour weighs exp(-50).
-_LEAST = 0.1
+#: Minimum standard deviation of the filter [cells]: a neighbour weighs exp(-50).
+_MIN_DEVIATION = 0.1
 
 
 def low_pass(terrain: Terrain, width: float) -> Terrain:
     """Filter a terrain with a Gaussian of a standard deviation ``width`` [m]; 0 changes nothing.
 
-    Cells without data stay without, and do not count in the means of their neighbours. Waves of
+    Cells without data remain so, and do not count in the means of their neighbours. Waves of
     length L keep exp(-2 (pi width / L)^2) of their height: 0.7 % at L = 2 widths, 73 % at 8.
-    LavaError where the width is not usable, or scipy is not installed.
+
+    Raises:
+        LavaError: If the width is not usable, or scipy is not installed.
     """
     rows, columns = terrain.shape
     most = 0.25 * min(rows, columns) * terrain.resolution
     width = validation.number('low_pass', width, at_least=0.0, at_most=most, unit='m')
-    if width < _LEAST * terrain.resolution:
+    if width < _MIN_DEVIATION * terrain.resolution:
         return terrain
     require('scipy', 'low_pass', width)
     from scipy.ndimage import gaussian_filter
 
     known = terrain.has_data
-    # near zero, lest a float lose the digits of a summit
+    # values near zero keep the precision of a float
     level = float(np.mean(terrain.elevation[known], dtype=np.float64))
     cells = width / terrain.resolution
     heights, weights = (
-        gaussian_filter(values, cells, mode='constant', radius=math.ceil(_REACH * cells))
+        gaussian_filter(values, cells, mode='constant', radius=math.ceil(_TRUNCATION * cells))
         for values in (
             np.where(known, terrain.elevation - level, 0.0).astype(np.float64),
             known.astype(np.float64),
@@ -243,22 +246,21 @@ def low_pass(terrain: Terrain, width: float) -> Terrain:
 def finer(terrain: Terrain, factor: int) -> Terrain:
     """Sample the quadratic B-spline of a terrain's heights on cells smaller by ``factor``.
 
-    The simulation lets lava flow on this surface (simulation/terrain.py), so maps on the finer
-    cells show its shape between the coarse cells' centres. Fine cells within a cell without data
-    have none.
+    This is the surface of the simulation (simulation/terrain.py). Cells within a cell without data
+    have no data.
     """
     if factor == 1:
         return terrain
     height = terrain.elevation.astype(np.float64)
     for axis in (0, 1):
-        height = _along(height, factor, axis)
+        height = _refine_axis(height, factor, axis)
     fine = replace(terrain, elevation=height, resolution=terrain.resolution / factor)
     known = np.kron(terrain.has_data, np.ones((factor, factor), dtype=bool))
     return replace(fine, elevation=np.where(known, fine.elevation, np.nan))
 
 
-def _along(height: np.ndarray, factor: int, axis: int) -> np.ndarray:
-    """The spline along an axis; a neighbour without data continues the slope of the others."""
+def _refine_axis(height: np.ndarray, factor: int, axis: int) -> np.ndarray:
+    """Sample the spline along an axis; extrapolate linearly to neighbours without data."""
     height = np.moveaxis(height, axis, 0)
     padded = np.pad(height, ((1, 1), (0, 0)), mode='reflect', reflect_type='odd')
     before, here, after = padded[:-2], padded[1:-1], padded[2:]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes, and their files: terrain, vents, lava, surroundings, and what is uncertain."""
+"""Scenes and scene files: terrain, vents, lava, surroundings and uncertainty."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -34,10 +34,10 @@ from lava_ros.scene.vents import check_vents, Vent, vents_from_list
 
 _LOG = logging.getLogger(__name__)
 
-#: Largest viscosity of lava that comes out of a vent [Pa s], crystals included.
+#: Maximum viscosity of erupting lava [Pa s], including the effect of crystals.
 MAX_VENT_VISCOSITY = 1e15
 
-#: Accelerations of gravity there can be [m/s2]: from a small moon to a star.
+#: Minimum and maximum acceleration of gravity [m/s2]: from a small moon to a star.
 GRAVITY_RANGE = (1e-3, 1e3)
 
 #: 0 Celsius [K].
@@ -47,19 +47,19 @@ KELVIN = 273.15
 @dataclass(frozen=True, eq=False)
 @with_fields(partial(join_names, 'environment', EFFECTS))
 class Scene:
-    """Everything a simulation needs to know about the world.
+    """Physical input of a simulation.
 
     Attributes:
-        terrain: The ground.
-        vents: Where lava comes out; may be empty.
-        lava: The material, ``materials.default_lava()`` where none is given.
+        terrain: Elevation of the ground.
+        vents: Vents; may be empty.
+        lava: Material constants; default: ``materials.default_lava()``.
         ambient_temperature: Temperature of the air [K].
         gravity: Acceleration of gravity [m/s2].
-        uncertainty: What differs from member to member of an ensemble.
-        emplaced_flows: Lava that lies on the terrain at the start.
-        events: Changes of the ground in the order of their times, which are from 0 on.
+        uncertainty: Distributions from which the members of an ensemble draw.
+        emplaced_flows: Lava on the terrain at the start.
+        events: Changes of the ground in order of time, starting at or after time 0.
 
-    Numbers of the surroundings that only one effect takes are declared in its file.
+    Numbers of the surroundings that only one effect uses are declared in the file of the effect.
     """
 
     terrain: Terrain
@@ -72,11 +72,7 @@ class Scene:
     events: tuple[TerrainEvent, ...] = ()
 
     def __post_init__(self) -> None:
-        """Validate the parts together.
-
-        LavaError where a part is of the wrong kind, a vent is not on the terrain, or its lava is
-        solid.
-        """
+        """Validate the parts and their combinations; raise LavaError for an invalid one."""
         kinds = (('terrain', Terrain), ('lava', Lava), ('uncertainty', Uncertainty))
         for name, kind in kinds:
             if not isinstance(getattr(self, name), kind):
@@ -91,8 +87,8 @@ class Scene:
         vents = check_vents(self.vents, self.terrain, self.lava)
         object.__setattr__(self, 'vents', vents)
         if self.uncertainty.yield_strength is not None and 'yielding' not in possible(self.lava):
-            right = 'absent: lava.yield_strength is 0'
-            raise LavaError('uncertainty.yield_strength', self.uncertainty.yield_strength, right)
+            name, value = 'uncertainty.yield_strength', self.uncertainty.yield_strength
+            raise LavaError(name, value, 'absent: lava.yield_strength is 0')
         for index, vent in enumerate(self.vents):
             self._check_temperature(f'vents[{index}]', vent.temperature)
         for index, flow in enumerate(self.emplaced_flows):
@@ -107,19 +103,19 @@ class Scene:
         check_fields('scene', self)
 
     def _check_temperature(self, name: str, temperature: float) -> None:
-        """Refuse lava that is solid, or too viscous to come out of a vent."""
+        """Raise LavaError if lava of a temperature is solid or too viscous to erupt."""
         if temperature <= self.lava.solidus:
-            right = f'above lava.solidus, {self.lava.solidus:g} K: colder lava is solid'
-            right += f' ({temperature:g} Celsius are {temperature + KELVIN:g} K)'
-            raise LavaError(f'{name}.temperature', temperature, right)
+            expected = f'above lava.solidus, {self.lava.solidus:g} K: colder lava is solid'
+            expected += f' ({temperature:g} Celsius are {temperature + KELVIN:g} K)'
+            raise LavaError(f'{name}.temperature', temperature, expected)
         viscosity = self.lava.viscosity_at(temperature)
         if viscosity > MAX_VENT_VISCOSITY:
-            right = f'hotter lava: at this temperature its viscosity is {viscosity:.3g} Pa s, '
-            right += f'above {MAX_VENT_VISCOSITY:g} Pa s nothing comes out'
-            raise LavaError(f'{name}.temperature', temperature, right)
+            expected = f'hotter lava: at this temperature its viscosity is {viscosity:.3g} Pa s, '
+            expected += f'above {MAX_VENT_VISCOSITY:g} Pa s nothing comes out'
+            raise LavaError(f'{name}.temperature', temperature, expected)
 
     def on(self, change: Callable[[Terrain], Terrain]) -> 'Scene':
-        """Return the scene with another form of all its ground, such as finer cells."""
+        """Return the scene with a change, such as refinement, of each of its terrains."""
         return replace(
             self,
             terrain=change(self.terrain),
@@ -137,10 +133,10 @@ SCENE_KEYS = (
 
 
 def temperature_doubts(scene: Scene, *, is_celsius: bool = False) -> list[str]:
-    """Describe vents whose temperature seems to be in the wrong unit, Celsius or kelvin.
+    """Describe the vents whose temperature is probably in the wrong unit, Celsius or kelvin.
 
-    In the other unit it would be closer to the temperature for which the lava's constants hold.
-    ``is_celsius`` says that temperatures were given in Celsius, as in messages, not in kelvin.
+    In the other unit it would be closer to the temperature at which the lava's constants hold.
+    ``is_celsius`` is True if temperatures were given in Celsius, as in messages.
     """
     lava = scene.lava
     name = 'liquidus' if lava.is_vft else 'reference_temperature'
@@ -160,7 +156,7 @@ def temperature_doubts(scene: Scene, *, is_celsius: bool = False) -> list[str]:
 
 
 def constants_of(scene: Scene | None) -> dict[str, Any]:
-    """Lava and surroundings of a scene by the names of its fields; without one the usual."""
+    """Return the lava and surroundings of a scene by field name; without a scene, the defaults."""
     if scene is None:
         numbers = {item.name: item.default for item in fields(Scene) if item.name in ENVIRONMENT}
         return {'lava': default_lava(), **numbers}
@@ -168,7 +164,7 @@ def constants_of(scene: Scene | None) -> dict[str, Any]:
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
-    """Plain data that describes a scene, the elevation itself left out: for logs and bags."""
+    """Return plain data that describes a scene without its elevation, for logs and bags."""
     terrain = scene.terrain
     barriers = [[list(place) for place in crest] for crest in terrain.barriers]
     return {
@@ -196,27 +192,31 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
 
 
 def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scene:
-    """Read a scene file; ``terrain`` replaces the file's own. LavaError names what is wrong."""
+    """Read a scene file; ``terrain`` replaces that of the file. Errors are those of both steps."""
     return scene_from_dict(*read_scene(path, terrain=terrain))
 
 
 def read_scene(
     path: str | Path, *, terrain: Terrain | None = None, options: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], Terrain]:
-    """Read a scene file without making a scene of it: what ``scene_from_dict`` takes.
-
-    A name for which there is no file is looked for in the package's ``examples/``.
-
-    In the file, the ``effusion_rate`` of a vent may be a mapping: ``file``, a table relative to
-    the scene file, and the fields of ``effusion_rates.Options``. The errors of such tables are the
-    uncertainty of the effusion rate unless the file has one.
+    """Read a scene file, and return the arguments of ``scene_from_dict``.
 
     The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
     the scene file or ``st_helens.npz`` of the package, and the options of
-    ``terrain_files.load_terrain``. Ground in ``terrain`` replaces the file's own; ``options`` of
-    ``load_terrain`` replace those of the file. ``emplaced_flows`` (``emplaced.read_flows``) and
-    ``events`` (``events.read_events``) are read, and flows that are ground raise the terrain.
-    LavaError where the file cannot be read, or has other keys, or its ground is not usable.
+    ``terrain_files.load_terrain``. The ``effusion_rate`` of a vent may be a mapping: ``file``, a
+    table relative to the scene file, and the fields of ``effusion_rates.Options``. The errors in
+    such tables are the uncertainty of the effusion rate unless the file has one.
+
+    Args:
+        path: Path of the file, or its name in the package's ``examples/``.
+        terrain: Terrain that replaces that of the file.
+        options: Options of ``load_terrain`` that replace those of the file.
+
+    Returns:
+        Plain data with the contents of all files, and the terrain raised by flows that are ground.
+
+    Raises:
+        LavaError: If the file cannot be read or has unknown keys, or a value cannot be used.
     """
     path = find_file(path, 'examples', field='scene', expected='a readable YAML file')
     known_keys = [*SCENE_KEYS, 'material']
@@ -243,20 +243,20 @@ def with_changes(
     data: dict[str, Any], folder: Path, terrain: Terrain, options: Mapping[str, Any],
     *, prefix: str = 'scene.',
 ) -> tuple[dict[str, Any], Terrain]:
-    """Replace emplaced flows and events by what is in their files.
+    """Replace emplaced flows and events by the contents of their files.
 
     Args:
         data: Plain data of a scene.
-        folder: What the names of files are relative to.
-        terrain: The ground.
+        folder: Folder to which file names are relative.
+        terrain: Terrain before the flows.
         options: Options of ``load_terrain`` for the files of events.
-        prefix: What errors put before the names of the keys.
+        prefix: Prefix of the keys in errors.
 
     Returns:
-        The data for ``scene_from_dict``, and the ground with the flows that are a part of it.
+        Data for ``scene_from_dict``, and the terrain raised by flows that are ground.
 
     Raises:
-        LavaError: A file or a value cannot be used.
+        LavaError: If a file or a value cannot be used.
     """
     data = dict(data)
     if 'emplaced_flows' in data:
@@ -264,14 +264,14 @@ def with_changes(
             f'{prefix}emplaced_flows', data['emplaced_flows'], folder, terrain
         )
     if 'events' in data:
-        # an offset of its own is that of the grid, which has to be the same
+        # the grid of an event has to be that of the terrain
         read = partial(load_terrain, **{**options, 'offset': terrain.offset})
         data['events'] = read_events(f'{prefix}events', data['events'], folder, terrain, read)
     return data, terrain
 
 
 def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Replace the tables of effusion rates of a scene by what they hold, and use their errors."""
+    """Replace the names of effusion-rate tables by their series, and use their errors."""
     vents = data.get('vents')
     read: list[Interval] = []
     if not isinstance(vents, list):
@@ -300,12 +300,17 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
-    """Build a scene from the plain data of a YAML file; LavaError names a field that is wrong.
+    """Build a scene from the plain data of a YAML file.
 
-    They are ``vents``, ``lava`` (fields of ``Lava``, and maybe ``material``, a name of ``lava
-    materials`` whose constants they replace; ``materials.DEFAULT`` where it is absent),
-    ``ambient_temperature``, ``gravity`` and ``uncertainty``; all may be left out. Also
-    ``emplaced_flows`` and ``events``, as ``with_changes`` reads them.
+    Args:
+        data: Mapping with any of ``vents``, ``lava`` (fields of ``Lava``, and optionally
+            ``material``, the name of the material whose constants they replace, by default
+            ``materials.DEFAULT``), ``ambient_temperature``, ``gravity``, ``uncertainty``, and
+            ``emplaced_flows`` and ``events`` as returned by ``with_changes``.
+        terrain: Terrain of the scene.
+
+    Raises:
+        LavaError: If a field is not valid.
     """
     lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
     hot = float(material.vent_temperature.value)
@@ -326,6 +331,6 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
 
 
 def warn_of_celsius(scene: Scene) -> None:
-    """Warn of temperatures that were given in kelvin and make more sense in Celsius."""
+    """Log a warning for each temperature in kelvin that is probably in Celsius."""
     for text in temperature_doubts(scene):
         _LOG.warning(text)

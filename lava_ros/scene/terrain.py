@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ground."""
+"""Elevation of the ground on a regular grid."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,19 +12,19 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 
-#: Most cells along one side: nav_msgs/MapMetaData consumers index cells with 16-bit integers.
+#: Maximum number of cells along a side: users of nav_msgs/MapMetaData index with 16-bit integers.
 MAX_SIDE_CELLS = 32767
 
-#: Sides a terrain's cells can have [m]: from a table in a laboratory to a planet.
+#: Minimum and maximum side of a cell [m]: from a laboratory table to a planet.
 RESOLUTION_RANGE = (1e-4, 1e5)
 
-#: Largest height above or below zero that ground can have [m]: Mars has 22 km.
+#: Maximum absolute elevation [m]; that of Mars is 22 km.
 MAX_ELEVATION = 1e5
 
-#: Largest definition of a coordinate system [characters].
+#: Maximum length of the WKT of a coordinate system [characters].
 MAX_WKT = 100_000
 
-#: Largest distance of places from the origin of the map and of a projected system [m].
+#: Maximum absolute map or projected coordinate [m].
 MAX_COORDINATE = 1e9
 
 
@@ -37,13 +37,13 @@ class Terrain:
             smallest y. NaN marks cells without data: lava that reaches them leaves the domain.
         resolution: Side of a cell [m].
         origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
-        epsg: EPSG code of the projected coordinate system the map frame is an offset of.
+        epsg: EPSG code of the projected coordinate system.
         offset: Easting and northing [m] of the map frame's origin in that system.
-        source: Where it is from, for people; may be empty.
-        barriers: Crests of the barriers that have been built on it, each two or more eastings and
+        source: Origin of the data, for people; may be empty.
+        barriers: Crest lines of the barriers in the elevation, each two or more eastings and
             northings [m]. Maps draw them.
-        wkt: Full definition (WKT) of the coordinate system, where ``epsg`` does not give it all: a
-            local system without a code, or a projected one with a vertical datum.
+        wkt: Full definition (WKT) of a coordinate system that ``epsg`` does not define completely:
+            a local system without a code, or a projected one with a vertical datum.
     """
 
     elevation: np.ndarray
@@ -56,7 +56,7 @@ class Terrain:
     wkt: str | None = None
 
     def __post_init__(self) -> None:
-        """Validate and normalise every field; LavaError names one that is not usable."""
+        """Validate and normalise all fields; raise LavaError for an invalid one."""
         put = object.__setattr__
         field = 'terrain.elevation'
         try:
@@ -69,13 +69,13 @@ class Terrain:
             raise LavaError(field, found, 'a 2-D array of numbers [m]') from None
         sides = elevation.shape
         if len(sides) != 2 or not 2 <= min(sides) <= max(sides) <= MAX_SIDE_CELLS:
-            right = f'a 2-D array of 2 to {MAX_SIDE_CELLS} cells a side'
-            raise LavaError(field, f'array of shape {sides}', right)
+            expected = f'a 2-D array of 2 to {MAX_SIDE_CELLS} cells a side'
+            raise LavaError(field, f'array of shape {sides}', expected)
         # NaN compares as False.
         beyond = np.abs(elevation) > MAX_ELEVATION
         if beyond.any():
-            right = f'at most {MAX_ELEVATION:g} m above or below zero, NaN where unknown'
-            raise LavaError(field, float(elevation[beyond][0]), right)
+            expected = f'at most {MAX_ELEVATION:g} m above or below zero, NaN where unknown'
+            raise LavaError(field, float(elevation[beyond][0]), expected)
         if np.isnan(elevation).all():
             raise LavaError(field, math.nan, 'at least one cell with data')
         elevation.setflags(write=False)
@@ -97,12 +97,12 @@ class Terrain:
         if self.wkt is not None and not (
             isinstance(self.wkt, str) and 0 < len(self.wkt) <= MAX_WKT
         ):
-            right = f'the definition of a coordinate system, up to {MAX_WKT} characters, or None'
-            raise LavaError('terrain.wkt', str(self.wkt)[:40], right)
+            expected = f'a coordinate system in WKT, at most {MAX_WKT} characters, or None'
+            raise LavaError('terrain.wkt', str(self.wkt)[:40], expected)
 
     @property
     def has_system(self) -> bool:
-        """Whether its coordinate system is known."""
+        """True if the coordinate system is known."""
         return self.epsg is not None or self.wkt is not None
 
     @property
@@ -112,7 +112,7 @@ class Terrain:
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """Smallest x, smallest y, largest x, largest y of the cells' edges [m]."""
+        """Smallest x, smallest y, largest x and largest y of the grid [m]."""
         rows, columns = self.shape
         x, y = self.origin
         return (x, y, x + columns * self.resolution, y + rows * self.resolution)
@@ -125,14 +125,14 @@ class Terrain:
         return mask
 
     def cell_at(self, x: float, y: float) -> tuple[int, int] | None:
-        """Row and column of the cell that holds a map position, None outside the grid."""
+        """Return the row and column of the cell at a map position, None outside the grid."""
         column = math.floor((x - self.origin[0]) / self.resolution)
         row = math.floor((y - self.origin[1]) / self.resolution)
         rows, columns = self.shape
         return (row, column) if 0 <= row < rows and 0 <= column < columns else None
 
     def covers(self, x: float, y: float) -> bool:
-        """Whether a map position lies on a cell with data."""
+        """Return True if a map position is on a cell with data."""
         cell = self.cell_at(x, y)
         return cell is not None and bool(self.has_data[cell])
 
@@ -149,11 +149,11 @@ class Terrain:
         return np.where(on_grid, self.elevation[row, column], np.nan)
 
     def covered(self, places: np.ndarray) -> np.ndarray:
-        """Which of the map positions, shape [count, 2], lie on a cell with data: bool, [count]."""
+        """Mark the map positions, shape [count, 2], on a cell with data: bool, shape [count]."""
         return np.isfinite(self.elevations_at(places))
 
     def bounds(self, *, projected: bool = False) -> str:
-        """What the terrain covers, in map or in projected coordinates, for messages."""
+        """Describe the extent in map or projected coordinates, for messages."""
         x0, y0, x1, y1 = self.extent
         names = ('easting', 'northing') if projected else ('x', 'y')
         east, north = self.offset if projected else (0.0, 0.0)
@@ -163,22 +163,22 @@ class Terrain:
         )
 
     def to_map(self, easting: float, northing: float) -> tuple[float, float]:
-        """Turn projected coordinates [m] into map coordinates [m]."""
+        """Convert projected coordinates [m] to map coordinates [m]."""
         return (easting - self.offset[0], northing - self.offset[1])
 
 
 def crest_lines(field: str, lines: object) -> tuple[tuple[tuple[float, float], ...], ...]:
-    """Check the crests of barriers: lists of two or more pairs of numbers [m].
+    """Return the crest lines of barriers as tuples of two or more (x, y) pairs [m].
 
     Raises:
-        LavaError: They are something else. The error names ``field``.
+        LavaError: If ``lines`` is not a list of such lines. The error names ``field``.
     """
-    right = 'a list of crests, each two or more [easting, northing] m'
+    expected = 'a list of crests, each two or more [easting, northing] m'
     if not isinstance(lines, list | tuple):
-        raise LavaError(field, lines, right)
+        raise LavaError(field, lines, expected)
     for line in lines:
         if not isinstance(line, list | tuple) or len(line) < 2:
-            raise LavaError(field, line, right)
+            raise LavaError(field, line, expected)
     return tuple(
         tuple(validation.pair(field, place, most=MAX_COORDINATE) for place in line)
         for line in lines

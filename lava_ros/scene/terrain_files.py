@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Elevation files -> Terrain: rasters that GDAL reads, and npz; what looks wrong in them."""
+"""Elevation files: reading of GDAL rasters and npz files, and warnings of suspect data."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -26,12 +26,12 @@ from lava_ros.files.yaml import parse_json
 from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE, without_value
 from lava_ros.scene.projection import (
     coordinate_system,
-    cropped,
+    crop,
     horizontal,
-    in_square_metres,
     METRES_PER_DEGREE,
     Raster,
     rasterio_for,
+    to_square_metric_cells,
     vertical_unit,
     WGS84,
     with_epsg,
@@ -53,19 +53,19 @@ UNITS = {
     for name in names.split(',')
 }
 
-#: Unit of the heights in an old .prj file of ESRI.
+#: Unit of heights in an old ESRI .prj file.
 _ZUNITS = re.compile(r'^\s*zunits\s+(\S+)', re.IGNORECASE | re.MULTILINE)
 
-#: Largest .prj file that is read [characters].
+#: Maximum number of characters read from a .prj file.
 MAX_PRJ = 1 << 16
 
-#: The terrain that comes with the package.
+#: Demonstration terrain of the package.
 DEMO = Path(__file__).with_name('st_helens.npz')
 
-#: Largest code that a file may name, far above those of EPSG.
-MOST_EPSG = 999_999
+#: Maximum EPSG code in a file, far above those in use.
+MAX_EPSG = 999_999
 
-#: Name of the tag of a GeoTIFF, or the key of an .npz file, with the crests of barriers as JSON.
+#: GeoTIFF tag or .npz key of the barrier crests, as JSON.
 _BARRIERS = 'lava_ros_barriers'
 
 NPZ_KEYS = (
@@ -76,29 +76,29 @@ NPZ_KEYS = (
 #: Options of ``load_terrain`` that a scene file may give.
 TERRAIN_OPTIONS = ('epsg', 'resolution', 'offset', 'window', 'fill_holes', 'nodata')
 
-#: Smallest EPSG code.
+#: Minimum EPSG code.
 MIN_EPSG = 1024
 
-#: Check of the side of the cells to make.
+#: Check of the side of a cell.
 RESOLUTION_CHECK = partial(validation.number, above=0.0, unit='m')
 
-#: Heights of ground [m]: below the first nothing is, above the second nothing on Earth.
+#: Minimum elevation, and maximum elevation on Earth [m].
 LOWEST, HIGHEST = -12_000.0, 9_000.0
 
-#: Depth of a cell below all its neighbours, in cells, from which on it is an error of the file.
+#: Depth of a cell below all its neighbours, in cells, above which it is an error of the file.
 PIT_DEPTH = 2.0
 
-#: How far holes are filled from [cells].
+#: Maximum distance of interpolation into cells without data [cells].
 FILL_DISTANCE = 1000.0
 
-#: Smallest easting and northing, largest easting and northing of the ridge, UTM zone 16 north [m].
+#: Minimum easting and northing, maximum easting and northing of the ridge, UTM zone 16 north [m].
 RIDGE_WINDOW = (744440.0, 4038400.0, 753440.0, 4046400.0)
 
 
 def terrain_path(name: str, folder: Path = Path()) -> Path:
     """Return the path of an elevation file, relative to a folder.
 
-    If the folder has no ``st_helens.npz``, this name stands for the package's own terrain.
+    ``st_helens.npz`` is the file of the package unless the folder has one.
     """
     path = folder / name
     return DEMO if name == DEMO.name and not path.exists() else path
@@ -114,40 +114,38 @@ def load_terrain(
     fill_holes: bool = False,
     nodata: float | str | None = None,
 ) -> Terrain:
-    """Read an elevation file, log what was understood, and warn of what looks wrong.
+    """Read an elevation file, log its properties, and warn of suspect data.
 
     The formats of ``files.rasters.FORMATS`` need rasterio. Files in degrees, and those whose
-    projection stretches lengths (Web Mercator), are reprojected to their UTM zone; cells that are
-    not square become square, as long as the shorter side. Elevations in feet, by the unit of the
-    band, the vertical coordinate system or an ESRI ``.prj`` file, become metres.
+    projection stretches lengths (Web Mercator), are reprojected to their UTM zone. Cells become
+    square with the shorter side. Elevations in feet, by the unit of the band, the vertical
+    coordinate system or an ESRI ``.prj`` file, become metres.
 
-    An .npz file holds ``elevation`` [m], shape [rows, columns], and ``resolution`` [m], or ``dx``
+    An .npz file has ``elevation`` [m], shape [rows, columns], and ``resolution`` [m], or ``dx``
     and ``dy``; x and y are metres. Optional are ``origin`` and ``offset`` (x, y) [m], ``epsg``,
-    ``row_order``: ``south`` (the default: row 0 has the smallest y) or ``north``, and ``source``,
-    text that says where it is from, and ``wkt`` as in ``Terrain``.
+    ``row_order``: ``south`` (the default: row 0 has the smallest y) or ``north``, and ``source``
+    and ``wkt`` as in ``Terrain``.
 
     Args:
-        path: The file.
-        epsg: EPSG code of the file's coordinates, in place of what the file states.
-        resolution: Side of the cells to make [m], None for the file's own.
+        path: Path of the file.
+        epsg: EPSG code that replaces that of the file.
+        resolution: Side of a cell of the result [m], None for that of the file.
         offset: Easting and northing [m] of the map frame's origin, None for the lower-left corner
-            of the grid. An .npz file's own origin and offset stay as they are.
-        window: Part to keep: smallest easting and northing, largest easting and northing [m], None
-            for all. Cells that are cut by its border are kept.
-        fill_holes: Fill the cells without data that data surround, and pits of a single cell, from
-            what is around.
-        nodata: Value of the cells without data, as it is stored in the file, in addition to what
-            the file declares; ``'none'`` if all undeclared values are ground.
+            of the grid, or for the origin and offset of an .npz file.
+        window: Part to keep: minimum easting and northing, maximum easting and northing [m], None
+            for all. Cells on its border are kept.
+        fill_holes: True to interpolate enclosed cells without data, and pits of a single cell.
+        nodata: Value of cells without data as stored in the file, in addition to that which the
+            file declares; ``'none'`` if all undeclared values are ground.
 
     Raises:
-        LavaError: The file cannot be read, or what it holds cannot be used; the message says what
-            to do.
+        LavaError: If the file cannot be read, or its contents cannot be used.
     """
     path = Path(path)
     try:
         is_file = path.is_file()
     except (OSError, ValueError):
-        # A name that is too long, or with a null character in it.
+        # the name is too long, or contains a null character
         is_file = False
     if not is_file:
         raise LavaError('terrain file', str(path), 'a file that exists')
@@ -166,9 +164,9 @@ def load_terrain(
     raster = _read_npz(path, nodata) if is_npz else _read_gdal(path, nodata, epsg)
     source = with_epsg(raster, epsg)
     _check_heights(source, path)
-    raster = in_square_metres(source, resolution)
+    raster = to_square_metric_cells(source, resolution)
     if window is not None:
-        raster = cropped(raster, window)
+        raster = crop(raster, window)
     if offset is None:
         offset = raster.corner if raster.offset is None else raster.offset
     terrain = Terrain(
@@ -183,8 +181,8 @@ def load_terrain(
     )
     wrong = _holes_and_pits(terrain)
     if fill_holes and wrong.any():
-        terrain = replace(terrain, elevation=_filled(terrain, wrong))
-    _tell(path, terrain, source.system, wrong, fill_holes)
+        terrain = replace(terrain, elevation=_interpolate(terrain, wrong))
+    _log_summary(path, terrain, source.system, wrong, fill_holes)
     return terrain
 
 
@@ -198,13 +196,13 @@ def _read_npz(path: Path, nodata: float | str | None) -> Raster:
         raise LavaError('terrain file elevation', found, 'numbers [m] of shape [rows, columns]')
     sides = ('resolution', 'resolution') if 'resolution' in data else ('dx', 'dy')
     if 'resolution' in data and ('dx' in data or 'dy' in data):
-        raise LavaError('resolution', data['resolution'], 'absent beside dx and dy')
+        raise LavaError('resolution', data['resolution'], 'absent when dx or dy is given')
     dx, dy = (validation.number(name, data.get(name), above=0.0, unit='m') for name in sides)
     elevation = _with_missing(elevation.astype(np.float32), dy, nodata, path)
     epsg = None
     if 'epsg' in data:
         code = validation.number('epsg', data['epsg'])
-        epsg = validation.whole('epsg', code, at_least=1, at_most=MOST_EPSG)
+        epsg = validation.whole('epsg', code, at_least=1, at_most=MAX_EPSG)
     none = np.zeros(2)
     offset, origin = (validation.pair(name, data.get(name, none)) for name in ('offset', 'origin'))
     return Raster(
@@ -235,9 +233,9 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
     code = horizontal(crs).to_epsg() if crs else None
     given = crs if epsg is None else coordinate_system(epsg)
     cell = abs(transform.e) * (METRES_PER_DEGREE if given and given.is_geographic else 1.0)
-    # the marks of missing data are stored values, whatever their unit
+    # missing data have a stored value, without unit and scale
     elevation = _with_missing(elevation, cell, nodata, path, scale * unit)
-    # what is not finite then is no terrain
+    # Terrain raises LavaError for values that overflow
     with np.errstate(over='ignore', invalid='ignore'):
         elevation *= np.float32(scale * unit)
         elevation += np.float32(shift * unit)
@@ -265,13 +263,13 @@ def barrier_tags(terrain: Terrain) -> dict[str, str]:
 def _barriers(
     tags: Mapping[str, str], epsg: int | None, path: Path
 ) -> tuple[tuple[tuple[float, float], ...], ...]:
-    """Read the barriers of a file, which only maps show: damage is no reason to refuse it."""
+    """Read the barriers of a file; only warn of damaged data, since only maps show them."""
     if _BARRIERS not in tags:
         return ()
     try:
         known = parse_json(_BARRIERS, tags[_BARRIERS])
         if known['epsg'] != epsg:
-            # other programs copy tags when they take a file to another system
+            # other programs copy tags unchanged when they reproject a file
             raise LavaError(f'{_BARRIERS}.epsg', known['epsg'], f'{epsg}, that of the file')
         return crest_lines(_BARRIERS, known['crests'])
     except (LavaError, KeyError, TypeError, ValueError) as error:
@@ -280,7 +278,7 @@ def _barriers(
 
 
 def _full_definition(crs: Any, code: int | None, unit: float) -> str | None:
-    """WKT of what the EPSG code of the horizontal part does not say; heights are in metres."""
+    """Return the WKT of a system that an EPSG code does not define, with heights in metres."""
     part = horizontal(crs) if crs and unit != 1.0 else crs
     return part.to_wkt() if part and part.to_epsg() is None else None
 
@@ -288,7 +286,7 @@ def _full_definition(crs: Any, code: int | None, unit: float) -> str | None:
 def _with_missing(
     elevation: np.ndarray, cell: float, nodata: float | str | None, path: Path, unit: float = 1.0
 ) -> np.ndarray:
-    """Make the cells of a value NaN; without one raise LavaError for a likely undeclared value."""
+    """Replace ``nodata`` by NaN; without it, raise LavaError for a likely undeclared value."""
     if isinstance(nodata, float):
         found = without_value(elevation, nodata)
         if np.array_equal(found, elevation, equal_nan=True):
@@ -301,12 +299,13 @@ def _with_missing(
 
 
 def unit_of_band(source: Any, path: Path, *, of: str) -> tuple[str, float]:
-    """Return the name of the unit of a raster's heights and its length [m], by any of its marks.
+    """Return the name of the unit of a raster's heights and its length [m].
 
-    ``of`` is what the heights are, such as elevations, for errors.
+    The coordinate system, the band and a ``.prj`` file may declare it. ``of`` is the quantity in
+    errors, such as elevations.
 
     Raises:
-        LavaError: If a mark is not understood, or two marks contradict each other.
+        LavaError: If a unit is unknown, or two declarations differ.
     """
     name, factor = vertical_unit(source.crs) if source.crs else ('', 1.0)
     marks = {name: factor} if name else {}
@@ -316,7 +315,7 @@ def unit_of_band(source: Any, path: Path, *, of: str) -> tuple[str, float]:
     if prj.is_file():
         with open_input(prj) as file:
             text = file.read(MAX_PRJ).decode(errors='replace')
-        # "NO" stands for no heights
+        # "NO" means no heights
         if (zunits := _ZUNITS.search(text)) and zunits[1].lower() != 'no':
             marks[zunits[1]] = UNITS.get(zunits[1].lower(), math.nan)
     factors = list(marks.values()) or [1.0]
@@ -328,46 +327,44 @@ def unit_of_band(source: Any, path: Path, *, of: str) -> tuple[str, float]:
 
 
 def _check_band(source: Any, path: Path) -> None:
-    """Refuse what is not an elevation on a north-up grid."""
+    """Raise LavaError for a raster that is not an elevation on a north-up grid."""
     transform = source.transform
     kind = np.dtype(source.dtypes[0])
-    right = ''
+    expected = ''
     if source.count != 1:
-        right = f'one band of elevations, not {source.count}'
+        expected = f'one band of elevations, not {source.count}'
     elif kind.kind not in 'iuf':
-        right = f'numbers, not {kind}'
+        expected = f'numbers, not {kind}'
     elif kind.itemsize == 1 and (source.scales[0], source.offsets[0]) == (1.0, 0.0):
-        right = f'elevations: {kind} is the type of a picture or a mask '
-        right += '(gdal_translate -ot Int16 if these are heights)'
+        expected = f'elevations: {kind} is the type of a picture or a mask '
+        expected += '(gdal_translate -ot Int16 if these are heights)'
     elif max(source.shape) > MAX_SIDE_CELLS:
-        right = f'at most {MAX_SIDE_CELLS} cells a side, not {source.shape}'
+        expected = f'at most {MAX_SIDE_CELLS} cells a side, not {source.shape}'
     elif transform.is_identity or transform.b or transform.d or transform.a <= 0.0:
-        right = 'a georeferenced grid with north up (gdalwarp makes one)'
-    if right:
-        raise LavaError('terrain file', str(path), right)
+        expected = 'a georeferenced grid with north up (gdalwarp makes one)'
+    if expected:
+        raise LavaError('terrain file', str(path), expected)
 
 
 def _check_heights(raster: Raster, path: Path) -> None:
-    """Raise LavaError for heights that no ground has."""
+    """Raise LavaError for impossible elevations."""
     known = raster.elevation[np.isfinite(raster.elevation)]
     if not known.size:
         return
     low, high = float(known.min()), float(known.max())
     if low < LOWEST:
-        right = f'at least {LOWEST:g} m ({NODATA_ADVICE.format(f"{low:g}")})'
-        raise LavaError(f'a height of {path.name}', low, right)
-    # what does not say where it is may be another planet
+        expected = f'at least {LOWEST:g} m ({NODATA_ADVICE.format(f"{low:g}")})'
+        raise LavaError(f'a height of {path.name}', low, expected)
+    # a grid without coordinate system may be on another planet
     if high > HIGHEST and raster.is_placed:
-        right = f'metres, on Earth at most {HIGHEST:g}: feet times 0.3048'
-        raise LavaError(f'a height of {path.name}', high, right)
+        expected = f'metres, on Earth at most {HIGHEST:g}: feet times 0.3048'
+        raise LavaError(f'a height of {path.name}', high, expected)
 
 
-def _tell(path: Path, terrain: Terrain, system: str, wrong: np.ndarray, is_filled: bool) -> None:
-    """Log how a file was read, and warn of what looks wrong in it.
-
-    ``system`` is the coordinate system that the file states. ``wrong`` marks its holes and pits,
-    bool, shape [rows, columns]; ``is_filled`` says that they have been filled.
-    """
+def _log_summary(
+    path: Path, terrain: Terrain, system: str, wrong: np.ndarray, is_filled: bool
+) -> None:
+    """Log the properties of a file, and warn of holes and pits (``wrong``) and other suspects."""
     if terrain.epsg and system != f'EPSG:{terrain.epsg}':
         system = f'{system} taken to EPSG:{terrain.epsg}'
     low, high = float(np.nanmin(terrain.elevation)), float(np.nanmax(terrain.elevation))
@@ -400,7 +397,7 @@ def _tell(path: Path, terrain: Terrain, system: str, wrong: np.ndarray, is_fille
 
 
 def _holes_and_pits(terrain: Terrain) -> np.ndarray:
-    """Cells without data that data surround, where scipy is installed, and deep pits, bool."""
+    """Mark enclosed cells without data, if scipy is installed, and deep pits: bool."""
     holes = np.zeros(terrain.shape, dtype=bool)
     if not terrain.has_data.all() and is_installed('scipy'):
         from scipy.ndimage import binary_fill_holes
@@ -413,13 +410,13 @@ def _holes_and_pits(terrain: Terrain) -> np.ndarray:
         for row, column in product(range(3), range(3))
         if (row, column) != (1, 1)
     )
-    # NaN stays NaN: what is beside a hole or the border is no pit
+    # NaN propagates: cells next to a hole or the border are not pits
     lowest = reduce(np.minimum, neighbours)
     return holes | (terrain.elevation < lowest - PIT_DEPTH * terrain.resolution)
 
 
-def _filled(terrain: Terrain, wrong: np.ndarray) -> np.ndarray:
-    """The elevation with some cells interpolated from what is around them."""
+def _interpolate(terrain: Terrain, wrong: np.ndarray) -> np.ndarray:
+    """Return the elevation with the marked cells interpolated from those around them."""
     rasterio_for('fill_holes')
     from rasterio.fill import fillnodata
 
@@ -430,20 +427,22 @@ def _filled(terrain: Terrain, wrong: np.ndarray) -> np.ndarray:
 
 
 def demo_terrain() -> Terrain:
-    """Return Mount St. Helens as it has been since 1980, 7.8 km wide and high, in cells of 30 m.
+    """Return Mount St. Helens after 1980, 7.8 km by 7.8 km, in cells of 30 m.
 
-    Part of an elevation model of the United States Geological Survey, in the public domain; UTM
-    zone 10 north, NAD27.
+    Part of a DEM of the United States Geological Survey, in the public domain; UTM zone 10 north,
+    NAD27.
     """
     return replace(load_terrain(DEMO), source='United States Geological Survey')
 
 
 def ridge_terrain() -> Terrain:
-    """Return a ridge of real terrain, part of the elevation sample that matplotlib carries.
+    """Return a ridge of real terrain, part of the elevation sample of matplotlib.
 
     The sample is NASA's SRTM elevation of the Jacksboro fault, Tennessee, in cells of 3 seconds of
-    arc; the part is 9 km wide and 8 km high, falls from 1070 to 250 m and has cells of 30 m.
-    LavaError where matplotlib or rasterio is not installed.
+    arc; the part is 9 km by 8 km, falls from 1070 to 250 m and has cells of 30 m.
+
+    Raises:
+        LavaError: If matplotlib or rasterio is not installed.
     """
     try:
         from matplotlib import cbook
@@ -451,7 +450,7 @@ def ridge_terrain() -> Terrain:
         raise LavaError('ridge', None, "pip install 'lava_ros[terrain,plot]'") from error
     stored: Any = cbook.get_sample_data('jacksboro_fault_dem.npz')
     with stored as sample:
-        # What the sample calls ymin is its northern edge; rows go south from there.
+        # ymin of the sample is its northern edge, and row 0 is in the north
         raster = Raster(
             elevation=np.flipud(sample['elevation']).astype(np.float32),
             dx=float(sample['dx']),
@@ -459,7 +458,7 @@ def ridge_terrain() -> Terrain:
             corner=(float(sample['xmin']), float(sample['ymax'])),
             epsg=WGS84,
         )
-    raster = cropped(in_square_metres(raster, 30.0), RIDGE_WINDOW)
+    raster = crop(to_square_metric_cells(raster, 30.0), RIDGE_WINDOW)
     return Terrain(
         elevation=raster.elevation, resolution=raster.dx, epsg=raster.epsg, offset=raster.corner
     )

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is uncertain about a scene: distributions, as plain data that validate themselves.
+"""Distributions of the uncertain input of a scene.
 
-A member of an ensemble is the scene with one value drawn of each.
+A member of an ensemble is the scene with one value drawn from each distribution.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lava_ros.effects.effect import check_fields, number
 from lava_ros.errors import LavaError
 from lava_ros.scene.lava import Lava
 
-#: Kinds of distributions, and the numbers each is given by.
+#: Parameters of each kind of distribution.
 KINDS: Mapping[str, tuple[str, ...]] = {
     'normal': ('mean', 'deviation'),
     'lognormal': ('median', 'factor'),
@@ -29,32 +29,32 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     'triangular': ('low', 'mode', 'high'),
 }
 
-#: The quantities that are factors: they have to be above 0.
+#: Quantities that are factors, above 0.
 FACTORS = ('discharge', 'viscosity', 'yield_strength')
 
-#: The constants of the lava whose values may be drawn; the others have a factor.
+#: Constants of the lava whose values are drawn; the others have a factor.
 CONSTANTS = tuple(
     item.name for item in fields(Lava) if 'limits' in item.metadata and item.name not in FACTORS
 )
 
-#: Largest deviation, radius and correlation [m].
+#: Maximum deviation, radius and correlation [m].
 MAX_LENGTH = 1e6
 
-#: Check of each number of ``Roughness``, and of the probability of a class of eruptions.
+#: Checks of the numbers of ``Roughness``, and of the probability of an eruption class.
 ROUGHNESS_CHECK = partial(validation.number, above=0.0, at_most=MAX_LENGTH, unit='m')
 PROBABILITY_CHECK = partial(validation.number, above=0.0, at_most=1e9)
 
-#: Least share of a distribution that has to lie between its limits.
-LEAST_INSIDE = 1e-3
+#: Minimum fraction of a distribution between its limits.
+MIN_FRACTION_INSIDE = 1e-3
 
-#: Kinds without an end of their own.
+#: Kinds with infinite support, which may have limits.
 WITH_LIMITS = ('normal', 'lognormal')
 
 _STANDARD = NormalDist()
 
 
 def check_of(kind: str, name: str) -> partial[float]:
-    """Return the check of a number by which a kind of distribution is given."""
+    """Return the check of a parameter of a kind of distribution."""
     is_log = kind in ('lognormal', 'loguniform')
     # a factor of 1 or a deviation of 0 leaves no spread
     above = {'deviation': 0.0, 'factor': 1.0}.get(name, 0.0 if is_log else None)
@@ -63,14 +63,14 @@ def check_of(kind: str, name: str) -> partial[float]:
 
 @dataclass(frozen=True)
 class Distribution:
-    """The values a quantity may have, and how likely each is.
+    """A probability distribution.
 
     Attributes:
         kind: One of ``KINDS``.
-        numbers: What it is given by, in the order of ``KINDS``. The factor of a lognormal one is
+        numbers: Parameters in the order of ``KINDS``. The factor of a lognormal distribution is
             its geometric standard deviation: 68 % lie between median / factor and median * factor.
-        limits: Smallest and largest value, of normal and lognormal ones: the distribution between
-            them, beyond them nothing. None: no limits.
+        limits: Minimum and maximum at which a normal or lognormal distribution is truncated. None:
+            no limits.
     """
 
     kind: str
@@ -81,8 +81,8 @@ class Distribution:
         """Validate every field; LavaError names one that is not usable."""
         names = KINDS[validation.choice('distribution.kind', self.kind, KINDS)]
         if not isinstance(self.numbers, Sequence) or len(self.numbers) != len(names):
-            right = f'{len(names)}: {", ".join(names)}'
-            raise LavaError('distribution.numbers', self.numbers, right)
+            expected = f'{len(names)}: {", ".join(names)}'
+            raise LavaError('distribution.numbers', self.numbers, expected)
         clean = [
             check_of(self.kind, name)(f'distribution.{name}', value)
             for name, value in zip(names, self.numbers, strict=True)
@@ -91,8 +91,8 @@ class Distribution:
         if 'low' in names and not low < high:
             raise LavaError('distribution.high', high, f'above low, {low:g}')
         if self.kind == 'triangular' and not low <= clean[1] <= high:
-            right = f'from low, {low:g}, to high, {high:g}'
-            raise LavaError('distribution.mode', clean[1], right)
+            expected = f'from low, {low:g}, to high, {high:g}'
+            raise LavaError('distribution.mode', clean[1], expected)
         object.__setattr__(self, 'numbers', tuple(clean))
         if self.limits is not None:
             self._check_limits()
@@ -109,73 +109,70 @@ class Distribution:
         object.__setattr__(self, 'limits', bounds)
         centre, width, low, high = self._as_normal()
         inside = _STANDARD.cdf((high - centre) / width) - _STANDARD.cdf((low - centre) / width)
-        if inside < LEAST_INSIDE:
+        if inside < MIN_FRACTION_INSIDE:
             raise LavaError(where, bounds, 'limits with 0.1 % of the distribution between them')
 
     def _as_normal(self) -> tuple[float, ...]:
-        """Mean, deviation and limits, of a lognormal one those of the logarithm."""
+        """Return mean, deviation and limits; for a lognormal kind, those of the logarithm."""
         values = (*self.numbers, *(self.limits or ()))
         return tuple(map(math.log, values)) if self.kind == 'lognormal' else values
 
     @property
     def support(self) -> tuple[float, float]:
-        """Smallest and largest value there can be, infinite without limits."""
+        """Minimum and maximum value, infinite without limits."""
         if self.kind == 'normal':
             return self.limits or (-math.inf, math.inf)
         if self.kind == 'lognormal':
             return self.limits or (0.0, math.inf)
         return (self.numbers[0], self.numbers[-1])
 
-    def quantile(self, share: float) -> float:
-        """The value below which a share of the values lies, 0 < share < 1."""
+    def quantile(self, probability: float) -> float:
+        """Return the value with a cumulative probability, 0 < probability < 1."""
         if self.kind in WITH_LIMITS:
-            return self._normal_quantile(share)
+            return self._normal_quantile(probability)
         if self.kind == 'triangular':
             low, mode, high = self.numbers
-            if share < (mode - low) / (high - low):
-                return low + math.sqrt(share * (high - low) * (mode - low))
-            return high - math.sqrt((1.0 - share) * (high - low) * (high - mode))
+            if probability < (mode - low) / (high - low):
+                return low + math.sqrt(probability * (high - low) * (mode - low))
+            return high - math.sqrt((1.0 - probability) * (high - low) * (high - mode))
         low, high = self.numbers
         if self.kind == 'loguniform':
-            return low * math.exp(share * math.log(high / low))
-        return low + (high - low) * share
+            return low * math.exp(probability * math.log(high / low))
+        return low + (high - low) * probability
 
-    def _normal_quantile(self, share: float) -> float:
+    def _normal_quantile(self, probability: float) -> float:
         centre, width, *limits = self._as_normal()
         if limits:
             low, high = limits
             first = _STANDARD.cdf((low - centre) / width)
-            share = first + share * (_STANDARD.cdf((high - centre) / width) - first)
-            value = centre + width * _STANDARD.inv_cdf(min(max(share, 1e-16), 1.0 - 1e-16))
+            probability = first + probability * (_STANDARD.cdf((high - centre) / width) - first)
+            value = centre + width * _STANDARD.inv_cdf(min(max(probability, 1e-16), 1.0 - 1e-16))
             value = min(max(value, low), high)
         else:
-            value = centre + width * _STANDARD.inv_cdf(share)
+            value = centre + width * _STANDARD.inv_cdf(probability)
         return math.exp(value) if self.kind == 'lognormal' else value
 
 
 @dataclass(frozen=True)
 class Displacement:
-    """How far vents may be from where the scene has them; all of them move together.
+    """A common displacement of all vents.
 
-    Either ``deviation`` is the standard deviation of each coordinate, normal [m], or ``radius``
-    that of the disc in which each place is as likely [m]; the other is 0.
+    Either ``deviation`` is the standard deviation of each normal coordinate [m], or ``radius`` is
+    that of a disc with uniform probability density [m]; the other is 0.
     """
 
     deviation: float = number(0.0, 'Deviation', 0.0, MAX_LENGTH, 'm')
     radius: float = number(0.0, 'Radius', 0.0, MAX_LENGTH, 'm')
 
     def __post_init__(self) -> None:
-        """Validate every field.
-
-        LavaError where a field is not usable, or not exactly one of them is above 0.
-        """
+        """Validate all fields; raise LavaError unless exactly one of them is above 0."""
         check_fields('displacement', self)
         if bool(self.deviation) == bool(self.radius):
             values = (self.deviation, self.radius)
             raise LavaError('displacement', values, 'either deviation or radius above 0 m')
 
     def quantile(self, first: float, second: float) -> tuple[float, float]:
-        """The displacement (dx, dy) [m] that two shares between 0 and 1 stand for."""
+        """Return the displacement (dx, dy) [m] of two uniform numbers between 0 and 1."""
         if self.deviation:
             x, y = _STANDARD.inv_cdf(first), _STANDARD.inv_cdf(second)
             return (self.deviation * x, self.deviation * y)
@@ -188,7 +185,7 @@ class Roughness:
     """Errors of the terrain: a Gaussian random field with a Gaussian correlation.
 
     ``deviation`` is the standard deviation of the elevation [m], ``correlation`` the distance at
-    which the correlation has fallen to 1/e [m].
+    which the correlation is 1/e [m].
     """
 
     deviation: float
@@ -203,9 +200,9 @@ class Roughness:
 
 @dataclass(frozen=True)
 class EruptionClass:
-    """A kind of eruption: its duration [s], and the volume of all vents together [m3].
+    """A class of eruptions: duration [s] and total volume of all vents [m3].
 
-    Its probability is relative to those of the other classes, above 0.
+    ``probability``, above 0, is relative to those of the other classes.
     """
 
     probability: float
@@ -221,15 +218,15 @@ class EruptionClass:
         for name in ('duration', 'volume'):
             item = getattr(self, name)
             if not isinstance(item, Distribution) or item.support[0] < 0.0:
-                right = 'a distribution of values above 0: lognormal, loguniform, or with limits'
-                raise LavaError(f'{where}.{name}', item, right)
+                expected = 'a distribution of values above 0: lognormal, loguniform or with limits'
+                raise LavaError(f'{where}.{name}', item, expected)
         if not isinstance(self.name, str):
             raise LavaError(f'{where}.name', self.name, 'text')
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What differs between the members of an ensemble; None where nothing does.
+    """Distributions from which the members of an ensemble draw; None: no uncertainty.
 
     Attributes:
         discharge: Factor on the discharge of all vents.
@@ -238,8 +235,8 @@ class Uncertainty:
         yield_strength: Factor on the lava's yield strength.
         position: Displacement of the vents.
         terrain: Errors of the terrain.
-        constants: Values of other constants of the lava, by the field of ``Lava``.
-        eruption: Classes of eruptions. Each member is of one class: the discharge of the scene is
+        constants: Values of other constants, by the field of ``Lava``.
+        eruption: Classes of eruptions. Each member draws one class: the discharge of the scene is
             stretched to its duration and scaled to its volume.
     """
 
@@ -253,10 +250,7 @@ class Uncertainty:
     eruption: tuple[EruptionClass, ...] = ()
 
     def __post_init__(self) -> None:
-        """Validate every field.
-
-        LavaError where a field is of the wrong kind, or a factor may be negative.
-        """
+        """Validate all fields; raise LavaError for a wrong type or a negative factor."""
         kinds: dict[str, type] = {
             'position': Displacement, 'terrain': Roughness, 'constants': Mapping,
             'eruption': tuple,
@@ -270,12 +264,12 @@ class Uncertainty:
             if not isinstance(value, Distribution) or item.name not in FACTORS:
                 continue
             if value.support[0] < 0.0:
-                right = 'a distribution of factors, above 0: lognormal, or with limits'
-                raise LavaError(label, value, right)
+                expected = 'a distribution of factors, above 0: lognormal, or with limits'
+                raise LavaError(label, value, expected)
 
 
 def uncertainty_from_dict(data: object) -> Uncertainty:
-    """Build it from the plain data of a scene file; LavaError names what is wrong."""
+    """Build an uncertainty from the plain data of a scene file; raise LavaError for bad data."""
     where = 'uncertainty'
     names = [item.name for item in fields(Uncertainty)]
     values: dict[str, Any] = {}
@@ -288,7 +282,7 @@ def uncertainty_from_dict(data: object) -> Uncertainty:
             parts = [part.name for part in fields(kind)]
             required = parts if kind is Roughness else []
             given = validation.keys(label, item, allowed=parts, required=required)
-            values[name] = _made(label, kind, **given)
+            values[name] = _build(label, kind, **given)
         elif name == 'constants':
             known = validation.keys(label, item, allowed=CONSTANTS)
             values[name] = {key: _distribution(f'{label}.{key}', known[key]) for key in known}
@@ -296,7 +290,7 @@ def uncertainty_from_dict(data: object) -> Uncertainty:
             if not isinstance(item, list):
                 raise LavaError(label, item, 'a list of classes of eruptions')
             values[name] = tuple(
-                _class(f'{label}[{number}]', part) for number, part in enumerate(item)
+                _eruption_class(f'{label}[{number}]', part) for number, part in enumerate(item)
             )
         else:
             values[name] = _distribution(label, item)
@@ -304,12 +298,12 @@ def uncertainty_from_dict(data: object) -> Uncertainty:
 
 
 def uncertainty_to_dict(uncertainty: Uncertainty) -> dict[str, Any]:
-    """Plain data from which ``uncertainty_from_dict`` makes the same again."""
+    """Return plain data, the inverse of ``uncertainty_from_dict``."""
     known = vars(uncertainty).items()
-    return {name: _plain(value) for name, value in known if value not in (None, (), {})}
+    return {name: _as_plain(value) for name, value in known if value not in (None, (), {})}
 
 
-def _plain(value: Any) -> Any:
+def _as_plain(value: Any) -> Any:
     if isinstance(value, Distribution):
         numbers = dict(zip(KINDS[value.kind], value.numbers, strict=True))
         limits = {} if value.limits is None else {'limits': list(value.limits)}
@@ -317,10 +311,10 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Displacement):
         return {name: number for name, number in vars(value).items() if number}
     if isinstance(value, tuple):
-        return [_plain(item) for item in value]
+        return [_as_plain(item) for item in value]
     if isinstance(value, (Roughness, EruptionClass)):
         value = vars(value)
-    return {key: _plain(value[key]) for key in value} if isinstance(value, Mapping) else value
+    return {key: _as_plain(value[key]) for key in value} if isinstance(value, Mapping) else value
 
 
 def _distribution(where: str, data: object) -> Distribution:
@@ -333,21 +327,21 @@ def _distribution(where: str, data: object) -> Distribution:
         where, data, allowed=['distribution', *names, *limits], required=names
     )
     numbers = [values[name] for name in names]
-    made: Distribution = _made(where, Distribution, kind, numbers, values.get('limits'))
-    return made
+    built: Distribution = _build(where, Distribution, kind, numbers, values.get('limits'))
+    return built
 
 
-def _class(where: str, data: object) -> EruptionClass:
+def _eruption_class(where: str, data: object) -> EruptionClass:
     names = [item.name for item in fields(EruptionClass)]
     values = validation.keys(where, data, allowed=names, required=names[:-1])
     for name in ('duration', 'volume'):
         values[name] = _distribution(f'{where}.{name}', values[name])
-    made: EruptionClass = _made(where, EruptionClass, **values)
-    return made
+    built: EruptionClass = _build(where, EruptionClass, **values)
+    return built
 
 
-def _made(where: str, kind: type, *values: Any, **named: Any) -> Any:
-    """Make an instance of a class above; errors name the place in the file."""
+def _build(where: str, kind: type, *values: Any, **named: Any) -> Any:
+    """Build an instance of a class above; errors name the place in the file."""
     try:
         return kind(*values, **named)
     except LavaError as error:

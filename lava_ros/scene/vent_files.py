@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vents in the files of other programs: vector files, and tables as of DOWNFLOWGO and Lava2d."""
+"""Vents from vector files and from tables such as those of DOWNFLOWGO and Lava2d."""
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files import warn_of_others
+from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import understood
 from lava_ros.scene.effusion_rates import instants_to_series
 from lava_ros.scene.features import Feature, load_features
@@ -31,17 +31,17 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class VentRow:
-    """A vent, in the coordinates of the elevation, and when it opens and closes [s].
+    """A vent in projected coordinates, and the times at which it opens and closes [s].
 
     Attributes:
-        place: Its centre, or one end of a fissure (x, y) [m].
-        other_end: The other end of a fissure (x, y) [m], None for a point.
-        share: Its part of the effusion rate, over those of all that are open.
-        discharge: Its own effusion rate [m3/s] as long as it is open, in place of a part, or a
-            series of (time [s], rate [m3/s]) pairs; None: the part.
-        radius: Its radius, or half the width of a fissure [m]; None: the usual one.
-        temperature: Temperature of its lava [K]; None: the usual one.
-        part: Fraction of a feature of several parts; ``share`` and ``discharge`` include it.
+        place: Centre, or one end of a fissure (x, y) [m].
+        other_end: Other end of a fissure (x, y) [m], None for a point.
+        share: Weight by which open vents divide the total effusion rate.
+        discharge: Effusion rate [m3/s] while the vent is open, or a series of (time [s], rate
+            [m3/s]) pairs; None: a fraction of the total by ``share``.
+        radius: Radius, or half the width of a fissure [m]; None: the default.
+        temperature: Temperature of the lava [K]; None: the default.
+        part: Fraction of a multipart feature; ``share`` and ``discharge`` include it.
     """
 
     name: str
@@ -57,19 +57,19 @@ class VentRow:
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
-        """Its centre, or both ends of a fissure (x, y) [m]."""
+        """Centre, or both ends of a fissure (x, y) [m]."""
         return (self.place,) if self.other_end is None else (self.place, self.other_end)
 
 
 def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow, ...]:
-    """Read the vents of a file: its points, and the straight parts of its lines.
+    """Read the vents of a file: its points and the segments of its lines.
 
-    The parts of a feature divide its effusion rate by their length. Rows of a table with a
-    ``time`` are instants of one vent, between which its rate changes linearly. Attributes that
-    are not understood are named in a warning.
+    The segments of a feature divide its effusion rate in proportion to their length. Rows of a
+    table with a ``time`` are instants of one vent, between which its rate changes linearly. A
+    warning lists unknown attributes.
 
     Raises:
-        LavaError: The file cannot be read, has an area, or an attribute is not usable.
+        LavaError: If the file cannot be read or has a polygon, or if an attribute is not usable.
     """
     features = load_features(field, path)
     rows: list[VentRow] = []
@@ -89,22 +89,22 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
         unknown += others
         rate = number('effusion_rate', at_least=0.0, unit='m3/s')
         if rate is not None and columns['effusion_rate'].kind == 'dense-rock':
-            right = 'a bulk effusion rate: 1 / (1 - porosity) times the dense-rock one'
-            raise LavaError(f'{where}, {columns["effusion_rate"].header}', rate, right)
+            expected = 'a bulk effusion rate: 1 / (1 - porosity) times the dense-rock one'
+            raise LavaError(f'{where}, {columns["effusion_rate"].header}', rate, expected)
         time = number('time')
         width = number('width', above=0.0)
         if width is not None and 'radius' in columns:
-            right = f'no {columns["radius"].header} as well'
-            raise LavaError(where, columns['width'].header, right)
+            expected = f'no {columns["radius"].header} as well'
+            raise LavaError(where, columns['width'].header, expected)
         opens, closes, share = (
             usual if (value := number(name)) is None else value
             for name, usual in (('start', -math.inf), ('end', math.inf), ('share', 1.0))
         )
         if closes <= opens:
-            right = f'a time after its start, {opens:g} s'
-            raise LavaError(f'{where}, {columns["end"].header}', closes, right)
+            expected = f'a time after its start, {opens:g} s'
+            raise LavaError(f'{where}, {columns["end"].header}', closes, expected)
         whole = VentRow(
-            # rows of a time are one vent
+            # all rows with a time belong to one vent
             str(properties[columns['name'].header]) if 'name' in columns
             else f'vent {index if time is None else 0}',
             (0.0, 0.0),
@@ -115,16 +115,16 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
             radius=number('radius', above=0.0) if width is None else 0.5 * width,
             temperature=number('temperature', above=0.0),
         )
-        lines = _lines(parts)
+        segments = _segments(parts)
         if time is None:
-            rows += _divided(whole, lines)
-        elif len(lines) != 1 or rate is None:
-            right = 'an effusion rate, and a point or a straight line'
-            raise LavaError(f'{where}, {columns["time"].header}', time, right)
+            rows += _divide(whole, segments)
+        elif len(segments) != 1 or rate is None:
+            expected = 'an effusion rate, and a point or a straight line'
+            raise LavaError(f'{where}, {columns["time"].header}', time, expected)
         else:
-            (vent,) = _divided(replace(whole, discharge=None), lines)
+            (vent,) = _divide(replace(whole, discharge=None), segments)
             instants[vent].append((time, rate))
-    warn_of_others(path, 'attributes', unknown, f' (of a vent: {", ".join(COLUMNS)})')
+    warn_of_unknown(path, 'attributes', unknown, f' (of a vent: {", ".join(COLUMNS)})')
     rows += [
         replace(vent, discharge=instants_to_series(str(path), series))
         for vent, series in instants.items()
@@ -135,8 +135,8 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
     return tuple(rows)
 
 
-def _lines(parts: Sequence[Feature]) -> list[tuple[Any, Any, float]]:
-    """Return start, end (None: a point) and weight of the straight parts of a feature."""
+def _segments(parts: Sequence[Feature]) -> list[tuple[Any, Any, float]]:
+    """Return start, end (None: a point) and weight of each segment of a feature."""
     if any(part.kind == 'Polygon' for part in parts):
         raise LavaError(parts[0].where, 'an area', 'a point or a line')
     if len({part.kind for part in parts}) > 1:
@@ -154,9 +154,9 @@ def _lines(parts: Sequence[Feature]) -> list[tuple[Any, Any, float]]:
     return found
 
 
-def _divided(vent: VentRow, lines: Sequence[tuple[Any, Any, float]]) -> list[VentRow]:
-    """Return a vent for each part of a feature; they divide its effusion rate by weight."""
-    whole = sum(weight for *_, weight in lines)
+def _divide(vent: VentRow, segments: Sequence[tuple[Any, Any, float]]) -> list[VentRow]:
+    """Return a vent for each segment; the weights divide the effusion rate."""
+    whole = sum(weight for *_, weight in segments)
     return [
         replace(
             vent,
@@ -166,5 +166,5 @@ def _divided(vent: VentRow, lines: Sequence[tuple[Any, Any, float]]) -> list[Ven
             part=weight / whole,
             discharge=None if vent.discharge is None else vent.discharge * weight / whole,  # type: ignore[operator]
         )
-        for start, end, weight in lines
+        for start, end, weight in segments
     ]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vents: where lava comes out, how much and how hot."""
+"""Vents: position, discharge and temperature of erupting lava."""
 
 from bisect import bisect
 from collections import defaultdict
@@ -18,19 +18,19 @@ from lava_ros.errors import LavaError
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
-#: Largest flux of a vent [m3/s]: a hundred times that of the largest flood basalts.
+#: Maximum discharge of a vent [m3/s]: a hundred times that of the largest flood basalts.
 MAX_DISCHARGE = 1e8
 
-#: Largest radius of a vent [m].
+#: Maximum radius of a vent [m].
 MAX_RADIUS = 1e5
 
-#: Largest velocity with which lava comes out of a vent [m/s].
+#: Maximum velocity of erupting lava [m/s].
 MAX_VENT_VELOCITY = 1e3
 
-#: Temperatures lava can have at a vent [K]: from the coldest carbonatite to the hottest komatiite.
+#: Minimum and maximum eruption temperature [K]: from carbonatite to komatiite.
 VENT_TEMPERATURE_RANGE = (700.0, 2000.0)
 
-#: Check of each field of ``Vent`` that is a number or a pair of them, by name.
+#: Check of each field of ``Vent`` that is a number or a pair of numbers, by name.
 VENT_CHECKS: Mapping[str, Callable[[str, object], object]] = {
     'position': partial(validation.pair, most=MAX_COORDINATE),
     'end': partial(validation.pair, most=MAX_COORDINATE),
@@ -50,19 +50,19 @@ Discharge = float | Sequence[tuple[float, float]]
 
 @dataclass(frozen=True)
 class Vent:
-    """A place where lava comes out: a disc, or a fissure when ``end`` is given.
+    """A source of lava: a disc, or a fissure if ``end`` is given.
 
     Attributes:
         position: Centre of the disc, or one end of the fissure, (x, y) [m] in the map frame.
         discharge: Volume flux [m3/s]: a constant, or a series of (time [s], flux [m3/s]) pairs of
             increasing time. Each flux holds from its time until the next; before the first, 0.
-        temperature: Temperature of the erupting lava [K]; where it is None, a scene has the one at
-            which the constants of its lava hold, ``Lava.reference_temperature``.
+        temperature: Temperature of the erupting lava [K]; None: a scene sets it to
+            ``Lava.reference_temperature``.
         radius: Radius of the disc, or half the width of the fissure [m].
-        end: The other end of the fissure, (x, y) [m], None for a disc.
+        end: Other end of the fissure, (x, y) [m], None for a disc.
         name: Free text that identifies the vent in logs and messages.
-        velocity: Horizontal velocity (vx, vy) with which lava comes out [m/s]; without inertia
-            (``Effects.inertia``) lava takes the velocity its weight drives at once.
+        velocity: Horizontal velocity (vx, vy) of the erupting lava [m/s]; has no effect without
+            inertia (``Effects.inertia``).
     """
 
     position: tuple[float, float]
@@ -75,7 +75,7 @@ class Vent:
     velocity: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Validate and normalise every field; LavaError names one that is not usable."""
+        """Validate and normalise all fields; raise LavaError for an invalid one."""
         if not isinstance(self.name, str):
             raise LavaError('vent.name', self.name, 'text')
         label = f'vent {self.name!r}.' if self.name else 'vent.'
@@ -86,24 +86,24 @@ class Vent:
 
     @property
     def series(self) -> tuple[tuple[float, float], ...]:
-        """The discharge as (time [s], flux [m3/s]) pairs; a constant starts at minus infinity."""
+        """Discharge as (time [s], flux [m3/s]) pairs; a constant starts at minus infinity."""
         if isinstance(self.discharge, float):
             return ((-math.inf, self.discharge),)
         return tuple(self.discharge)
 
     @property
     def peak(self) -> float:
-        """The largest discharge of the series [m3/s]."""
+        """Maximum discharge [m3/s]."""
         return max(flux for _, flux in self.series)
 
     def discharge_at(self, time: float) -> float:
-        """Volume flux at a time [s] of the simulation [m3/s]."""
+        """Return the discharge [m3/s] at a simulated time [s]."""
         series = self.series
         index = bisect(series, (time, math.inf)) - 1
         return series[index][1] if index >= 0 else 0.0
 
-    def opens_after(self, since: float) -> float:
-        """Time [s] from ``since`` on at which lava begins to come out; infinite without any."""
+    def next_opening(self, since: float) -> float:
+        """Return the first time [s] with lava at or after ``since`` [s], infinite without any."""
         ends = [*(time for time, _ in self.series[1:]), math.inf]
         for (time, flux), end in zip(self.series, ends, strict=True):
             if flux > 0.0 and end > since:
@@ -111,11 +111,11 @@ class Vent:
         return math.inf
 
     def volume_between(self, start: float, end: float) -> float:
-        """Volume [m3] the vent emits from ``start`` to ``end`` [s]: the exact integral."""
+        """Return the exact volume [m3] that the vent emits from ``start`` to ``end`` [s]."""
         return self.volumes_at([end], since=start)[0]
 
     def volumes_at(self, times: Sequence[float], *, since: float) -> list[float]:
-        """Volumes [m3] the vent emits from ``since`` to each of some times [s], which increase."""
+        """Return the volumes [m3] emitted from ``since`` to each of some increasing times [s]."""
         series = self.series
         volumes, before, index = [], 0.0, 0
         for end in times:
@@ -146,10 +146,10 @@ def _discharge(label: str, value: object) -> float | tuple[tuple[float, float], 
 def check_vents(
     vents: Iterable[Vent], terrain: Terrain, lava: Lava | None = None
 ) -> tuple[Vent, ...]:
-    """Return the vents as a tuple when each lies on the terrain.
+    """Return the vents as a tuple; the ``lava`` sets the temperature of vents without one.
 
-    Those without a temperature get that of the lava, where there is one. LavaError where a vent's
-    position or end is outside the terrain or on a cell without data.
+    Raises:
+        LavaError: If the position or end of a vent is not on a cell with data.
     """
     if not isinstance(vents, Iterable):
         raise LavaError('vents', vents, 'vents, or an empty list')
@@ -170,18 +170,20 @@ def check_vents(
 
 
 def erupting(vents: Sequence[Vent], *, duration: float, volume: float) -> tuple[Vent, ...]:
-    """The vents with their discharges stretched to ``duration`` [s] and scaled to ``volume`` [m3].
+    """Stretch the discharges of vents to a duration [s] and scale them to a total volume [m3].
 
-    The volume is what all vents emit from time 0 on. The longest series and all constant
-    discharges end after ``duration``. LavaError where a series does not end with 0 after time 0,
-    or the vents emit nothing.
+    The longest series and all constant discharges end after ``duration``. Volumes before time 0 do
+    not count.
+
+    Raises:
+        LavaError: If a series does not end with 0 after time 0, or the vents emit no lava.
     """
     ends = []
     for index, vent in enumerate(vents):
         time, flux = vent.series[-1]
         if math.isfinite(time) and (flux > 0.0 or time <= 0.0):
-            right = 'a constant, or a series that ends with 0 after time 0, to be stretched'
-            raise LavaError(f'vents[{index}].discharge', vent.series[-1], right)
+            expected = 'a constant, or a series that ends with 0 after time 0, to be stretched'
+            raise LavaError(f'vents[{index}].discharge', vent.series[-1], expected)
         ends += [time] if math.isfinite(time) else []
     span = max(ends, default=1.0)
     whole = sum(vent.volume_between(0.0, span) for vent in vents)
@@ -190,13 +192,13 @@ def erupting(vents: Sequence[Vent], *, duration: float, volume: float) -> tuple[
     longer = duration / span
     more = volume / (whole * longer)
     return tuple(
-        replace(vent, discharge=[(at * longer, q * more) for at, q in _within(vent, span)])
+        replace(vent, discharge=[(at * longer, q * more) for at, q in _finite_series(vent, span)])
         for vent in vents
     )
 
 
-def _within(vent: Vent, span: float) -> list[tuple[float, float]]:
-    """The discharge series of a vent from time 0 on; a constant one ends after ``span`` [s]."""
+def _finite_series(vent: Vent, span: float) -> list[tuple[float, float]]:
+    """Return the discharge series starting at time 0; a constant ends after ``span`` [s]."""
     first = vent.discharge_at(0.0)
     later = [(time, flux) for time, flux in vent.series if time > 0.0]
     return [(0.0, first), *(later or [(span, 0.0)])]
@@ -207,11 +209,15 @@ def vents_from_list(
 ) -> tuple[Vent, ...]:
     """Build vents from the plain data of a YAML file.
 
-    Each item is a mapping with the fields of ``Vent``; ``projected: [easting, northing]`` may
-    stand in place of ``position`` (and ``projected_end`` of ``end``), and ``effusion_rate`` in
-    place of ``discharge``. ``temperature`` [K] is that
-    of vents that have none of their own; None: the usual one. LavaError where the data is not such
-    a list.
+    Args:
+        items: List of mappings with the fields of ``Vent``; ``projected: [easting, northing]`` may
+            replace ``position``, ``projected_end`` may replace ``end``, and ``effusion_rate`` may
+            replace ``discharge``.
+        terrain: Terrain on which the vents have to be.
+        temperature: Temperature of vents without one [K]; None: that of ``Vent``.
+
+    Raises:
+        LavaError: If the data are not such a list.
     """
     if not isinstance(items, list):
         raise LavaError('vents', items, 'a list of vents')
@@ -222,20 +228,22 @@ def vents_from_list(
         allowed = [*names, 'projected', 'projected_end', 'effusion_rate']
         data = validation.keys(where, item, allowed=allowed)
         if ('effusion_rate' in data) == ('discharge' in data):
-            shown = data.get('effusion_rate')
-            right = 'absent beside discharge' if 'discharge' in data else 'a value: this key is '
-            raise LavaError(f'{where}.effusion_rate', shown, right + 'required' * (shown is None))
+            expected = 'a value: this key is required'
+            if 'discharge' in data:
+                expected = 'absent when discharge is given'
+            raise LavaError(f'{where}.effusion_rate', data.get('effusion_rate'), expected)
         if 'effusion_rate' in data:
             data['discharge'] = _discharge(f'{where}.effusion_rate', data.pop('effusion_rate'))
         for source, target in (('projected', 'position'), ('projected_end', 'end')):
             if source in data:
                 if target in data:
-                    raise LavaError(f'{where}.{source}', data[source], f'absent beside {target}')
+                    expected = f'absent when {target} is given'
+                    raise LavaError(f'{where}.{source}', data[source], expected)
                 place = validation.pair(f'{where}.{source}', data.pop(source))
                 data[target] = terrain.to_map(*place)
                 if not terrain.covers(*terrain.to_map(*place)):
-                    right = f'a place {terrain.bounds(projected=True)}'
-                    raise LavaError(f'{where}.{source}', place, right)
+                    expected = f'a place {terrain.bounds(projected=True)}'
+                    raise LavaError(f'{where}.{source}', place, expected)
         if 'position' not in data:
             raise LavaError(f'{where}.position', None, 'a value: this key is required')
         data.setdefault('name', f'vent {index}')
@@ -248,21 +256,21 @@ def vents_from_list(
 #: Maximum number of closed vents in a schedule, and of entries of a vent's series.
 MAX_CLOSED, MAX_SERIES = 100, 1000
 
-#: Maximum number of nearest vents that a vent is compared with.
+#: Maximum number of nearest vents with which a vent is compared.
 MAX_CANDIDATES = 16
 
-#: Maximum change of a vent's temperature that counts as noise of a sensor [K].
+#: Maximum change of a vent's temperature that counts as sensor noise [K].
 _TEMPERATURE_NOISE = 10.0
 
-#: Maximum relative changes of a vent's radius and discharge that count as noise of a sensor.
+#: Maximum relative changes of a vent's radius and discharge that count as sensor noise.
 _RADIUS_NOISE, _DISCHARGE_NOISE = 0.1, 0.05
 
 
 def distances(vents: Sequence[Vent], others: Sequence[Vent]) -> Iterator[np.ndarray]:
     """Yield, for each vent, its distances from other vents [m], shape [others].
 
-    The distance between two fissures is the larger of the distances between their ends, which may
-    be given in either order. A disc and a fissure are infinitely far apart.
+    The distance between two fissures is the larger of the distances between their ends, in the
+    better order of the ends. A disc and a fissure are infinitely far apart.
     """
 
     def ends(some: Sequence[Vent]) -> np.ndarray:
@@ -287,21 +295,21 @@ def extents(vents: Sequence[Vent], least: float = 0.0) -> np.ndarray:
 def match_vents(
     before: Sequence[Vent], after: Sequence[Vent], *, least: float = 0.0, by_name: bool = True
 ) -> list[int | None]:
-    """Find the vents that continue earlier ones: those that are the same vent, changed or not.
+    """Match vents after a change with the same vents before it.
 
-    A vent continues the earlier vent at the same place. Otherwise it continues the nearest one
-    within the size of either vent, preferably with the same name or temperature. Otherwise, with
-    ``by_name``, it continues the vent with its name.
+    A vent matches the earlier vent at the same place. Otherwise it matches the nearest one within
+    the size of either vent, preferably with the same name or temperature. Otherwise, with
+    ``by_name``, it matches the earlier vent with its name.
 
     Args:
         before: Vents before the change.
         after: Vents after the change.
         least: Minimum size of a vent [m].
-        by_name: Whether a vent that has moved farther than its size is identified by its name.
+        by_name: True to match a vent that has moved farther than its size by its name.
 
     Returns:
-        For each vent of ``after`` the index in ``before`` of the vent that it continues, None for
-        a new vent. No index occurs twice.
+        For each vent of ``after`` the index of its match in ``before``, None for a new vent. No
+        index occurs twice.
     """
     result: list[int | None] = [None] * len(after)
     free = set(range(len(before)))
@@ -342,7 +350,7 @@ def match_vents(
             near.append((is_other, is_changed, apart[place], new, rest[place]))
     take((new, old) for *_, new, old in sorted(near))
     if by_name:
-        # vents without a name are different, and a disc never continues a fissure
+        # vents without a name do not match, and a disc never matches a fissure
         unnamed = count()
         take_equal(lambda vent: (vent.name or next(unnamed), vent.end is None))
     return result
@@ -351,9 +359,9 @@ def match_vents(
 def schedule(before: Sequence[Vent], vents: Sequence[Vent], time: float) -> tuple[Vent, ...]:
     """Combine the discharges of vents before and after a change at ``time``, simulated [s].
 
-    Each vent emits as in ``before`` up to that time, and as in ``vents`` after it. A vent that is
-    missing in ``vents`` emits 0. A vent that has moved within its own size, or changed within the
-    noise of a sensor, is the same vent, with its newest place and temperature.
+    Each vent emits as in ``before`` up to that time, and as in ``vents`` after it; one that is
+    missing in ``vents`` closes. A vent that has moved within its own size, or changed within
+    sensor noise, remains the same vent, with its newest place and temperature.
     """
     matches = match_vents(before, vents, by_name=False)
     continued = {
@@ -367,18 +375,18 @@ def schedule(before: Sequence[Vent], vents: Sequence[Vent], time: float) -> tupl
         start = [(0.0, vent.discharge_at(0.0))] if time > 0.0 else []
         past = [*start, *(entry for entry in vent.series if 0.0 < entry[0] < time)]
         if after is not None:
-            open_.append(_with(after, past, after, time))
+            open_.append(_join_series(after, past, after, time))
         elif any(flux > 0.0 for _, flux in past):
-            closed.append(_with(vent, past, None, time))
+            closed.append(_join_series(vent, past, None, time))
     known = set(continued.values())
-    new = [_with(vent, [], vent, time) for at, vent in enumerate(vents) if at not in known]
+    new = [_join_series(vent, [], vent, time) for at, vent in enumerate(vents) if at not in known]
     return (*closed[-MAX_CLOSED:], *open_, *new)
 
 
 def are_alike(vents: Sequence[Vent], others: Sequence[Vent]) -> bool:
-    """Return True if vents differ from other vents only by the noise of a sensor.
+    """Return True if vents differ from other vents only by sensor noise.
 
-    Each vent is then near its own one of the others, and their discharges differ by at most 5 %.
+    Each vent is then within the size of its match, and the discharges differ by at most 5 %.
     """
     if len(vents) != len(others):
         return False
@@ -411,10 +419,10 @@ def _has_discharge_of(one: Vent, other: Vent) -> bool:
     )
 
 
-def _with(
+def _join_series(
     vent: Vent, past: Sequence[tuple[float, float]], after: Vent | None, time: float
 ) -> Vent:
-    """A vent with a past; from a time on it emits what another does, or nothing."""
+    """Return a vent that emits its past series, and after ``time`` that of ``after`` or 0."""
     now = (time, after.discharge_at(time) if after is not None else 0.0)
     rest = [entry for entry in after.series if entry[0] > time] if after is not None else []
     changes: list[tuple[float, float]] = []
@@ -422,15 +430,15 @@ def _with(
         if flux != (changes[-1][1] if changes else 0.0):
             changes.append((at, flux))
     if not changes or (changes[0] == (0.0, now[1]) and len(changes) == 1):
-        # it has always been what it is
+        # the discharge has never changed
         return replace(vent, discharge=now[1])
-    return replace(vent, discharge=tuple(_condensed(changes)))
+    return replace(vent, discharge=tuple(_shorten_series(changes)))
 
 
-def _condensed(series: list[tuple[float, float]]) -> list[tuple[float, float]]:
+def _shorten_series(series: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Shorten a series to at most ``MAX_SERIES`` entries with the same volume.
 
-    Entries of the older half are joined in pairs, each with the mean discharge of both.
+    The older half is merged in pairs, each with the mean discharge.
     """
     while len(series) > MAX_SERIES:
         older, joined = len(series) // 4 * 2, []

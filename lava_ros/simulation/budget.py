@@ -87,9 +87,9 @@ class VolumeBudget:
 
     def rows(self) -> list[tuple[str, str]]:
         """Return labels and values for people, ending with the unaccounted volume."""
-        told = [(name, f'{_shown(getattr(self, part))} m3') for part, name in _PARTS.items()]
-        error = 'below 1e-15' if self.error < 1e-15 else f'{self.error:.1e} of what was emitted'
-        return [*told, ('unaccounted for', error)]
+        rows = [(name, f'{_shown(getattr(self, part))} m3') for part, name in _PARTS.items()]
+        error = 'below 1e-15' if self.error < 1e-15 else f'{self.error:.1e} of the emitted volume'
+        return [*rows, ('unaccounted for', error)]
 
     def text(self) -> str:
         """Return all rows on one line."""
@@ -97,27 +97,27 @@ class VolumeBudget:
 
     @property
     def is_conserved(self) -> bool:
-        """Return True if the whole volume is accounted for."""
+        """True if the whole volume is accounted for."""
         # False if the error is NaN
         return self.error <= VOLUME_TOLERANCE
 
     def warnings(self) -> list[str]:
         """Return warnings for a reader of the maps, as phrases."""
-        said = []
+        texts = []
         if not self.is_conserved:
-            said.append(f'volume is not conserved: {self.error:.1e} of it is unaccounted for')
+            texts.append(f'volume is not conserved: {self.error:.1e} of it is unaccounted for')
         if self.late > 0.0:
-            said.append(f'behind: {self.late:.3g} m3 of lava wait in the vents')
+            texts.append(f'behind: {self.late:.3g} m3 of lava wait in the vents')
         for part in ('over_border', 'in_holes'):
             gone = getattr(self, part)
             if gone > GONE * self.emitted:
-                share = 100.0 * gone / self.emitted if self.emitted > 0.0 else math.nan
-                said.append(f'{share:.3g} % of the lava has {_PARTS[part]}: it is on no map')
-        return said
+                percent = 100.0 * gone / self.emitted if self.emitted > 0.0 else math.nan
+                texts.append(f'{percent:.3g} % of the lava has {_PARTS[part]}: it is on no map')
+        return texts
 
 
 def _shown(volume: float) -> str:
-    # four digits for a flow in the laboratory, 0.1 m3 for an eruption
+    # four digits for a laboratory flow, 0.1 m3 for an eruption
     return f'{volume:,.1f}' if abs(volume) >= 1000.0 else f'{volume:.4g}'
 
 

@@ -1,15 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulation at rest between two steps, as plain data and as bytes that survive the process.
+"""Checkpoint of a simulation between two steps, as plain data and as bytes.
 
-``take`` and ``restore`` are the way to and from a running one: it goes on as if it had never
-stopped.
+``take`` copies a running simulation, and ``restore`` resumes it as if it had never stopped.
 
-The bytes are a prefix, a header in JSON and a body: the arrays, compressed by zstd. The prefix has
-the format's version, the length of what follows and a checksum over all of it, so that what is
-damaged, cut off or of a later version is refused before any of it is used. Nothing in it is
-executed when it is read, and no path is in it.
+The bytes are a prefix, a JSON header and a body: the arrays, compressed with zstd. The prefix has
+the version of the format, the lengths of header and body, and a checksum of everything, so that
+damaged, truncated and later formats are detected first. The format contains no code and no paths.
 """
 
 from collections.abc import Iterable, Mapping
@@ -38,24 +36,24 @@ from lava_ros.simulation.inundation import standing_cells
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
 
-#: Version of the format; a reader takes its own and those before.
+#: Version of the format; a reader also supports earlier versions.
 VERSION = 1
 
-#: What a bag says about the attachments that hold checkpoints.
+#: Media type of the checkpoint attachments of a bag.
 MEDIA_TYPE = 'application/vnd.lava-ros.checkpoint'
 
-#: Bytes from which ``summary_of`` tells what a checkpoint is.
+#: Size of the part that ``summary_of`` reads [bytes].
 PREFIX_SIZE = 64
 
-#: Largest uncompressed size that is read [bytes].
+#: Maximum uncompressed size [bytes].
 MAX_SIZE = 1 << 31
 
-#: Elevation above, or below, every other [m]; finite, as a checkpoint's numbers are.
+#: Elevation above, or with a minus sign below, any other [m]; finite, as required in a checkpoint.
 FAR = 1e30
 
 _MAGIC = b'\x89LAVA\r\n\x1a'
 
-#: Magic, version, header's length, body's length, particles, time [s], reserved; then a digest.
+#: Magic, version, lengths of header and body, particle count, time [s], reserved; then a digest.
 _PREFIX = struct.Struct('<8sIIQQd8s')
 
 _DIGEST_SIZE = PREFIX_SIZE - _PREFIX.size
@@ -64,28 +62,28 @@ _LEVEL = 1
 
 _DTYPES = ('float32', 'float64', 'int32', 'int64')
 
-#: Names of the arrays of a scene: of the ground, an emplaced flow, and the ground of an event.
+#: Names of the arrays of a scene: ground, emplaced flow, and ground of an event.
 _ELEVATION, _FLOW, _EVENT = 'terrain.elevation', 'emplaced_flows.{}', 'events.{}'
 
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """Everything that a simulation needs to go on.
+    """State from which a simulation is resumed.
 
     Attributes:
         time: Simulated time [s].
-        scene: The scene as it is now.
-        effects: The physics that is switched on.
-        forced: Effects forced on or off by name; None where none are chosen from the scene.
-        horizon: How far ahead the choice of effects looks [s].
-        switched_on: Simulated time [s] from which effects were on that were not at first, by name.
-        measured: Largest number of each effect that reviews have measured, by name.
-        accuracy: The resolution, with every automatic value filled in.
-        emitted: Volume that came in before the present vents did [m3].
-        since: Simulated time from which the present vents emit [s].
-        capacity: Particles there is room for.
-        arrays: The solver's arrays by name; ``state.particle`` has a row for each particle.
-        written_by: Version of the package that made it.
+        scene: Current scene.
+        effects: Effects that are on.
+        forced: Effects forced on or off by name; None if none are chosen from the scene.
+        horizon: Time span for the choice of effects [s].
+        switched_on: Simulated time [s] at which a review switched an effect on, by name.
+        measured: Largest number of each effect in reviews, by name.
+        accuracy: Accuracy with all automatic values filled in.
+        emitted: Volume emitted before the current vents [m3].
+        since: Simulated time at which the current vents start [s].
+        capacity: Maximum number of particles in the arrays.
+        arrays: Arrays of the solver by name; ``state.particle`` has a row for each particle.
+        written_by: Version of the package that wrote the checkpoint.
     """
 
     time: float
@@ -103,10 +101,11 @@ class Checkpoint:
     measured: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse what nothing can go on from.
+        """Validate the numbers and arrays.
 
         Raises:
-            LavaError: A number is not finite, or a particle has a negative volume.
+            LavaError: If a number is not finite, a volume is negative, or the capacity is too
+                small.
         """
         for name in ('time', 'emitted', 'since'):
             validation.number(f'checkpoint.{name}', getattr(self, name))
@@ -119,16 +118,16 @@ class Checkpoint:
         if (particles[:, 2] < 0.0).any():
             raise LavaError('checkpoint.state.particle', 'a negative volume', 'volumes')
         if not len(particles) <= self.capacity < 2**31:
-            right = f'room for {len(particles)} particles'
-            raise LavaError('checkpoint.capacity', self.capacity, right)
+            expected = f'at least {len(particles)}, the number of particles'
+            raise LavaError('checkpoint.capacity', self.capacity, expected)
 
     @property
     def particle_count(self) -> int:
-        """Particles there are."""
+        """Number of particles."""
         return len(self.arrays['state.particle'])
 
     def to_bytes(self) -> bytes:
-        """Serialise; ``from_bytes`` gives the same back to the last bit."""
+        """Serialise the checkpoint; ``from_bytes`` returns bitwise identical arrays."""
         arrays = {
             _ELEVATION: self.scene.terrain.elevation,
             **{_FLOW.format(n): one.thickness for n, one in enumerate(self.scene.emplaced_flows)},
@@ -168,12 +167,12 @@ class Checkpoint:
 
 
 class Summary(NamedTuple):
-    """What a checkpoint says of itself in its first bytes.
+    """Contents of the prefix of a checkpoint.
 
     Attributes:
         time: Simulated time [s].
-        particle_count: Particles there are.
-        size: Size of all of it [bytes].
+        particle_count: Number of particles.
+        size: Size of the whole checkpoint [bytes].
     """
 
     time: float
@@ -185,7 +184,7 @@ def summary_of(data: bytes) -> Summary:
     """Read the first ``PREFIX_SIZE`` bytes of a checkpoint; the rest may be missing.
 
     Raises:
-        LavaError: They are not those of a checkpoint, or of a later version.
+        LavaError: If they are not those of a checkpoint, or of a later version.
     """
     if len(data) < PREFIX_SIZE or data[: len(_MAGIC)] != _MAGIC:
         start = f'{len(data)} bytes that start with {data[: len(_MAGIC)]!r}'
@@ -193,7 +192,7 @@ def summary_of(data: bytes) -> Summary:
     _, version, header, body, count, time, _ = _PREFIX.unpack_from(data)
     if not 1 <= version <= VERSION:
         raise LavaError(
-            'checkpoint.version', version, f'at most {VERSION}: a later lava_ros has written this'
+            'checkpoint.version', version, f'at most {VERSION}: a later lava_ros wrote this'
         )
     return Summary(time, count, PREFIX_SIZE + header + body)
 
@@ -202,7 +201,8 @@ def from_bytes(data: bytes) -> Checkpoint:
     """Read a checkpoint from all of its bytes.
 
     Raises:
-        LavaError: They are damaged, cut off, foreign, of a later version, or of no use.
+        LavaError: If they are damaged, truncated, of another format or a later version, or not
+            valid.
     """
     summary = summary_of(data)
     if len(data) != summary.size:
@@ -213,15 +213,15 @@ def from_bytes(data: bytes) -> Checkpoint:
     stored = data[_PREFIX.size : PREFIX_SIZE]
     found = _digest(data[: _PREFIX.size], header, body)
     if found != stored:
-        right = f'{stored.hex()}: the checkpoint is damaged'
-        raise LavaError('checkpoint.checksum', found.hex(), right)
+        expected = f'{stored.hex()}: the checkpoint is damaged'
+        raise LavaError('checkpoint.checksum', found.hex(), expected)
     try:
         return _checkpoint(parse_json('checkpoint.header', header), body, summary.time)
     except (KeyError, TypeError, AttributeError, UnicodeDecodeError, ValueError) as error:
         if isinstance(error, LavaError):
             raise
         reason = f'{type(error).__name__}: {error}'
-        raise LavaError('checkpoint.header', reason, 'what lava_ros writes') from error
+        raise LavaError('checkpoint.header', reason, 'a header written by lava_ros') from error
 
 
 def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkpoint:
@@ -303,7 +303,7 @@ def _arrays(entries: list[dict[str, Any]], body: memoryview) -> dict[str, np.nda
     if size > MAX_SIZE:
         raise LavaError('checkpoint', f'{size} bytes of arrays', f'at most {MAX_SIZE}')
     try:
-        # the decompressor trusts the frame, which may claim another size
+        # the decompressor allocates the size in the frame, which may be wrong
         claimed = zstandard.frame_content_size(body)
         if claimed != size:
             raise LavaError('checkpoint.body', f'{claimed} bytes', f'{size} bytes')
@@ -320,10 +320,10 @@ def _arrays(entries: list[dict[str, Any]], body: memoryview) -> dict[str, np.nda
 def fitting(
     name: str, values: np.ndarray | None, shape: tuple[int, ...], dtype: Any
 ) -> np.ndarray:
-    """Return an array of a checkpoint, by its name there, if it has a shape and a type.
+    """Return an array of a checkpoint if it has the right shape and type.
 
     Raises:
-        LavaError: It is missing, or another one.
+        LavaError: If it is missing, or has another shape or type. The error contains ``name``.
     """
     if values is None or (values.shape, values.dtype) != (shape, np.dtype(dtype)):
         found = 'missing' if values is None else f'{values.dtype} of shape {values.shape}'
@@ -332,9 +332,9 @@ def fitting(
 
 
 def _planes(array: np.ndarray) -> bytes:
-    """An array byte plane by byte plane: first bytes of all rows, second bytes, and so on.
+    """Return the byte planes of an array: first bytes of all rows, second bytes, and so on.
 
-    What varies little from row to row, as exponents do and volumes do, compresses well then.
+    Bytes that vary little from row to row, such as exponents, then compress well.
     """
     rows = np.ascontiguousarray(array.reshape(_rows(array.shape)))
     return rows.view(np.uint8).T.tobytes() if array.size else b''
@@ -348,7 +348,7 @@ def _from_planes(data: memoryview, dtype: np.dtype[Any], shape: tuple[int, ...])
 
 
 def _rows(shape: tuple[int, ...]) -> tuple[int, int]:
-    """Rows of a few numbers: of a particle's, or of one for any other shape."""
+    """Return the number of rows and their length, which is 1 unless rows belong to particles."""
     if len(shape) == 2 and shape[1] <= 4:
         return shape[0], shape[1]
     return math.prod(shape), 1
@@ -362,10 +362,10 @@ def _digest(*parts: bytes | memoryview) -> bytes:
 
 
 def take(simulation: 'Simulation') -> Checkpoint:
-    """Copy all that a simulation needs to go on; it stands between two steps.
+    """Copy the state of a simulation between two steps.
 
-    The next stages are captured anew on a GPU, as those of a resumed simulation are: both then
-    idle alike past the next target.
+    A GPU captures the next stages again, as in a resumed simulation, so that both execute the same
+    number of idle stages after the next target.
     """
     simulation._state.launches.forget()
     arrays = {f'state.{name}': array for name, array in simulation._state.save().items()}
@@ -394,25 +394,25 @@ def take(simulation: 'Simulation') -> Checkpoint:
 
 
 def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
-    """Make a new simulation of a checkpoint's scene, effects and accuracy go on from there.
+    """Load a checkpoint into a new simulation of its scene, effects and accuracy, and return it.
 
     Raises:
-        LavaError: An array is missing, or is not of the scene and the effects.
+        LavaError: If an array is missing, or does not fit the scene and the effects.
     """
     parts: dict[str, dict[str, np.ndarray]] = {}
     for name, array in checkpoint.arrays.items():
         owner, _, own_name = name.partition('.')
         parts.setdefault(owner, {})[own_name] = array
     state = parts.pop('state', {})
-    # what was written before there was a bound goes on without one
+    # old checkpoints have no bound
     state.setdefault('top', np.full_like(simulation._state.top.numpy(), FAR))
-    # and where lava has left was not told apart
+    # old checkpoints do not distinguish border and holes
     if np.shape(state.get('left')) == (1,):
         state['left'] = np.append(state['left'], 0.0)
     simulation._state.load(state, checkpoint.capacity)
     vents = parts.pop('vents', {})
     simulation._load_vents(vents, since=checkpoint.since)
-    # the state has the vents' heights; lava that has frozen since may have raised the ground
+    # the bound in the state already has these vents, on the ground at their opening
     counted: Iterable[int] = simulation._vents.giving(checkpoint.time, others_than=())
     if 'counted' in vents:
         shape = (len(checkpoint.scene.vents),)
@@ -427,19 +427,19 @@ def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
         times = parts.pop('arrived').get('times')
         target.assign(fitting('arrived.times', times, target.shape, np.float32))
     elif 'solidification' in simulation._after_step:
-        # written without times: lava that flows has those of the next step
+        # old checkpoints have no arrival times: flowing lava gets those of the next step
         frozen = standing_cells(simulation._after_step['solidification'].thickness())
         target.assign(np.where(frozen, np.float32(checkpoint.time), np.float32(-1.0)))
     if parts:
         raise LavaError('checkpoint.arrays', sorted(parts), 'those of the effects that are on')
     if simulation.time != checkpoint.time:
-        right = f'that of the clock, {simulation.time:g} s'
-        raise LavaError('checkpoint.time', checkpoint.time, right)
+        expected = f'that of the clock, {simulation.time:g} s'
+        raise LavaError('checkpoint.time', checkpoint.time, expected)
     simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
     simulation._review.since.update(checkpoint.switched_on)
     simulation._review.largest.update(checkpoint.measured)
     simulation._watch()
     simulation._emitted_before = checkpoint.emitted
-    # it was made without the particles, and knows where vents are only
+    # the window of the new simulation covers only the vents
     simulation._cover()
     return simulation

@@ -38,16 +38,16 @@ def device_of(name: str | None) -> Any:
 @cache
 def _start_warp() -> None:
     """Start Warp, and log what its library would write to stderr."""
-    with tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryFile() as output:
         stderr = os.dup(2)
-        os.dup2(said.fileno(), 2)
+        os.dup2(output.fileno(), 2)
         try:
             wp.init()
         finally:
             os.dup2(stderr, 2)
             os.close(stderr)
-            said.seek(0)
-            for line in said:
+            output.seek(0)
+            for line in output:
                 if line.startswith(b'Warp '):
                     _LOG.info(line.decode(errors='replace').rstrip())
                 else:
@@ -64,6 +64,6 @@ def formulated(effects: Effects, accuracy: Accuracy) -> Effects:
     if accuracy.formulation != 'as-published':
         return effects
     if 'inertia' in effects:
-        right = 'false with accuracy.formulation as-published, which has no inertia'
-        raise LavaError('effects.inertia', True, right)
+        expected = 'false with accuracy.formulation as-published, which has no inertia'
+        raise LavaError('effects.inertia', True, expected)
     return replace(effects, green=True, steep=False)

@@ -332,5 +332,5 @@ class NeighborGrid:
         if most > MOST_IN_CELL:
             sides = 1.0 / self.cells.columns_per_metre, 1.0 / self.cells.rows_per_metre
             size = f'{sides[0]:g} by {sides[1]:g} m'
-            right = f'at most {MOST_IN_CELL} in {size}: give it room, or a larger spacing'
-            raise LavaError('particles', f'{most} in {size}', right)
+            expected = f'at most {MOST_IN_CELL} in {size}: give it room, or a larger spacing'
+            raise LavaError('particles', f'{most} in {size}', expected)

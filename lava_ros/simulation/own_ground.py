@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ground that a particle stands for, and the times at which lava reached the cells of it.
+"""Ground covered by a particle, and first arrival times of its cells.
 
-A particle of volume V and thickness h stands for the square of side sqrt(V / h) around it. Lava
-has reached a cell when its middle was in the square of a particle, or a particle was in the cell,
-at the end of a time step, and the lava there was at least ``COVERED`` thick, or came out of a
-vent there (docs/MODEL.md). This does not depend on when maps are drawn.
+A particle of volume V and thickness h covers the square of side sqrt(V / h) around it. Lava has
+reached a cell if, at the end of a time step, the centre of the cell was in the square of a
+particle, or a particle was in the cell, and the lava was at least ``COVERED`` thick or had just
+erupted there (docs/MODEL.md). Arrival times do not depend on the times of maps.
 """
 
 from functools import lru_cache
@@ -22,10 +22,10 @@ from lava_ros.simulation.terrain import ground_type
 
 @lru_cache
 def cells_function(real: Any) -> Any:
-    """Return the device function that finds the cells of a particle's own square.
+    """Return the device function that finds the cells covered by a particle.
 
-    They are the particle's own cell and those whose middle is in the square. It returns the first
-    row and the one after the last, the first column and the one after the last.
+    They are the cell of the particle and those with their centre in its square. The function
+    returns the first row and the one after the last, then the same for columns.
     """
     vec4 = wp.types.vector(4, real)
 
@@ -33,7 +33,7 @@ def cells_function(real: Any) -> Any:
     def cells_of(p: vec4, thickness: real, ground: ground_type(real)):
         inverse = real(1.0) / ground.resolution
         x, y = (p[0] - ground.x0) * inverse, (p[1] - ground.y0) * inverse
-        # a square that is a cell less reaches into the cells whose middle the whole one has
+        # a square smaller by one cell touches the cells with their centre in the full square
         half = wp.max(real(0.5) * (wp.sqrt(p[2] / thickness) * inverse - real(1.0)), real(0.0))
         return wp.vec4i(
             wp.max(int(wp.floor(y - half)), 0),
@@ -47,10 +47,10 @@ def cells_function(real: Any) -> Any:
 
 @lru_cache
 def note_function(real: Any, is_new: bool) -> Any:
-    """Return the device function that notes the time in cells that lava has not reached before.
+    """Return the device function that records first arrival times.
 
-    They are the cells of a particle's own square, or its own cell alone where it ``is_new`` and
-    has no thickness yet. Threads that meet in a cell write the same time.
+    It applies to the cells covered by a particle, or to the cell of a particle that ``is_new`` and
+    has no thickness yet. Threads with a common cell write the same time.
     """
     vec4 = wp.types.vector(4, real)
     cells_of = cells_function(real)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Particle spacing from the width of the flow (course.py)."""
+"""Choice of the particle spacing by the width of the flow (course.py)."""
 
 from dataclasses import dataclass, replace
 import math
@@ -10,46 +10,46 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy, expected_thickness, MAX_THICKNESS
 from lava_ros.simulation.course import course_of
 
-#: How far ahead is looked, unless somebody says otherwise [s].
+#: Default time span for the choice of spacing and effects [s].
 HORIZON = 86400.0
 
 #: Particles across the flow at a refinement of 1 (docs/benchmarks/convergence_h200.csv).
 ACROSS = 16.0
 
-#: Largest spacing over the thickness of the flow at a refinement of 1: the edges of a flow are a
-#: few thicknesses wide, however wide the flow.
+#: Maximum spacing over the thickness of the flow at a refinement of 1: the edges of any flow are a
+#: few thicknesses wide.
 EDGES = 1.5
 
-#: Particles across the flow below which it is under-resolved: its footprint is another one.
+#: Minimum number of particles across a resolved flow.
 LEAST_ACROSS = 9.0
 
-#: Error of a footprint from the particles, E (d / h)^P d / w, with their distance d, the thickness
-#: h and the width w of the flow: E and P (docs/benchmarks/README.md, expected error).
+#: Factor E and exponent P of the footprint error from the particles, E (d / h)^P d / w, with the
+#: particle spacing d, the thickness h and the width w (docs/benchmarks/README.md, expected error).
 PARTICLE_ERROR = 0.58, 0.4
 
-#: Error of a footprint from the terrain's cells, over their size as a fraction of the width.
+#: Footprint error from the terrain's cells, over their size as a fraction of the width.
 CELL_ERROR = 0.7
 
-#: Least area of a flow that has left its vent, in squares of the width of a just resolved one.
+#: Minimum area of a flow that has left its vent, in squares of the minimum resolved width.
 _EXTENDED = 2.0
 
-#: Particles that the horizon may bring at a refinement of 1; the spacing grows with more.
+#: Maximum number of particles within the horizon at a refinement of 1, by a larger spacing.
 MOST_PARTICLES = 200_000
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """How a flow is resolved, expected or measured.
+    """Resolution of a flow, expected or measured.
 
     Attributes:
-        spacing: Distance between particles where the flow has its expected thickness [m].
-        thickness: That thickness [m].
-        width: Width of the flow, the lower quartile [m]; NaN without a discharge.
-        across: Particles across it, NaN likewise.
+        spacing: Distance between particles at the expected thickness [m].
+        thickness: Expected thickness [m].
+        width: Lower quartile of the width of the flow [m]; NaN without a discharge.
+        across: Number of particles across the flow; NaN without a discharge.
         cell: Size of the terrain's cells [m].
-        limit: What decided: ``flow``, its width; ``edges``, its thickness; ``particles``, their
-            largest number; ``given``, the user; ``cells``, the terrain's, without a discharge; or
-            ``measured``, a running simulation.
+        limit: Origin of the spacing: ``flow``, the width; ``edges``, the thickness;
+            ``particles``, their maximum number; ``given``, the user; ``cells``, those of the
+            terrain, without a discharge; or ``measured``, a running simulation.
     """
 
     spacing: float
@@ -78,11 +78,11 @@ class Resolution:
 
     @property
     def is_coarse(self) -> bool:
-        """Whether the flow is under-resolved."""
+        """True if the flow is under-resolved."""
         return self.across < LEAST_ACROSS
 
     def text(self) -> str:
-        """Say it in a line."""
+        """Describe the resolution in one line."""
         if math.isnan(self.width):
             reason = 'the width of the flow is unknown: no effusion rate'
             return f'spacing {self.spacing:.3g} m; {reason}'
@@ -105,19 +105,19 @@ class Resolution:
 
 
 def is_extended(area: float, distance: float) -> bool:
-    """Return True if a flow has left its vent: a patch around that is as the vent is.
+    """Return True if a flow has left its vent; before, its shape is that of the vent.
 
     Args:
         area: Area of the flow [m2].
-        distance: Distance between its particles [m].
+        distance: Distance between particles [m].
     """
     return area >= _EXTENDED * (LEAST_ACROSS * distance) ** 2
 
 
 def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON) -> Resolution:
-    """Find the spacing that an accuracy means in a scene; what it has of its own is kept.
+    """Return the resolution of a scene at an accuracy, whose own spacing or thickness remains.
 
-    Lava that comes after the ``horizon`` [s] does not count.
+    Lava emitted after the ``horizon`` [s] does not count.
     """
     course = course_of(scene, horizon=horizon)
     width = math.nan if course is None else course.width
@@ -135,7 +135,7 @@ def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON)
     if math.isnan(width) and not flows:
         spacing = scene.terrain.resolution / accuracy.refinement
         return Resolution(spacing, thickness, width, width, cell, 'cells')
-    # of lava that is there already the width is not known, but how thick it is
+    # emplaced lava has a known thickness but no known width
     by_width, by_edges = width / ACROSS if course else math.inf, EDGES * thickness
     wanted = min(by_width, by_edges) / accuracy.refinement
     most = MOST_PARTICLES * accuracy.refinement**2
@@ -143,13 +143,13 @@ def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON)
     least = math.sqrt(emitted / (thickness * most))
     limit = 'flow' if by_width <= by_edges else 'edges'
     limit = limit if wanted >= least else 'particles'
-    # digits that rounding decides would make another flow of a scene that is turned
+    # round, so that a rotated scene has the same spacing
     spacing = float(f'{max(wanted, least):.3g}')
     return Resolution(spacing, thickness, width, width / spacing, cell, limit)
 
 
 def resolved_accuracy(accuracy: Accuracy, scene: Scene, *, horizon: float = HORIZON) -> Accuracy:
-    """Fill in the automatic values: a spacing and a thickness of the scene's own scales."""
+    """Return the accuracy with spacing and thickness filled in from the scales of a scene."""
     if accuracy.spacing is not None and accuracy.thickness is not None:
         return accuracy
     found = resolution_of(scene, accuracy, horizon=horizon)

@@ -87,9 +87,9 @@ class Decision:
         sign = '>' if value > self.effect.threshold else '<='
         text = f'{self.effect.symbol} = {value:.2g} {sign} {self.effect.threshold:.2g}'
         if self.rival:
-            return f'{text}, but not beside {self.rival}'
+            return f'{text}, but excluded by {self.rival}'
         if is_switched_on:
-            return f'{text} from {self.since:.0f} s on, {self.value:.2g} expected'
+            return f'{text} since {self.since:.0f} s, {self.value:.2g} expected'
         is_known = not (self.is_on or math.isnan(self.measured))
         return f'{text}, measured {self.measured:.2g}' if is_known else text
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a simulation is given and shows of itself: plain numpy data, free of device arrays."""
+"""Input and output of a simulation as numpy arrays."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ from lava_ros.simulation.inundation import inundated_cells, standing_cells
 
 @dataclass(frozen=True)
 class StepReport:
-    """How the simulation has been stepping.
+    """Statistics of time steps.
 
     Attributes:
-        count: Time steps taken since the start.
-        evaluations: Velocity evaluations taken: the sum of the steps' stages.
-        stages: Stages of the latest step.
+        count: Number of time steps since the start.
+        evaluations: Number of velocity evaluations: the sum of the stages of all steps.
+        stages: Number of stages of the latest step.
         length: Length of the latest full step [s].
-        limit: What bounded that step: ``diffusion``, ``advection`` or ``longest``.
+        limit: Limit of that step, one of ``timestep.LIMITS``.
     """
 
     count: int
@@ -40,18 +40,18 @@ class Snapshot:
 
     Attributes:
         time: Simulated time [s].
-        terrain: The ground before the eruption, which the arrays belong to.
-        thickness: Thickness of all lava on it, fluid and frozen [m], float32, shape [rows,
-            columns], 0 where there is none and NaN where the terrain has no data.
-        temperature: Depth-averaged temperature of the fluid lava [K], float32, same shape; the
-            solidus, which it is no hotter than, where all has frozen; NaN where there is no lava.
-        budget: The volume budget.
-        particle_count: Particles on the terrain.
-        steps: The time stepping so far.
-        frozen: The frozen part of ``thickness`` [m], float32, same shape; None without
+        terrain: Terrain before the eruption, with the cells of the arrays.
+        thickness: Thickness of all lava, flowing and solidified [m], float32, shape [rows,
+            columns], 0 without lava and NaN where the terrain has no data.
+        temperature: Depth-averaged temperature of flowing lava [K], float32, same shape; the
+            solidus, its maximum, where all lava has solidified; NaN without lava.
+        budget: Volume budget.
+        particle_count: Number of particles on the terrain.
+        steps: Time stepping so far.
+        frozen: Solidified part of ``thickness`` [m], float32, same shape; None without
             solidification.
-        arrived: Time of the end of the step in which lava reached a cell (``own_ground.py``) [s],
-            float32, same shape, NaN where it has not; None in a snapshot made of maps without it.
+        arrived: First arrival time, at the end of a step (``own_ground.py``) [s], float32, same
+            shape, NaN without arrival; None in a snapshot from maps without it.
     """
 
     time: float
@@ -66,22 +66,22 @@ class Snapshot:
 
     @property
     def inundated(self) -> np.ndarray:
-        """Cells that lava has reached so far, bool, shape [rows, columns]."""
+        """Cells inundated at any time so far, bool, shape [rows, columns]."""
         if self.arrived is None:
             raise ValueError('a snapshot without arrival times')
         return inundated_cells(self.arrived)
 
     @property
     def standing(self) -> np.ndarray:
-        """Cells with lava now, flowing or solidified, bool, shape [rows, columns]."""
+        """Cells with lava at this moment, flowing or solidified, bool, shape [rows, columns]."""
         return standing_cells(self.thickness)
 
     def area(self, cells: np.ndarray) -> float:
-        """Area of some of the cells [m2]."""
+        """Return the total area [m2] of the cells in a mask, shape [rows, columns]."""
         return float(cells.sum()) * self.terrain.resolution**2
 
     def flaw(self) -> str:
-        """Say what makes this snapshot unfit to be shown as a map; empty when nothing does."""
+        """Return why the snapshot cannot be shown as a map; empty if there is no reason."""
         budget = self.budget
         numbers = (self.time, budget.emitted, budget.held, budget.left, budget.frozen)
         if not all(math.isfinite(number) for number in numbers):
@@ -98,29 +98,29 @@ class Snapshot:
 
 
 class PendingSnapshot:
-    """A snapshot of a moment that has passed, on its way from the device."""
+    """A snapshot whose copy from the device may still be in progress."""
 
     def __init__(self, finish: Callable[[], Snapshot]) -> None:
-        """Take what waits for it and makes it, called once."""
+        """Initialize with a function that waits for the copy; it is called once."""
         self._finish: Callable[[], Snapshot] = finish
 
     def result(self) -> Snapshot:
-        """Wait for it; in any thread, but in one of them only."""
+        """Wait for and return the snapshot; call it from a single thread."""
         snapshot = self._finish()
-        # what it was made of is not kept
+        # release the buffers
         self._finish = lambda: snapshot
         return snapshot
 
 
 @dataclass(frozen=True, eq=False)
 class Particles:
-    """Lava given as particles, each a column of constant volume.
+    """Initial lava as particles, each a column of constant volume.
 
     Attributes:
         position: Positions (x, y) in the map frame [m], shape [count, 2].
-        volume: Volumes [m3], shape [count] or one for all.
-        temperature: Temperatures [K], shape [count] or one for all.
-        velocity: Velocities [m/s], shape [count, 2] or [2] for all; used with inertia.
+        volume: Volumes [m3], shape [count] or one number.
+        temperature: Temperatures [K], shape [count] or one number.
+        velocity: Velocities [m/s], shape [count, 2] or [2]; used with inertia.
     """
 
     position: np.ndarray
@@ -129,34 +129,34 @@ class Particles:
     velocity: np.ndarray | tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Normalise to float64 arrays.
+        """Convert to float64 arrays of full shape.
 
         Raises:
-            LavaError: A shape does not fit, or a value is not finite or not positive.
+            LavaError: If a shape does not fit, or a value is not finite or not positive.
         """
         position = np.array(self.position, dtype=np.float64)
-        is_right = position.ndim == 2 and position.shape[1] == 2
-        self._set('position', position, is_right, 'finite metres, shape [count, 2]')
+        is_valid = position.ndim == 2 and position.shape[1] == 2
+        self._set('position', position, is_valid, 'finite metres, shape [count, 2]')
         for name in ('volume', 'temperature'):
             values = np.array(getattr(self, name), dtype=np.float64)
             if values.ndim == 0:
                 values = np.full(len(position), float(values))
-            is_right = values.shape == (len(position),) and bool((values > 0).all())
-            self._set(name, values, is_right, 'positive, one each')
+            is_valid = values.shape == (len(position),) and bool((values > 0).all())
+            self._set(name, values, is_valid, 'positive, one each')
         velocity = np.array(self.velocity, dtype=np.float64)
         if velocity.shape == (2,):
             velocity = np.tile(velocity, (len(position), 1))
-        is_right = velocity.shape == position.shape
-        self._set('velocity', velocity, is_right, 'finite m/s, shape [count, 2] or [2]')
+        is_valid = velocity.shape == position.shape
+        self._set('velocity', velocity, is_valid, 'finite m/s, shape [count, 2] or [2]')
 
-    def _set(self, name: str, values: np.ndarray, is_right: bool, right: str) -> None:
-        if not (is_right and np.isfinite(values).all()):
-            raise LavaError(f'particles.{name}', f'array of shape {values.shape}', right)
+    def _set(self, name: str, values: np.ndarray, is_valid: bool, expected: str) -> None:
+        if not (is_valid and np.isfinite(values).all()):
+            raise LavaError(f'particles.{name}', f'array of shape {values.shape}', expected)
         object.__setattr__(self, name, values)
 
 
 def particles_of(scene: Scene, spacing: float) -> Particles | None:
-    """Make particles, no farther apart than a spacing [m], of the emplaced flows of a scene."""
+    """Return the emplaced flows of a scene as particles with at most a given spacing [m]."""
     if not scene.emplaced_flows:
         return None
     columns = [flow.columns(spacing) for flow in scene.emplaced_flows]
@@ -168,24 +168,24 @@ def particles_of(scene: Scene, spacing: float) -> Particles | None:
     return Particles(places, volumes, np.concatenate(temperatures))
 
 
-#: Distance between particles that are given in one place, over the usual one.
-_APART = 1e-3
+#: Distance over the spacing between particles given at the same place.
+_COINCIDENT_OFFSET = 1e-3
 
 
 def rows_of(particles: Particles, terrain: Terrain, spacing: float) -> np.ndarray:
-    """Rows of (map x, map y, volume, temperature), no two of them in one place.
+    """Return rows of (map x, map y, volume, temperature), each at a different place.
 
-    Particles in one place push each other nowhere: they would stay together for ever. All but the
-    first are moved a little, in parts of the usual ``spacing`` [m].
+    Particles at the same place exert no force on each other and would never separate. All except
+    the first are moved by a small fraction of the ``spacing`` [m].
 
     Raises:
-        LavaError: A particle is not on the terrain.
+        LavaError: If a particle is not on the terrain.
     """
     places = particles.position.copy()
     for index in np.flatnonzero(~terrain.covered(places))[:1]:
         where = f'particles.position[{index}]'
         raise LavaError(where, tuple(places[index]), 'a place on the terrain')
-    # as complex numbers: a sort of rows takes ten times as long
+    # complex numbers: sorting rows takes ten times as long
     _, which = np.unique(places[:, 0] + 1j * places[:, 1], return_inverse=True)
     if which.size == 0 or which.max() == which.size - 1:
         return np.column_stack([places, particles.volume, particles.temperature])
@@ -193,10 +193,10 @@ def rows_of(particles: Particles, terrain: Terrain, spacing: float) -> np.ndarra
     group = which.ravel()[order]
     begin = np.flatnonzero(np.diff(group, prepend=-1))
     number = np.arange(len(order)) - begin[group]
-    # as evenly as the seeds of a sunflower; back towards where there is ground
+    # evenly, on a sunflower spiral; in the opposite direction if there is no ground
     turn = 2.399963 * number
     way = np.stack([np.cos(turn), np.sin(turn)], axis=1) * np.sqrt(number)[:, None]
-    way *= _APART * spacing
+    way *= _COINCIDENT_OFFSET * spacing
     copies, way = order[number > 0], way[number > 0]
     onto = terrain.covered(places[copies] + way)
     places[copies] += np.where(onto[:, None], way, -way)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""One stage of a time step, algorithm 1 of the paper: its computations in order."""
+"""Computations of one stage of a time step, algorithm 1 of the paper, in their order."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -26,7 +26,10 @@ from lava_ros.simulation.vents import VentSet
 
 
 class Stage:
-    """The equations of a scene on its terrain, for one set of effects; ``constants`` of flow."""
+    """The equations of a scene on its terrain, for one set of effects.
+
+    ``constants`` are those of the flow kernels.
+    """
 
     def __init__(
         self, scene: Scene, accuracy: Accuracy, state: State, neighbors: NeighborGrid,

@@ -396,8 +396,8 @@ class State:
             self._put(name, values)
         _, counts = self.read_clock()
         if (counts[PARTICLES], counts[NEWCOMERS], counts[STAGE]) != (count, 0, 0):
-            right = f'{count} particles, between two steps'
-            raise LavaError('checkpoint.state.counts', counts.tolist(), right)
+            expected = f'{count} particles, between two steps'
+            raise LavaError('checkpoint.state.counts', counts.tolist(), expected)
 
     @property
     def _sums(self) -> list[str]:

@@ -153,7 +153,7 @@ class VentSet:
         self.vents = vents
         self.since = since
         # read at each advance, so computed once
-        self._opening = [vent.opens_after(since) for vent in self.vents]
+        self._opening = [vent.next_opening(since) for vent in self.vents]
         self._particle_volume = particle_volume
         self.is_symmetric = accuracy.symmetric
         self._device = device

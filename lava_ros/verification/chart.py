@@ -30,7 +30,7 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
     ``titles`` has the title of each case by name.
 
     Raises:
-        LavaError: matplotlib is not installed, or the picture cannot be written.
+        LavaError: If matplotlib is not installed, or the picture cannot be written.
     """
     everything = [item for item in points(rows) if math.isfinite(item.cost)]
     # points without a result are shown only for presets, at their minimum error

@@ -224,7 +224,8 @@ def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
 
 def measure(
     pairs: Sequence[tuple[Case, Setting]], *, device: str, command: str, repetitions: int = 3,
-    longest: float = LONGEST, on_progress: Callable[[str, float], None] = lambda what, share: None,
+    longest: float = LONGEST,
+    on_progress: Callable[[str, float], None] = lambda name, fraction: None,
 ) -> Iterator[list[Row]]:
     """Run every pair that does not take too long, case by case, each from fast to slow.
 
@@ -245,8 +246,8 @@ def measure(
         # and runs with fixed steps not comparable
         pace = known = 0.0
         for number, (case, item) in enumerate(group):
-            share = (index + number / len(group)) / len(groups)
-            on_progress(f'{case.name}: {item.preset or item.name}', share)
+            fraction = (index + number / len(group)) / len(groups)
+            on_progress(f'{case.name}: {item.preset or item.name}', fraction)
             cost = expected_cost(item.accuracy)
             if pace * cost > longest * (PRESET_PATIENCE if item.preset else 1.0):
                 continue

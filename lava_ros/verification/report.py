@@ -158,10 +158,9 @@ def _convergence(rows: Sequence[Row]) -> list[str]:
     body.append(['least squares', *orders, ''])
     head = ['particles', *(word for name in quantities for word in (name, 'order')), 'a run took']
     text = (
-        f'The fixed volume at `{DEFAULT}` with steps half as long, whose error then says little, '
-        'the particles doubled again and again. The order is '
-        'the slope of log error against log distance between particles, from one line to the next '
-        'and through all of them.'
+        f'The fixed volume at `{DEFAULT}` with steps half as long, whose error is then small, and '
+        'repeated doubling of the particles. The order is the slope of log error against log '
+        'particle spacing, from one line to the next and through all of them.'
     )
     return _section('Convergence', text, head, body)
 

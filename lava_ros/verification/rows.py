@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A measurement as a row; files of rows; points of error and cost, and the front of these."""
+"""Rows of measurements, their files, points of error and cost, and Pareto fronts."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from lava_ros.files import write_output
 from lava_ros.files.csv import read_table
 from lava_ros.simulation.presets import PRESETS
 
-#: Called with the name of the next measurement and the share of the work that is done, 0 to 1.
+#: Called with the name of the next measurement and the completed fraction of the work, 0 to 1.
 OnProgress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
 class Row:
-    """One quantity of one case at one setting: a line of the CSV.
+    """One quantity of one case at one setting: a line of the CSV file.
 
     ``error`` is relative; ``measured`` and ``exact`` are in ``unit``. ``particles`` is the number
     of particles at the end, ``evaluations`` that of velocity evaluations. Times are in seconds:
@@ -58,7 +58,7 @@ class Row:
 def row_of(
     benchmark: str, particles: int, values: Sequence[float], unit: str
 ) -> dict[str, Any]:
-    """The row of a benchmark: median, smallest and largest of its repeated ``values``."""
+    """Return the row of a benchmark: median, minimum and maximum of its repeated ``values``."""
     low, middle, high = min(values), median(values), max(values)
     row = {'benchmark': benchmark, 'particles': particles, 'value': middle, 'unit': unit}
     return {**row, 'low': low, 'high': high, 'repetitions': len(values)}
@@ -68,7 +68,7 @@ def write_csv(rows: Sequence[Any], path: Path) -> None:
     """Write at least one row as CSV, with numbers to six digits; all rows have the same columns.
 
     Raises:
-        LavaError: The file cannot be written.
+        LavaError: If the file cannot be written.
     """
     text = StringIO()
     writer = csv.DictWriter(text, list(_columns(rows[0])), lineterminator='\n')
@@ -82,15 +82,15 @@ def write_csv(rows: Sequence[Any], path: Path) -> None:
 
 
 def _columns(row: Any) -> dict[str, Any]:
-    """The values of a row, a dataclass or a mapping, by column."""
+    """Return the values of a row, a dataclass or a mapping, by column."""
     return row if isinstance(row, dict) else asdict(row)
 
 
 def read_csv(path: Path) -> list[Row]:
-    """Read what ``write_csv`` wrote.
+    """Read a file of ``write_csv``.
 
     Raises:
-        LavaError: The file cannot be read, or is no such file.
+        LavaError: If the file cannot be read, or is not such a file.
     """
     types: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': int}
     columns = {item.name: types[str(item.type)] for item in fields(Row)}
@@ -116,10 +116,10 @@ def as_plain(rows: Sequence[Any]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Point:
-    """A setting in a case: its largest relative error, infinite if one of its errors is NaN.
+    """A setting in a case with its largest relative error, infinite if any error is NaN.
 
     ``cost`` is the wall time per simulated hour [s]. ``least`` is the largest error that is a
-    number. ``preset`` is the name of the preset, empty if the setting is none.
+    number. ``preset`` is the name of the preset, empty if the setting is not a preset.
     """
 
     case: str
@@ -139,7 +139,7 @@ def points(rows: Iterable[Row]) -> list[Point]:
     found = []
     for (case, setting), group in groups.items():
         one, errors = group[0], [row.error for row in group]
-        # NaN, no result at all, is the worst
+        # NaN, a missing result, is the worst
         worst = max(math.inf if math.isnan(error) else error for error in errors)
         least = max(filter(math.isfinite, errors), default=1.0)
         cost = one.wall_s_per_simulated_hour
@@ -148,13 +148,13 @@ def points(rows: Iterable[Row]) -> list[Point]:
 
 
 def presets_of(found: Iterable[Point]) -> list[str]:
-    """Names of the presets among points, from the cheapest to the dearest."""
+    """Return the names of the presets among points, from fast to slow."""
     names = {point.preset for point in found}
     return [name for name in PRESETS if name in names]
 
 
 def pareto_front(candidates: Iterable[Point]) -> list[Point]:
-    """The points that no other beats in both error and cost, from cheap to dear."""
+    """Return the points that no other point beats in both error and cost, from fast to slow."""
     front: list[Point] = []
     candidates = [item for item in candidates if math.isfinite(item.error + item.cost)]
     for point in sorted(candidates, key=lambda item: (item.cost, item.error)):

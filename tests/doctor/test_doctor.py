@@ -84,7 +84,7 @@ def test_packages(monkeypatch):
     assert good[0] == OK
     assert bad == [
         (FAIL, 'mcap is missing', 'pip install mcap'),
-        (WARN, 'numpy 3.0 was not tried', "pip install 'numpy>=1.26,<3'"),
+        (WARN, 'numpy 3.0 was not tested', "pip install 'numpy>=1.26,<3'"),
         (WARN, 'rasterio is missing', "pip install 'lava_ros[terrain]'"),
     ]
 
@@ -116,7 +116,7 @@ def test_gpus(monkeypatch):
     found = one(doctor.check_gpu())
     assert found.level == WARN and found.text.startswith('none: the CPU does the work, on ')
     monkeypatch.setattr(doctor.shutil, 'which', lambda name: '/usr/bin/nvidia-smi')
-    assert 'does not see' in one(doctor.check_gpu()).text
+    assert 'cannot use' in one(doctor.check_gpu()).text
 
 
 def test_a_warp_that_does_not_start(monkeypatch):
@@ -204,11 +204,11 @@ def test_ros(monkeypatch):
     [
         ({}, OK, 'domain 0, range SUBNET: every machine of the subnet'),
         ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, OK, 'this machine alone'),
-        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}, FAIL, 'nobody'),
+        ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}, FAIL, 'no machine'),
         (
             {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF', 'ROS_STATIC_PEERS': '10.0.0.7'},
             OK,
-            'nobody, and 10.0.0.7',
+            'no machine, and 10.0.0.7',
         ),
         ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'localhost'}, FAIL, 'no such range'),
         ({'ROS_DOMAIN_ID': '300'}, FAIL, "ROS_DOMAIN_ID is '300'"),

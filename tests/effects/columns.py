@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Columns of lava that stand apart, and sheets too slow to go anywhere."""
+"""Columns of lava and sheets that stay in place."""
 
 import numpy as np
 
@@ -9,18 +9,18 @@ from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from solver import incline, only, simulated
 
-#: Temperature of the air, and of lava that has just come out [K].
+#: Temperature of the air and of fresh lava [K].
 AIR, HOT = 300.0, 1423.0
 
 
 def still_columns(lava, effects, temperatures, times, *, thickness=2.0, **options):
-    """Let columns cool that are too stiff to move.
+    """Cool columns that are too stiff to move.
 
     Returns:
-        Their temperatures [K], shape [times, columns], and the thickness [m] that each has.
+        Temperatures [K], shape [times, columns], and the thickness of each column [m].
     """
     x = 10.0 * np.arange(len(temperatures))
-    # a column alone has 0.0275 m a cubic metre
+    # a single column has a thickness of 0.0275 m per cubic metre
     particles = Particles(
         np.column_stack([x, 0.0 * x]), thickness / 0.0275, np.asarray(temperatures)
     )
@@ -39,14 +39,14 @@ def still_columns(lava, effects, temperatures, times, *, thickness=2.0, **option
 
 
 def lost(lava, effects, time, **options):
-    """How much colder a hot column is after a time [K]."""
+    """Return the cooling of a hot column by a time [K]."""
     return HOT - still_columns(lava, effects, [HOT], [time], **options)[0][0, 0]
 
 
 def viscosities(temperatures, effects, *, lava, precision, device):
-    """Viscosity [Pa s] of particles at these temperatures: what it makes of a sheet's speed.
+    """Return viscosities [Pa s] at temperatures [K], from the speed of a sheet.
 
-    Under little gravity thin lava is slower than its free fall too, which bounds speeds.
+    Gravity is low, so that the free fall limit does not apply.
     """
     x = np.arange(len(temperatures)) * 10.0
     particles = Particles(np.column_stack([x, 0.0 * x]), 25.0, np.asarray(temperatures))

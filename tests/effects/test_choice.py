@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The numbers that decide about effects, and what they say that leaving one out costs."""
+"""Numbers that decide about effects, and the stated errors of leaving an effect off."""
 
 from dataclasses import replace
 import math
@@ -17,7 +17,7 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 
 DECIDED = [name for name, effect in EFFECTS.items() if effect.number is not None]
 
-#: Lava with everything that a number may depend on.
+#: Lava with every property on which a number may depend.
 RICH = Lava(
     viscosity=1e4, arrhenius=0.04, yield_strength=100.0, yield_rate=0.05, solidus=1223.0,
     liquidus=1473.0, latent_heat=3.5e5, crystal_law='einstein-roscoe', crystals=0.4,
@@ -27,7 +27,7 @@ HOT = 1423.0
 
 
 def scales(lava, rest, **columns):
-    """Scales of columns that have cooled to some temperatures [K] at rest."""
+    """Return the scales of columns that have cooled to temperatures [K] at rest."""
     rest = np.atleast_1d(np.asarray(rest, dtype=float))
     one = np.ones_like(rest)
     values = {
@@ -43,8 +43,8 @@ def scales(lava, rest, **columns):
 
 
 @pytest.mark.parametrize('name', DECIDED)
-def test_the_cost_is_what_is_admitted(name):
-    """Nothing, or a positive fraction of the footprint that follows from the text's per cent."""
+def test_cost_follows_from_the_admitted_error(name):
+    """The change of area follows from the percentage in the text."""
     effect = EFFECTS[name]
     assert math.isfinite(effect.cost)
     if effect.admits.startswith('nothing'):
@@ -57,19 +57,18 @@ def test_the_cost_is_what_is_admitted(name):
     assert effect.cost == pytest.approx(expected)
 
 
-def test_what_admits_nothing():
-    """Laws that the material has or has not, a form that is asked for, and lava that is liquid."""
+def test_effects_that_admit_no_error():
     found = {name for name in DECIDED if not EFFECTS[name].cost}
     assert found == {'power_law', 'vft', 'green', 'solidification'}
 
 
 @pytest.mark.parametrize('change', [0.01, 0.05])
 @pytest.mark.parametrize('wide', [0.0, -0.25], ids=['channel', 'valley'])
-def test_a_footprint_changes_by_no_more_than_is_said(change, wide):
-    """Two rectangles whose lengths and widths go as powers of the mobility.
+def test_area_changes_by_no_more_than_admitted(change, wide):
+    """Two rectangles whose lengths and widths are powers of the mobility k.
 
-    Down a slope, between walls or without, the length is as k^(1/3) at a constant width, down a
-    valley with even sides as k^(1/2) at a width as k^(-1/4).
+    In a channel the length is k^(1/3) at a constant width; in a valley with even sides the length
+    is k^(1/2) and the width k^(-1/4).
     """
     longer = (1.0 + change) ** (0.5 if wide else 1.0 / 3.0)
     narrower = (1.0 + change) ** wide
@@ -78,8 +77,8 @@ def test_a_footprint_changes_by_no_more_than_is_said(change, wide):
     assert 0.3 * change < 1.0 - both / either <= footprint_change(change)
 
 
-def test_heat_counts_by_what_it_does_to_viscosity_and_strength():
-    """A third of the logarithm of the viscosity, 4/9 of that of the strength, or itself."""
+def test_heat_is_weighted_by_its_effect_on_the_flow():
+    """Weights: 1/3 of the change of ln viscosity, 4/9 for the strength, or the heat itself."""
     plain = replace(RICH, arrhenius=0.0, crystals=0.0, yield_rate=0.0)
     warmth = scales(plain, HOT).warmth
     assert scales(plain, HOT).matters(0.01) == pytest.approx(0.01)
@@ -90,8 +89,7 @@ def test_heat_counts_by_what_it_does_to_viscosity_and_strength():
 
 
 @pytest.mark.parametrize('packing', [0.5, 0.6, 0.8])
-def test_crystals_count_by_what_they_do_to_viscosity(packing):
-    """The logarithm of the viscosity with them over that without, at the horizon."""
+def test_number_of_crystals_is_the_log_of_the_viscosity_ratio(packing):
     lava = replace(RICH, packing=packing)
     rest = np.array([1500.0, 1440.0, 1350.0, 1230.0])
     found = EFFECTS['crystals'].number(scales(lava, rest))
@@ -101,21 +99,19 @@ def test_crystals_count_by_what_they_do_to_viscosity(packing):
     assert found[0] == 0.0 and found[1] > 0.03
 
 
-def test_latent_heat_counts_from_the_liquidus_on():
-    """Nothing above it; below, no more than the lava has cooled since; and it rises with that."""
+def test_number_of_latent_heat_below_the_liquidus():
     lava = replace(RICH, arrhenius=0.0, crystals=0.0, yield_rate=0.0)
     rest = np.array([1480.0, 1473.0, 1472.0, 1450.0, 1300.0, 1223.0, 900.0])
     found = EFFECTS['latent_heat'].number(scales(lava, rest)) * scales(lava, rest).warmth
     whole = lava.latent_heat / lava.specific_heat
     assert found[:2] == pytest.approx([0.0, 0.0])
-    # the heat of so many kelvin is more than the lava has cooled by: it cannot warm beyond
+    # latent heat cannot warm lava by more than it has cooled
     assert found[2:4] == pytest.approx([1.0, 23.0])
     assert found[4] == pytest.approx(min(whole * 173.0 / 250.0, 173.0))
     assert found[5:] == pytest.approx([min(whole, 250.0), min(whole, 573.0)])
 
 
-def test_laws_are_interpolated_closely():
-    """A law at many temperatures is the law at each, to a part in a thousand."""
+def test_laws_are_interpolated_accurately():
     temperature = np.linspace(1101.0, 1439.0, 50)
     found = scales(RICH, temperature).law(RICH.yield_strength_at, temperature)
     assert found == pytest.approx([RICH.yield_strength_at(t) for t in temperature], rel=1e-9)

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Lateral conduction of heat against exact solutions."""
 
 from dataclasses import replace
@@ -22,7 +21,7 @@ LAVA = Lava(density=1000.0, specific_heat=1000.0, viscosity=1e15, emissivity=0.0
 
 
 def layer(temperature_at, *, effects=CONDUCTING, lava=LAVA, jitter=0.0, **options):
-    """A strip 40 m by 8 m, 2 m thick, its particles half a metre apart."""
+    """Return a strip 40 m by 8 m and 2 m thick, with particles 0.5 m apart."""
     x, y = np.meshgrid(np.arange(-20.0, 20.0, 0.5) + 0.25, np.arange(-4.0, 4.0, 0.5) + 0.25)
     places = np.stack([x, y], axis=-1).reshape(-1, 2)
     places += jitter * np.random.default_rng(1).uniform(-0.5, 0.5, places.shape)
@@ -32,7 +31,6 @@ def layer(temperature_at, *, effects=CONDUCTING, lava=LAVA, jitter=0.0, **option
 
 
 def step_at(x):
-    """400 K warmer on the right."""
     return np.where(x < 0.0, 1000.0, 1400.0)
 
 
@@ -41,8 +39,8 @@ def step_at(x):
     [*((real, jitter, 60.0) for real in ('float32', 'float64') for jitter in (0.0, 0.2)),
      ('float64', 0.0, 30.0), ('float64', 0.0, 600.0)],
 )
-def test_step_of_temperature_spreads_as_the_error_function(device, precision, jitter, step):
-    """Within 1 % of it on a lattice, 2 % off it; long steps of time are cut into sweeps."""
+def test_temperature_step_spreads_as_the_error_function(device, precision, jitter, step):
+    """Long time steps are divided into sweeps."""
     simulation = layer(
         step_at, precision=precision, jitter=jitter, longest_step=step, device=device
     )
@@ -50,16 +48,15 @@ def test_step_of_temperature_spreads_as_the_error_function(device, precision, ji
         simulation.advance(time)
         sample = simulation.sample()
         inside = (np.abs(sample.position[:, 1]) < 2.0) & (np.abs(sample.position[:, 0]) < 15.0)
-        right = exact.temperature_step(
+        expected = exact.temperature_step(
             sample.position[inside, 0], time, low=1000.0, high=1400.0, diffusivity=1e-3
         )
-        assert sample.temperature[inside] == pytest.approx(right, abs=8.0 if jitter else 4.0)
+        assert sample.temperature[inside] == pytest.approx(expected, abs=8.0 if jitter else 4.0)
 
 
 @pytest.mark.parametrize('step', [60.0, 1e7])
 @pytest.mark.parametrize('jitter', [0.2, 1.0])
 def test_heat_is_conserved_to_rounding(device, step, jitter):
-    """Particles that lie unevenly, and steps beyond what the sweeps resolve."""
     random = np.random.default_rng(2)
     simulation = layer(
         lambda x: random.uniform(500.0, 1500.0, len(x)), jitter=jitter, longest_step=step,
@@ -76,7 +73,6 @@ def test_heat_is_conserved_to_rounding(device, step, jitter):
 @pytest.mark.parametrize('step', [1.0, 60.0, 1e4, 1e9])
 @pytest.mark.parametrize('jitter', [0.0, 1.0])
 def test_temperatures_stay_in_their_range(device, step, jitter):
-    """No step makes lava colder than the coldest or hotter than the hottest."""
     simulation = layer(step_at, jitter=jitter, longest_step=step, device=device)
     for number in (1, 3, 10):
         simulation.advance(number * step)
@@ -86,8 +82,7 @@ def test_temperatures_stay_in_their_range(device, step, jitter):
     assert ((temperature > 1000.1) & (temperature < 1399.9)).any()
 
 
-def test_thin_and_thick_lava_share_heat_by_volume():
-    """Columns of different volumes: what one gains the other loses."""
+def test_columns_exchange_heat_by_volume():
     places = np.array([[0.0, 0.0], [0.4, 0.0], [0.0, 0.4]])
     particles = Particles(places, np.array([5.0, 0.5, 0.05]), np.array([1400.0, 900.0, 700.0]))
     knobs = {'spacing': 0.5, 'thickness': 2.0, 'precision': 'float64'}
@@ -99,8 +94,7 @@ def test_thin_and_thick_lava_share_heat_by_volume():
     assert sample.volume @ sample.temperature == pytest.approx(5.55 * mean, rel=1e-13)
 
 
-def test_latent_heat_is_exchanged_too():
-    """Heat content is conserved where columns melt and crystallise, and the range is kept."""
+def test_conduction_conserves_latent_heat():
     lava = replace(LAVA, latent_heat=3.5e5, liquidus=1300.0, solidus=1100.0)
     simulation = layer(step_at, lava=lava, effects=replace(CONDUCTING, latent_heat=True))
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Effects as a key; those that are off, or whose files are deleted, leave nothing behind."""
+"""Effects as a key; an effect that is off, or whose file is deleted, leaves no trace."""
 
 from dataclasses import replace
 import os
@@ -22,19 +22,19 @@ from solver import only, simulated
 
 ROOT = Path(__file__).parents[2]
 
-#: The arrays of a step without effects, and of a map.
+#: Arrays of a step without effects, and of a map.
 BARE_ARRAYS = {
     'particle', 'ordered', 'flow', 'cell', 'rank', 'remainder', 'ordered_remainder', 'clock',
     'counts', 'chosen', 'rates', 'stage', 'top', 'left', 'limit_time', 'base', 'drift',
     'ordered_base', 'ordered_drift', 'share', 'home', 'arrived',
 }
 
-#: The kernels it launches, in their order.
+#: Kernels of that step in their order.
 BARE_KERNELS = [
     'rank_particles', 'scan', 'order_particles', 'thickness_and_velocity', 'choose_stage', 'move',
 ]
 
-#: What effects add: arrays, and kernels of their own.
+#: Arrays and kernels that effects add.
 ADDED = dict.fromkeys(
     ('', 'yielding', 'power_law', 'arrhenius', 'vft', 'crystals', 'steep', 'cooling',
      'latent_heat'),
@@ -45,7 +45,7 @@ ADDED['helmholtz'] = (
     {'layer', 'solution', 'next_solution', 'correction'}, {'start', 'sweep', 'finish'}
 )
 
-#: Computes a digest of a simulation of the effects that are named.
+#: Computes a digest of a simulation with the named effects.
 DIGEST = """
 import hashlib, sys
 import lava_ros
@@ -61,7 +61,7 @@ digest = hashlib.sha256(seen.thickness.tobytes() + seen.temperature.tobytes()).h
 print(lava_ros.__path__[0], digest)
 """
 
-#: Reads what describes scenes, materials and choices without each of the effects that are named.
+#: Loads scenes, materials and choices without each of the named effects in turn.
 WITHOUT = """
 import pkgutil, sys
 import numpy as np
@@ -83,16 +83,15 @@ for left_out in sys.argv[1:]:
         scene_to_dict(scene)
 """
 
-
-#: An effect that declares a name which is there already, and makes a simulation.
+#: An effect that declares a name of the solver.
 TOY = """
 from lava_ros.effects.effect import Array, Effect, number
 EFFECT = Effect(rank=200, title='toy', {})
 """
 
 
-def said_by(code, names, root=ROOT):
-    """What a program prints that is given names, with the package in a folder."""
+def output_of(code, names, root=ROOT):
+    """Return the words that a program prints, given names, with the package in a folder."""
     path = os.pathsep.join(map(str, filter(None, [root, ROOT / 'tests', os.getenv('PYTHONPATH')])))
     run = subprocess.run(
         [sys.executable, '-c', code, *names], capture_output=True, text=True, cwd=root,
@@ -104,12 +103,12 @@ def said_by(code, names, root=ROOT):
 
 @pytest.fixture
 def launched(monkeypatch):
-    """Names of the kernels that are launched, in their order."""
+    """Return the list of names of launched kernels, in their order."""
     names = []
     launch, launch_again = wp.launch, wp.Launch.launch
 
     def record(kernel, *args, **kwargs):
-        # what is only packed is launched by ``record_again``
+            # a recorded command is launched by ``record_again``
         if not kwargs.get('record_cmd'):
             names.append(kernel.key.rpartition('__')[2])
         return launch(kernel, *args, **kwargs)
@@ -124,20 +123,19 @@ def launched(monkeypatch):
 
 
 @pytest.mark.parametrize('name', ADDED)
-def test_an_effect_adds_what_is_its_own(launched, name):
-    """An effect brings its own arrays and kernels and no one else's."""
+def test_effect_allocates_and_launches_only_its_own(launched, name):
     arrays, kernels = ADDED[name]
     lava = Lava(solidus=1000.0, yield_strength=100.0, conductivity=2.0)
     ground, vent = plane((-50.0, -50.0, 50.0, 50.0), 5.0, 0.2), Vent((0.0, 0.0), 2.0)
     simulation = simulated(ground, lava, vent, effects=only(name), spacing=4.0)
     state = vars(simulation._state)
-    # what begins with _ is a part of another array
+    # attributes that begin with _ are views of other arrays
     arrays_of_it = {key for key, value in state.items() if isinstance(value, wp.array)}
     allocated = {key for key in arrays_of_it if key[0] != '_'}
     assert allocated == BARE_ARRAYS | arrays
     simulation.advance(60.0)
     assert simulation.particle_count > 0
-    # the first one has yet to put the particles into cells: later ones do so as they move them
+    # only the first stage sorts particles into cells before it moves them
     simulation._stage.take(simulation.scene, simulation._vents)
     launched.clear()
     simulation._stage.take(simulation.scene, simulation._vents)
@@ -147,36 +145,32 @@ def test_an_effect_adds_what_is_its_own(launched, name):
 
 
 @pytest.mark.parametrize('names', [(), ('cooling', 'arrhenius', 'steep')])
-def test_deleted_effects_are_not_missed(tmp_path, names):
-    """With the files of all other effects deleted the flow is the same to the bit."""
+def test_flow_is_bitwise_identical_with_other_effects_deleted(tmp_path, names):
     shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
     deleted = [tmp_path / 'lava_ros/effects' / name for name in EFFECTS if name not in names]
     assert len(deleted) > 10
     for path in deleted:
         shutil.rmtree(path) if path.is_dir() else path.with_suffix('.py').unlink()
-    found, expected = said_by(DIGEST, names, tmp_path), said_by(DIGEST, names)
+    found, expected = output_of(DIGEST, names, tmp_path), output_of(DIGEST, names)
     assert found[-2:] == [str(tmp_path / 'lava_ros'), expected[-1]]
 
 
 @pytest.mark.nightly
 def test_any_effect_can_be_deleted():
-    """Without its file there are scenes, materials and choices as before."""
-    said_by(WITHOUT, EFFECTS)
+    output_of(WITHOUT, EFFECTS)
 
 
 @pytest.mark.parametrize(
     'pair',
     [('green', 'helmholtz'), ('arrhenius', 'vft'), ('inertia', 'green'), ('inertia', 'helmholtz')],
 )
-def test_what_does_not_go_together_is_refused(pair):
-    """Two forms of one effect, or a momentum beside a balance, are an error that names one."""
+def test_rejects_effects_that_exclude_each_other(pair):
     with pytest.raises(LavaError, match='effects'):
         Effects(**{'arrhenius': False, **dict.fromkeys(pair, True)})
 
 
 @pytest.mark.parametrize('part', ['constants', 'environment', 'law', 'heat', 'arrays'])
-def test_names_of_effects_are_their_own(part):
-    """A name that another effect declares is refused, and what only adds to it is not."""
+def test_rejects_a_name_of_another_effect(part):
     names = [(one, key) for one, item in EFFECTS.items() for key in getattr(item, part)]
     for owner, key in names:
         toy = Effect(rank=200, title='toy', **{part: {key: number(0.0, '', 0.0, 1.0)}})
@@ -195,9 +189,8 @@ def test_names_of_effects_are_their_own(part):
         ('arrays', 'ground', "Array('real')"),
     ],
 )
-def test_names_of_the_solver_are_not_an_effects(tmp_path, part, key, value):
-    """They are refused before anything is computed with them."""
+def test_rejects_a_name_of_the_solver(tmp_path, part, key, value):
     shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
     (tmp_path / 'lava_ros/effects/toy.py').write_text(TOY.format(f"{part}={{'{key}': {value}}}"))
     with pytest.raises(AssertionError, match=f"effects.toy.{part} is '{key}', expected a name"):
-        said_by('import lava_ros.simulation.simulation', (), tmp_path)
+        output_of('import lava_ros.simulation.simulation', (), tmp_path)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Heat that columns lose: bare, crusted, on the ground, in the wind, or while they crystallise."""
+"""Heat loss of columns: bare, crusted, to the ground, in wind, and during crystallization."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ COVER, CRUST, GROUND, LATENT = (
     only('cover'), only('crust'), only('ground'), only('cooling', 'latent_heat')
 )
 
-#: Lava with what each effect needs; all have the same capacity.
+#: Lava with the properties that each effect needs; all have the same heat capacity.
 COVERED = Lava(viscosity=1e15, emissivity=0.95, convection=9.0, crust_cover=0.9,
                crust_cover_decay=0.16, crust_temperature=773.15)
 CRUSTED = Lava(viscosity=1e15, emissivity=0.9, convection=50.0, conductivity=2.0, crust=True)
@@ -41,12 +41,9 @@ precisions = pytest.mark.parametrize('precision', ['float32', 'float64'])
 
 
 def flux(lava, surface):
-    """What a bare surface loses to the air [W/m2]."""
+    """Return the heat flux of a bare surface to the air [W/m2]."""
     radiation = lava.emissivity * STEFAN_BOLTZMANN * (surface**4 - AIR**4)
     return radiation + lava.convection * (surface - AIR)
-
-
-# what holds for every effect
 
 
 @pytest.mark.parametrize(
@@ -60,11 +57,12 @@ def flux(lava, surface):
         ),
         *((replace(FREEZING, emissivity=0.9), LATENT, step, 1) for step in (1e-3, 1e9)),
         (GROUNDED, GROUND, 1e9, 30),
+        (Lava(viscosity=1e14), only('cooling'), 1e9, 1),
     ],
 )
 @precisions
-def test_temperature_stays_between_air_and_vent(device, precision, lava, effects, step, steps):
-    """For any step, material and temperature, lava that is colder than the air included."""
+def test_temperature_stays_in_range_for_any_step(device, precision, lava, effects, step, steps):
+    """For any step, material and temperature, including lava that is colder than the air."""
     before = np.array([HOT, 1400.0, 1325.0, 1250.0, 1000.0, 301.0, AIR, 250.0])
     (after,), _ = still_columns(
         lava, effects, before, [steps * step], longest_step=step, precision=precision,
@@ -84,8 +82,7 @@ def test_temperature_stays_between_air_and_vent(device, precision, lava, effects
     ],
     ids=['cover', 'no cover', 'crust', 'no latent heat'],
 )
-def test_no_loss_is_counted_twice(lava, one, other, off):
-    """A crust takes the place of cooling; without a cover, or latent heat, there is cooling."""
+def test_effects_replace_or_equal_plain_cooling(lava, one, other, off):
     ends = [still_columns(lava, on, [HOT, 1300.0, 1000.0], [1e5])[0] for on in (one, other)]
     assert ends[0] == pytest.approx(ends[1], rel=0.0, abs=off)
 
@@ -95,44 +92,38 @@ def test_no_loss_is_counted_twice(lava, one, other, off):
     [
         (CRUSTED, CRUST, HOUR, (60.0, HOUR), 0.1),
         (CRUSTED, CRUST, 24.0 * HOUR, (60.0, HOUR), 0.03),
-        # its flux is infinite at first
+        # the flux is infinite at first
         (GROUNDED, GROUND, HOUR, (3.6, 360.0, HOUR), 2e-3),
     ],
 )
-def test_longer_steps_change_little(lava, effects, time, steps, within):
-    """The same heat in one step or in many."""
+def test_long_steps_lose_the_same_heat(lava, effects, time, steps, within):
     first, *others = (lost(lava, effects, time, longest_step=step) for step in steps)
     assert others == pytest.approx([first] * len(others), rel=within)
 
 
-# a crust that covers a part
-
-
 def covered(lava, initial, time, thickness, speed=0.0):
-    """Temperature of a column under a cover after a time, by a solver of ordinary equations."""
-    share = lava.crust_cover * np.exp(-lava.crust_cover_decay * speed)
+    """Return the temperature of a column under a partial crust, by integration."""
+    fraction = lava.crust_cover * np.exp(-lava.crust_cover_decay * speed)
 
     def rate(_, temperature):
         crust = np.minimum(lava.crust_temperature, temperature)
-        mean = share * flux(lava, crust) + (1.0 - share) * flux(lava, temperature)
+        mean = fraction * flux(lava, crust) + (1.0 - fraction) * flux(lava, temperature)
         return -mean / (CAPACITY * thickness)
 
     return solve_ivp(rate, (0.0, time), [initial], rtol=1e-8, atol=1e-6).y[0, -1]
 
 
 @pytest.mark.parametrize(('precision', 'off'), [('float64', 0.02), ('float32', 0.1)])
-def test_covered_columns_cool_as_the_equation_says(device, precision, off):
-    """Hotter than the crust, as cold, colder, as the air and colder than the air."""
+def test_covered_columns_cool_as_integrated(device, precision, off):
     before, times = [HOT, 900.0, 773.15, 500.0, AIR, 280.0], HOUR * np.array([1.0, 10.0, 100.0])
     found, thickness = still_columns(
         COVERED, COVER, before, times, precision=precision, device=device
     )
-    right = [[covered(COVERED, initial, time, thickness) for initial in before] for time in times]
-    assert found == pytest.approx(np.array(right), rel=0.0, abs=off)
+    expected = [[covered(COVERED, start, time, thickness) for start in before] for time in times]
+    assert found == pytest.approx(np.array(expected), rel=0.0, abs=off)
 
 
-def test_fast_lava_bares_its_core(device):
-    """A sheet that slides at some metres a second loses what its speed says."""
+def test_fast_lava_loses_more_heat_through_its_cover(device):
     lava = replace(COVERED, viscosity=3e3, crust_cover_decay=0.5)
     simulation = simulated(
         plane((-100.0, -100.0, 100.0, 100.0), 5.0, 0.3), lava,
@@ -152,18 +143,14 @@ def test_fast_lava_bares_its_core(device):
     assert found > 1.5 * slow
 
 
-def test_two_crusts_are_refused():
-    """A crust that covers a part does not go with one that covers all."""
+def test_rejects_a_partial_crust_with_a_full_one():
     with pytest.raises(LavaError, match=r'crust_cover.*0\.9.*0 with lava\.crust'):
         Lava(crust=True, conductivity=2.0, crust_cover=0.9)
 
 
-# a crust that grows
-
-
 def slab(lava, thickness, times):
-    """Mean temperatures of a slab that conducts to its top, by finite volumes."""
-    # the uppermost of the cells is a micrometre thick: it is the surface
+    """Return mean temperatures of a slab that conducts to its top, by finite volumes."""
+    # the uppermost cell is 1 um thick and represents the surface
     sizes = np.diff(np.linspace(0.0, 1.0, 121) ** 3 * thickness)
     between = lava.conductivity / (0.5 * (sizes[1:] + sizes[:-1]))
 
@@ -184,8 +171,7 @@ def slab(lava, thickness, times):
     [({}, 0.025), ({'emissivity': 0.0}, 0.045), ({'convection': 0.0}, 0.025)],
     ids=['both', 'air', 'radiation'],
 )
-def test_crusted_lava_loses_what_a_conducting_slab_does(thickness, losses, worst):
-    """Within 2.5 % of the heat lost (4.5 % without radiation), from ten minutes to four days."""
+def test_crusted_lava_loses_the_heat_of_a_conducting_slab(thickness, losses, worst):
     lava, times = replace(CRUSTED, **losses), np.array([600.0, HOUR, 36000.0, 3.6e5])
     found, thickness = still_columns(
         lava, CRUST, [HOT], times, thickness=thickness, longest_step=100.0
@@ -193,23 +179,21 @@ def test_crusted_lava_loses_what_a_conducting_slab_does(thickness, losses, worst
     assert HOT - found[:, 0] == pytest.approx(HOT - slab(lava, thickness, times), rel=worst)
 
 
-def test_convecting_slab_of_the_case_is_the_numerical_one():
-    """The series of modes and finite volumes agree: each checks the other."""
+def test_exact_convecting_slab_equals_finite_volumes():
+    """The series of modes and finite volumes check each other."""
     lava, times = replace(CRUSTED, emissivity=0.0), np.array([HOUR, 36000.0, 3.6e5])
     options = {'initial': HOT, 'ambient': AIR, 'thickness': 2.0}
-    right = [exact.convecting_slab(lava, time, **options) for time in times]
-    assert slab(lava, 2.0, times) == pytest.approx(right, abs=0.1)
+    expected = [exact.convecting_slab(lava, time, **options) for time in times]
+    assert slab(lava, 2.0, times) == pytest.approx(expected, abs=0.1)
 
 
 @pytest.mark.parametrize(('time', 'least', 'most'), [(1e-3, 0.97, 1.0), (HOUR, 0.05, 0.3)])
-def test_fresh_lava_radiates_as_without_a_crust(device, time, least, most):
-    """At age 0 the surface is as hot as the core: bare cooling, less and less of it later."""
+def test_fresh_crust_loses_heat_as_bare_lava(device, time, least, most):
     crusted, bare = (lost(CRUSTED, on, time, device=device) for on in (CRUST, only('cooling')))
     assert least < crusted / bare < most
 
 
-def test_old_crust_lets_through_what_it_conducts():
-    """Emissivity hardly matters any more: half of it changes the loss by 3 % after a day."""
+def test_heat_loss_through_an_old_crust_is_limited_by_conduction():
     whole, less = (
         lost(replace(CRUSTED, emissivity=emissivity), CRUST, 86400.0, longest_step=300.0)
         for emissivity in (0.9, 0.45)
@@ -217,25 +201,21 @@ def test_old_crust_lets_through_what_it_conducts():
     assert 0.97 < less / whole < 1.0
 
 
-# the ground
-
-
 @precisions
 def test_column_on_the_ground_follows_the_exact_solution(device, precision):
-    """exp(x^2) erfc(x) to 0.5 % and the heat lost to 0.8 %, up to where 70 % of it has gone."""
+    """exp(x^2) erfc(x), up to a loss of 70 % of the heat."""
     times = HOUR * np.array([1.0, 10.0, 100.0, 1000.0, 10000.0])
     found, thickness = still_columns(
         GROUNDED, GROUND, [HOT], times, longest_step=1e4, precision=precision, device=device
     )
     options = {'initial': HOT, 'ground': AIR, 'thickness': thickness}
-    right = np.array([exact.column_on_ground(GROUNDED, time, **options) for time in times])
-    assert right[-1] < AIR + 0.3 * 1123.0
-    assert found[:, 0] == pytest.approx(right, abs=0.005 * 1123.0)
-    assert HOT - found[:, 0] == pytest.approx(HOT - right, rel=0.008)
+    expected = np.array([exact.column_on_ground(GROUNDED, time, **options) for time in times])
+    assert expected[-1] < AIR + 0.3 * 1123.0
+    assert found[:, 0] == pytest.approx(expected, abs=0.005 * 1123.0)
+    assert HOT - found[:, 0] == pytest.approx(HOT - expected, rel=0.008)
 
 
-def test_after_a_thousand_years_lava_is_as_cold_as_the_ground(device):
-    """In long steps: between the ground's temperature and its own."""
+def test_long_steps_do_not_cool_below_the_ground(device):
     (found,), _ = still_columns(
         GROUNDED, GROUND, [HOT, AIR, 250.0], [3e10], longest_step=1e9, device=device
     )
@@ -244,8 +224,7 @@ def test_after_a_thousand_years_lava_is_as_cold_as_the_ground(device):
     assert 250.0 < found[2] <= AIR
 
 
-def test_each_column_has_its_own_age():
-    """Lava that came out later is hotter, though all of it rests on the same ground."""
+def test_later_lava_is_hotter_on_the_ground():
     lava = replace(GROUNDED, viscosity=1e3, arrhenius=0.0)
     vent = Vent((0.0, 0.0), 5.0)
     simulation = simulated(flat(40, 10.0), lava, vent, effects=GROUND, spacing=10.0)
@@ -256,25 +235,21 @@ def test_each_column_has_its_own_age():
     assert sample.temperature[~is_near].mean() < sample.temperature[is_near].mean() < HOT
 
 
-# latent heat
-
-
 @pytest.mark.parametrize('step', [600.0, HOUR, 1e6])
 @pytest.mark.parametrize(('precision', 'within'), [('float32', 0.1), ('float64', 1e-8)])
-def test_linear_loss_is_exact_for_any_step(device, step, precision, within):
-    """Each piece is an exponential: liquid, crystallising and solid, in one step or in many."""
+def test_cooling_through_crystallization_is_exact_for_any_step(device, step, precision, within):
+    """Liquid, crystallizing and solid lava each cool exponentially."""
     times = HOUR * np.array([0.5, 2.0, 10.0, 60.0, 100.0])
     (*found,), thickness = still_columns(
         FREEZING, LATENT, [HOT], times, longest_step=step, precision=precision, device=device
     )
     options = {'initial': HOT, 'ambient': AIR, 'thickness': thickness}
-    right = [exact.crystallising_sheet(FREEZING, time, **options) for time in times]
-    assert found == pytest.approx(right, abs=within)
+    expected = [exact.crystallising_sheet(FREEZING, time, **options) for time in times]
+    assert found == pytest.approx(expected, abs=within)
     assert found[0] > 1400.0 > found[1] > found[2] > 1250.0 > found[3]
 
 
-def test_heating_passes_the_interval_upwards():
-    """Lava in hotter air melts: the same pieces the other way."""
+def test_lava_in_hotter_air_melts():
     times = HOUR * np.array([1.0, 100.0, 1000.0])
     lava = replace(FREEZING, solidus=350.0, liquidus=500.0)
     found, thickness = still_columns(
@@ -286,43 +261,37 @@ def test_heating_passes_the_interval_upwards():
     second = first + slower * np.log(200.0 / 50.0) / rate
     assert times[0] < first < times[1] < second < times[2]
     since = np.array([times[0], (times[1] - first) / slower, times[2] - second])
-    right = 550.0 - np.array([250.0, 200.0, 50.0]) * np.exp(-rate * since)
-    assert found[:, 0] == pytest.approx(right, abs=1e-8)
+    expected = 550.0 - np.array([250.0, 200.0, 50.0]) * np.exp(-rate * since)
+    assert found[:, 0] == pytest.approx(expected, abs=1e-8)
 
 
-def test_radiation_takes_the_heat_of_crystals_too():
-    """Heat content falls by the integral of the flux, across both ends of the interval."""
+def test_radiation_removes_latent_heat():
+    """Heat content falls by the integral of the flux."""
     lava = replace(FREEZING, emissivity=0.9)
     times = np.linspace(0.0, 2e5, 2001)[1:]
     found, thickness = still_columns(lava, LATENT, [HOT], times, longest_step=100.0)
     temperature = np.array([HOT, *found[:, 0]])
     assert temperature[-1] < 1250.0
     taken = trapezoid(flux(lava, temperature), dx=100.0) / (CAPACITY * thickness)
-    # all that it had of latent heat, too
     latent = lava.latent_heat / lava.specific_heat
     assert HOT - temperature[-1] + latent == pytest.approx(taken, rel=1e-5)
 
 
-def test_radiation_across_the_interval_is_of_second_order():
-    """A quarter of the step, much less of the error."""
+def test_radiation_with_latent_heat_is_of_second_order():
     lava = replace(FREEZING, emissivity=0.9)
     ends = [lost(lava, LATENT, 1e5, longest_step=step) for step in (50.0, 1000.0, 4000.0)]
     assert abs(ends[1] - ends[0]) < 0.2 * abs(ends[2] - ends[0])
     assert abs(ends[2] - ends[0]) < 1.0
 
 
-def test_lava_that_loses_nothing_keeps_its_temperature(device):
-    """At the ends of the interval too."""
+def test_temperature_is_constant_without_losses(device):
     still, before = replace(FREEZING, convection=0.0), [HOT, 1400.0, 1325.0, 1250.0, 1000.0, AIR]
     (after,), _ = still_columns(still, LATENT, before, [1e6], longest_step=1e5, device=device)
     assert after == pytest.approx(before)
 
 
-# wind
-
-
-def test_a_column_loses_what_the_wind_takes(device):
-    """T - Ta falls as exp(-(lambda + CH rho c U) t / (rho c h)); without the effect, as still."""
+def test_wind_cools_a_column(device):
+    """T - Ta falls as exp(-(lambda + CH rho c U) t / (rho c h))."""
     ends = {}
     for names, speed in ((('wind',), 20.0), (('wind',), 0.0), ((), 20.0)):
         found, thickness = still_columns(
@@ -335,22 +304,17 @@ def test_a_column_loses_what_the_wind_takes(device):
     assert ends[('wind',), 0.0] == ends[(), 20.0] > ends[('wind',), 20.0] + 30.0
 
 
-def test_wind_is_chosen_by_its_speed():
-    """It is on where it takes more than a percent, and scenes without any have none."""
+def test_wind_is_on_above_a_speed():
     scene = Scene(Terrain(np.zeros((12, 12)), 2.0), (Vent((12.0, 12.0), 0.01),), Lava())
     assert 'wind' not in effects_for(scene)
     assert 'wind' in effects_for(replace(scene, wind_speed=10.0))
 
 
-# the host
-
-
-def test_host_and_device_agree():
-    """``heat_loss``, by which effects are chosen, is what a column at rest loses."""
+def test_heat_loss_on_the_host_equals_that_of_a_column():
     ground = plane((0.0, 0.0, 40.0, 40.0), 10.0, 0.0)
     found, thickness = still_columns(COVERED, COVER, [HOT], [1.0], longest_step=1.0)
-    right = heat_loss(Scene(ground, lava=COVERED))(HOT)
-    assert (HOT - found[0, 0]) * CAPACITY * thickness == pytest.approx(right, rel=1e-3)
+    expected = heat_loss(Scene(ground, lava=COVERED))(HOT)
+    assert (HOT - found[0, 0]) * CAPACITY * thickness == pytest.approx(expected, rel=1e-3)
     windy, still = (heat_loss(Scene(ground, lava=WINDY, wind_speed=u))(1400.0) for u in (10, 0))
     assert windy - still == pytest.approx(10.0 * TRANSFER * 1100.0)
     # FLOWGO's coefficient for 5 m/s

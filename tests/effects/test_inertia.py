@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inertia: exact speeds, exact rest, conserved momentum and energy."""
+"""Inertia: exact speeds, lava at rest, and conserved momentum and energy."""
 
 from dataclasses import replace
 import math
@@ -22,27 +22,24 @@ LOCAL = replace(INERTIAL, inertia=False)
 
 
 def square(half, volume, **particles):
-    """A square layer of particles a metre apart."""
     return Particles(lattice(half), volume, 1400.0, **particles)
 
 
 def simulation(lava, particles, *, effects=INERTIAL, slope=0.0, **options):
-    """Particles a metre apart on a plane."""
     ground = incline(slope, 80, 80, 1.0, top=40.0 * slope, origin=(-40.0, -40.0))
     knobs = {'spacing': 1.0, 'thickness': 1.0, 'precision': 'float64', **options}
     return simulated(ground, lava, particles, effects=effects, **knobs)
 
 
 def middle_velocity(seen):
-    """Mean velocity of what is next to the particles' middle."""
+    """Return the mean velocity of particles near their centre."""
     sample = seen.sample()
     centre = sample.position.mean(axis=0)
     near = np.linalg.norm(sample.position - centre, axis=1) < 3.0
     return sample.velocity[near].mean(axis=0)
 
 
-def test_exact_dam_breaks_conserve_volume():
-    """What left the reservoir is in front of it, and the bore obeys both jump conditions."""
+def test_exact_dam_breaks_conserve_volume_and_momentum():
     x = np.linspace(-40.0, 40.0, 400_001)
     stoker = exact.StokerDamBreak(2.0, 0.3, 9.81)
     for dam, bed in ((exact.RitterDamBreak(2.0, 9.81), 0.0), (stoker, 0.3)):
@@ -57,7 +54,7 @@ def test_exact_dam_breaks_conserve_volume():
 
 
 def test_exact_oscillation_obeys_its_equation():
-    """R'' = w^2 / 4 (R^-3 - R) for R = q^(-1/2), and the volume stays."""
+    """R'' = w^2 / 4 (R^-3 - R) for R = q^(-1/2)."""
     bowl = exact.OscillatingBowl(1.5, 30.0, 0.4, 9.81)
     time = np.linspace(0.0, bowl.period, 4001)
     ratio = np.array([bowl.narrowness(moment) for moment in time]) ** -0.5
@@ -72,8 +69,7 @@ def test_exact_oscillation_obeys_its_equation():
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
-def test_a_sheet_relaxes_to_the_local_speed(device, precision):
-    """A sheet that is let go has the exponential's speed, on the way and at the end."""
+def test_sheet_accelerates_exponentially_to_the_local_speed(device, precision):
     lava = replace(THIN, viscosity=5000.0)
     slope = math.atan(0.1)
     effects = replace(INERTIAL, steep=True)
@@ -93,12 +89,11 @@ def test_a_sheet_relaxes_to_the_local_speed(device, precision):
 
 
 def test_stiff_lava_flows_as_without_inertia():
-    """With a relaxation time far below the flow's own, the flow is the local balance's."""
     lava = replace(THIN, viscosity=2e4)
     places = []
     for effects in (INERTIAL, LOCAL):
         heap = Particles(lattice(8.0), 2.0, 1000.0 + np.arange(256))
-        # with inertia a step is of the first order where drag rules: short ones
+        # with inertia a step is of first order if drag dominates: use short ones
         seen = simulation(
             lava, heap, effects=effects, thickness=2.0, ratio=4.0, diffusion_number=0.2
         )
@@ -111,30 +106,24 @@ def test_stiff_lava_flows_as_without_inertia():
 
 
 @pytest.mark.parametrize('power', [1.0, 0.5, 2.0])
-def test_lava_of_any_law_runs_at_the_local_speed_in_the_end(power):
-    """A sheet with strength or a power law ends at the speed it has without inertia."""
+def test_lava_of_any_law_reaches_the_local_speed(power):
     lava = replace(THIN, viscosity=300.0, yield_strength=800.0, flow_index=power)
     effects = replace(INERTIAL, yielding=True, power_law=power != 1.0)
     layer = square(12.0, 1.0)
     local = simulation(lava, layer, effects=replace(effects, inertia=False), slope=0.1)
     expected = middle_velocity(local)[0]
     assert expected > 0.1
-    # as fast as that from the start: nothing has to change
+    # start at that speed
     start = Particles(layer.position, 1.0, 1400.0, velocity=(expected, 0.0))
     seen = simulation(lava, start, effects=effects, slope=0.1, longest_step=0.02)
     seen.advance(0.5)
     assert middle_velocity(seen)[0] == pytest.approx(expected, rel=0.002)
-    # and from rest it gets there
     seen = simulation(lava, layer, effects=effects, slope=0.1, longest_step=0.02)
     seen.advance(0.2)
     assert 0.01 * expected < middle_velocity(seen)[0] < 0.95 * expected
 
 
-def test_a_yield_strength_stops_a_layer_that_slides():
-    """On the level u falls by tau_y / (rho h) t, and is 0, exactly, from then on.
-
-    What drag takes warms the layer by u^2 / (2 c).
-    """
+def test_yield_strength_stops_a_sliding_layer():
     lava = replace(THIN, yield_strength=2600.0)
     effects = replace(INERTIAL, yielding=True, viscous_heating=True)
     layer = square(25.0, 0.2, velocity=(2.0, 0.0))
@@ -155,7 +144,6 @@ def test_a_yield_strength_stops_a_layer_that_slides():
 
 
 def test_momentum_is_conserved():
-    """What collapses and collides without drag on a plane keeps its momentum to rounding."""
     rng = np.random.default_rng(1)
     heap = square(8.0, 1.0)
     drift = np.array([0.3, -0.2])
@@ -171,16 +159,14 @@ def test_momentum_is_conserved():
     assert np.allclose(sample.volume @ sample.velocity, before, rtol=1e-5, atol=0.0)
 
 
-def test_oscillation_in_a_bowl():
-    """The period is within 1 %, and energy is lost, slowly, and never won."""
+def test_oscillation_in_a_bowl_has_the_exact_period_and_loses_energy():
     seen = swing(1500, accuracy=Accuracy(ratio=3.5), periods=2.0, looks=16)
     assert seen.period == pytest.approx(seen.solution.period, rel=0.01)
     assert seen.growth < 1e-4
     assert 0.0 < seen.damping < 0.05
 
 
-def test_vents_give_lava_their_velocity(device):
-    """Lava of a vent with a velocity flies off with it; without inertia it makes no difference."""
+def test_lava_has_the_velocity_of_its_vent_only_with_inertia(device):
     lava = replace(THIN, viscosity=10.0)
     centres = {}
     knobs = {'symmetric': True, 'deterministic': True, 'longest_step': 0.05}
@@ -199,8 +185,7 @@ def test_vents_give_lava_their_velocity(device):
     assert (centres[False, (3.0, -1.5)] == centres[False, (0.0, 0.0)]).all()
 
 
-def test_new_vents_and_a_new_terrain_leave_lava_its_velocity():
-    """What moves goes on moving when the scene around it changes."""
+def test_lava_keeps_its_velocity_when_vents_or_terrain_change():
     seen = simulation(THIN, square(10.0, 0.01, velocity=(2.0, 1.0)), thickness=0.01)
     seen.advance(0.5)
     seen.set_vents([Vent((0.0, 20.0), 0.001)])
@@ -211,8 +196,7 @@ def test_new_vents_and_a_new_terrain_leave_lava_its_velocity():
     assert middle_velocity(seen) == pytest.approx([2.0, 1.0], rel=0.01)
 
 
-def test_vents_refuse_what_is_no_velocity():
-    """Two finite numbers, from Python as from YAML."""
+def test_rejects_an_invalid_velocity():
     vents = vents_from_list(
         [{'position': [0.0, 0.0], 'discharge': 1.0, 'velocity': [3, -1]}], flat(80)
     )
@@ -224,14 +208,13 @@ def test_vents_refuse_what_is_no_velocity():
         Particles(np.zeros((3, 2)), 1.0, 1400.0, velocity=np.zeros((2, 2)))
 
 
-def test_the_printed_formulas_have_no_inertia():
-    """The paper drops it."""
+def test_rejects_inertia_with_the_published_formulas():
     with pytest.raises(LavaError, match='effects.inertia.*as-published'):
         simulated(flat(80), Lava(), effects=INERTIAL, formulation='as-published')
 
 
-def test_a_step_is_bound_by_waves_or_by_the_viscous_limit():
-    """Thin lava: half a radius over c; stiff lava: no longer than 2 gamma / (g h q^2)."""
+def test_step_is_limited_by_waves_or_viscosity():
+    """Thin lava: half a radius over c; stiff lava: 2 gamma / (g h q^2)."""
     steps = {}
     for viscosity in (1e-6, 1e5):
         seen = simulation(replace(THIN, viscosity=viscosity), square(8.0, 1.0))

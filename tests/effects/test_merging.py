@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Particles that merge and split."""
+"""Merging and splitting of particles."""
 
 import numpy as np
 import pytest
@@ -20,18 +20,18 @@ MERGING = only('merging')
 
 
 def simulation_of(device, particles, effects=MERGING, **knobs):
-    """Particles on level ground, with a nominal spacing of 5 m and volume of 25 m3."""
+    """Return particles on level ground; nominal spacing 5 m and volume 25 m3."""
     ground, knobs = incline(0.0, 60, 90, 10.0), {'spacing': 5.0, 'thickness': 1.0, **knobs}
     return simulated(ground, LAVA, particles, effects=effects, device=device, **knobs)
 
 
 def one_pass(simulation):
-    """Let the particles merge and split where they are."""
+    """Merge and split particles once."""
     state = simulation._state
     simulation.evaluate()
     state.take_order()
     counts, clock = state.counts.numpy(), state.clock.numpy()
-    # the fastest particle has gone far enough for a pass
+    # the fastest particle has moved far enough for a pass
     counts[IS_LAST], clock[STEP] = 1, 1.0
     state.moved.assign([merging.EVERY, 0.0])
     state.counts.assign(counts)
@@ -40,13 +40,12 @@ def one_pass(simulation):
 
 
 def rows_of(simulation):
-    """Rows of the particles that have a volume."""
     rows = simulation._state.read_particles()
     return rows[rows[:, 2] > 0.0]
 
 
 def lattice(spacing, count, volume, seed=3):
-    """Particles on a jittered lattice with temperatures of all kinds."""
+    """Return particles on a jittered lattice with random temperatures."""
     random = np.random.default_rng(seed)
     ticks = np.arange(count) * spacing + 300.0
     places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
@@ -55,14 +54,12 @@ def lattice(spacing, count, volume, seed=3):
 
 
 def moments(rows):
-    """Volume, first moments of place and temperature."""
     return np.array([rows[:, 2].sum(), *(rows[:, [0, 1, 3]] * rows[:, 2:3]).sum(axis=0)])
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
 @pytest.mark.parametrize(('spacing', 'volume', 'fewer'), [(2.5, 25.0, True), (10.0, 100.0, False)])
-def test_volume_heat_and_centre_are_kept(device, precision, spacing, volume, fewer):
-    """Crowded particles become fewer, stretched ones more; the sums of V, V x and V T stay."""
+def test_sums_of_volume_heat_and_position_are_kept(device, precision, spacing, volume, fewer):
     simulation = simulation_of(device, lattice(spacing, 20, volume), precision=precision)
     before = rows_of(simulation)
     one_pass(simulation)
@@ -73,8 +70,7 @@ def test_volume_heat_and_centre_are_kept(device, precision, spacing, volume, few
     assert moments(after) == pytest.approx(moments(before), rel=rounding)
 
 
-def test_only_the_nearest_merge(device):
-    """Of three in a row the two that are closest become one, in their middle."""
+def test_only_the_two_nearest_particles_merge(device):
     row = [[300.0, 300.0], [300.5, 300.0], [301.2, 300.0]]
     turn = np.arange(9) * 2.0 * np.pi / 9
     ring = np.column_stack([300.5 + 4.0 * np.cos(turn), 300.0 + 4.0 * np.sin(turn)])
@@ -87,8 +83,7 @@ def test_only_the_nearest_merge(device):
     assert rows[1] == pytest.approx([-148.8, 0.0, 25.0, 1350.0], abs=1e-3)
 
 
-def test_volumes_whose_sum_is_rounded_do_not_merge():
-    """Where a sum of float32 would lack a bit, particles stay as they are."""
+def test_particles_do_not_merge_if_the_sum_is_rounded():
     random = np.random.default_rng(3)
     volume = (20.0 * 7.0 ** -np.arange(8) * random.uniform(1.0, 1.2, 8)).astype(np.float32)
     first, second = np.triu_indices(8, 1)
@@ -100,15 +95,13 @@ def test_volumes_whose_sum_is_rounded_do_not_merge():
     assert len(rows_of(simulation)) == 8
 
 
-def test_halves_are_no_smaller_than_what_vents_emit(device):
-    """A stretched particle of the vents' own volume stays whole."""
+def test_particles_of_the_emitted_volume_do_not_split(device):
     simulation = simulation_of(device, lattice(20.0, 10, 25.0))
     one_pass(simulation)
     assert len(rows_of(simulation)) == 100
 
 
-def test_momentum_and_age_are_kept(device):
-    """The sums of V u and of V times age stay, whether particles merge or split."""
+def test_merging_and_splitting_keep_momentum_and_age(device):
     effects = only('cooling', 'inertia', 'ground', 'merging')
     for spacing, volume in ((2.5, 25.0), (10.0, 100.0)):
         simulation = simulation_of(device, lattice(spacing, 12, volume), effects)
@@ -118,7 +111,6 @@ def test_momentum_and_age_are_kept(device):
         state.take_order()
 
         def sums(state=state):
-            """Sums of the volume times velocity and age."""
             volumes = state.read_particles()[:, 2]
             carried = [item.numpy()[: len(volumes)] for item in (state.velocity, state.age)]
             return [values.astype(np.float64).T @ volumes for values in carried]
@@ -135,8 +127,7 @@ def test_momentum_and_age_are_kept(device):
         assert after[1] == pytest.approx(before[1], rel=1e-5)
 
 
-def test_splitting_waits_for_room(device):
-    """With no room for all halves as many split as fit, and the host is told."""
+def test_splitting_is_limited_by_the_capacity(device):
     simulation = simulation_of(device, lattice(10.0, 20, 100.0))
     simulation._state.grow(410)
     one_pass(simulation)
@@ -147,7 +138,6 @@ def test_splitting_waits_for_room(device):
 
 
 def flow(device, effects, **knobs):
-    """A quarter of an hour of a strong vent on a slope."""
     ground, vent = incline(0.05, 60, 90, 10.0), Vent((150.0, 300.0), 20.0, radius=15.0)
     knobs = {'spacing': 5.0, 'thickness': 0.6, **knobs}
     simulation = simulated(ground, LAVA, vent, effects=effects, device=device, **knobs)
@@ -155,8 +145,7 @@ def flow(device, effects, **knobs):
     return simulation
 
 
-def test_fewer_particles_give_the_same_flow(device):
-    """Two thirds of the particles or fewer, the same thickness to a few percent, exact volume."""
+def test_merging_saves_particles_in_the_same_flow(device):
     plain, merged = flow(device, only()), flow(device, MERGING)
     assert merged.particle_count < 0.67 * plain.particle_count
     assert merged.budget().error < 1e-9
@@ -165,8 +154,7 @@ def test_fewer_particles_give_the_same_flow(device):
     assert abs((a > 0.1).sum() - (b > 0.1).sum()) < 0.03 * (a > 0.1).sum()
 
 
-def test_a_constant_flux_takes_fewer_particles_at_the_same_error(device, monkeypatch):
-    """Two thirds of the particles or fewer spread as exactly as all of them, to 0.1 %."""
+def test_merging_saves_work_at_the_same_error(device, monkeypatch):
     accuracy = Accuracy(refinement=0.6, ratio=3.5)
     plain = CASES['constant_flux'].run(accuracy, device)
     monkeypatch.setattr(spreading, 'FLAT', MERGING)
@@ -176,7 +164,6 @@ def test_a_constant_flux_takes_fewer_particles_at_the_same_error(device, monkeyp
         assert item.error <= other.error + 0.001, item
 
 
-def test_deterministic_runs_are_identical_to_the_bit(device):
-    """Who merges does not depend on the order in which threads run."""
+def test_deterministic_runs_are_bitwise_identical(device):
     first, second = (flow(device, MERGING, deterministic=True) for _ in range(2))
     assert np.array_equal(first._state.read_particles(), second._state.read_particles())

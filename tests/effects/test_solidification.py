@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lava that freezes into terrain."""
+"""Lava that solidifies into terrain."""
 
 import math
 
@@ -13,7 +13,7 @@ from lava_ros.simulation import Particles
 from lava_ros.simulation.inundation import inundated_cells
 from solver import incline, only, simulated
 
-#: Isothermal but for a temperature it comes with: what is given below 1200 K freezes at once.
+#: Lava that does not cool; particles below 1200 K solidify in the first step.
 LAVA = Lava(viscosity=2e3, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=0.0,
             solidus=1200.0)
 
@@ -23,37 +23,34 @@ COOLING = Lava(viscosity=2e4, density=2600.0, arrhenius=0.0, emissivity=0.0, con
 
 
 def hillside(rows=40, columns=60, cell=10.0):
-    """A plane that falls towards +x."""
     return incline(0.1, rows, columns, cell, top=1000.0)
 
 
 def layer():
-    """An even layer 2 m thick on 300 m by 200 m, which freezes at once."""
+    """Return an even layer 2 m thick on 300 m by 200 m, which solidifies in the first step."""
     x, y = np.meshgrid(np.arange(150.0, 450.0, 5.0), np.arange(100.0, 300.0, 5.0))
     return Particles(np.column_stack([x.ravel(), y.ravel()]) + 2.5, 50.0, 1100.0)
 
 
 def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
-    """A simulation with solidification."""
     effects = only('solidification', *['cooling'] * (lava.convection > 0.0))
     knobs = {'spacing': 5.0, 'thickness': 1.0, 'longest_step': 20.0, **knobs}
     return simulated(terrain, lava, *on_it, effects=effects, device=device, **knobs)
 
 
 def frozen_in(simulation):
-    """Thickness of what has frozen, as maps show it [m], to all its digits."""
+    """Return the thickness of solidified lava on maps, in full precision [m]."""
     return simulation._after_step['solidification'].thickness()
 
 
 def raised_in(simulation):
-    """How much what has frozen has raised the ground [m], shape [rows, columns]."""
+    """Return the rise of the ground by solidified lava [m], shape [rows, columns]."""
     terrain = simulation._terrain
     return (terrain.height.numpy().astype(float) - terrain.bare.numpy())[1:-1, 1:-1]
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
-def test_an_even_layer_freezes_into_an_even_layer(device, precision):
-    """The ground rises by volume over area, and holds the volume to the last digits."""
+def test_even_layer_raises_the_ground_evenly(device, precision):
     simulation = freezing(device, hillside(), layer(), precision=precision)
     simulation.advance(1.0)
     snapshot = simulation.snapshot()
@@ -70,7 +67,7 @@ def test_an_even_layer_freezes_into_an_even_layer(device, precision):
     assert (snapshot.temperature[snapshot.frozen > 0.0] == 1200.0).all()
     assert np.array_equal(snapshot.thickness, snapshot.frozen)
     assert raised.sum() * 100.0 == pytest.approx(120000.0, rel=1e-5)
-    # it is shown where it stood, and not as wide as the ground is raised
+    # maps show it where it was, in fewer cells than the raised ground
     layer_cells = np.zeros((40, 60), dtype=bool)
     layer_cells[10:30, 15:45] = True
     np.testing.assert_array_equal(exact > 0.0, layer_cells)
@@ -78,8 +75,7 @@ def test_an_even_layer_freezes_into_an_even_layer(device, precision):
     assert ((raised > 0.01) & ~layer_cells).any()
 
 
-def test_a_lone_column_makes_no_spike(device):
-    """A column raises the ground no higher than it was thick, and is shown in its own square."""
+def test_single_column_makes_no_spike(device):
     particles = Particles([[303.0, 201.0]], 300.0, 1100.0)
     simulation = freezing(device, hillside(200, 300, 2.0), particles)
     thickness = simulation.sample().thickness[0]
@@ -94,13 +90,12 @@ def test_a_lone_column_makes_no_spike(device):
     rows, columns = np.nonzero(snapshot.frozen)
     for cells in (rows, columns):
         assert np.ptp(cells) + 1 == pytest.approx(side, abs=1.0)
-    # what the cells at the rim of the square do not show is in the others
+    # the volume of cells that the rim covers in part is in the other cells
     assert snapshot.frozen.max() < thickness * (side / (side - 1.0)) ** 2
     np.testing.assert_array_equal(inundated_cells(snapshot.arrived), snapshot.frozen > 0.0)
 
 
-def test_volume_is_exact_beside_the_border_and_beside_holes(device):
-    """What freezes there lies on cells with data only, all of it."""
+def test_solidified_volume_is_exact_next_to_borders_and_holes(device):
     terrain = hillside()
     elevation = terrain.elevation.copy()
     elevation[15:25, 30:40] = np.nan
@@ -116,8 +111,7 @@ def test_volume_is_exact_beside_the_border_and_beside_holes(device):
     assert np.isnan(snapshot.frozen[15:25, 30:40]).all()
 
 
-def test_volume_is_exact_over_many_steps(device):
-    """A flow that cools and freezes as it goes keeps its budget, and what froze stays."""
+def test_solidified_volume_is_exact_over_many_steps(device):
     vent = Vent((150.0, 200.0), 20.0, temperature=1423.0, radius=10.0)
     simulation = freezing(device, hillside(), vent, lava=COOLING, precision='float64')
     before = np.zeros((40, 60))
@@ -133,12 +127,11 @@ def test_volume_is_exact_over_many_steps(device):
     assert 0.3 * budget.emitted < budget.frozen < budget.emitted
     assert simulation.sample().temperature.min() >= COOLING.solidus
     assert np.isfinite(snapshot.temperature[snapshot.thickness > 0.0]).all()
-    # no spike: frozen lava is about as thick as fluid lava gets
+    # no spike
     assert frozen.max() < 3.0 * simulation.sample().thickness.max()
 
 
-def test_a_frozen_flow_diverts_a_second_one(device):
-    """A ridge that has frozen turns a flow aside, just as ground of its shape would."""
+def test_solidified_ridge_diverts_a_flow_as_ground_does(device):
     index = np.arange(120)
     along = np.column_stack([260.0 + 1.0 * index, 120.0 + 1.5 * index])
     places = np.concatenate([along + shift * np.array([1.5, -1.0]) for shift in range(-4, 5)])
@@ -162,7 +155,7 @@ def test_a_frozen_flow_diverts_a_second_one(device):
     same.advance(5.0)
     same.advance(1800.0)
     second = same.sample().position
-    # a terrain is in float32
+    # terrain is stored in float32
     assert len(second) == pytest.approx(len(diverted), rel=0.01)
     assert second.mean(axis=0) == pytest.approx(diverted.mean(axis=0), abs=1.0)
 
@@ -172,8 +165,7 @@ def test_a_frozen_flow_diverts_a_second_one(device):
     assert abs(diverted[:, 1].mean() - 200.0) > 20.0
 
 
-def test_a_new_terrain_keeps_what_has_frozen(device):
-    """The same terrain keeps every digit; another keeps the volume; what is outside has left."""
+def test_new_terrain_keeps_solidified_lava(device):
     simulation = freezing(device, hillside(), layer())
     simulation.advance(1.0)
     before = simulation.snapshot().frozen
@@ -207,8 +199,7 @@ def test_a_new_terrain_keeps_what_has_frozen(device):
     assert after.error < 1e-12
 
 
-def test_deterministic_runs_are_identical_to_the_bit(device):
-    """What freezes is the same to the bit in two runs."""
+def test_deterministic_runs_are_bitwise_identical(device):
     vent, grids = Vent((150.0, 200.0), 40.0, temperature=1423.0, radius=20.0), []
     for _ in range(2):
         simulation = freezing(device, hillside(), vent, lava=COOLING, deterministic=True)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Steep slopes: the sheet's speed up to the steepest layer, and no cliff that is a dam."""
+"""Steep slopes: the speed of a sheet up to the steepest layer, and flow over cliffs."""
 
 import math
 
@@ -13,14 +13,14 @@ from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation import Particles
 from solver import incline, lattice, only, simulated
 
-#: Cell of the plateau [m], and the column at whose centre it ends.
+#: Cell size [m], and the column at whose centre the plateau ends.
 CELL, EDGE = 25.0, 40
 
 
 @pytest.mark.parametrize('angle', [20.0, 50.0, 80.0, 89.0])
 @pytest.mark.parametrize('strength', [0.0, 100.0])
-def test_speed_of_a_sheet(device, angle, strength):
-    """Particles that keep their distance: cos^4 b up to the steepest layer, its own beyond."""
+def test_sheet_has_the_exact_speed_on_any_slope(device, angle, strength):
+    """The factor cos^4 b is constant above the steepest layer."""
     slope = math.tan(math.radians(angle))
     lava = Lava(viscosity=1e6, yield_strength=strength, arrhenius=0.0)
     sample = simulated(
@@ -50,10 +50,10 @@ def test_speed_of_a_sheet(device, angle, strength):
     ],
     ids=str,
 )
-def test_a_cliff_is_no_dam(device, effects, cells, drops):
-    """What reaches an edge falls: as much lava passes a drop of any height over any width."""
+def test_cliff_does_not_stop_lava(device, effects, cells, drops):
+    """The lava that passes does not depend on the height or width of the drop."""
     x = np.arange(160) * CELL
-    shares = []
+    fractions = []
     for drop in drops:
         height = -math.tan(math.radians(5.0)) * x
         height = height - np.clip((np.arange(160) - EDGE) / cells, 0.0, 1.0) * drop
@@ -64,6 +64,6 @@ def test_a_cliff_is_no_dam(device, effects, cells, drops):
         )
         simulation.advance(6 * 3600.0)
         thickness = np.nan_to_num(simulation.snapshot().thickness)
-        shares.append(thickness[:, EDGE + cells :].sum() / thickness.sum())
-    assert min(shares) > 0.6
-    assert max(shares) < 0.7
+        fractions.append(thickness[:, EDGE + cells :].sum() / thickness.sum())
+    assert min(fractions) > 0.6
+    assert max(fractions) < 0.7

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Viscous heating against the potential energy that lava loses."""
 
 import math
@@ -14,12 +13,12 @@ from lava_ros.simulation import Particles
 from lava_ros.verification import exact
 from solver import flat, incline, lattice, only, simulated
 
-# a small heat capacity, to warm by degrees
+# a small heat capacity, so that the warming is measurable
 LAVA = Lava(viscosity=1e4, specific_heat=1.0, emissivity=0.0, convection=0.0)
 
 
 def sheet(device='cpu', *lateral, slope=10.0, **knobs):
-    """A sheet 1 m thick on a slope [degrees] of 200 m, and where its middle is."""
+    """Return a sheet 1 m thick on a slope [degrees], and a function that samples its middle."""
     ground = incline(math.tan(math.radians(slope)), 60, 200, 1.0, origin=(-100.0, -30.0))
     sheet = Particles(lattice(24.5), 1.0, 1400.0)
     effects = only('steep', 'viscous_heating', *lateral)
@@ -41,13 +40,12 @@ def sheet(device='cpu', *lateral, slope=10.0, **knobs):
         ([], {'integrator': 'euler'}, 10.0, 2e-3),
         ([], {'gradient': 'balanced'}, 10.0, 2e-3),
         ([], {'precision': 'float64'}, 10.0, 2e-3),
-        # which moves the middle of a wide sheet as fast
         (['green'], {}, 5.0, 5e-3),
         (['helmholtz'], {}, 5.0, 5e-3),
     ],
     ids=str,
 )
-def test_sheet_on_a_slope_warms_by_what_it_descends(device, lateral, knobs, time, within):
+def test_sheet_on_a_slope_warms_by_its_descent(device, lateral, knobs, time, within):
     """A column that goes u t down a slope b warms by g tan(b) u t / c."""
     simulation, middle = sheet(device, *lateral, **knobs)
     _, speed = middle()
@@ -61,7 +59,7 @@ def test_sheet_on_a_slope_warms_by_what_it_descends(device, lateral, knobs, time
 
 @pytest.mark.parametrize('gradient', ['energy', 'balanced'])
 def test_spreading_turns_potential_energy_into_heat(gradient):
-    """All columns together: rho c sum V dT is the sum of rho g V h / 2 that was lost, to 3 %."""
+    """The gain rho c sum V dT is the loss of sum rho g V h / 2."""
     solution = exact.FixedVolumeSpread(1e4, 4.0, 9.81)
     places = solution.particles(2000, solution.time_of_radius(60.0))
     simulation = simulated(
@@ -78,7 +76,6 @@ def test_spreading_turns_potential_energy_into_heat(gradient):
 
 
 def test_lava_at_rest_is_not_warmed():
-    """On level ground an even sheet's middle keeps its temperature."""
     simulation, middle = sheet(slope=0.0)
     simulation.advance(10.0)
     assert middle()[0] == pytest.approx(1400.0, abs=2e-3)

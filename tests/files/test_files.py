@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files that are read and written, YAML, and where the shared ones are."""
+"""Input and output files, YAML, and the data files of the package."""
 
 from collections.abc import Callable
 import errno
@@ -33,7 +33,7 @@ from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.verification.rows import read_csv
 from recording import record
 
-#: What reads a file that a user names.
+#: Readers of files of the user.
 READERS: dict[str, Callable[[Path], Any]] = {
     'bag.mcap': BagReader,
     'one.mcap': attachments_of,
@@ -51,8 +51,8 @@ READERS: dict[str, Callable[[Path], Any]] = {
 
 @pytest.fixture
 def alarm():
-    """End what hangs."""
-    signal.signal(signal.SIGALRM, lambda *_: pytest.fail('it waits'))
+    """Fail a test that waits."""
+    signal.signal(signal.SIGALRM, lambda *_: pytest.fail('waited for 5 s'))
     signal.alarm(5)
     yield
     signal.alarm(0)
@@ -60,13 +60,12 @@ def alarm():
 
 @pytest.fixture
 def bag(tmp_path):
-    """A small bag."""
     return record(tmp_path / 'bag', (200.0, 400.0))
 
 
 @pytest.mark.parametrize('name', READERS)
-def test_what_may_never_end_is_refused(name, tmp_path, alarm):
-    """Nobody writes into a pipe: to open it would be to wait for ever; a device has no end."""
+def test_readers_reject_pipes_and_devices(name, tmp_path, alarm):
+    """Opening a pipe waits for a writer, and a device has no end."""
     os.mkfifo(tmp_path / name)
     with pytest.raises(LavaError):
         READERS[name](tmp_path / name)
@@ -76,11 +75,7 @@ def test_what_may_never_end_is_refused(name, tmp_path, alarm):
         READERS[name](tmp_path / name)
 
 
-def test_only_regular_files_are_opened(tmp_path, alarm):
-    """Links to them as well; a name that is none is an error of the system like others.
-
-    A case with a pipe in it is refused; without a table a calibration begins.
-    """
+def test_opens_only_regular_files_and_links_to_them(tmp_path, alarm):
     (tmp_path / 'file').write_text('here')
     (tmp_path / 'link').symlink_to('file')
     with open_input(tmp_path / 'link') as file:
@@ -91,16 +86,12 @@ def test_only_regular_files_are_opened(tmp_path, alarm):
     for name in ('elevation.asc', 'footprint.asc', 'vent.csv', 'effusion_rate.csv'):
         (tmp_path / name).write_text('')
     os.mkfifo(tmp_path / 'case.yaml')
-    with pytest.raises(LavaError, match='case.yaml.*no regular file'):
+    with pytest.raises(LavaError, match='case.yaml.*not a regular file'):
         load_case(tmp_path)
     assert read_trials(tmp_path / 'none.csv', [], []) == []
 
 
-def test_a_file_to_write_is_left_as_it_is(tmp_path, caplog, alarm):
-    """What is there stays, nothing is made, and only what is there is said.
-
-    A folder, a file in a folder that is missing, one in a file, a pipe and a device are refused.
-    """
+def test_file_to_write_checks_the_path_without_a_change(tmp_path, caplog, alarm):
     caplog.set_level('INFO')
     old = tmp_path / 'old.json'
     old.write_text('precious')
@@ -108,7 +99,7 @@ def test_a_file_to_write_is_left_as_it_is(tmp_path, caplog, alarm):
     assert file_to_write('--json', tmp_path / 'new.json', ('.json',)) == tmp_path / 'new.json'
     assert [path.name for path in tmp_path.iterdir()] == ['old.json']
     assert old.read_text() == 'precious'
-    assert caplog.messages == [f'{old} is there and will be replaced']
+    assert caplog.messages == [f'{old} exists and will be replaced']
     (tmp_path / 'file').write_text('')
     os.mkfifo(tmp_path / 'pipe')
     names = ['none/a.json', 'file/a.json', 'pipe', 'a\0b']
@@ -119,8 +110,8 @@ def test_a_file_to_write_is_left_as_it_is(tmp_path, caplog, alarm):
         file_to_write('--json', tmp_path / 'bag.mcap', ('.json',))
 
 
-def test_a_file_is_replaced_as_a_whole(tmp_path):
-    """Or stays, when something fails; its rights and a link to it stay, too."""
+def test_replaces_a_file_completely_or_not_at_all(tmp_path):
+    """Permissions and links to the file remain."""
     path = tmp_path / 'a.txt'
     path.write_text('old')
     path.chmod(0o600)
@@ -135,8 +126,7 @@ def test_a_file_is_replaced_as_a_whole(tmp_path):
     assert sorted(item.name for item in tmp_path.iterdir()) == ['a.txt', 'link']
 
 
-def test_links_where_a_file_is_written_are_not_followed(bag, tmp_path):
-    """Somebody has put them where a report and a bag's metadata used to be begun."""
+def test_does_not_write_through_links_at_old_temporary_names(bag, tmp_path):
     precious = tmp_path / 'precious'
     precious.write_text('precious')
     (tmp_path / '.run.html.partial').symlink_to(precious)
@@ -151,24 +141,22 @@ def test_links_where_a_file_is_written_are_not_followed(bag, tmp_path):
     ('command', 'option', 'name'),
     [('report', '-o', 'a.html'), ('plot', '-o', 'a.png'), ('info', '--json', 'a.json')],
 )
-def test_what_is_replaced_is_said(command, option, name, bag, tmp_path, monkeypatch):
-    """Once something is there."""
+def test_logs_that_a_file_will_be_replaced(command, option, name, bag, tmp_path, monkeypatch):
     monkeypatch.setattr('lava_ros.pages.pictures.draw_sheet', lambda *_, **__: None)
     path = tmp_path / name
-    for is_there in (False, True):
-        status, _, said = lava(command, bag, option, path)
+    for exists in (False, True):
+        status, _, message = lava(command, bag, option, path)
         assert status == 0
-        assert (f'{path} is there and will be replaced' in said) == is_there
+        assert (f'{path} exists and will be replaced' in message) == exists
         path.touch()
 
 
-def test_an_input_is_not_written_over(bag, tmp_path):
-    """Whatever it is called, and also by another of its names."""
+def test_rejects_output_that_would_replace_its_input(bag, tmp_path):
     path = bag / 'bag_0.mcap'
     before = path.read_bytes()
     for command, option in (('info', '--json'), ('report', '-o'), ('plot', '-o')):
-        status, _, said = lava(command, bag, option, path)
-        assert (status, 'whose name ends with' in said) == (2, True)
+        status, _, message = lava(command, bag, option, path)
+        assert (status, 'whose name ends with' in message) == (2, True)
     assert path.read_bytes() == before
     ground = tmp_path / 'ground.tif'
     scene = tmp_path / 'scene.json'
@@ -179,13 +167,12 @@ def test_an_input_is_not_written_over(bag, tmp_path):
         ('effects', scene, '--json', tmp_path / 'other.json'),
     ):
         ground.write_text('precious')
-        status, _, said = lava(*words)
-        assert (status, 'expected another file than' in said) == (2, True), said
+        status, _, message = lava(*words)
+        assert (status, 'expected another file than' in message) == (2, True), message
         assert (ground.read_text(), scene.read_text()) == ('precious', '{}')
 
 
-def test_a_terminal_is_not_told_what_a_bag_says(tmp_path):
-    """Escapes in names and texts are shown, in what is printed and in what is said."""
+def test_escapes_control_characters_of_a_bag_in_output(tmp_path):
     evil = 'a\x1b]0;title\x07\x9b31mb\udc80'
     source = BagReader(record(tmp_path / 'source', (200.0,)))
     data = {'scene': yaml.safe_dump({evil: [evil]}), 'version': evil, evil: evil}
@@ -200,13 +187,13 @@ def test_a_terminal_is_not_told_what_a_bag_says(tmp_path):
         ('recover', tmp_path / 'bag', tmp_path / 'new'),
         ('info', tmp_path / evil),
     ):
-        _, out, said = lava(*words)
-        assert (out + said).replace('\n', '').isprintable()
-        assert 'x1b' in out + said or '\\u001b' in out
+        _, out, message = lava(*words)
+        assert (out + message).replace('\n', '').isprintable()
+        assert 'x1b' in out + message or '\\u001b' in out
 
 
-def test_a_full_disk_is_an_error_and_leaves_nothing(bag, tmp_path):
-    """No file that says it is there and is not: GDAL, among others, only prints that it failed."""
+def test_full_disk_is_an_error_and_leaves_no_file(bag, tmp_path):
+    """Some libraries, such as GDAL, only print that they have failed."""
     commands = {'export': 'maps', 'plot': 'a.png', 'report': 'a.html'}
     code = 'import resource, sys; from lava_ros.cli.main import main;'
     code += 'resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64));'
@@ -223,21 +210,19 @@ def test_a_full_disk_is_an_error_and_leaves_nothing(bag, tmp_path):
     assert [item for item in (tmp_path / 'out').rglob('*') if item.is_file()] == []
 
 
-def test_a_disk_that_fills_up_ends_any_command_with_a_sentence(monkeypatch, tmp_path):
-    """Also where what is written is the demo's own."""
-
+def test_command_ends_with_one_error_when_the_disk_is_full(monkeypatch, tmp_path):
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, 'No space left on device')
 
     monkeypatch.setattr('numpy.savez', full)
-    status, _, said = lava('demo', '--output', tmp_path / 'demo', '--device', 'cpu')
+    status, _, message = lava('demo', '--output', tmp_path / 'demo', '--device', 'cpu')
     assert status == 2
-    assert 'lava demo: no room is left: [Errno 28] No space left on device' in said
+    assert 'lava demo: no room is left: [Errno 28] No space left on device' in message
 
 
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
-    """The package as if it were installed: not in a checkout, an empty prefix, no ament."""
+    """Move the package out of its checkout, with an empty prefix and without ament."""
     package = tmp_path / 'lib/site-packages/lava_ros'
     package.mkdir(parents=True)
     monkeypatch.setattr(share, '__file__', str(package / 'resources.py'))
@@ -246,27 +231,22 @@ def installed(tmp_path, monkeypatch):
     return tmp_path
 
 
-def put(prefix: Path) -> Path:
-    """Install a data file into a prefix."""
+def install(prefix: Path) -> Path:
     path = prefix / 'share/lava_ros/msg_configs/default.yaml'
     path.parent.mkdir(parents=True)
     path.write_text('layers: {}\n')
     return path
 
 
-def test_ament_comes_before_pip(installed, monkeypatch):
-    """An ament prefix wins over pip's; the first prefix that has the file wins.
-
-    The error names the file and every place that was looked at.
-    """
-    path = put(installed / 'prefix')
+def test_searches_ament_prefixes_before_that_of_pip(installed, monkeypatch):
+    path = install(installed / 'prefix')
     assert share_path('msg_configs/default.yaml') == path
-    path = put(installed / 'overlay')
-    put(installed / 'underlay')
+    path = install(installed / 'overlay')
+    install(installed / 'underlay')
     prefixes = f'{installed / "empty"}:{installed / "overlay"}:{installed / "underlay"}'
     monkeypatch.setenv('AMENT_PREFIX_PATH', prefixes)
     assert share_path('msg_configs/default.yaml') == path
-    # another package's beside lava_ros/ does not make a checkout
+    # the package.xml of another package in the parent folder is not that of a checkout
     root = installed / 'lib/site-packages'
     (root / 'package.xml').write_text('<package><name>other</name></package>')
     (root / 'msg_configs').mkdir()
@@ -278,7 +258,6 @@ def test_ament_comes_before_pip(installed, monkeypatch):
 
 
 def find(name: str, folder: str = 'msg_configs') -> Path:
-    """Find a file of the user or of the package."""
     return share.find_file(name, folder, field='which', expected='a file')
 
 
@@ -286,8 +265,7 @@ def find(name: str, folder: str = 'msg_configs') -> Path:
     ('folder', 'name'),
     [('msg_configs', 'default.yaml'), ('msg_configs', 'forecast.yaml'), ('examples', 'etna.yaml')],
 )
-def test_a_file_of_the_user_comes_first(tmp_path, monkeypatch, folder, name):
-    """A path is taken as it is; a name without such a file is looked for in the package."""
+def test_finds_files_of_the_user_before_those_of_the_package(tmp_path, monkeypatch, folder, name):
     monkeypatch.chdir(tmp_path)
     found = find(name, folder)
     assert found.parent.name == folder and found.is_file()
@@ -295,37 +273,36 @@ def test_a_file_of_the_user_comes_first(tmp_path, monkeypatch, folder, name):
     assert find(name, folder) == Path(name)
 
 
-def test_a_file_that_is_not_found(tmp_path, monkeypatch):
-    """The error lists where it was looked for; a path is not looked for in the package."""
+def test_error_lists_the_searched_places(tmp_path, monkeypatch):
+    """A path is not searched in the package."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(LavaError) as caught:
         find('nothing.yaml')
-    said = str(caught.value)
-    assert said.startswith(
+    message = str(caught.value)
+    assert message.startswith(
         f"which is 'nothing.yaml', expected a file; looked for {tmp_path / 'nothing.yaml'}, "
     )
-    assert 'msg_configs/nothing.yaml' in said
+    assert 'msg_configs/nothing.yaml' in message
     for name in ('../msg_configs/default.yaml', './default.yaml', str(tmp_path / 'default.yaml')):
         with pytest.raises(LavaError) as caught:
             find(name)
         assert str(caught.value).count('default.yaml') == 2
 
 
-#: 350 bytes that stand for 9 to the 9th values.
+#: YAML of 350 bytes with 9 to the 9th values.
 BOMB = 'a: &a [x, x, x, x, x, x, x, x, x]\n' + ''.join(
     f'{name}: &{name} [{", ".join([f"*{inner}"] * 9)}]\n'
     for inner, name in zip('abcdefgh', 'bcdefghi', strict=True)
 )
 
 
-def test_what_is_read(tmp_path, monkeypatch):
-    """What people write by hand, aliases and merged keys; no long text, and no long file."""
+def test_reads_yaml_up_to_a_size(tmp_path, monkeypatch):
     data = parse_yaml('scene', 'a: &a {x: 1}\nb: [*a, *a]\nc: {<<: *a, y: 2}\nd: 2001-02-03\n')
     assert data['b'] == [{'x': 1}, {'x': 1}]
     assert data['c'] == {'x': 1, 'y': 2}
     assert str(data['d']) == '2001-02-03'
     assert parse_yaml('scene', '') is None
-    monkeypatch.setattr(yaml_files, 'MOST_BYTES', 100)
+    monkeypatch.setattr(yaml_files, 'MAX_BYTES', 100)
     assert parse_yaml('scene', ' ' * 99 + '1') == 1
     with pytest.raises(LavaError, match='at most 100 bytes'):
         parse_yaml('scene', ' ' * 100 + '1')
@@ -337,17 +314,17 @@ def test_what_is_read(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ('text', 'reason'),
     [
-        (BOMB, '500000 values, those behind aliases counted each time, in line 6, column'),
+        (BOMB, '500000 values, those of an alias counted each time, in line 6, column'),
         ('a: &a [*a]', 'an alias inside the value that it refers to in line 1, column 8'),
         ('a: *b', "undefined alias 'b' in line 1, column 4"),
         ('a: ' + '[' * 5000 + ']' * 5000, '50 levels of lists and mappings in line 1, column 53'),
         ('- &a0 []\n' + ''.join(f'- &a{i + 1} [*a{i}]\n' for i in range(60)), '50 levels'),
-        ('a: 1\nb: !!timestamp 2001-99-99', 'a value that is no timestamp in line 2, column 4'),
-        ('!!timestamp x', 'no timestamp'),
-        ('!!int x', 'no int'),
-        ('!!int ""', 'no int'),
-        ('!!bool x', 'no bool'),
-        ('!!float x', 'no float'),
+        ('a: 1\nb: !!timestamp 2001-99-99', 'a value that is not of type timestamp in line 2, '),
+        ('!!timestamp x', 'not of type timestamp'),
+        ('!!int x', 'not of type int'),
+        ('!!int ""', 'not of type int'),
+        ('!!bool x', 'not of type bool'),
+        ('!!float x', 'not of type float'),
         ('!!python/object/apply:os.getcwd []', 'python/object'),
         ('9' * 4301, 'a number of more than 100 characters in line 1, column 1'),
         ('0x' + 'f' * 60_000, 'a number of more than 100 characters'),
@@ -360,8 +337,8 @@ def test_what_is_read(tmp_path, monkeypatch):
     ],
     ids=lambda item: item[:20],
 )
-def test_what_is_refused(text, reason):
-    """Each is one error of one line, with the place and the reason."""
+def test_rejects_unsafe_or_invalid_yaml(text, reason):
+    """Each error is one line with the place and the reason."""
     with pytest.raises(LavaError) as caught:
         parse_yaml('scene', text)
     assert caught.value.field == 'scene'
@@ -387,8 +364,7 @@ def test_what_is_refused(text, reason):
         ('a: &x 010\nb: *x', '.a', '010', '10, or text'),
     ],
 )
-def test_yaml_refuses_what_version_1_1_reads_otherwise(text, field, typed, expected):
-    """The error has the field, the value as it is written, and what to write instead."""
+def test_rejects_values_that_yaml_1_1_reads_differently(text, field, typed, expected):
     with pytest.raises(LavaError, match=expected) as caught:
         parse_yaml('scene', text)
     assert (caught.value.field, caught.value.value) == ('scene' + field, typed)
@@ -402,22 +378,20 @@ def test_yaml_refuses_what_version_1_1_reads_otherwise(text, field, typed, expec
         ('2021-09-19T14:00:00Z', '2021-09-19T14:00:00Z'), ('!!int 010', 8),
     ],
 )
-def test_yaml_reads_what_is_written(text, value):
-    """Text in quotes, decimal numbers, true and false are themselves; dates stay text."""
+def test_reads_quoted_text_decimals_and_dates_as_written(text, value):
     assert parse_yaml('scene', f'a: {text}') == {'a': value}
 
 
 @pytest.mark.parametrize('name', ['none.yaml', '.', 'a\0b', 'x' * 5000, 'latin.yaml'])
-def test_files_that_cannot_be_read(tmp_path, name):
-    """The error names the file."""
+def test_error_names_an_unreadable_yaml_file(tmp_path, name):
     (tmp_path / 'latin.yaml').write_bytes(b'# \xe9')
     with pytest.raises(LavaError, match='expected a readable YAML file') as caught:
         read_yaml('scene', tmp_path / name)
     assert len(str(caught.value)) < LONGEST_EXPECTED + 2 * LONGEST_VALUE
 
 
-def test_nothing_else_reads_yaml():
-    """PyYAML's own loaders have no bounds."""
+def test_no_other_module_reads_yaml():
+    """The loaders of PyYAML have no limits."""
     package = Path(yaml_files.__file__).parents[1]
     users = [path.name for path in package.rglob('*.py') if 'yaml.load(' in path.read_text()]
     assert users == ['yaml.py']

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every picture: texts as they were typed, embedded fonts, title and author of the file."""
+"""Pictures: literal texts, embedded fonts, title and author of the file."""
 
 from pathlib import Path
 import re
@@ -29,7 +29,7 @@ from recording import record
 
 ROOT = Path(__file__).parents[2]
 
-#: Texts that matplotlib reads as formulas, or leaves out, unless it is told not to.
+#: Texts that matplotlib parses as formulas, or hides, by default.
 TEXTS = (
     'between $5 and $6',
     r'bag $\a$ x',
@@ -44,7 +44,6 @@ LAVA = np.where(np.hypot(*np.indices(GROUND.shape) - 20.0) < 9.0, 2.0, np.nan)
 
 
 def sheet(path: Path, **options: Any) -> None:
-    """Draw a page with one map."""
     panel = {name: options.pop(name) for name in ('heading', 'outline') if name in options}
     frame = Frame(
         GROUND, 10.0, (0.0, 0.0), {}, np.array([[200.0, 200.0]]), 60.0,
@@ -56,7 +55,7 @@ def sheet(path: Path, **options: Any) -> None:
 
 
 def feature(kind: str, name: str) -> list[Feature]:
-    """A feature on the lava of ``sheet``."""
+    """Return a feature on the lava of ``sheet``."""
     places = np.array([[150.0, 150.0], [250.0, 160.0], [240.0, 260.0], [150.0, 150.0]])
     count = {'Point': 1, 'LineString': 3, 'Polygon': 4}[kind]
     ring = np.add(places[:count], (500_000.0, 4_180_000.0))
@@ -64,36 +63,36 @@ def feature(kind: str, name: str) -> list[Feature]:
 
 
 def accuracy_chart(path: Path, text: str) -> None:
-    """Draw a chart of accuracy with a case of this title."""
+    """Draw an accuracy chart with a text as the title of its case."""
     rows = read_csv(ROOT / 'docs/accuracy/cpu.csv')
     chart.draw(rows[:40], dict.fromkeys({row.case for row in rows}, text), path)
 
 
-def all_texts(path: Path, text: str) -> list[str]:
-    """Draw a page with this text wherever a user or a file chooses one; returns the texts."""
+def sheet_texts(path: Path, text: str) -> list[str]:
+    """Draw a page with a text at every place, and return all texts."""
     kinds = ('Point', 'LineString', 'Polygon')
     places = ('title', 'subtitle', 'note', 'heading', 'outline', 'file', 'agency', 'author')
-    said = {place: f'{text} {place}' for place in (*places, *kinds)}
+    texts = {place: f'{text} {place}' for place in (*places, *kinds)}
     overlays = {
-        said['file']: [item for kind in kinds for item in feature(kind, said[kind])]
+        texts['file']: [item for kind in kinds for item in feature(kind, texts[kind])]
     }
     sheet(
-        path, title=said['title'], subtitle=said['subtitle'], notes={'source': said.pop('note')},
-        heading=said['heading'], outline=said['outline'], overlays=overlays,
-        imprint=Imprint(said['author'], said['agency']),
+        path, title=texts['title'], subtitle=texts['subtitle'], heading=texts['heading'],
+        notes={'source': texts.pop('note')}, outline=texts['outline'], overlays=overlays,
+        imprint=Imprint(texts['author'], texts['agency']),
     )
-    return [*said.values(), f'source: {text} note']
+    return [*texts.values(), f'source: {text} note']
 
 
 def chart_texts(path: Path, text: str) -> list[str]:
-    """Draw a chart of accuracy with this title of a case."""
+    """Draw an accuracy chart with a text, and return the text."""
     accuracy_chart(path, text)
     return [text]
 
 
 @pytest.fixture
 def figures(monkeypatch):
-    """The figures that are saved; a formula in one is an error."""
+    """Collect the saved figures, and fail if one contains a formula."""
     found: list[Any] = []
 
     def keep(figure: Any, *words: Any, **options: Any) -> None:
@@ -110,9 +109,8 @@ def figures(monkeypatch):
 
 
 @pytest.mark.parametrize('text', TEXTS)
-@pytest.mark.parametrize('draw', [all_texts, chart_texts])
-def test_texts_are_drawn_as_they_are(draw, text, figures, tmp_path):
-    """No character of a text starts a formula, hides it, or ends the command."""
+@pytest.mark.parametrize('draw', [sheet_texts, chart_texts])
+def test_draws_texts_literally(draw, text, figures, tmp_path):
     expected = draw(tmp_path / 'map.svg', text)
     (figure,) = figures
     drawn = {item.get_text().strip('\u200b') for item in figure.findobj(Text)}
@@ -124,8 +122,7 @@ def test_texts_are_drawn_as_they_are(draw, text, figures, tmp_path):
     lambda path: accuracy_chart(path, 'case'),
     lambda path: animate_bag(record(path.parent / 'bag'), path.with_suffix('.gif'), seconds=0.5),
 ])
-def test_settings_of_the_user_change_nothing(draw, figures, tmp_path, monkeypatch):
-    """A matplotlibrc with TeX and dark colours has no effect, and stays as it is."""
+def test_ignores_the_matplotlib_settings_of_the_user(draw, figures, tmp_path, monkeypatch):
     import matplotlib
 
     with matplotlib.rc_context({'text.usetex': True, 'text.color': 'white', 'font.size': 40.0}):
@@ -135,15 +132,13 @@ def test_settings_of_the_user_change_nothing(draw, figures, tmp_path, monkeypatc
         assert not any(item.get_usetex() for item in figure.findobj(Text))
 
 
-def test_reliability_is_drawn_as_a_part_of_a_page(figures, tmp_path):
-    """Charts beside the maps have the settings of their page."""
+def test_draws_a_reliability_diagram_on_a_page(figures, tmp_path):
     likely = np.linspace(0.0, 1.0, 50)
     sheet(tmp_path / 'a.png', charts=[lambda axes: draw_reliability(axes, likely, likely > 0.4)])
     assert any('Brier' in item.get_text() for item in figures[0].findobj(Text))
 
 
-def test_figures_are_made_in_one_place():
-    """No other module makes a figure, which would lack the settings."""
+def test_no_other_module_creates_a_figure():
     made = [
         path.name
         for path in (ROOT / 'lava_ros').rglob('*.py')
@@ -152,8 +147,7 @@ def test_figures_are_made_in_one_place():
     assert made == [Path(pictures.__file__).name]
 
 
-def test_files_name_title_and_author_and_embed_fonts(tmp_path):
-    """PDF, SVG and PNG state both; fonts of a PDF are whole TrueType."""
+def test_files_contain_title_author_and_fonts(tmp_path):
     imprint = Imprint('A. Rossi', 'Osservatorio Etneo')
     for ending in ('pdf', 'svg', 'png'):
         sheet(tmp_path / f'map.{ending}', title='Etna $5', imprint=imprint)
@@ -167,8 +161,7 @@ def test_files_name_title_and_author_and_embed_fonts(tmp_path):
     assert (known['Title'], known['Author']) == ('Etna $5', 'A. Rossi, Osservatorio Etneo')
 
 
-def test_logo_is_drawn_and_others_are_refused(tmp_path):
-    """A PNG of any mode is in the corner; a file that is no picture is one error."""
+def test_draws_a_logo_and_rejects_other_files(tmp_path):
     Image.new('P', (300, 100), 1).save(tmp_path / 'logo.png')
     assert read_logo('--logo', tmp_path / 'logo.png').mode == 'RGBA'
     Image.new('RGB', (4000, 4000), (255, 0, 255)).save(tmp_path / 'logo.jpg')
@@ -177,7 +170,7 @@ def test_logo_is_drawn_and_others_are_refused(tmp_path):
     pixels = np.asarray(Image.open(tmp_path / 'map.png').convert('RGB')).astype(int)
     logo = (pixels[..., 0] > 240) & (pixels[..., 1] < 20) & (pixels[..., 2] > 240)
     rows, columns = np.nonzero(logo)
-    # 0.58 inches of 150 pixels, in the upper right corner
+    # 0.58 inches at 150 pixels per inch, in the upper right corner
     assert 80 <= np.ptp(rows) <= 90 and 80 <= np.ptp(columns) <= 90
     assert rows.max() < 150 and columns.min() > 0.8 * pixels.shape[1]
     (tmp_path / 'text.png').write_text('no picture')
@@ -186,8 +179,7 @@ def test_logo_is_drawn_and_others_are_refused(tmp_path):
             read_logo('--logo', tmp_path / name)
 
 
-def test_figure_needs_matplotlib(monkeypatch):
-    """The error says how to get it."""
+def test_error_names_the_extra_for_matplotlib(monkeypatch):
     monkeypatch.setitem(sys.modules, 'matplotlib.figure', None)
     match = r"pip install 'lava_ros\[plot\]'"
     with (

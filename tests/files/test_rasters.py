@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Each format of the table, in a file that GDAL has written: read, truncated, and refused."""
+"""Raster formats: complete, truncated and rejected files, written by GDAL."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,12 +19,12 @@ from lava_ros.errors import LavaError
 from lava_ros.files.rasters import FORMATS, opened_raster
 from lava_ros.scene.terrain_files import load_terrain
 
-#: Rows from the north; the heights tell a mirrored or shifted grid from the right one.
+#: Rows from the north; the elevations distinguish mirrored and shifted grids.
 GROUND = (1000.0 + np.add.outer(3.0 * np.arange(40.0), np.arange(30.0))).astype(np.float32)
 
 PLACE = from_origin(500_000.0, 4_180_000.0, 10.0, 10.0)
 
-#: Side of an SRTM tile of 3 arc seconds [cells], and its heights.
+#: Side of an SRTM tile of 3 arc seconds [cells], and its elevations.
 TILE = 1201
 HEIGHTS = (1000.0 + np.add.outer(np.arange(TILE), np.arange(TILE)) / 4.0).astype(np.int16)
 
@@ -46,7 +46,6 @@ FILES: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def write_ground(path: Path, crs: str = 'EPSG:32633', **options: Any) -> Path:
-    """Write the ground as GeoTIFF."""
     rows, columns = GROUND.shape
     with rasterio.open(
         path, 'w', driver='GTiff', count=1, dtype='float32', height=rows, width=columns,
@@ -57,7 +56,7 @@ def write_ground(path: Path, crs: str = 'EPSG:32633', **options: Any) -> Path:
 
 
 def write_format(folder: Path, name: str) -> Path:
-    """Have GDAL write a file of a format, from a GeoTIFF of the same content."""
+    """Write a file of a format with GDAL."""
     suffix, options = FILES[name]
     (driver,) = (item.driver for item in FORMATS if item.name == name)
     if driver == 'SRTMHGT':
@@ -78,13 +77,11 @@ def write_format(folder: Path, name: str) -> Path:
 
 
 def test_each_format_has_a_file() -> None:
-    """A format that is added to the table is added here."""
     assert list(FILES) == [item.name for item in FORMATS]
 
 
 @pytest.mark.parametrize('name', FILES)
-def test_format_is_read(tmp_path: Path, name: str) -> None:
-    """The cells, their place and their system are those of the file."""
+def test_reads_format(tmp_path: Path, name: str) -> None:
     path = write_format(tmp_path, name)
     with opened_raster('terrain file', path) as source:
         cells = source.read(1)
@@ -99,7 +96,7 @@ def test_format_is_read(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize('fraction', [0.02, 0.3, 0.6, 0.99])
 @pytest.mark.parametrize('name', FILES)
-def test_truncated_file_is_refused(tmp_path: Path, name: str, fraction: float) -> None:
+def test_rejects_truncated_file(tmp_path: Path, name: str, fraction: float) -> None:
     """A missing part is not ground at sea level."""
     path = write_format(tmp_path, name)
     whole = path.read_bytes()
@@ -116,8 +113,7 @@ def test_truncated_file_is_refused(tmp_path: Path, name: str, fraction: float) -
 @pytest.mark.parametrize(
     ('driver', 'name'), [('PNG', 'a.png'), ('ENVI', 'a.dat'), ('USGSDEM', 'a.dem')]
 )
-def test_other_formats_are_refused_with_advice(tmp_path: Path, driver: str, name: str) -> None:
-    """The drivers of GDAL that are not in the table stay closed."""
+def test_rejects_other_formats_with_advice(tmp_path: Path, driver: str, name: str) -> None:
     data = np.ones((1, TILE, TILE), np.uint8 if driver == 'PNG' else np.int16)
     with rasterio.open(
         tmp_path / name, 'w', driver=driver, count=1, dtype=data.dtype, height=TILE, width=TILE,
@@ -129,7 +125,7 @@ def test_other_formats_are_refused_with_advice(tmp_path: Path, driver: str, name
 
 
 def virtual_raster(name: str, *, attributes: str = 'relativeToVRT="1"', more: str = '') -> str:
-    """The text of a virtual raster of one file."""
+    """Return the text of a virtual raster with one source."""
     return (
         '<VRTDataset rasterXSize="30" rasterYSize="40"><SRS>EPSG:32633</SRS>'
         '<GeoTransform>500000,10,0,4180000,0,-10</GeoTransform>'
@@ -139,8 +135,7 @@ def virtual_raster(name: str, *, attributes: str = 'relativeToVRT="1"', more: st
     )
 
 
-def test_virtual_raster_joins_files_of_its_folder(tmp_path: Path) -> None:
-    """Also if the names of the files say nothing of their formats."""
+def test_virtual_raster_opens_files_of_its_folder(tmp_path: Path) -> None:
     write_ground(tmp_path / 'tile')
     (tmp_path / 'a.vrt').write_text(virtual_raster('tile'))
     np.testing.assert_array_equal(load_terrain(tmp_path / 'a.vrt').elevation, GROUND[::-1])
@@ -196,7 +191,6 @@ VIRTUAL: dict[str, Callable[[Path], str]] = {
 
 @pytest.mark.parametrize('case', VIRTUAL)
 def test_virtual_raster_opens_nothing_else(tmp_path: Path, case: str) -> None:
-    """No file elsewhere, no address, no code."""
     with socket.create_server(('127.0.0.1', 0)) as server:
         server.settimeout(0.0)
         text = VIRTUAL[case](tmp_path).replace('{port}', str(server.getsockname()[1]))
@@ -207,20 +201,19 @@ def test_virtual_raster_opens_nothing_else(tmp_path: Path, case: str) -> None:
             server.accept()
 
 
-@pytest.mark.parametrize('beside', ['ground.tif.msk', 'ground.tif.ovr'])
-def test_file_beside_a_raster_is_a_geotiff(tmp_path: Path, beside: str) -> None:
-    """GDAL opens masks and overviews with any driver, also those that follow addresses."""
+@pytest.mark.parametrize('sidecar', ['ground.tif.msk', 'ground.tif.ovr'])
+def test_rejects_masks_and_overviews_other_than_geotiff(tmp_path: Path, sidecar: str) -> None:
+    """GDAL opens them with any driver, including drivers that open URLs."""
     path = write_format(tmp_path, 'GeoTIFF')
-    (tmp_path / beside).write_text(virtual_raster('/vsicurl/http://127.0.0.1:9/a.tif'))
+    (tmp_path / sidecar).write_text(virtual_raster('/vsicurl/http://127.0.0.1:9/a.tif'))
     with pytest.raises(LavaError, match='a mask or overviews in a GeoTIFF'):
         load_terrain(path)
-    write_ground(tmp_path / 'mask.tif').rename(tmp_path / beside)
+    write_ground(tmp_path / 'mask.tif').rename(tmp_path / sidecar)
     assert load_terrain(path).epsg == 32633
 
 
 @pytest.mark.parametrize('name', ['GeoPackage', 'NetCDF-4'])
-def test_file_of_several_rasters_is_refused(tmp_path: Path, name: str) -> None:
-    """The error names the rasters; which of them is meant is not guessed."""
+def test_rejects_a_file_with_several_rasters(tmp_path: Path, name: str) -> None:
     path = write_format(tmp_path, name)
     source = write_ground(tmp_path / 'source.tif')
     if name == 'GeoPackage':
@@ -255,20 +248,17 @@ def _write_text(path: Path, body: str) -> Path:
         ('NODATA_value -9,5\n1 2 3\n4 5 6\n', "is '-9,5', expected a number or nan"),
     ],
 )
-def test_text_grid_is_not_guessed(tmp_path: Path, body: str, message: str) -> None:
-    """Neither the meaning of a comma nor what a surplus row is for."""
+def test_rejects_ambiguous_text_grid(tmp_path: Path, body: str, message: str) -> None:
     with pytest.raises(LavaError, match=message):
         load_terrain(_write_text(tmp_path / 'a.asc', body))
 
 
-def test_text_grid_may_break_its_lines_anywhere(tmp_path: Path) -> None:
-    """Only the number of values matters."""
+def test_text_grid_ignores_line_breaks(tmp_path: Path) -> None:
     terrain = load_terrain(_write_text(tmp_path / 'a.asc', '1 2\n3 4\r\n5 6'))
     np.testing.assert_array_equal(terrain.elevation, [[4, 5, 6], [1, 2, 3]])
 
 
-def test_float_grid_without_its_header_is_refused(tmp_path: Path) -> None:
-    """The values alone say nothing of their place."""
+def test_rejects_a_binary_grid_without_a_header(tmp_path: Path) -> None:
     path = write_format(tmp_path, 'ESRI binary grid')
     shutil.move(path.with_suffix('.hdr'), tmp_path / 'other.hdr')
     with pytest.raises(LavaError, match='a raster that GDAL can read'):
@@ -276,8 +266,8 @@ def test_float_grid_without_its_header_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('name', ['ESRI ASCII grid', 'ESRI binary grid'])
-def test_header_without_the_place_is_refused(tmp_path: Path, name: str) -> None:
-    """GDAL takes 0 for a corner and 1 for a side that the header does not have."""
+def test_rejects_a_header_without_position_or_cell_size(tmp_path: Path, name: str) -> None:
+    """GDAL assumes corners at 0 and sides of 1."""
     path = write_format(tmp_path, name)
     header = path if path.suffix == '.asc' else path.with_suffix('.hdr')
     whole = header.read_text()
@@ -290,10 +280,9 @@ def test_header_without_the_place_is_refused(tmp_path: Path, name: str) -> None:
             load_terrain(path)
 
 
-def test_unknown_lines_of_a_header_are_named(
+def test_warns_of_unknown_header_lines(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """GDAL passes over them."""
     path = write_format(tmp_path, 'ESRI binary grid')
     with path.with_suffix('.hdr').open('a') as file:
         file.write('NO_DATA -1\n')

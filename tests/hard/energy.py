@@ -209,11 +209,11 @@ def _gain(moment: Moment) -> float:
     surface = np.einsum('ij,ijk,j->ik', pull, offset, lava.volume) + slope
     if simulation.effects.inertia:
         square = (slope**2).sum(axis=1)
-        share, velocity = square / (1.0 + square), lava.velocity
+        fraction, velocity = square / (1.0 + square), lava.velocity
     else:
-        share, velocity = np.ones(len(lava.volume)), _mean(moment, distance)
+        fraction, velocity = np.ones(len(lava.volume)), _mean(moment, distance)
     climbs = np.maximum((velocity * surface).sum(axis=1), 0.0)
-    return float((lava.volume * share * climbs).sum())
+    return float((lava.volume * fraction * climbs).sum())
 
 
 def _mean(moment: Moment, distance: np.ndarray) -> np.ndarray:
@@ -241,6 +241,6 @@ def _sum_of(moment: Moment) -> np.ndarray:
     )
     total = lava.thickness.copy()
     for _ in range(60):
-        share = lava.volume / (total * simulation.radius**2)
-        total = lava.thickness / (1.0 - np.minimum(factor * share**power, 0.5))
+        cover = lava.volume / (total * simulation.radius**2)
+        total = lava.thickness / (1.0 - np.minimum(factor * cover**power, 0.5))
     return total

@@ -316,9 +316,9 @@ class Watch:
     def _broken(self, moment: Moment, bounds: Iterator[Bound]) -> list[Violation]:
         found = []
         for name, value, most, what in bounds:
-            share = value / most if most else (math.inf if value > 0.0 else 0.0)
-            share = math.inf if math.isnan(value) else share
-            self.largest[name] = max(self.largest.get(name, 0.0), share)
+            ratio = value / most if most else (math.inf if value > 0.0 else 0.0)
+            ratio = math.inf if math.isnan(value) else ratio
+            self.largest[name] = max(self.largest.get(name, 0.0), ratio)
             if not value <= most:
                 found.append(Violation(name, value, most, moment.time, what))
         return found

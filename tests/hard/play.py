@@ -128,15 +128,15 @@ def play(
     outcome.steps, outcome.evaluations = snapshot.steps.count, snapshot.steps.evaluations
     outcome.smallest_step, outcome.cost = watch.cost.smallest_step, watch.cost.highest
     if not outcome.violations and not outcome.is_cut:
-        for asked in _asked(item, outcome, before, simulation):
-            _hold(outcome, *asked)
+        for asked in _requirements(item, outcome, before, simulation):
+            _require(outcome, *asked)
         if compare and item.halved:
             _compare(item, outcome, accuracy, footprint(snapshot), device)
     outcome.wall_time = wall_clock.monotonic() - start
     return outcome
 
 
-def _asked(
+def _requirements(
     item: HardScene, outcome: Outcome, before: np.ndarray, simulation: Simulation
 ) -> Iterator[tuple[str, float, float]]:
     """Yield the requirements of a single scene: the invariant, its value, and its maximum."""
@@ -204,7 +204,7 @@ def _advance(
     return simulation.advance(moment, wall_limit=left) >= moment
 
 
-def _hold(outcome: Outcome, name: str, value: float, most: float) -> None:
+def _require(outcome: Outcome, name: str, value: float, most: float) -> None:
     if not value <= most:
         outcome.violations.append(Violation(name, value, most, outcome.time))
 
@@ -214,9 +214,9 @@ def _compare(
 ) -> None:
     """Compare the footprint with that of a run with steps half as long (module docstring)."""
 
-    def change(share: float, played: HardScene = item) -> float:
-        """Return a run with steps of a fraction of their length, whatever limits them."""
-        shorter = {name: share * getattr(accuracy, name)
+    def change(fraction: float, played: HardScene = item) -> float:
+        """Return the change of the footprint with steps of a fraction of their length."""
+        shorter = {name: fraction * getattr(accuracy, name)
                    for name in ('courant_number', 'longest_step')}
         simulation = simulation_of(played, replace(accuracy, **shorter), device)
         for moment in _moments(item):
@@ -224,7 +224,7 @@ def _compare(
         return footprint_change(whole, footprint(simulation.snapshot()))
 
     found = change(0.5)
-    bound = PRESETS[outcome.preset].errors['edge'] + _cell_share(whole)
+    bound = PRESETS[outcome.preset].errors['edge'] + _cell_fraction(whole)
     if found > bound:
         # scatter only adds to the bound: without it the verdict is the same. Largest difference
         # between this run and one more, of equivalent runs
@@ -236,10 +236,10 @@ def _compare(
     if found > bound:
         found = change(0.25)
     outcome.footprint_change, outcome.footprint_bound = found, bound
-    _hold(outcome, 'halving', found, bound)
+    _require(outcome, 'halving', found, bound)
 
 
-def _cell_share(whole: np.ndarray) -> float:
+def _cell_fraction(whole: np.ndarray) -> float:
     """Return the number of cells equivalent to a cell of the border, for ``footprint_change``."""
     images = [image for grid in (whole, whole.T) for image in (grid, grid[::-1])]
     images += [image[:, ::-1] for image in images]

@@ -39,7 +39,7 @@ Task = tuple[str, str, str, float | None]
 
 
 def _played(scene: str, preset: str, device: str, wall_limit: float | None) -> Outcome:
-    """Run a scene; an exception becomes an outcome, too."""
+    """Run a scene; an exception is an outcome with a violation."""
     compare = preset != PUBLISHED
     try:
         return play(SCENES[scene], preset, device=device, compare=compare, wall_limit=wall_limit)
@@ -73,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             file_to_write('--json', options.json)
     except LavaError as error:
         parser.error(str(error))
-    # one process per core
+    # one thread per process
     use_threads(1)
     asked = options.scene or [*SCENES]
     names = [name for name, item in SCENES.items()
@@ -100,8 +100,6 @@ def _check_folder(folder: Path) -> None:
 def _run_on(
     device: str, options: argparse.Namespace, names: Sequence[str], presets: Sequence[str]
 ) -> list[dict[str, Any]]:
-    """Run the selected scenes on a device, and return the rows."""
-    # the slowest first, so that none of them is left for the end
     limit = options.limit if options.published else None
     tasks = [(name, preset, device, limit) for preset in reversed(presets) for name in names]
     outcomes = run(tasks, options.jobs)

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The hardest scene of each kind keeps every invariant; ``make hard`` runs all at all presets.
+"""The hardest scene of each kind keeps every invariant; each safeguard has a scene that needs it.
 
-Each safeguard has a scene that fails without it; ``make safeguards`` removes them in turn.
+``make hard`` runs all scenes at all presets; ``make safeguards`` removes the safeguards in turn.
 """
 
 import csv
@@ -25,8 +25,7 @@ from lava_ros.errors import LavaError
 from lava_ros.simulation import Particles, Simulation, timestep, vents
 from lava_ros.simulation.accuracy import Accuracy
 
-#: Scenes by family that violated an invariant, or cost most, before the solver was improved for
-#: them.
+#: Scenes by family that violated an invariant, or cost most, in earlier versions of the solver.
 HARDEST = (
     'viscosity_mixed', 'viscosity_1_inertia', 'viscosity_two_vents', 'column_200_m',
     'dam_onto_film', 'thick_200_m', 'spike', 'canyon', 'canyon_film', 'wall_89_degrees',
@@ -38,13 +37,11 @@ HARDEST = (
 
 @pytest.mark.parametrize('name', HARDEST)
 def test_the_hardest_scenes_keep_every_invariant(name, device):
-    """The hardest scenes hold at the default preset."""
     outcome = play(SCENES[name], 'standard', device=device)
     assert outcome.verdict == 'holds', outcome.violations
 
 
-def test_every_family_is_there():
-    """There are at least sixty scenes with different names, and some of each family in CI."""
+def test_every_family_has_a_hardest_scene():
     assert len(SCENES) == sum(map(len, FAMILIES.values())) >= 60
     for name, family in FAMILIES.items():
         assert {item.name for item in family} & set(HARDEST), name
@@ -58,14 +55,12 @@ def _in_a_cell(count: int, device: str) -> Simulation:
     )
 
 
-def test_a_million_particles_in_a_cell_are_refused(device):
-    """A crowd is an error: with a million neighbours per particle no step would ever end."""
+def test_rejects_a_million_particles_in_a_cell(device):
     with pytest.raises(LavaError, match=r'particles.*1000000 in .* at most 32768'):
         _in_a_cell(1_000_000, device)
 
 
-def test_vents_that_pile_up_lava_without_end_are_refused(device):
-    """Strength that holds all lava at its vent ends in a clear error, not in endless steps."""
+def test_rejects_lava_that_piles_up_at_its_vent(device):
     simulation = _in_a_cell(30_000, device)
     more = np.random.default_rng(2).uniform(0.0, 4.9, (5_000, 2))
     simulation._append([(*place, 1e-3, 1423.0) for place in more])
@@ -88,8 +83,7 @@ def _film(effects: Effects = PHYSICS['plain'], **lava: float) -> Simulation:
         (3, 200.0, 'temperature'), (1, 75.0, 'energy'), (1, 75.0, 'climb'),
     ],
 )
-def test_the_watch_sees_what_is_wrong(column, value, invariant):
-    """A particle that is NaN, too large, too hot, too cold or too high is found."""
+def test_watch_detects_an_invalid_particle(column, value, invariant):
     simulation = _film()
     watch = Watch(simulation)
     watch.check()
@@ -101,8 +95,7 @@ def test_the_watch_sees_what_is_wrong(column, value, invariant):
         watch.check()
 
 
-def test_the_watch_sees_choked_vents(monkeypatch):
-    """Vents that emit fewer particles than are due keep the volume, and produce no flow."""
+def test_watch_detects_vents_with_overdue_lava(monkeypatch):
     item = SCENES['vents_replaced']
     monkeypatch.setattr(vents, '_MOST_A_STEP', 1)
     monkeypatch.setattr(vents, '_LEAST_MOST', 1)
@@ -115,8 +108,7 @@ def test_the_watch_sees_choked_vents(monkeypatch):
 
 
 @pytest.mark.parametrize('effects', [PHYSICS['plain'], Effects(power_law=True)])
-def test_the_watch_sees_steps_that_lava_does_not_call_for(effects, monkeypatch):
-    """Steps a hundredth as long as possible are found, also by simulating the frame again."""
+def test_watch_detects_steps_that_are_too_short(effects, monkeypatch):
     longest = timestep.longest_step
     monkeypatch.setattr(timestep, 'longest_step', lambda *of: 0.01 * longest(*of))
     simulation = _film(effects, flow_index=0.8)
@@ -130,15 +122,14 @@ EACH_SAFEGUARD = pytest.mark.parametrize('safeguard', SAFEGUARDS, ids=lambda ite
 
 
 @EACH_SAFEGUARD
-def test_the_line_is_there(safeguard):
-    """The named line occurs once in the named file."""
+def test_line_of_the_safeguard_occurs_once(safeguard):
     text = (ROOT / safeguard.file).read_text(encoding='utf-8')
     assert text.count(safeguard.line) == 1
 
 
 @EACH_SAFEGUARD
 def test_scene_that_misses_it(safeguard):
-    """The scene holds; it does not if the line is removed."""
+    """The scene does not hold if the line is removed."""
     compare = safeguard.invariant == 'halving'
     outcome = play(SCENES[safeguard.scene], safeguard.preset, compare=compare, wall_limit=60.0)
     assert outcome.verdict == 'holds', outcome.violations
@@ -147,8 +138,7 @@ def test_scene_that_misses_it(safeguard):
 WORDS = ('--scene', 'no_particles', '--preset', 'draft', '--device', 'cpu', '--jobs', '1')
 
 
-def test_the_command_makes_the_folder_of_its_table(tmp_path):
-    """A missing folder is created."""
+def test_command_creates_the_folder_of_its_table(tmp_path):
     plain = tmp_path / 'hard.json'
     assert run.main([*WORDS, '--csv', str(tmp_path / 'a/b'), '--json', str(plain)]) == 0
     with (tmp_path / 'a/b/hard_cpu.csv').open(encoding='utf-8', newline='') as table:
@@ -158,8 +148,7 @@ def test_the_command_makes_the_folder_of_its_table(tmp_path):
     assert (row['case'], row['verdict'], row['asymmetry']) == ('no_particles', 'holds', '')
 
 
-def test_what_cannot_be_written_is_refused_before_a_scene_runs(tmp_path, monkeypatch, capsys):
-    """The error is one sentence that names the folder, before any work is done."""
+def test_rejects_an_unwritable_folder_before_the_run(tmp_path, monkeypatch, capsys):
     (tmp_path / 'file').write_text('')
     monkeypatch.setattr(run, 'run', lambda *_: pytest.fail('a scene has run'))
     with pytest.raises(SystemExit) as stopped:

@@ -115,7 +115,7 @@ def test_a_material_beside_lava_is_read_with_a_warning(
     assert f'{kind}.material: its place is lava: {{material: reunion_basalt}}' in caplog.text
     both = 'material: etna_basalt\nlava: {material: reunion_basalt}'
     for text, sentence in (
-        (both, 'absent beside lava.material'),
+        (both, 'absent when lava.material is given'),
         ('material: etna_basalt\nlava: 5', 'a mapping of constants'),
         ('material: obsidian', 'obsidian.*one of'),
     ):

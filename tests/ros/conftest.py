@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fixtures: processes in a ROS graph of this test run, and nodes in the test's process."""
+"""Fixtures for processes in the ROS graph of a test run, and for nodes in the test's process."""
 
 import json
 import os
@@ -22,7 +22,7 @@ from ros_domain import own_domain
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 
-#: Runs the node, or the module's ``main``, with five heartbeats a second to shorten waits.
+#: Runs the node, or the module's ``main``, with five heartbeats per second to shorten waits.
 QUICK_MODULE = """
 from lava_ros.ros import active_node
 from lava_ros.{} import main
@@ -51,13 +51,8 @@ class Process:
     def __init__(self, directory, arguments, aside=False):
         self.environment = _environment(aside)
         self.child = subprocess.Popen(
-            [sys.executable, *arguments],
-            cwd=directory,
-            env=self.environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
+            [sys.executable, *arguments], cwd=directory, env=self.environment,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )
         self.errors = []
         self._lines = queue.Queue()
@@ -77,11 +72,9 @@ class Process:
 
     @property
     def log(self):
-        """Text that the process has written to stderr."""
         return '\n'.join(self.errors)
 
     def line(self, timeout):
-        """Return the next line of stdout."""
         end = time.monotonic() + timeout
         while True:
             ended = self.child.poll() is not None
@@ -107,7 +100,6 @@ class Process:
         return code
 
     def end(self, number=signal.SIGTERM, timeout=PATIENCE):
-        """Signal the process and return its exit code."""
         if self.child.poll() is None:
             self.child.send_signal(number)
         try:
@@ -134,11 +126,9 @@ class Listener(Process, Hearing):
         self.seen = []
 
     def next(self, timeout):
-        """Return the next message; raise AssertionError if none arrives in time [s]."""
         return json.loads(self.line(timeout))
 
     def hear(self):
-        """Read all messages received so far, and return their total number."""
         while not self._lines.empty():
             self.seen.append(json.loads(self.line(1.0)))
         return len(self.seen)
@@ -154,7 +144,7 @@ class Graph:
     """Starts processes in one graph, or in a second one (``aside``).
 
     Attributes:
-        directory: Where the processes run.
+        directory: Working directory of the processes.
     """
 
     def __init__(self, directory):
@@ -175,20 +165,16 @@ class Graph:
         return self.process(*program, *words, aside=aside)
 
     def publisher(self, *, remap=()):
-        """Start a process that publishes messages on request."""
         self._publishers.append(Publisher(own_domain(), remap))
         return self._publishers[-1]
 
     def listener(self, *topics):
-        """Start a process that reports the messages it receives."""
         return self._start(Listener, *topics)
 
     def comparison(self, mask, *costmaps):
-        """Start a robot that compares costmaps with its own map and a mask."""
         return self._start(Comparison, mask, *costmaps)
 
     def process(self, *arguments, aside=False):
-        """Start any other Python process."""
         return self._start(Process, arguments, aside)
 
     @property
@@ -198,7 +184,6 @@ class Graph:
             yield ' '.join(process.child.args[1:3]), process.log[-5000:]
 
     def close(self):
-        """End the processes that still run: a killed one leaves its shared memory in /dev/shm."""
         for process in self._started:
             process.child.stdin.close()
             process.child.terminate()
@@ -224,7 +209,6 @@ def pytest_runtest_makereport(item):
 
 @pytest.fixture
 def bench(request):
-    """A worker without ROS, with the options of the test's parameter."""
     from worker_bench import Bench
 
     result = Bench(**getattr(request, 'param', {}))
@@ -234,7 +218,6 @@ def bench(request):
 
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory):
-    """A graph for the tests of a module."""
     result = Graph(tmp_path_factory.mktemp('graph'))
     yield result
     result.close()
@@ -242,7 +225,6 @@ def graph(tmp_path_factory):
 
 @pytest.fixture
 def alone(graph):
-    """End all processes that a test has started in the graph."""
     yield
     graph.close()
 

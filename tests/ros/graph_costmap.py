@@ -4,9 +4,8 @@
 """Comparison of a robot's costmaps with its own map and with a keepout mask.
 
 Arguments: the topic of the mask, then those of costmaps (nav_msgs/OccupancyGrid). The map has a
-wall, and differs from the mask in size, resolution and origin. Prints a JSON line for each
-costmap: its topic, a number for the newest mask, the numbers of lethal and of all cells of wall
-and mask, and the number of lethal cells elsewhere.
+wall. Prints a JSON line for each costmap: its topic, a number for the newest mask, the numbers of
+lethal and of all cells of wall and mask, and the number of other lethal cells.
 """
 
 import json
@@ -31,7 +30,6 @@ LETHAL = 100
 
 
 def own_map():
-    """Return the message of the robot's map."""
     cells = np.zeros(SHAPE, np.int8)
     cells[WALL] = LETHAL
     info = codec.map_metadata(Terrain(np.zeros(SHAPE), RESOLUTION, ORIGIN), 0)
@@ -48,7 +46,6 @@ def centres(grid):
 
 
 def lethal(grid, x, y):
-    """Mark the lethal cells of a grid in columns at x and rows at y; False beyond the grid."""
     info, corner = grid.info, grid.info.origin.position
     values = np.array(grid.data, np.int8).reshape(info.height, info.width) == LETHAL
     columns = np.floor((x - corner.x) / info.resolution).astype(int)

@@ -24,15 +24,12 @@ KINDS = {'': OccupancyGrid, 'image': Image, 'cloud': PointCloud2, 'markers': Mar
 
 
 def line_of(topic, kind, data):
-    """Describe a serialised message of a topic."""
     message = deserialize_message(data, kind)
-    # the first marker always clears the earlier ones
+    # the first marker clears the earlier ones
     header = message.markers[0].header if kind is MarkerArray else message.header
     stamp = header.stamp
     line = {
-        'topic': topic,
-        'stamp_ns': stamp.sec * 10**9 + stamp.nanosec,
-        'frame_id': header.frame_id,
+        'topic': topic, 'stamp_ns': stamp.sec * 10**9 + stamp.nanosec, 'frame_id': header.frame_id,
         'sha256': hashlib.sha256(data).hexdigest(),
     }
     if kind is OccupancyGrid:

@@ -49,11 +49,7 @@ TYPES = {
     'observed_outline': (OccupancyGrid, QoSProfile(depth=10)),
 }
 SERVICES = {
-    'reset': Trigger,
-    'step': Trigger,
-    'save': Trigger,
-    'pause': SetBool,
-    'record': SetBool,
+    'reset': Trigger, 'step': Trigger, 'save': Trigger, 'pause': SetBool, 'record': SetBool,
 }
 TRANSITIONS = {
     'configure': Transition.TRANSITION_CONFIGURE,
@@ -63,11 +59,8 @@ TRANSITIONS = {
 }
 #: Goal states of the transitions.
 GOALS = {
-    'configure': 'inactive',
-    'activate': 'active',
-    'deactivate': 'inactive',
-    'cleanup': 'unconfigured',
-    'shutdown': 'finalized',
+    'configure': 'inactive', 'activate': 'active', 'deactivate': 'inactive',
+    'cleanup': 'unconfigured', 'shutdown': 'finalized',
 }
 #: Services that are not idempotent.
 ONCE = {'change_state', 'step', 'save', 'record'}
@@ -102,7 +95,6 @@ def info(width=COLUMNS, angle=0.0, x=0.0, **changes):
 
 
 def cloud(columns, frame_id='map'):
-    """Return a point cloud of FLOAT32 columns."""
     return codec.point_cloud(columns, codec.header(frame_id, 0))
 
 
@@ -114,7 +106,6 @@ def vents(frame_id='map', without=(), **changes):
 
 
 def click(x, y, frame_id='map'):
-    """Return a point clicked in a viewer."""
     message = PointStamped()
     message.header.frame_id = frame_id
     message.point.x, message.point.y = x, y
@@ -130,7 +121,6 @@ def outline(reach=100.0, late=0.0, frame_id='map', **changes):
 
 
 def spoilt(value):
-    """Return the elevations with one cell replaced."""
     values = elevation()
     values[5, 5] = value
     return values
@@ -178,10 +168,9 @@ CASES = {
     'wide_cloud': ('terrain_cloud', lambda: cloud({'x': [0, 3e5], 'y': [0, 3e5], 'z': [0, 1]})),
     'many_vents': ('vents', lambda: cloud({key: np.ones(1001) for key in VENT_COLUMNS})),
     'lying_vents': ('vents', lambda: lying_cloud(2**31, 2**31)),
-    # of another size, with the same valley
+    # another size, with the same valley
     'higher': ('terrain', lambda: image(elevation(505.0, COLUMNS + 8))),
     'higher_info': ('terrain_info', lambda: info(width=COLUMNS + 8)),
-    # where no vent is
     'away': ('terrain_info', lambda: info(x=1e5)),
     'outline': ('observed_outline', outline),
     'outline_wrong_frame': ('observed_outline', lambda: outline(frame_id='odom')),
@@ -266,7 +255,6 @@ class Publisher(Asking):
     """Publishes the messages of a test to nodes in a graph, and calls their services."""
 
     def __init__(self, domain, remap=()):
-        """Join the graph of a domain."""
         self._context = Context()
         self._context.init(args=[], domain_id=domain)
         words = ['--ros-args', *(word for rule in remap for word in ('-r', rule))]
@@ -281,13 +269,11 @@ class Publisher(Asking):
         self._clients = {}
 
     def close(self):
-        """Leave the graph."""
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.shutdown()
 
     def request(self, kind, name, timeout, **fields):
-        """Call a service once; return its response, None if none arrives in time [s]."""
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
         client = self._clients[name]
@@ -308,5 +294,4 @@ class Publisher(Asking):
             publisher.publish(make())
 
     def clock(self, seconds):
-        """Send a time on /clock."""
         self._clock.publish(Clock(clock=codec.time_message(round(seconds * 1e9))))

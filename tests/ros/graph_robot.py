@@ -29,14 +29,12 @@ RESOLUTION = 10.0
 
 
 def grid(rows):
-    """Return the message of a grid."""
     cells = np.array(rows, dtype=np.int8)
     info = codec.map_metadata(Terrain(np.zeros(cells.shape), RESOLUTION), 0)
     return codec.occupancy_grid(cells, info, codec.header('map', 0))
 
 
 def pose(x, y, frame='map'):
-    """Return the message of a position."""
     message = PoseStamped()
     message.header.frame_id = frame
     message.pose.position.x, message.pose.position.y = float(x), float(y)

@@ -41,21 +41,29 @@ class Hearing(ABC):
 
     def wait_for_topic(self, topic, condition=lambda _: True, timeout=PATIENCE):
         """Read messages until one of a topic fulfils a condition."""
-        return self.wait(
-            lambda message: message['topic'] == topic and condition(message), timeout
-        )
+        return self.wait(lambda message: message['topic'] == topic and condition(message), timeout)
 
     def wait_for_status(
         self, task, condition=lambda _: True, timeout=PATIENCE, node='lava', since_ns=0
     ):
-        """Read diagnostics until a task's status fulfils a condition, and return that status."""
+        """Read diagnostics until a task's status fulfils a condition, and return that status.
+
+        A status without a value that the condition reads does not fulfil it.
+        """
         name = f'{node}: {task}'
+
+        def is_fulfilled(status):
+            try:
+                return condition(status)
+            except KeyError:
+                return False
+
         message = self.wait_for_topic(
             'diagnostics',
             lambda item: (
                 item['stamp_ns'] >= since_ns
                 and name in item['status']
-                and condition(item['status'][name])
+                and is_fulfilled(item['status'][name])
             ),
             timeout,
         )

@@ -88,7 +88,6 @@ class LocalNode(Asking, Hearing):
     """
 
     def __init__(self, directory, patch, *, remap=(), **parameters):
-        """Start a node with parameters (``__`` is a point) and diagnostics many times a second."""
         patch.setattr(active_node, 'HEARTBEAT', HEARTBEAT)
         # no warning about a clock that stands still
         patch.setattr(diagnostics, 'PATIENCE', float('inf'))
@@ -115,16 +114,13 @@ class LocalNode(Asking, Hearing):
 
     @property
     def log(self):
-        """Lines that the node has logged."""
         return '\n'.join(self._log.lines)
 
     @property
     def worker(self):
-        """Worker of the simulation."""
         return self.node._active._worker
 
     def close(self):
-        """End the simulation and leave the graph."""
         self.node.close()
         self._executor.shutdown()
         self.node.destroy_node()
@@ -133,10 +129,7 @@ class LocalNode(Asking, Hearing):
         del self.node, self._executor, self._context
         gc.collect()
 
-    # the clock
-
     def jump(self, to):
-        """Set the clock to a time [s]."""
         self.now = to
         self.deliver('/clock', Clock(clock=codec.time_message(round(to * 1e9))))
 
@@ -183,8 +176,6 @@ class LocalNode(Asking, Hearing):
         """Run callbacks until a text is in the log after position ``after``."""
         self.wait_until(lambda: text in self.log[after:], timeout)
 
-    # inputs and services
-
     def deliver(self, topic, message):
         """Pass a message to the node as if received on a topic (full name)."""
         (taker,) = [item for item in self.node.subscriptions if item.topic_name == topic]
@@ -201,7 +192,6 @@ class LocalNode(Asking, Hearing):
             self.deliver(self.node.resolve_topic_name(topic), message)
 
     def request(self, kind, name, timeout, **fields):
-        """Call a service and return its answer."""
         (service,) = [item for item in self.node.services if item.service_name == name]
         return service.callback(kind.Request(**fields), kind.Response())
 
@@ -225,10 +215,7 @@ class LocalNode(Asking, Hearing):
         self.wait_until(lambda: found() == made)
         return made
 
-    # outputs
-
     def next(self, timeout):
-        """Return the next message, AssertionError where none comes in time [s]."""
         end = time.monotonic() + timeout
         while not self._sent:
             assert time.monotonic() < end, f'nothing in {timeout} s; log:\n{self.log}'
@@ -236,7 +223,6 @@ class LocalNode(Asking, Hearing):
         return line_of(*self._sent.popleft())
 
     def hear(self):
-        """Read all messages received so far, and return their total number."""
         while self._sent:
             self.seen.append(self.next(0.0))
         return len(self.seen)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rate limits of ROS requests, and requests without a limit."""
+"""Rate limits of ROS requests, and requests without limits."""
 
 from concurrent.futures import Future
 from functools import partial
@@ -22,14 +22,13 @@ from lava_ros.ros.services import create_services
 from lava_ros.ros.worker_status import WorkerState
 from worker_bench import TERRAIN, VENT
 
-STORM = 400
+N_CALLS = 400
 
 ON, OFF, NOTHING = SetBool.Request(data=True), SetBool.Request(data=False), Trigger.Request()
 
 
 @pytest.mark.parametrize('name', LIMITS)
-def test_a_storm_is_refused(name):
-    """One more call is allowed each period, also after a rest; each name has its own limit."""
+def test_limit_allows_one_more_call_each_period(name):
     now, refused = [1e6], []
     allowance = Allowance(lambda *words: refused.append(words), lambda: now[0])
     calls, period = LIMITS[name]
@@ -41,8 +40,8 @@ def test_a_storm_is_refused(name):
             taken += 1
         except LavaError as error:
             assert refused[-1] == (name, error)
-            right = f"at most {calls} at once and one more each {period:g} s"
-            assert str(error).startswith(f"{name} is 'too often', expected {right}")
+            expected = f"at most {calls} at once and one more each {period:g} s"
+            assert str(error).startswith(f"{name} is 'too often', expected {expected}")
         now[0] += 0.05 * period
     assert taken == calls + 9
     assert len(refused) == 200 - taken
@@ -50,7 +49,7 @@ def test_a_storm_is_refused(name):
         allowance.take(other)
 
 
-class Doors:
+class NodeServices:
     """Services of a node with stand-ins for their functions, and a stopped clock."""
 
     def __init__(self):
@@ -73,7 +72,6 @@ class Doors:
         }
 
     def call(self, name, request):
-        """Call a service and return its response."""
         kind, answer = self.services[name]
         return answer(request, kind.Response())
 
@@ -89,50 +87,46 @@ class Doors:
         return SimpleNamespace(success=True)
 
     def status(self):
-        """Return the diagnostics of inputs."""
         status = self.inputs.log.status()
         return status.level, {item.key: item.value for item in status.values}
 
 
 #: Calls of a client for each limit.
 ASKED = {
-    'reset': lambda doors: doors.call('reset', NOTHING),
-    'record': lambda doors: doors.call('record', ON),
-    'save': lambda doors: doors.call('save', NOTHING),
-    'effects': Doors.set_effects,
+    'reset': lambda services: services.call('reset', NOTHING),
+    'record': lambda services: services.call('record', ON),
+    'save': lambda services: services.call('save', NOTHING),
+    'effects': NodeServices.set_effects,
 }
 
 
 @pytest.mark.parametrize('name', LIMITS)
-def test_doors_are_limited(name):
-    """The first calls of a flood are accepted; the others are refused, counted and logged."""
-    doors = Doors()
-    answers = [ASKED[name](doors) for _ in range(STORM)]
+def test_service_calls_above_the_limit_are_rejected(name):
+    services = NodeServices()
+    answers = [ASKED[name](services) for _ in range(N_CALLS)]
     calls, period = LIMITS[name]
-    assert [answer.success for answer in answers] == [True] * calls + [False] * (STORM - calls)
+    assert [answer.success for answer in answers] == [True] * calls + [False] * (N_CALLS - calls)
     assert f'one more each {period:g} s; try again later' in answers[-1].message
-    level, values = doors.status()
+    level, values = services.status()
     assert level == WARN
-    assert values[f'rejected.{name}'] == str(STORM - calls)
-    assert doors.inputs._logger.error.call_count == 1
+    assert values[f'rejected.{name}'] == str(N_CALLS - calls)
+    assert services.inputs._logger.error.call_count == 1
 
 
 @pytest.mark.parametrize(
     ('name', 'request_'), [('pause', ON), ('pause', OFF), ('step', NOTHING), ('record', OFF)]
 )
-def test_doors_that_cost_nothing_are_open(name, request_):
-    """Calls that only hold time or finish a bag have no rate limit."""
-    doors = Doors()
-    answers = [doors.call(name, request_) for _ in range(STORM)]
+def test_cheap_services_have_no_limit(name, request_):
+    services = NodeServices()
+    answers = [services.call(name, request_) for _ in range(N_CALLS)]
     assert all(answer.success for answer in answers), answers[0].message
-    assert 'rejected.' + name not in doors.status()[1]
+    assert 'rejected.' + name not in services.status()[1]
 
 
 @pytest.mark.parametrize(
     'kind', ['pause', 'step', 'reset', 'vents', 'terrain', 'effects', 'snapshot']
 )
-def test_commands_that_wait_replace_one_another(bench, kind):
-    """At most one command of each kind waits for a busy simulation."""
+def test_waiting_command_is_replaced_by_the_next_of_its_kind(bench, kind):
     bench.start()
     bench.simulation.is_compiled.clear()
     held = bench.worker.set_effects({}, horizon=1.0)
@@ -146,7 +140,7 @@ def test_commands_that_wait_replace_one_another(bench, kind):
         'effects': partial(bench.worker.set_effects, {}, horizon=1.0),
         'snapshot': bench.worker.request_snapshot,
     }[kind]
-    for _ in range(STORM):
+    for _ in range(N_CALLS):
         ask()
     assert bench.worker.status.waiting == (kind,)
     assert len(bench.worker._commands) == 1
@@ -154,13 +148,12 @@ def test_commands_that_wait_replace_one_another(bench, kind):
     bench.run(held)
 
 
-def test_saves_are_bounded_in_size():
-    """The total size of all saves is also limited, and refusals are counted."""
-    doors = Doors()
+def test_total_size_of_saves_is_limited():
+    services = NodeServices()
     node = SimpleNamespace(
-        _worker=doors.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
-        _allowance=doors.allowance,
+        _worker=services.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
+        _allowance=services.allowance,
     )
     with pytest.raises(LavaError, match=r"1000 bytes saved so far', expected less than 1000 \("):
         ActiveNode.save(node)
-    assert doors.status()[1]['rejected.save'] == '1'
+    assert services.status()[1]['rejected.save'] == '1'

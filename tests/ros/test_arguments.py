@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mistakes in ROS arguments: one sentence, and the exit status of a usage error."""
+"""Mistakes in ROS arguments give one sentence and the exit status of a usage error."""
 
 import logging
 from pathlib import Path
@@ -64,7 +64,11 @@ MISTAKES = {
     ('-p', 'autostart:=3'): 'autostart is 3, expected a bool',
     ('-p', 'use_sim_time:=3'): "Trying to set parameter 'use_sim_time' to '3'",
     ('-p', 'layers_on:=3'): 'layers_on is 3, expected a list of layers',
-    ('-p', 'discharge:=60.0'): '-p discharge is 60.0, expected a parameter that this node has',
+    ('-p', 'discharge:=60.0'): (
+        '-p discharge is 60.0, expected a parameter that this node has; similar names: '
+        'default_discharge; vents come by the scene file'
+    ),
+    ('-p', 'layers_on:=[points]'): "layers_on is 'points', expected one of height, temp",
     ('-p', 'scene:=nothing.yaml'): "scene is 'nothing.yaml', expected ",
 }
 
@@ -93,29 +97,24 @@ def run(monkeypatch, tmp_path, capfd):
 
 
 @pytest.mark.parametrize('words', MISTAKES, ids=' '.join)
-def test_a_mistake_is_one_sentence(run, words):
-    """The sentence contains the argument and a valid value, and the status is 2."""
-    status, said = run('--ros-args', *words)
-    (sentence,) = said.splitlines()
+def test_mistake_is_one_sentence_and_status_2(run, words):
+    status, stderr = run('--ros-args', *words)
+    (sentence,) = stderr.splitlines()
     assert sentence.startswith(f'lava_node cannot start: {MISTAKES[words]}')
     assert status == 2
 
 
 @pytest.mark.parametrize('words', [('--help',), ('scene.yaml',), ('-r', '__node:=other')])
-def test_words_for_nobody_are_refused(run, words):
-    """ROS would ignore words that are not behind --ros-args."""
-    status, said = run(*words)
-    assert said.splitlines()[-1].startswith(
+def test_rejects_words_outside_ros_args(run, words):
+    status, stderr = run(*words)
+    assert stderr.splitlines()[-1].startswith(
         f'lava_node cannot start: an argument is {words[0]!r}, expected --ros-args'
     )
     assert status == 2
 
 
-@pytest.mark.parametrize(
-    'command', [name for name in COMMANDS if name != 'node']
-)
-def test_other_commands_refuse_mistakes_too(command):
-    """Commands without ROS arguments refuse them like any unknown argument."""
+@pytest.mark.parametrize('command', [name for name in COMMANDS if name != 'node'])
+def test_other_commands_reject_ros_arguments(command):
     status, out, err = lava(command, '--ros-args', '-r', '__ns:=/fleet-1')
     assert (status, out) == (2, '')
     assert err.splitlines()[-1].startswith(('lava: ', f'lava {command}: '))
@@ -123,8 +122,7 @@ def test_other_commands_refuse_mistakes_too(command):
 
 
 @pytest.mark.parametrize('domain', ['one', '-1', '1.5', '233', '9999'])
-def test_a_domain_that_ros_cannot_use(monkeypatch, domain):
-    """The error at the start of any command that uses ROS contains the name of the variable."""
+def test_rejects_an_invalid_ros_domain_id(monkeypatch, domain):
     monkeypatch.setenv('ROS_DOMAIN_ID', domain)
     with pytest.raises(LavaError, match='^ROS_DOMAIN_ID is .*, expected a whole number from 0 to'):
         start_ros([])

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a running node shows of itself is what docs/ROS.md and the views say of it.
+"""The interfaces of a running node are those in docs/ROS.md and in the views.
 
-A publisher's depth is not told over the wire: that of layers is compared with their file.
+A publisher's depth is not visible in the graph: that of layers is compared with their file.
 """
 
 import importlib.util
@@ -31,36 +31,32 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'ROS.md'
 FILE = ROOT / 'params' / 'lava.yaml'
 
-#: What is there only with grid_map_msgs.
+#: Topics that exist only with grid_map_msgs.
 GRID_MAP_TOPICS = {'terrain_grid', 'lava_grid_map'}
 HAS_GRID_MAPS = importlib.util.find_spec('grid_map_msgs') is not None
 
-#: Every layer that is off by default.
+#: Layers that are off by default.
 OPTIONAL = [
     layer.name
     for layer in load_layers(ROOT / 'msg_configs' / 'default.yaml')
     if not layer.enabled and (HAS_GRID_MAPS or layer.topic not in GRID_MAP_TOPICS)
 ]
 
-#: What the node of this test is told.
+#: Parameters of the node.
 GIVEN = {
-    'device': 'cpu',
-    'msg_config': 'default.yaml',
-    'use_sim_time': True,
-    'layers_on': OPTIONAL,
-    'forecast_horizon': 1.0,
-    'ensemble_members': 4,
+    'device': 'cpu', 'msg_config': 'default.yaml', 'use_sim_time': True, 'layers_on': OPTIONAL,
+    'forecast_horizon': 1.0, 'ensemble_members': 4,
     'places': [str(ROOT / 'examples' / 'places.csv')],
 }
 
-#: Parameters that every node has, which no table here describes.
+#: Parameters of every node, which are not in the table.
 OF_EVERY_NODE = {'use_sim_time', 'start_type_description_service'}
 
 TYPES = {'bool': bool, 'integer': int, 'double': float, 'string': str, 'string_array': list}
 
 
 def rows(heading):
-    """The rows of the table under a heading, without the marks of code."""
+    """Return the rows of the table under a heading, without code marks."""
     text = PAGE.read_text(encoding='utf-8').partition(f'\n## {heading}\n')[2].partition('\n## ')[0]
     lines = [line for line in text.splitlines() if line.startswith('|')]
     table = [[cell.strip().strip('`') for cell in line.split('|')[1:-1]] for line in lines]
@@ -69,12 +65,11 @@ def rows(heading):
 
 
 def full_name(name):
-    """A name as the graph has it."""
     return f'/lava{name[1:]}' if name.startswith('~') else '/' + name.lstrip('/')
 
 
 def endpoints_of(looking, name):
-    """Type, reliability and durability by kind and topic, as they are known now."""
+    """Return type, reliability and durability by kind and topic, as currently discovered."""
     found = {'publishers': {}, 'subscriptions': {}}
     for topic, _ in looking.get_topic_names_and_types():
         for kind, infos in (
@@ -84,15 +79,14 @@ def endpoints_of(looking, name):
             for info in infos:
                 if info.node_name == name:
                     found[kind][topic] = {
-                        'type': info.topic_type,
-                        'reliability': info.qos_profile.reliability.name,
+                        'type': info.topic_type, 'reliability': info.qos_profile.reliability.name,
                         'durability': info.qos_profile.durability.name,
                     }
     return found
 
 
 def parameters_of(publisher, name):
-    """Value and description of each parameter, by its name."""
+    """Return value and description of each parameter by name."""
     names = publisher.ask(ListParameters, f'/{name}/list_parameters').result.names
     values = publisher.ask(GetParameters, f'/{name}/get_parameters', names=names).values
     shown = publisher.ask(DescribeParameters, f'/{name}/describe_parameters', names=names)
@@ -110,7 +104,6 @@ def parameters_of(publisher, name):
 
 
 def transitions_of(publisher, name):
-    """Label and states of each transition."""
     answer = publisher.ask(GetAvailableTransitions, f'/{name}/get_transition_graph')
     return sorted(
         [item.transition.label, item.start_state.label, item.goal_state.label]
@@ -119,7 +112,7 @@ def transitions_of(publisher, name):
 
 
 def contract_of(publisher, name):
-    """What a node has once that has stopped changing."""
+    """Return the interfaces of a node once discovery is complete."""
     looking, seen = publisher.node, []
 
     def is_steady():
@@ -132,7 +125,7 @@ def contract_of(publisher, name):
             )
         )
         seen.append({**endpoints_of(looking, name), 'services': services, 'clients': clients})
-        # a busy machine learns of them one by one: for two seconds nothing has come
+        # a busy machine discovers them one by one: nothing new for two seconds
         return len(seen) > 4 and seen[-1]['publishers'] and seen[-1] == seen[-5]
 
     wait_until(is_steady, lambda: f'nothing steady of {name}: {seen[-1]}', pause=0.5)
@@ -145,7 +138,7 @@ def contract_of(publisher, name):
 
 @pytest.fixture(scope='module')
 def shown(graph):
-    """What a node with every optional layer shows."""
+    """Return the interfaces of a node with every optional layer."""
     node = graph.node(program=('-m', 'lava_ros.ros.node'), **GIVEN)
     node.wait_for_log('active')
     found = contract_of(graph.publisher(), 'lava')
@@ -154,8 +147,7 @@ def shown(graph):
 
 
 @pytest.mark.parametrize(('kind', 'way'), [('publishers', 'out'), ('subscriptions', 'in')])
-def test_topics(shown, kind, way):
-    """Names, types and QoS are those of the table, both ways."""
+def test_topics_are_those_of_the_table(shown, kind, way):
     expected = {}
     for name, direction, kind_of_message, qos, _, meaning in rows('Topics'):
         assert direction in ('in', 'out'), name
@@ -167,16 +159,13 @@ def test_topics(shown, kind, way):
         reliability, durability, _ = qos.upper().split(', ')
         if direction == way:
             expected[full_name(name)] = {
-                'type': kind_of_message,
-                'reliability': reliability,
-                'durability': durability,
+                'type': kind_of_message, 'reliability': reliability, 'durability': durability,
             }
     assert shown[kind] == expected
 
 
 @pytest.mark.parametrize('name', ['default.yaml', 'forecast.yaml'])
-def test_layers_of_the_files_are_in_the_table(name):
-    """Each is there with the type, depth and state that its file gives it."""
+def test_layers_of_the_files_are_those_of_the_table(name):
     table = {row[0]: row for row in rows('Topics')}
     for layer in load_layers(ROOT / 'msg_configs' / name):
         _, way, message, qos, _, meaning = table[layer.topic]
@@ -187,15 +176,13 @@ def test_layers_of_the_files_are_in_the_table(name):
         assert layer.rate == 1.0
 
 
-def test_services(shown):
-    """Names and types are those of the table, both ways."""
+def test_services_are_those_of_the_table(shown):
     table = rows('Services')
     assert all(meaning for _, _, meaning in table)
     assert shown['services'] == {full_name(name): [kind] for name, kind, _ in table}
 
 
-def test_parameters(shown):
-    """Names, types, defaults, ranges, meanings and what may change are those of the table."""
+def test_parameters_are_those_of_the_table(shown):
     table = {row[0]: row for row in rows('Parameters')}
     found = {name: item for name, item in shown['parameters'].items() if name not in OF_EVERY_NODE}
     assert set(found) == set(table)
@@ -210,24 +197,22 @@ def test_parameters(shown):
         assert changes in ('yes', 'no', 'at a reset'), name
         assert item['description'] == meaning.replace('\\', ''), name
         assert unit in item['description'], name
-        # a number of things has no unit, and neither have parts of a whole
+        # counts and fractions have no unit
         assert unit or kind != 'double' or name.startswith('lava.'), name
         expected = [float(limit) for limit in limits.split(' to ')] if limits else None
         assert item['range'] == (expected and pytest.approx(expected)), name
 
 
-def test_what_lists_the_parameters_is_up_to_date():
-    """docs/parameters.py would write the page and the file of parameters as they are."""
+def test_table_and_file_of_parameters_are_up_to_date():
     module = load_script(PAGE.with_name('parameters.py'))
     text = PAGE.read_text(encoding='utf-8')
     assert module.page(text) == text, 'run python docs/parameters.py'
     assert module.file() == FILE.read_text(encoding='utf-8'), 'run python docs/parameters.py'
 
 
-def test_transitions(shown):
-    """The transitions of the graph are those of the table, with what a refusal leads to."""
+def test_transitions_are_those_of_the_table(shown):
     found = {tuple(item) for item in shown['transitions']}
-    # what nobody expected, and what comes of it
+    # transitions after an unexpected error
     error = 'errorprocessing'
     expected = {
         ('transition_error', error, 'finalized'),
@@ -254,14 +239,12 @@ DISPLAYED = {
 
 @pytest.fixture(scope='module')
 def rviz() -> dict[str, Any]:
-    """What RViz reads."""
     text = (ROOT / 'rviz/lava.rviz').read_text(encoding='utf-8')
     return yaml.safe_load(text)['Visualization Manager']
 
 
 @pytest.fixture(scope='module')
 def foxglove() -> dict[str, Any]:
-    """What Foxglove imports."""
     return json.loads((ROOT / 'foxglove/lava.json').read_text(encoding='utf-8'))
 
 
@@ -270,10 +253,6 @@ def _policy(words: str) -> str:
 
 
 def test_rviz_shows_what_the_node_publishes(rviz, shown):
-    """Each display's topic is published, of a type it shows, and asked for as it is offered.
-
-    The fixed frame is the node's, and hazard on the ground is what one sees first.
-    """
     displays = [display for display in rviz['Displays'] if 'Topic' in display]
     assert {'hazard', 'height', 'vents_markers'} <= {item['Topic']['Value'] for item in displays}
     for display in displays:
@@ -284,7 +263,7 @@ def test_rviz_shows_what_the_node_publishes(rviz, shown):
             'reliability': _policy(asked['Reliability Policy']),
             'durability': _policy(asked['Durability Policy']),
         }
-        # A map that was published before RViz came is there at once.
+        # late subscribers get the last map
         assert offered['durability'] == 'TRANSIENT_LOCAL'
     assert rviz['Global Options']['Fixed Frame'] == 'map'
     maps = [item for item in displays if item['Class'] == 'rviz_default_plugins/Map']
@@ -293,8 +272,7 @@ def test_rviz_shows_what_the_node_publishes(rviz, shown):
     assert [item['Draw Behind'] for item in maps] == [True, False, False, False]
 
 
-def test_rviz_clicks_go_where_the_node_listens(rviz, shown):
-    """Publish Point sends to the topic that opens vents, as reliably as the node asks."""
+def test_rviz_publishes_clicks_to_the_topic_of_the_node(rviz, shown):
     (tool,) = [item for item in rviz['Tools'] if item['Class'].endswith('/PublishPoint')]
     asked = shown['subscriptions'][f'/{tool["Topic"]["Value"]}']
     assert asked['type'] == 'geometry_msgs/msg/PointStamped'
@@ -307,11 +285,6 @@ def _panels(node: Any) -> set[str]:
 
 
 def test_foxglove_shows_topics_of_the_node(foxglove, shown):
-    """Topics of the 3D panel and of every path are published; clicks go where it listens.
-
-    The panels of the layout are those that are configured. What a layer publishes is recorded,
-    latched.
-    """
     panels = foxglove['configById']
     assert _panels(foxglove['layout']) == set(panels)
     assert {'3D', 'Plot', 'RawMessages'} <= {name.split('!')[0] for name in panels}
@@ -330,12 +303,9 @@ def test_foxglove_shows_topics_of_the_node(foxglove, shown):
         assert layers[topic].qos == QosProfile(depth=1, durability='transient_local')
 
 
-def test_foxglove_plots_what_the_diagnostics_say(foxglove):
-    """The keys in the paths are keys of the simulation's status, and numbers."""
+def test_foxglove_plots_numbers_of_the_diagnostics(foxglove):
     status = diagnostics.simulation_status(
-        WorkerStatus(WorkerState.RUNNING, '', 1.0, 1.0, False, 'cpu'),
-        SNAPSHOT,
-        is_active=True,
+        WorkerStatus(WorkerState.RUNNING, '', 1.0, 1.0, False, 'cpu'), SNAPSHOT, is_active=True,
         frame_stamp_ns=0,
     )
     diagnostics.sign(DiagnosticArray(status=[status]), '/lava', 'cpu')

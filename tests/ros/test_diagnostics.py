@@ -60,12 +60,7 @@ def _counts(log, *keys):
     return tuple(_values(log.status())[key] for key in keys)
 
 
-def test_input_log_levels():
-    """The level is ERROR while a topic's newest message was refused, then WARN.
-
-    A message that a newer one replaced is neither accepted nor refused; a forgiven error is a
-    warning.
-    """
+def test_input_log_is_an_error_while_the_newest_message_is_rejected():
     log = InputLog()
     assert log.status().level == OK
     log.accept('terrain')
@@ -88,8 +83,7 @@ def test_input_log_levels():
     assert (log.status().level, *_counts(log, 'rejected.message')) == (WARN, '1')
 
 
-def test_an_earlier_message_that_ends_later_changes_nothing():
-    """The newest message of a topic sets the level, in any order of results."""
+def test_newest_message_of_a_topic_sets_the_level():
     log = InputLog()
     first = log.arrive()
     log.reject('vents', LavaError('vents.size', 9, 'at most 1'))
@@ -99,8 +93,7 @@ def test_an_earlier_message_that_ends_later_changes_nothing():
     assert log.status().level == WARN
 
 
-def test_input_log_says_things_once():
-    """A repeated error is only counted; a new one, or one after a good message, is logged."""
+def test_repeated_error_is_logged_once():
     log = InputLog()
     one, other = LavaError('a', 1, 'b'), LavaError('c', 1, 'd')
     assert [log.reject('t', item) for item in (one, one, other)] == [True, False, True]
@@ -114,9 +107,9 @@ LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
 
 
 @pytest.mark.parametrize(
-    ('budget', 'worker', 'said'),
+    ('budget', 'worker', 'expected'),
     [
-        # its volume is accounted for, but its flow is outside the map
+        # accounted for, but outside the map
         ({'late': 0.4}, {}, 'behind: 0.4 m3 of lava wait in the vents'),
         (
             LOST,
@@ -126,55 +119,36 @@ LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
             'running slower than the clock asks for',
         ),
         ({}, LONG, 'a step takes 3.2 s or more; waiting for it: reset, snapshot'),
-        # a node that waits for /clock is running, but time stands still
+        # a node without a clock is running, but time stands still
         ({}, {'clock': {'clock': '/clock does not', 'lost': 'time'}}, '/clock does not; time'),
     ],
 )
-def test_what_is_warned_of(budget, worker, said):
-    """Lava outside the map, hold-ups, and a clock that stands still cause warnings."""
+def test_lost_lava_and_delays_are_warnings(budget, worker, expected):
     status = _simulation(snapshot=_snapshot(**budget), **worker)
-    assert (status.level, status.message) == (WARN, said)
+    assert (status.level, status.message) == (WARN, expected)
 
 
-def test_simulation_values():
-    """The values are those of the published frame."""
+def test_simulation_values_are_those_of_the_frame():
     values = _values(_simulation(snapshot=_snapshot()))
     assert values == {
-        'state': 'running',
-        'lifecycle': 'active',
-        'device': 'cpu',
-        'speed': '2',
-        'mean_speed': '3',
-        'clock_lost_s': '0',
-        'clock_jumps': '0',
-        'simulated_time_s': '12.5',
-        'frame_stamp_ns': '99',
-        'particles': '3',
-        'inundated_area_m2': '2.0',
-        'standing_area_m2': '1.0',
-        'volume_emitted_m3': '10.0',
-        'volume_held_m3': '10.0',
-        'volume_pending_m3': '0.5',
-        'volume_late_m3': '0.0',
-        'volume_left_m3': '0.0',
-        'volume_frozen_m3': '0.0',
-        'volume_in_holes_m3': '0.0',
-        'volume_error': '0.000e+00',
-        'steps': '40',
-        'step_s': '0.25',
-        'step_limit': 'advection',
-        'step_stages': '1',
+        'state': 'running', 'lifecycle': 'active', 'device': 'cpu', 'speed': '2',
+        'mean_speed': '3', 'clock_lost_s': '0', 'clock_jumps': '0', 'simulated_time_s': '12.5',
+        'frame_stamp_ns': '99', 'particles': '3', 'inundated_area_m2': '2.0',
+        'standing_area_m2': '1.0', 'volume_emitted_m3': '10.0', 'volume_held_m3': '10.0',
+        'volume_pending_m3': '0.5', 'volume_late_m3': '0.0', 'volume_left_m3': '0.0',
+        'volume_frozen_m3': '0.0', 'volume_in_holes_m3': '0.0', 'volume_error': '0.000e+00',
+        'steps': '40', 'step_s': '0.25', 'step_limit': 'advection', 'step_stages': '1',
         'highest_temperature_c': '-273.15',
     }
 
 
 @pytest.mark.parametrize(
-    ('state', 'changes', 'level', 'said'),
+    ('state', 'changes', 'level', 'expected'),
     [
         (WorkerState.WAITING, {}, WARN, 'waiting for terrain'),
         (WorkerState.RUNNING, {}, OK, 'running'),
         (WorkerState.RUNNING, {'is_behind': True}, WARN, 'running slower'),
-        # a step or a command longer than ten slices, unless the state is 'starting'
+        # a step or command that takes longer than ten slices, except while starting
         (WorkerState.RUNNING, {**LONG, 'turn': 0.9}, OK, 'running'),
         (WorkerState.STARTING, LONG, OK, 'starting'),
         (WorkerState.PAUSED, {}, OK, 'paused'),
@@ -183,17 +157,15 @@ def test_simulation_values():
         (WorkerState.FAILED, {'error': 'x', 'is_active': False}, ERROR, 'inactive: failed: x'),
     ],
 )
-def test_simulation_levels(state, changes, level, said):
-    """The level follows the state, and the message explains why there are no maps."""
+def test_simulation_level_follows_the_state(state, changes, level, expected):
     status = _simulation(state, **changes)
     assert (status.name, status.level) == ('simulation', level)
-    assert status.message.startswith(said)
+    assert status.message.startswith(expected)
     is_active = changes.get('is_active', True)
     assert _values(status)['lifecycle'] == ('active' if is_active else 'inactive')
 
 
 def test_lost_volume_is_an_error():
-    """A volume error above the promised fraction is an error, and so is NaN."""
     assert _simulation(snapshot=_snapshot(held=9.99995)).level == OK
     for held in (9.999, float('nan')):
         status = _simulation(snapshot=_snapshot(held=held))
@@ -201,8 +173,7 @@ def test_lost_volume_is_an_error():
         assert status.message.startswith('volume is not conserved')
 
 
-def test_effects_status():
-    """The message lists effects that are on; each effect is a value with its reason."""
+def test_effects_status_lists_effects_with_reasons():
     table = {'steep': 'on: slope = 0.8 > 0.12', 'green': 'off: never chosen', 'vft': 'on: forced'}
     status = diagnostics.effects_status(table)
     assert (status.name, status.level, status.message) == ('effects', OK, 'on: steep, vft')
@@ -211,28 +182,21 @@ def test_effects_status():
     assert diagnostics.effects_status({'vft': 'off: forced'}).message == 'on: none'
 
 
-def test_recorder_status():
-    """A failed recording is an error."""
+def test_failed_recording_is_an_error():
     good = diagnostics.recorder_status(RecorderStatus('recording', 'bags/x', 1, 5, ''))
     assert (good.name, good.level, good.message) == ('recorder', OK, 'recording')
-    assert _values(good) == {
-        'state': 'recording',
-        'bag': 'bags/x',
-        'files': '1',
-        'messages': '5',
-    }
+    assert _values(good) == {'state': 'recording', 'bag': 'bags/x', 'files': '1', 'messages': '5'}
     bad = diagnostics.recorder_status(RecorderStatus('off', 'bags/x', 1, 5, 'disk full'))
     assert (bad.level, bad.message) == (ERROR, 'disk full')
 
 
-def test_statuses_carry_the_name_of_their_node():
-    """Aggregators can distinguish nodes in several namespaces."""
+def test_status_has_the_name_of_its_node():
     for node, source in (('/lava', 'lava'), ('/etna/lava2', 'etna/lava2')):
         message = DiagnosticArray(status=[diagnostics.effects_status({})])
         diagnostics.sign(message, node, 'cuda:0')
         assert message.status[0].name == f'{source}: effects'
         assert message.status[0].hardware_id == f'{gethostname()} cuda:0'
-        # before there is a simulation
+        # no simulation yet
         diagnostics.sign(message, node, '')
         assert message.status[0].hardware_id == gethostname()
 
@@ -241,8 +205,7 @@ def _look(watch, stamp_ns, now, *, is_simulated=True, **worker):
     return watch.look(stamp_ns, now, _worker(**worker), is_simulated=is_simulated)
 
 
-def test_a_clock_that_never_comes_or_stops_is_said():
-    """The warning starts after some wall time, and ends when the clock moves."""
+def test_missing_or_stopped_clock_is_a_warning():
     watch, now = ClockWatch(), 50.0
     assert _look(watch, 0, now) == _look(watch, 0, now + 0.9 * PATIENCE) == {}
     assert _look(watch, 0, now + PATIENCE)['clock'].startswith('/clock does not arrive')
@@ -257,7 +220,7 @@ def test_a_clock_that_never_comes_or_stops_is_said():
 
 @pytest.mark.parametrize('is_simulated', [True, False])
 @pytest.mark.parametrize(
-    ('worker', 'kind', 'said'),
+    ('worker', 'kind', 'expected'),
     [
         (
             {'jump': 3600.0, 'jumps': 1, 'lost': 3600.0},
@@ -274,13 +237,12 @@ def test_a_clock_that_never_comes_or_stops_is_said():
         ({'lost': 12.5}, 'lost', 'simulated time has lost 12.5 s of the clock: it can be at most'),
     ],
 )
-def test_a_clock_that_is_not_followed_is_said(worker, kind, said, is_simulated):
-    """The warning remains for a while after each jump or loss, and returns after the next."""
+def test_jump_or_loss_of_time_is_a_warning_for_a_while(worker, kind, expected, is_simulated):
     watch = ClockWatch()
     assert _look(watch, 1, 0.0, is_simulated=is_simulated) == {}
     for now in (1.0, 0.9 * WARNING_TIME):
-        told = _look(watch, int(now * 1e9), now, is_simulated=is_simulated, **worker)
-        assert list(told) == [kind] and told[kind].startswith(said)
+        warnings = _look(watch, int(now * 1e9), now, is_simulated=is_simulated, **worker)
+        assert list(warnings) == [kind] and warnings[kind].startswith(expected)
     assert _look(watch, 10**11, 2.0 * WARNING_TIME, is_simulated=is_simulated, **worker) == {}
     more = {name: value + MIN_LOST for name, value in worker.items()}
     later = _look(watch, 10**12, 3.0 * WARNING_TIME, is_simulated=is_simulated, **more)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensembles on the side of the node: requests, cancellation, maps, and outlines."""
+"""Ensembles in the node: requests, cancellation, maps, and observed outlines."""
 
 from array import array
 from dataclasses import replace
@@ -30,9 +30,7 @@ from lava_ros.scene import Lava, Scene, Terrain
 
 SCENE = Scene(Terrain(np.zeros((4, 5)), 10.0), lava=Lava())
 
-RULES = ForecastRules(
-    horizon=60.0, threshold=0.01, max_age=30.0, share=1.0, max_particles=1000
-)
+RULES = ForecastRules(horizon=60.0, threshold=0.01, max_age=30.0, share=1.0, max_particles=1000)
 
 MASK = Mask(np.eye(4, 5) > 0.0, np.ones((4, 5), dtype=bool), 10.0, (0.0, 0.0))
 
@@ -43,7 +41,6 @@ def fork(clock, time, changes=1):
 
 
 def order(ensembles, number, made, members=8):
-    """Request an ensemble."""
     return ensembles.order(made, number, replace(RULES, members=members))
 
 
@@ -56,8 +53,7 @@ def sent(ensembles, changes=1):
     return orders
 
 
-def test_a_stamp_becomes_simulated_time():
-    """Times are interpolated between two forks, and extrapolated with the scale after them."""
+def test_stamp_of_an_outline_becomes_simulated_time():
     ensembles = EnsembleForecasts()
     for number, (clock, time) in enumerate(((100.0, 20.0), (110.0, 30.0), (120.0, 30.0)), 1):
         order(ensembles, number, fork(clock, time))
@@ -79,8 +75,7 @@ def test_a_stamp_becomes_simulated_time():
     assert (ensembles.status.outlines, ensembles.status.jaccard_mean) == (1, 0.4)
 
 
-def test_an_ensemble_is_ordered_when_there_is_none():
-    """There is one ensemble at a time and one per state; a failed one is not repeated."""
+def test_one_ensemble_is_requested_per_state():
     ensembles = EnsembleForecasts()
     assert order(ensembles, 1, fork(1.0, 0.0), members=0) is None
     first = order(ensembles, 2, fork(2.0, 5.0))
@@ -107,8 +102,7 @@ def test_an_ensemble_is_ordered_when_there_is_none():
     assert ensembles.status.error == ''
 
 
-def test_outlines_never_wait_for_nothing():
-    """Sent outlines are refused when the process ends; outlines of a new scene wait for it."""
+def test_pending_outlines_fail_when_the_process_ends():
     ensembles = EnsembleForecasts()
     order(ensembles, 1, fork(1.0, 0.0))
     gone = ensembles.observe(MASK, 2.0)
@@ -125,14 +119,12 @@ SETTINGS = Settings()
 
 
 def seen(cells, resolution=10.0, origin=(100.0, 50.0)):
-    """Return a mask as a message."""
     ground = Terrain(np.zeros(np.shape(cells)), resolution, origin=origin)
     info = codec.map_metadata(ground, 5)
     return codec.occupancy_grid(np.array(cells, dtype=np.int8), info, codec.header('map', 5))
 
 
-def test_a_bag_has_the_maps(tmp_path):
-    """The bag has the topics, types and values that a node publishes."""
+def test_bag_has_the_topics_of_the_node(tmp_path):
     plan, tally = disc_plan(), Tally(disc_plan())
     for index, factor in enumerate((0.5, 1.0, 2.0)):
         tally.add(footprint_of(disc_fields(index, factor), plan))
@@ -153,9 +145,7 @@ def test_a_bag_has_the_maps(tmp_path):
     }
     grid = messages['inundation_probability']
     assert (grid.info.width, grid.info.height, grid.info.resolution) == (30, 24, 20.0)
-    np.testing.assert_array_equal(
-        np.array(grid.data).reshape(24, 30), occupancy(maps.probability)
-    )
+    np.testing.assert_array_equal(np.array(grid.data).reshape(24, 30), occupancy(maps.probability))
     assert set(grid.data) == {0, 33, 67, 100}
     for name, values in (
         ('expected_peak_thickness', maps.thickness), ('arrival_time_p50', maps.arrival[0.5]),
@@ -165,15 +155,14 @@ def test_a_bag_has_the_maps(tmp_path):
         assert image.header.stamp.nanosec == 7
 
 
-def test_a_mask_is_read_and_laid_on_the_terrain():
-    """Lava is at or above 50; values below 0 and cells outside the mask are not observed."""
+def test_mask_is_resampled_to_the_terrain():
     mask = mask_from_grid(seen([[100, 49, -1], [50, 0, 100]]), SETTINGS)
     assert mask.lava.tolist() == [[True, False, False], [True, False, True]]
     assert mask.known.tolist() == [[True, True, False], [True, True, True]]
     assert (mask.resolution, mask.origin) == (10.0, (100.0, 50.0))
     ground = np.zeros((6, 10))
     ground[2, 4] = np.nan
-    # cells of 5 m with their corner at (90, 45): the mask starts in column 2, row 1
+    # the mask starts in column 2, row 1
     outline = outline_on(Terrain(ground, 5.0, origin=(90.0, 45.0)), mask, 60.0)
     fine = np.kron(mask.lava, np.ones((2, 2))).astype(bool)
     known = np.kron(mask.known, np.ones((2, 2))).astype(bool)
@@ -196,8 +185,7 @@ def test_a_mask_is_read_and_laid_on_the_terrain():
         ('info.origin.position.x', 1e308, 'info.origin.position.x'),
     ],
 )
-def test_masks_that_cannot_be_used_are_refused(path, value, field):
-    """Wrong frame, number of cells, value, orientation or size, and a distant mask are refused."""
+def test_rejects_an_invalid_mask(path, value, field):
     message = seen([[100, 0], [0, 0]])
     owner, _, name = path.rpartition('.')
     setattr(attrgetter(owner)(message) if owner else message, name, value)

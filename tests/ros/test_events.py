@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node's scene with emplaced lava and events: what it shows, resets to and hands to a child."""
+"""Emplaced lava and terrain events in the node's scene."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -47,8 +47,7 @@ def _eruption() -> Eruption:
     return Eruption(lambda scene: Simulation(scene, accuracy=accuracy, device='cpu'))
 
 
-def test_events_are_followed_and_undone_by_a_reset() -> None:
-    """The scene has the ground of the simulation; a reset begins with the first one again."""
+def test_events_are_applied_and_undone_by_a_reset() -> None:
     eruption = _eruption()
     eruption.start(SCENE)
     first, changes = eruption.simulation, eruption.changes
@@ -58,7 +57,7 @@ def test_events_are_followed_and_undone_by_a_reset() -> None:
         assert eruption.scene is not None
         assert len(eruption.scene.events) == left
         assert eruption.scene.terrain is first.scene.terrain
-    # forecasts from before do not hold
+    # earlier forecasts are outdated
     assert eruption.changes == changes + 2
     assert float((eruption.scene.terrain.elevation - GROUND.elevation).max()) > 8.0
     eruption.reset()
@@ -66,11 +65,11 @@ def test_events_are_followed_and_undone_by_a_reset() -> None:
     assert eruption.scene.terrain is GROUND
     assert eruption.simulation is not first
     assert eruption.checkpoint().emitted == pytest.approx(FLOW.volume)
-    # ground that comes by topic meanwhile stays, and later events build on it
+    # terrain from a topic is kept, and later events apply to it
     eruption.advance(6.0, wall_limit=60.0, max_particles=10_000)
     other = replace(GROUND, elevation=GROUND.elevation - 1.0)
     assert eruption.set_terrain(other)
-    # one on which a barrier to come cannot stand is refused, and the old one stays
+    # terrain on which a future barrier is impossible is rejected
     with pytest.raises(LavaError, match='a line on the terrain'):
         eruption.set_terrain(replace(GROUND, offset=(0.0, 0.0)))
     assert eruption.scene.terrain is other
@@ -79,7 +78,6 @@ def test_events_are_followed_and_undone_by_a_reset() -> None:
 
 
 def test_child_gets_the_same_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What `lava demo` writes for its node holds the flow, its name and the events."""
     seen: list[tuple[Any, ...]] = []
 
     def child(*words: str, log: Path, env: Mapping[str, str]) -> None:
@@ -111,10 +109,9 @@ def test_child_gets_the_same_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         (['--terrain-at', '1h', 'none.npz'], 'none.npz'),
     ],
 )
-def test_feed_refuses_what_topics_cannot_hold(
+def test_feed_rejects_emplaced_flows_and_missing_terrain(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], named: str
 ) -> None:
-    """Lava at the start is a part of a node's scene, and the error says so."""
     monkeypatch.chdir(tmp_path)
     np.savez('ground.npz', elevation=GROUND.elevation, resolution=5.0)
     Path('flow.asc').write_text(

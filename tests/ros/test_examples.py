@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The examples of robots that avoid lava or leave in time: path search, and in a graph."""
+"""The examples of robots that avoid lava or leave in time: path search, and robots in a graph."""
 
 import itertools
 import json
@@ -34,7 +34,6 @@ leave_in_time = load_script(EXAMPLES / 'leave_in_time.py')
 
 @pytest.mark.parametrize(('name', 'most'), [('keep_out', 200), ('leave_in_time', 265)])
 def test_examples_are_short(name, most):
-    """Each example has only a few pages, including the license."""
     assert len((EXAMPLES / f'{name}.py').read_text(encoding='utf-8').splitlines()) <= most
 
 
@@ -42,7 +41,6 @@ class Robot:
     """An example and the rest of its robot, in one graph."""
 
     def __init__(self, graph, example, topic, *parameters):
-        # each robot has its own namespace
         words = ['--ros-args', '-r', f'__ns:=/robot_{topic}']
         options = [word for item in parameters for word in ('-p', item)]
         self.example = graph.process(str(EXAMPLES / example), *words, *options)
@@ -50,9 +48,8 @@ class Robot:
         self.rest = graph.process(str(robot), topic, *words)
         assert self.rest.line(PATIENCE) == 'ready'
 
-    def tell(self, **what):
-        """Publish messages by topic."""
-        self.rest.child.stdin.write(json.dumps(what) + '\n')
+    def publish(self, **messages):
+        self.rest.child.stdin.write(json.dumps(messages) + '\n')
         self.rest.child.stdin.flush()
 
     def plan(self, condition=lambda plan: len(plan) > 1, timeout=PATIENCE):
@@ -93,8 +90,7 @@ def _shortest(blocked, near, start):
 
 
 @pytest.mark.parametrize('seed', range(6))
-def test_ways_are_the_shortest(seed):
-    """On random maps, paths exist and have the same length as with Dijkstra's algorithm."""
+def test_path_is_the_shortest(seed):
     random = np.random.default_rng(seed)
     blocked, near = random.random((18, 25)) < 0.3, random.random((18, 25)) < 0.3
     blocked[0, 0] = False
@@ -129,11 +125,10 @@ def _distance_to_lava(plan, rows):
     return np.linalg.norm(plan[:, None] - centres[None], axis=2).min()
 
 
-def test_a_robot_stays_out(graph):
-    """It avoids lava, replans when the map changes, and stops instead of entering lava."""
+def test_robot_avoids_lava(graph):
     robot = Robot(graph, 'keep_out.py', 'hazard', 'clearance:=20.0')
     low = _map(4)
-    robot.tell(hazard=low, pose=[15.0, 95.0], goal=[285.0, 95.0])
+    robot.publish(hazard=low, pose=[15.0, 95.0], goal=[285.0, 95.0])
     plan = robot.plan()
     assert plan[0].tolist() == [15.0, 95.0]
     assert plan[-1].tolist() == [285.0, 95.0]
@@ -141,16 +136,15 @@ def test_a_robot_stays_out(graph):
     assert plan[np.abs(plan[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(45.0, abs=10.0)
     assert np.abs(np.diff(plan, axis=0)).max() == 10.0
 
-    # The gap closes and another one opens.
-    robot.tell(hazard=_map())
+    # the gap closes and another one opens
+    robot.publish(hazard=_map())
     robot.stops('no way leads around the lava')
     high = _map(14)
-    robot.tell(hazard=high)
+    robot.publish(hazard=high)
     plan = robot.plan()
     assert _distance_to_lava(plan, high) > 20.0
     assert plan[np.abs(plan[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(145.0, abs=10.0)
 
-    # Refused goals, each with the reason.
     for goal, reason in (
         ([145.0, 5.0], 'the goal is in lava: hazard 60'),
         ([295.0, 195.0], 'the goal is on unknown ground, which counts as not passable'),
@@ -159,19 +153,18 @@ def test_a_robot_stays_out(graph):
         ([float('nan'), 5.0], 'the goal is outside the map'),
         ([285.0, 95.0, 'odom'], "the goal is in frame 'odom', the map in 'map'"),
     ):
-        robot.tell(goal=goal)
+        robot.publish(goal=goal)
         robot.stops(f'stop: {reason}')
 
-    # The lava has come near: the path leads away from it first, and then stays away.
-    robot.tell(goal=[25.0, 45.0])
+    # lava is near: the path leads away from it first
+    robot.publish(goal=[25.0, 45.0])
     robot.plan()
-    robot.tell(pose=[125.0, 95.0])
+    robot.publish(pose=[125.0, 95.0])
     plan = robot.plan(lambda plan: len(plan) > 1 and plan[0, 0] == 125.0)
     assert _distance_to_lava(plan[:1], high) == 20.0
     assert _distance_to_lava(plan[1:], high) > 20.0
 
-    # The map has no publisher any more.
-    robot.tell(leave=True)
+    robot.publish(leave=True)
     robot.stops('stop: there is no hazard map')
 
 
@@ -197,8 +190,7 @@ def _arrivals_by_waves(until, start, duration):
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_ways_are_the_quickest_that_are_not_overtaken(seed):
-    """On random maps, a path avoids lava at all times, and no other path is faster."""
+def test_path_is_the_fastest_without_lava(seed):
     random = np.random.default_rng(seed)
     until = np.where(random.random((9, 12)) < 0.3, np.inf, random.uniform(0.0, 30.0, (9, 12)))
     until[0, 0] = 20.0
@@ -214,8 +206,7 @@ def test_ways_are_the_quickest_that_are_not_overtaken(seed):
         assert all(time < until[cell] for time, cell in zip(took, way[1:], strict=False))
 
 
-def test_deadlines_are_those_of_the_surroundings():
-    """A deadline is the earliest arrival within the clearance; unknown cells count as lava."""
+def test_deadline_is_the_earliest_arrival_within_the_clearance():
     arrival = np.full((5, 9), np.nan)
     arrival[2, 4], arrival[2, 8] = 50.0, -1.0
     until = leave_in_time.deadlines(arrival, 2.0)
@@ -236,7 +227,6 @@ class Machine:
 
     @property
     def cell(self):
-        """Return the current cell."""
         return tuple(int(index) for index in self.place[::-1] // CELL)
 
     def drive(self, arrival, age, duration, lava):
@@ -245,48 +235,41 @@ class Machine:
         if self.is_lost:
             return
         way = leave_in_time.way_out(
-            arrival - age,
-            self.cell,
-            None,
-            duration=CELL / self.speed,
-            clearance=self.clearance / CELL,
-            margin=self.margin,
+            arrival - age, self.cell, None, duration=CELL / self.speed,
+            clearance=self.clearance / CELL, margin=self.margin,
         )
         if len(way) > 1:
             ahead = CELL * (np.array(way[1][::-1]) + 0.5) - self.place
             self.place += ahead * min(1.0, self.speed * duration / np.linalg.norm(ahead))
 
 
-def test_who_sees_ahead_leaves_in_time():
-    """In a valley, a machine survives with the forecast and is lost with the current map."""
+def test_machine_survives_with_a_forecast_but_not_with_the_current_map():
     y, x = np.mgrid[0:40, 0:60] * CELL
     ground = 400.0 - 0.12 * x + 8e-4 * (y - 200.0) ** 2
     scene = Scene(
         Terrain(ground, CELL), (Vent((45.0, 205.0), 30.0, radius=15.0),), Lava(viscosity=1e3)
     )
     simulation = Simulation(
-        scene,
-        effects=Effects(steep=True),
-        accuracy=Accuracy(spacing=8.0, thickness=2.0),
+        scene, effects=Effects(steep=True), accuracy=Accuracy(spacing=8.0, thickness=2.0),
         device='cpu',
     )
     simulation.advance(60.0)
     checkpoint = simulation.checkpoint()
     forecast = LookAhead(checkpoint, horizon=900.0, threshold=0.01, device='cpu').run()
-    sees_ahead, sees_now = (Machine((405.0, 205.0)) for _ in range(2))
-    assert 300.0 < forecast.arrival[sees_now.cell] < 700.0
+    with_forecast, with_map = (Machine((405.0, 205.0)) for _ in range(2))
+    assert 300.0 < forecast.arrival[with_map.cell] < 700.0
     while simulation.time < 960.0:
         thickness = simulation.snapshot().thickness
         lava = thickness >= 0.01
         mask = np.where(lava, 0.0, np.nan)
-        sees_ahead.drive(forecast.arrival, simulation.time - forecast.time, 5.0, lava)
-        sees_now.drive(mask, 0.0, 5.0, lava)
+        with_forecast.drive(forecast.arrival, simulation.time - forecast.time, 5.0, lava)
+        with_map.drive(mask, 0.0, 5.0, lava)
         simulation.advance(simulation.time + 5.0)
-    assert sees_now.is_lost
-    assert not sees_ahead.is_lost
-    distance = np.hypot(*(CELL * np.argwhere(lava)[:, ::-1] + 5.0 - sees_ahead.place).T)
+    assert with_map.is_lost
+    assert not with_forecast.is_lost
+    distance = np.hypot(*(CELL * np.argwhere(lava)[:, ::-1] + 5.0 - with_forecast.place).T)
     assert distance.min() >= Machine.clearance
-    assert np.isnan(forecast.arrival[sees_ahead.cell])
+    assert np.isnan(forecast.arrival[with_forecast.cell])
 
 
 def _coming(soon, late):
@@ -300,12 +283,11 @@ def _ends_at(x, y):
     return lambda plan: len(plan) > 1 and abs(plan[-1] - (x, y)).max() < 5.0
 
 
-def test_a_robot_leaves(graph):
-    """It drives to a safe place in time or not at all, and ignores withdrawn forecasts."""
+def test_robot_leaves_in_time_or_stops(graph):
     parameters = ('speed:=1.0', 'margin:=30.0', 'max_age:=900.0')
     robot = Robot(graph, 'leave_in_time.py', 'arrival', *parameters)
-    robot.tell(arrival=_coming(200.0, 900.0), pose=[95.0, 95.0])
-    # down is nearer; to the right it would be safe too, but later
+    robot.publish(arrival=_coming(200.0, 900.0), pose=[95.0, 95.0])
+    # down is nearer; to the right is also safe, but farther
     plan = robot.plan()
     assert plan[0].tolist() == [95.0, 95.0]
     assert plan[-1][0] >= 270.0 or plan[-1][1] >= 190.0
@@ -314,30 +296,28 @@ def test_a_robot_leaves(graph):
     assert (times + 30.0 <= front).all()
 
     # a goal that remains free is accepted, another one is not
-    robot.tell(goal=[285.0, 45.0])
+    robot.publish(goal=[285.0, 45.0])
     robot.plan(_ends_at(285.0, 45.0))
-    robot.tell(goal=[205.0, 45.0])
+    robot.publish(goal=[205.0, 45.0])
     robot.plan(lambda plan: len(plan) > 1 and plan[-1][0] != 205.0)
     robot.example.wait_for_log('not to the goal, but to where no lava comes')
 
-    # a much older stamp: arrivals that were distant are near
-    robot.tell(arrival=_coming(200.0, 900.0), age=600.0)
+    # a much older forecast
+    robot.publish(arrival=_coming(200.0, 900.0), age=600.0)
     robot.stops('no way leads out in time')
 
-    # older than the maximum age
-    robot.tell(arrival=_coming(2000.0, 9000.0), pose=[95.0, 95.0])
+    robot.publish(arrival=_coming(2000.0, 9000.0), pose=[95.0, 95.0])
     robot.plan()
-    robot.tell(arrival=_coming(2000.0, 9000.0), age=3600.0)
+    robot.publish(arrival=_coming(2000.0, 9000.0), age=3600.0)
     robot.example.wait_for_log('stop: there is no forecast')
 
-    # withdrawn by the node
-    robot.tell(arrival=_coming(2000.0, 9000.0))
+    robot.publish(arrival=_coming(2000.0, 9000.0))
     robot.plan()
-    robot.tell(arrival=[[-1.0] * 30] * 20)
+    robot.publish(arrival=[[-1.0] * 30] * 20)
     robot.stops('stop: the forecast has been withdrawn')
 
-    # no publisher is left to withdraw it
-    robot.tell(arrival=_coming(2000.0, 9000.0))
+    # no publisher
+    robot.publish(arrival=_coming(2000.0, 9000.0))
     robot.plan()
-    robot.tell(leave=True)
+    robot.publish(leave=True)
     robot.stops('')

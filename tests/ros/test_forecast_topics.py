@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forecasts and ensembles of a node: maps, observed outlines, withdrawals, the bag."""
+"""Forecasts and ensembles of a node: maps, observed outlines, withdrawals, recording."""
 
 import json
 from pathlib import Path
@@ -42,10 +42,7 @@ uncertainty:
 FORECASTS = ('arrival_time', 'arrival', 'arrival_class', 'peak_height', 'peak_temperature')
 
 ENSEMBLES = (
-    'inundation_probability',
-    'arrival_time_p10',
-    'arrival_time_p50',
-    'arrival_time_p90',
+    'inundation_probability', 'arrival_time_p10', 'arrival_time_p50', 'arrival_time_p90',
     'expected_peak_thickness',
 )
 
@@ -59,13 +56,8 @@ def node(local, tmp_path):
     np.savez(tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0)
     (tmp_path / 'scene.yaml').write_text(SCENE, encoding='utf-8')
     node = local(
-        scene='scene.yaml',
-        spacing=0.0,
-        time_scale=SCALE,
-        forecast_horizon=HORIZON / 3600.0,
-        forecast_max_age=10.0 * HORIZON,
-        ensemble_members=MEMBERS,
-        record=True,
+        scene='scene.yaml', spacing=0.0, time_scale=SCALE, forecast_horizon=HORIZON / 3600.0,
+        forecast_max_age=10.0 * HORIZON, ensemble_members=MEMBERS, record=True,
         bag_directory='recorded',
     )
     assert node.change('configure') and node.change('activate'), node.log
@@ -97,8 +89,7 @@ def next_forecast(node):
     return node.wait_until(found)
 
 
-def test_forecasts(node):
-    """Forecasts repeat, are stamped with their start, and report their age."""
+def test_forecasts_are_published_with_their_age(node):
     first = node.newest('arrival', 'arrival_time', 'peak_height', 'peak_temperature')
     assert first['arrival']['shape'] == [30, 40]
     assert first['arrival']['min'] == 0 and first['arrival']['wet'] > 3
@@ -106,7 +97,7 @@ def test_forecasts(node):
     assert first['arrival_time']['encoding'] == '32FC1'
     assert first['peak_height']['max'] > 0 and first['peak_temperature']['max'] > 0
     forecasts = (next_forecast(node) for _ in range(20))
-    # 100 where there is lava already
+    # 100 where lava is at the start
     later = next(item for item in forecasts if item['max'] == 100)
     status = node.status_now('forecast')
     assert int(status['frame_stamp_ns']) >= later['stamp_ns']
@@ -120,8 +111,7 @@ def test_forecasts(node):
     assert node.map('arrival')['shape'] == [30, 40]
 
 
-def test_ensembles(node):
-    """Ensembles are complete, and members that differ from the outline weigh less."""
+def test_ensembles_are_published_and_weighted_by_outlines(node):
     status = wait_for_ensemble(node)
     assert status['level'] == 0 and status['message'] == f'{MEMBERS} of {MEMBERS} members'
     assert status['is_stale'] == 'false'
@@ -138,7 +128,6 @@ def test_ensembles(node):
         assert found[name]['shape'] == [30, 40]
         assert name not in IMAGES or found[name]['encoding'] == '32FC1'
 
-    # in later ensembles most lava is the same for all members
     node.run(FLOWN / SCALE)
     node.publish('outline')
     sharper = node.status_now('ensemble', lambda item: item['outlines'] == '1')
@@ -153,8 +142,7 @@ def test_ensembles(node):
     assert later['outlines'] == '1' and float(later['members_effective']) < MEMBERS - 0.5
 
 
-def test_outlines_that_cannot_be_used_are_refused(node):
-    """The error names each invalid outline."""
+def test_rejects_invalid_outlines(node):
     wait_for_ensemble(node)
     node.run(1.0)
     for count, (name, field) in enumerate((
@@ -171,8 +159,7 @@ def test_outlines_that_cannot_be_used_are_refused(node):
         assert node.log.count('observed_outline refused') == count
 
 
-def test_withdrawals(node):
-    """Forecasts are withdrawn when the scene changes, and then made again."""
+def test_forecasts_are_withdrawn_when_the_scene_changes(node):
     wait_for_ensemble(node)
     node.newest('arrival', 'arrival_time')
     topics = {*GRIDS, 'arrival_time'}
@@ -185,7 +172,7 @@ def test_withdrawals(node):
         node.wait_for_log(f'{what} withdrawn: the scene or the effects have changed')
     node.run(2.0)
     node.wait_for_topic('arrival', lambda item: item['max'] > -1)
-    # paused: time stands still, and a forecast does not age
+    # paused: a forecast does not age
     assert node.call('pause', True)['success']
     node.jump(node.now + 30.0)
     still = node.status_now(
@@ -194,8 +181,7 @@ def test_withdrawals(node):
     assert still['is_stale'] == 'false'
 
 
-def test_the_bag_has_them(node, tmp_path):
-    """The bag has forecasts, outlines and the layer file, which other readers ignore."""
+def test_bag_has_forecasts_outlines_and_their_layer_file(node, tmp_path):
     wait_for_ensemble(node)
     node.run(FLOWN / SCALE)
     node.publish('outline')
@@ -226,14 +212,12 @@ def _refusal(settings, msg_config='default.yaml', forecast_config='forecast.yaml
     return str(caught.value)
 
 
-def test_files_that_do_not_fit_are_refused(tmp_path):
-    """A source in the wrong file, and a topic with two layers, are refused."""
+def test_rejects_layer_files_that_do_not_fit(tmp_path):
     assert "layers.height.source is 'thickness'" in _refusal({}, forecast_config='default.yaml')
     assert "layers.arrival_time.source is 'arrival'" in _refusal({}, msg_config='forecast.yaml')
     assert 'layers_off' in _refusal({'layers_off': ('arrivals',)})
     layers = published_layers(
-        CONFIGS / 'default.yaml',
-        CONFIGS / 'forecast.yaml',
+        CONFIGS / 'default.yaml', CONFIGS / 'forecast.yaml',
         settings=Settings(layers_off=('arrival',)),
     )
     assert {layer.topic for layer in layers if layer.is_forecast} == {*FORECASTS} - {'arrival'}
@@ -244,8 +228,7 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
     assert "layers.height.topic is 'height', expected a topic" in refusal
 
 
-def test_arrivals_have_one_threshold():
-    """Different arrival thresholds in one forecast are refused."""
+def test_rejects_different_arrival_thresholds():
     arrival = {'source': 'arrival', 'message': 'sensor_msgs/Image'}
     thresholds = {'a': {**arrival, 'threshold': 0.01}, 'b': {**arrival, 'threshold': 0.5}}
     with pytest.raises(LavaError, match=r'forecast_config is \[0.01, 0.5\], expected one thresh'):

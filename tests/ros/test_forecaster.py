@@ -58,7 +58,6 @@ def scene(discharge=20.0):
 
 
 def simulation_of(scene):
-    """Return a coarse simulation."""
     return Simulation(
         scene, effects=Effects(), accuracy=Accuracy(spacing=8.0, thickness=1.0), device='cpu'
     )
@@ -72,12 +71,10 @@ class Bench:
         self.started = []
         self.horizon = None
         self.worker = SimulationWorker(simulation_of, clock=time.monotonic, time_scale=SCALE)
-        self.told = []
+        self.reasons = []
         self.forecaster = Forecaster(
-            self.worker,
-            lambda: self.rules,
-            on_change=lambda: self.told.append(self.staleness()),
-            make_process=self._process,
+            self.worker, lambda: self.rules,
+            on_change=lambda: self.reasons.append(self.staleness()), make_process=self._process,
         )
         self.worker.start()
         self.worker.set_scene(scene()).result(PATIENCE)
@@ -114,21 +111,19 @@ class Bench:
         """Wait until a forecast that takes hours is in progress."""
         self.rules = replace(RULES, horizon=1e7)
 
-        def is_at_hand():
+        def has_begun():
             self.worker.request_snapshot()
             return self.horizon == 1e7 and self.forecaster.status.progress is not None
 
-        wait_until(is_at_hand)
+        wait_until(has_begun)
 
     def close(self):
-        """End both."""
         assert self.forecaster.stop(PATIENCE)
         assert self.worker.stop(PATIENCE)
 
 
 @pytest.fixture(scope='module')
 def running():
-    """A worker and a forecaster for all tests, with short retry times."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(forecaster, '_RETRY_TIMES', (0.1, 0.2))
         result = Bench()
@@ -138,7 +133,6 @@ def running():
 
 @pytest.fixture
 def bench(running):
-    """The worker and the forecaster, at the start of the scene with a first forecast."""
     running.rules = RULES
     running.forecaster.want(True)
     running.worker.pause(False).result(PATIENCE)
@@ -148,7 +142,6 @@ def bench(running):
 
 
 def test_forecasts_follow_the_live_simulation(bench):
-    """Each starts later than the previous one, and equals a direct run of the fork."""
     first, before = bench.forecaster.latest, len(bench.started)
     assert first.shown.horizon == RULES.horizon
     assert np.count_nonzero(first.shown.arrival > 0.0) > 5
@@ -164,24 +157,23 @@ def test_forecasts_follow_the_live_simulation(bench):
     np.testing.assert_array_equal(last.arrival, expected.arrival)
     np.testing.assert_array_equal(last.thickness, expected.thickness)
     np.testing.assert_array_equal(last.temperature, expected.temperature)
-    # a state at rest is forked once
+    # a state at rest is forked only once
     count = bench.forecaster.status.count
     time.sleep(1.5 * LEAST_PERIOD)
     assert bench.forecaster.status.count == count
     assert bench.forecaster.age(bench.forecaster.latest) == 0.0
 
 
-def test_another_scene_makes_a_forecast_stale_at_once(bench):
-    """One in progress is dropped too; the same process continues with the new scene."""
+def test_new_scene_makes_forecasts_stale_immediately(bench):
     before = len(bench.started)
     bench.begin_a_long_one()
     old = bench.forecaster.latest
-    # the current forecast keeps its rules; the next may start once the scene has changed
+    # the current forecast keeps its rules; the next one uses these
     bench.rules = RULES
-    bench.told.clear()
+    bench.reasons.clear()
     bench.worker.set_vents((Vent((155.0, 100.0), 60.0, radius=15.0),)).result(PATIENCE)
-    wait_until(lambda: bench.told)
-    assert bench.told[0] == 'the scene or the effects have changed'
+    wait_until(lambda: bench.reasons)
+    assert bench.reasons[0] == 'the scene or the effects have changed'
     new = bench.forecast(lambda item: item is not old)
     assert bench.staleness() == ''
     assert new.shown.horizon == RULES.horizon
@@ -192,8 +184,7 @@ def test_another_scene_makes_a_forecast_stale_at_once(bench):
     assert len(bench.started) == before
 
 
-def test_an_old_forecast_is_stale(bench):
-    """A forecast is stale above its maximum age."""
+def test_forecast_is_stale_above_its_maximum_age(bench):
     bench.forecaster.want(False)
     bench.rules = replace(RULES, max_age=2.0)
     wait_until(lambda: bench.worker.request_snapshot() or bench.staleness())
@@ -201,8 +192,7 @@ def test_an_old_forecast_is_stale(bench):
     assert bench.forecaster.age(bench.forecaster.latest) > 2.0
 
 
-def test_what_was_dropped_is_made_up_for(bench):
-    """A node that was deactivated and activated again has a forecast, even at rest."""
+def test_cancelled_forecast_is_repeated_after_activation(bench):
     bench.begin_a_long_one()
     bench.worker.pause(True).result(PATIENCE)
     old = bench.forecaster.latest
@@ -214,8 +204,7 @@ def test_what_was_dropped_is_made_up_for(bench):
     assert new.shown.time == bench.worker.latest.time
 
 
-def test_the_process_may_die(bench):
-    """The cause is reported, a new process continues, and the live simulation is unaffected."""
+def test_killed_process_is_reported_and_replaced(bench):
     before = len(bench.started)
     bench.begin_a_long_one()
     old, bench.rules = bench.forecaster.latest, RULES
@@ -228,8 +217,7 @@ def test_the_process_may_die(bench):
     assert bench.worker.status.error == ''
 
 
-def test_the_process_gets_no_interrupt():
-    """Ctrl+C in a terminal goes only to the node, even while the forecast process starts."""
+def test_process_blocks_sigint():
     process = ForecastProcess()
     try:
         status = Path(f'/proc/{process.pid}/status').read_text()
@@ -239,20 +227,16 @@ def test_the_process_gets_no_interrupt():
     assert int(blocked, 16) & 1 << signal.SIGINT - 1
 
 
-def test_what_cannot_be_forecast_is_told(bench):
-    """Too many particles within the horizon end the forecast, not the simulation."""
+def test_failed_forecast_is_reported_without_affecting_the_simulation(bench):
     bench.rules = replace(RULES, max_particles=3)
-    error = wait_until(
-        lambda: bench.worker.request_snapshot() or bench.forecaster.status.error
-    )
+    error = wait_until(lambda: bench.worker.request_snapshot() or bench.forecaster.status.error)
     assert 'at most 3 (max_particles)' in error
     bench.rules, old = RULES, bench.forecaster.latest
     bench.forecast(lambda item: item is not old)
     assert bench.worker.status.error == bench.forecaster.status.error == ''
 
 
-def test_the_live_simulation_keeps_its_pace(bench):
-    """It keeps its speed during forecasts, because their process has a low priority."""
+def test_process_has_a_low_priority(bench):
     bench.begin_a_long_one()
     niceness = os.getpriority(os.PRIO_PROCESS, bench.started[-1])
     assert niceness == min(19, os.getpriority(os.PRIO_PROCESS, 0) + forecast_process.NICENESS)
@@ -261,8 +245,7 @@ def test_the_live_simulation_keeps_its_pace(bench):
     assert bench.forecaster.status.progress is not None
 
 
-def test_the_pace():
-    """Forecasts get the minimum while the simulation is behind, then gradually more."""
+def test_share_of_forecasts_falls_when_the_simulation_is_behind():
     pace = Pace()
     assert pace.share(0.8, 'cuda:0') == 0.8
     pace.note(True, 10.0)
@@ -280,35 +263,28 @@ FORK = {'number': 1, 'checkpoint': None, 'is_first': True, 'ensemble': None}
 
 
 class Slices(queue.SimpleQueue):
-    """Requests, a forecast that never ends, and the clock of both.
-
-    A slice takes 0.02 s, and waiting for a request takes its whole timeout.
-    """
+    """Requests, a forecast that never ends, and the clock of both: a slice takes 0.02 s."""
 
     is_done, progress, now, count = False, 0.0, 0.0, 0
 
     def monotonic(self):
-        """Return the time of the clock [s]."""
         return self.now
 
     def advance(self, wall_limit):
-        """Run a slice."""
         assert wall_limit <= 0.1
         self.now += 0.02
         self.count += 1
 
     def get(self, *, timeout):
-        """Return a request, or raise Empty after the timeout."""
         if self.empty():
             self.now += timeout
         return super().get(block=False)
 
 
-def test_the_process_computes_no_more_than_its_share(monkeypatch):
-    """It rests between slices, also while requests arrive; a new fraction applies afterwards."""
+def test_process_computes_only_for_its_share_of_time(monkeypatch):
     slices = Slices()
     monkeypatch.setattr(forecast_process, 'LookAhead', lambda *_, **__: slices)
-    # patch only this module, because the worker of earlier tests still runs
+    # the worker of earlier tests still runs: patch only this module
     monkeypatch.setattr(forecast_process, 'time', slices)
     forecasting = forecast_process.Forecasting(slices, lambda *_, **__: None)
     slices.put(('share', {'share': 0.1}))
@@ -323,8 +299,7 @@ def test_the_process_computes_no_more_than_its_share(monkeypatch):
         assert 0.8 * most < (slices.count - before) * 0.02 <= most
 
 
-def test_the_first_forecast_of_a_scene_is_there_sooner(monkeypatch):
-    """The first forecast has fewer observations; later ones are more accurate."""
+def test_first_forecast_of_a_scene_has_fewer_observations(monkeypatch):
     looks = []
     monkeypatch.setattr(
         forecast_process, 'LookAhead', lambda *_, **options: looks.append(options['looks'])
@@ -337,8 +312,7 @@ def test_the_first_forecast_of_a_scene_is_there_sooner(monkeypatch):
     assert looks == [FIRST_LOOKS, LOOKS] and 2 * FIRST_LOOKS < LOOKS
 
 
-def test_the_process_ends_with_the_node():
-    """It ends even if the node is killed in the middle of a forecast."""
+def test_process_ends_when_the_node_is_killed():
     code = (
         'import time\nfrom lava_ros.ros.forecaster import ForecastProcess\n'
         'process = ForecastProcess()\nprint(process.pid, flush=True)\ntime.sleep(100.0)\n'
@@ -364,8 +338,8 @@ SETTINGS = Settings(
 
 
 @pytest.fixture
-def asked(monkeypatch):
-    """Record the number of planned members; a plan has at most 20."""
+def planned_members(monkeypatch):
+    """Return a list that records the number of planned members; a plan has at most 20."""
     found = []
 
     def afford(scene, *, within, horizon, members, device):
@@ -382,11 +356,10 @@ def asked(monkeypatch):
     return found
 
 
-def test_the_finest_that_is_there_in_time(asked):
-    """The time covers a forecast and members that alternate with it, at the plan's spacing."""
+def test_deadline_chooses_the_finest_plan_in_time(planned_members):
     chooser = SimulationMaker()
     assert chooser.accuracy(SCENE, SETTINGS).spacing == 25.0
-    assert asked == [17]
+    assert planned_members == [17]
     choice = chooser.choice
     assert (choice.members, choice.is_met, choice.spacing) == (8, True, 25.0)
     assert '8 of 8 members: 17 runs in about 9 s of 20 s' in choice.reason
@@ -398,17 +371,15 @@ def test_the_finest_that_is_there_in_time(asked):
     assert {item.key: item.value for item in late.values}['expected_error'] == '0.02'
 
 
-def test_fewer_members_where_not_even_the_coarsest_fit(asked):
-    """The number of members is the one with the smallest error."""
+def test_deadline_reduces_the_number_of_members(planned_members):
     chooser = SimulationMaker()
     chooser.accuracy(SCENE, replace(SETTINGS, ensemble_members=100))
-    assert asked == [201, None]
+    assert planned_members == [201, None]
     assert chooser.choice.members == 6
     assert '6 of 100 members' in chooser.choice.reason
 
 
-def test_a_flow_is_never_refused_for_a_deadline(monkeypatch):
-    """Late maps are better than none: the preset of the parameters is used, with a warning."""
+def test_impossible_deadline_is_a_warning(monkeypatch):
     chooser = SimulationMaker()
     too_late = LavaError('within', 20.0, 'longer: the coarsest runs take more')
     monkeypatch.setattr(affordable, 'afford', Mock(side_effect=too_late))
@@ -419,12 +390,11 @@ def test_a_flow_is_never_refused_for_a_deadline(monkeypatch):
     assert status.level == status.WARN
 
 
-def test_nothing_to_choose(asked):
-    """There is no choice without a deadline or without a vent."""
+def test_no_choice_without_a_deadline_or_a_vent(planned_members):
     chooser = SimulationMaker()
     usual = preset_accuracy('draft', spacing=None)
     assert chooser.accuracy(SCENE, replace(SETTINGS, deadline=0.0)) == usual
     assert chooser.accuracy(replace(SCENE, vents=()), SETTINGS) == usual
-    assert chooser.choice is None and asked == []
+    assert chooser.choice is None and planned_members == []
     status = diagnostics.deadline_status(20.0, None, took=1.0)
     assert status.level == status.OK and status.message.startswith('nothing chosen')

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Grid maps compared with the formulas of grid_map_core, with stand-ins for its messages.
+"""Grid maps compared with the formulas of grid_map_core.
 
-The package is not on PyPI, so its own classes and their transport by DDS are not tested.
+The package is not on PyPI: the messages are stand-ins, and their transport is not tested.
 """
 
 from concurrent.futures import Future
@@ -44,7 +44,6 @@ class GridMap:
 
 @pytest.fixture(autouse=True)
 def installed(monkeypatch):
-    """A package grid_map_msgs on the import path."""
     for name in ('grid_map_msgs', 'grid_map_msgs.msg'):
         monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
     sys.modules['grid_map_msgs.msg'].GridMap = GridMap
@@ -52,7 +51,6 @@ def installed(monkeypatch):
 
 @pytest.fixture
 def absent(installed, monkeypatch):
-    """Hide the package grid_map_msgs if it is installed."""
     for name in ('grid_map_msgs', 'grid_map_msgs.msg'):
         monkeypatch.setitem(sys.modules, name, None)
 
@@ -97,7 +95,6 @@ def expected(terrain, values):
 
 
 def made(terrain=TERRAIN, **maps):
-    """Return the grid map of a terrain."""
     maps = {'elevation': terrain.elevation, **maps}
     return codec.grid_map_message(maps, terrain, Header(frame_id='map'))
 
@@ -122,11 +119,7 @@ def moved(outer, inner, *, row_major=False, offset=0):
     return message
 
 
-def test_a_map_has_each_value_where_grid_map_looks_for_it():
-    """Each cell of each layer has the value of the terrain's cell at the same position.
-
-    Lengths, centre, header and strides are as in grid_map.
-    """
+def test_grid_map_has_each_value_at_its_position():
     thickness = np.where(TERRAIN.elevation > 5.0, TERRAIN.elevation, np.nan)
     message = made(thickness=thickness)
     assert message.layers == ['elevation', 'thickness']
@@ -151,8 +144,7 @@ def test_a_map_has_each_value_where_grid_map_looks_for_it():
 @pytest.mark.parametrize('start', [(0, 0), (1, 0), (0, 2), (3, 1)])
 @pytest.mark.parametrize('row_major', [False, True])
 @pytest.mark.parametrize('offset', [0, 5])
-def test_a_terrain_is_read_from_any_start_of_the_buffer(start, row_major, offset):
-    """The terrain does not depend on the start and the storage order of the buffer."""
+def test_terrain_does_not_depend_on_the_layout_of_the_buffer(start, row_major, offset):
     message = moved(*start, row_major=row_major, offset=offset)
     if not row_major and not offset:
         assert cells(message, 'elevation') == expected(TERRAIN, TERRAIN.elevation)
@@ -163,8 +155,7 @@ def test_a_terrain_is_read_from_any_start_of_the_buffer(start, row_major, offset
     assert (terrain.epsg, terrain.offset) == (32633, (5e5, 4e6))
 
 
-def test_value_that_looks_like_missing_data_is_refused():
-    """The error advises NaN for missing data."""
+def test_rejects_a_value_that_may_mean_missing_data():
     ground = 500.0 + np.add.outer(np.arange(20.0), np.arange(20.0))
     ground[4:8, 4:8] = -999.0
     terrain = Terrain(ground, 10.0)
@@ -186,7 +177,7 @@ def spoilt(**changes):
 
 
 @pytest.mark.parametrize(
-    ('changes', 'said'),
+    ('changes', 'message_start'),
     [
         ({'header__frame_id': 'odom'}, "header.frame_id is 'odom'"),
         ({'layers': ['height']}, "layers is ['height'], expected with the layer"),
@@ -208,27 +199,23 @@ def spoilt(**changes):
         ({'data__0__data': [1.0] * 11 + [float('nan')]}, "data is '1 of 12 cells"),
     ],
 )
-def test_a_map_that_contradicts_itself_is_refused(changes, said):
-    """The error has the field, its value and the expected value."""
+def test_rejects_an_inconsistent_grid_map(changes, message_start):
     with pytest.raises(LavaError) as caught:
         inputs.terrain_from_grid(spoilt(**changes), Settings())
-    assert str(caught.value).startswith(f'terrain_grid.{said}')
+    assert str(caught.value).startswith(f'terrain_grid.{message_start}')
 
 
-def test_a_map_that_is_too_large_is_refused():
-    """The maximum number of terrain cells applies to grid maps too."""
+def test_rejects_a_grid_map_with_too_many_cells():
     with pytest.raises(LavaError, match='max_terrain_cells'):
         inputs.terrain_from_grid(made(), Settings(max_terrain_cells=11))
 
 
 def layer(**changes):
-    """Return the layer lava_grid_map, with keys changed."""
     data = {'source': 'lava', 'message': 'grid_map_msgs/GridMap', 'threshold': 0.01, **changes}
     return layers_from_dict({'layers': {'lava_grid_map': data}})[0]
 
 
-def test_the_layer_shows_ground_and_lava():
-    """The message of the layer has the terrain and each quantity, unscaled, with their stamp."""
+def test_layer_has_elevation_and_unscaled_quantities():
     assert outputs.message_class(layer()) is GridMap
     message = outputs.layer_message(layer(), SNAPSHOT, frame_id='map', stamp_ns=3_000_000_004)
     assert message.layers == ['elevation', 'thickness', 'temperature', 'hazard']
@@ -241,8 +228,7 @@ def test_the_layer_shows_ground_and_lava():
     np.testing.assert_array_equal(ground, SNAPSHOT.terrain.elevation.astype(np.float32))
 
 
-def test_the_hazard_of_the_layer_has_its_limits():
-    """The key ``hazard`` of the file applies to the grid map as to an occupancy grid."""
+def test_hazard_limits_apply_to_the_grid_map():
     milder = {'lethal_thickness': 1e3, 'safe_temperature': 1e3, 'lethal_temperature': 1e4}
     messages = [
         outputs.layer_message(item, SNAPSHOT, frame_id='map', stamp_ns=0)
@@ -253,8 +239,7 @@ def test_the_hazard_of_the_layer_has_its_limits():
     assert lethal[0] > lethal[1] == 1
 
 
-def test_without_the_package_the_layer_is_refused(absent):
-    """The error names the missing package and the alternative; other layers do not need it."""
+def test_layer_without_the_package_is_an_error(absent):
     with pytest.raises(LavaError) as caught:
         outputs.message_class(layer())
     sentence = str(caught.value)
@@ -265,7 +250,6 @@ def test_without_the_package_the_layer_is_refused(absent):
 
 
 def subscribed(**changes):
-    """Return the subscriptions of a node with settings by topic, its worker and its log."""
     entities, worker = Mock(), Mock()
     worker.set_terrain.return_value = Future()
     InputTopics(entities, worker, settings=lambda: Settings(**changes), steady=Clock())
@@ -274,15 +258,13 @@ def subscribed(**changes):
     return topics, worker.set_terrain, entities.node.get_logger().error
 
 
-def test_without_the_package_maps_are_not_subscribed_to(absent):
-    """The other topics exist, and that of clicks unless it is switched off."""
+def test_no_subscription_to_grid_maps_without_the_package(absent):
     usual = {'terrain', 'terrain_info', 'terrain_cloud', 'vents', 'clicked_point'}
     assert set(subscribed()[0]) == usual
     assert set(subscribed(clicked_point_enabled=False)[0]) == usual - {'clicked_point'}
 
 
-def test_a_map_becomes_the_terrain(monkeypatch):
-    """Messages on terrain_grid go to the simulation, or are refused in the log."""
+def test_grid_map_becomes_the_terrain(monkeypatch):
     topics, set_terrain, error = subscribed()
     kind, take, profile = topics['terrain_grid']
     assert kind is GridMap
@@ -295,8 +277,8 @@ def test_a_map_becomes_the_terrain(monkeypatch):
     monkeypatch.setattr('lava_ros.ros.input_topics.decode', lambda *_, **__: refused)
     take(b'')
     set_terrain.assert_called_once()
-    (((said,), _),) = error.call_args_list
-    assert said.startswith('terrain_grid refused: terrain_grid.layers is')
+    (((message_start,), _),) = error.call_args_list
+    assert message_start.startswith('terrain_grid refused: terrain_grid.layers is')
 
 
 def wire(message, *, layers=None, arrays=None):
@@ -308,7 +290,6 @@ def wire(message, *, layers=None, arrays=None):
         body.extend(bytes(-len(body) % size))
 
     def put(*values):
-        """Append numbers, and strings after their lengths."""
         for value in values:
             pad(4)
             text = f'{value}\0'.encode() if isinstance(value, str) else b''
@@ -340,8 +321,7 @@ def wire(message, *, layers=None, arrays=None):
         ({}, 3, 'terrain_grid.data.layout.dim is 3, expected at most 2'),
     ],
 )
-def test_what_a_map_announces_is_bounded(monkeypatch, counts, dimensions, sentence):
-    """Counts in a message are checked before memory is allocated for them."""
+def test_rejects_excessive_counts_before_decoding(monkeypatch, counts, dimensions, sentence):
     message = made(thickness=TERRAIN.elevation)
     layout = message.data[1].layout
     layout.dim = [*layout.dim, MultiArrayDimension(label='more', size=1)][:dimensions]

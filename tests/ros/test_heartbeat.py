@@ -35,12 +35,12 @@ class Robot:
         self.node = Node('test_robot', context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self.heard, self.missed, self.alive = {}, {}, {}
+        self.received, self.missed, self.alive = {}, {}, {}
         for topic in ('keepout_mask', 'hazard'):
             self._subscribe(topic)
 
     def _subscribe(self, topic):
-        self.heard[topic], self.missed[topic], self.alive[topic] = [], 0, 0
+        self.received[topic], self.missed[topic], self.alive[topic] = [], 0, 0
 
         def miss(event):
             self.missed[topic] = event.total_count
@@ -49,19 +49,15 @@ class Robot:
             self.alive[topic] = event.alive_count
 
         asked = QoSProfile(
-            depth=1,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL,
-            deadline=Duration(seconds=2),
+            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, deadline=Duration(seconds=2),
             liveliness_lease_duration=Duration(seconds=2),
         )
         events = SubscriptionEventCallbacks(deadline=miss, liveliness=change)
         self.node.create_subscription(
-            OccupancyGrid, topic, self.heard[topic].append, asked, event_callbacks=events
+            OccupancyGrid, topic, self.received[topic].append, asked, event_callbacks=events
         )
 
     def wait(self, condition):
-        """Receive messages until a condition holds."""
-
         def is_so():
             self.executor.spin_once(timeout_sec=0.1)
             return condition()
@@ -69,7 +65,6 @@ class Robot:
         wait_until(is_so, lambda: (self.missed, self.alive), pause=0.0)
 
     def close(self):
-        """Leave the graph."""
         self.executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()
@@ -77,14 +72,13 @@ class Robot:
 
 @pytest.fixture
 def robot():
-    """A robot in the graph of the test."""
     result = Robot()
     yield result
     result.close()
 
 
-def test_a_dead_node_is_noticed(graph, tmp_path, robot):
-    """A paused node repeats its maps with their stamps; a killed one misses its deadline."""
+def test_killed_node_misses_its_deadline(graph, tmp_path, robot):
+    """A paused node repeats its maps with their stamps."""
     terrain, config = tmp_path / 'slope.npz', tmp_path / 'layers.yaml'
     _, x = np.mgrid[0:30, 0:40]
     np.savez(terrain, elevation=(300.0 - x).astype(np.float32), resolution=10.0)
@@ -92,11 +86,11 @@ def test_a_dead_node_is_noticed(graph, tmp_path, robot):
     node = graph.node(
         device='cpu', terrain_file=str(terrain), msg_config=str(config), end_time=0.001
     )
-    topics = robot.heard
-    robot.wait(lambda: all(len(heard) > 3 for heard in topics.values()))
-    for heard in topics.values():
-        assert heard[-1].header.stamp == heard[-2].header.stamp
-        assert heard[-1].data == heard[-2].data
+    topics = robot.received
+    robot.wait(lambda: all(len(received) > 3 for received in topics.values()))
+    for received in topics.values():
+        assert received[-1].header.stamp == received[-2].header.stamp
+        assert received[-1].data == received[-2].data
     assert set(robot.alive.values()) == {1}
     node.end(signal.SIGKILL)
     before = dict(robot.missed)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Input messages: conversion of valid ones, and errors of invalid ones."""
+"""Conversion of valid input messages, and errors of invalid ones."""
 
 import array
 from dataclasses import replace
@@ -49,8 +49,7 @@ def _cloud(x, y, z):
     return codec.point_cloud({'x': np.ravel(x), 'y': np.ravel(y), 'z': np.ravel(z)}, _header())
 
 
-def test_terrain_from_image():
-    """Elevation, resolution, origin and offset are unchanged."""
+def test_image_becomes_terrain():
     rules = replace(RULES, epsg=32633, offset_easting=5e5, offset_northing=4.17e6)
     terrain = inputs.terrain_from_image(*_pair(resolution=0.1), rules)
     np.testing.assert_array_equal(terrain.elevation, ELEVATION)
@@ -58,8 +57,7 @@ def test_terrain_from_image():
     assert (terrain.epsg, terrain.offset) == (32633, (500000.0, 4170000.0))
 
 
-def test_terrain_from_16_bit_image():
-    """16UC1 is converted to metres by scale and offset, in both byte orders."""
+def test_16_bit_image_is_converted_to_metres():
     rules = replace(RULES, terrain_scale=0.1, terrain_offset=-100.0)
     for mark in '<>':
         image, info = _pair()
@@ -70,7 +68,7 @@ def test_terrain_from_16_bit_image():
 
 
 @pytest.mark.parametrize(
-    ('path', 'value', 'rules', 'said'),
+    ('path', 'value', 'rules', 'message_start'),
     [
         ('image.encoding', '8UC1', {}, 'terrain.encoding is'),
         ('image.step', 15, {}, 'terrain.step is'),
@@ -89,7 +87,7 @@ def test_terrain_from_16_bit_image():
         ('info.origin.orientation.z', 0.1, {}, 'terrain_info.origin.orientation is'),
         ('info.origin.orientation.w', np.nan, {}, 'terrain_info.origin.orientation is'),
         ('image', _image(np.nan, (1, 1)), {}, 'terrain.data is .1 of 12 cells without.*holes'),
-        # infinity is not an elevation, and a terrain needs at least one cell with data
+        # infinity is not an elevation; terrain needs a cell with data
         ('image', _image(np.inf, (1, 1)), ALLOWED, 'terrain.data is inf'),
         ('image', _image(-np.inf, (1, 1)), ALLOWED, 'terrain.data is inf'),
         ('image', _image(np.nan), ALLOWED, 'terrain.data is .*at least one cell with data'),
@@ -97,18 +95,16 @@ def test_terrain_from_16_bit_image():
         ('image.width', 4, {'max_input_bytes': 11}, 'terrain.data is .*max_input_bytes'),
     ],
 )
-def test_malformed_terrain_is_refused(path, value, rules, said):
-    """The error of an invalid terrain has the field and the limit."""
+def test_rejects_malformed_terrain(path, value, rules, message_start):
     pair = SimpleNamespace(**dict(zip(('image', 'info'), _pair(), strict=True)))
     owner, _, name = path.rpartition('.')
     setattr(attrgetter(owner)(pair) if owner else pair, name, value)
-    with pytest.raises(LavaError, match=f'^{said}'):
+    with pytest.raises(LavaError, match=f'^{message_start}'):
         inputs.terrain_from_image(pair.image, pair.info, replace(RULES, **rules))
 
 
 @pytest.mark.parametrize('value', [-999.0, -9999.0, 32767.0, 0.0])
-def test_value_that_looks_like_missing_data_is_refused(value):
-    """For images and point clouds, the error advises NaN for missing data."""
+def test_rejects_a_value_that_may_mean_missing_data(value):
     ground = 500.0 + np.add.outer(np.arange(20.0), np.arange(20.0))
     ground[4:8, 4:8] = value
     x, y = np.meshgrid(10.0 * np.arange(20.0), 10.0 * np.arange(20.0))
@@ -119,13 +115,12 @@ def test_value_that_looks_like_missing_data_is_refused(value):
         lambda: inputs.terrain_from_image(image, info, rules),
         lambda: inputs.terrain_from_cloud(_cloud(x.ravel(), y.ravel(), ground.ravel()), rules),
     ):
-        said = f'is .{value:g} in 16 cells.*NaN in place of {value:g}'
-        with pytest.raises(LavaError, match=said):
+        message_start = f'is .{value:g} in 16 cells.*NaN in place of {value:g}'
+        with pytest.raises(LavaError, match=message_start):
             given()
 
 
-def test_holes_are_taken_on_request():
-    """NaN cells of an image, and cells without points of a cloud, remain NaN."""
+def test_cells_without_data_are_accepted_on_request():
     rules = replace(RULES, **ALLOWED)
     terrain = inputs.terrain_from_image(_image(np.nan, (1, 1)), _pair()[1], rules)
     assert np.argwhere(np.isnan(terrain.elevation)).tolist() == [[1, 1]]
@@ -134,11 +129,7 @@ def test_holes_are_taken_on_request():
     np.testing.assert_array_equal(terrain.elevation, [[1, np.nan, 2], [3, np.nan, 4]])
 
 
-def test_terrain_from_cloud():
-    """Points on a grid of the cells' size are cell centres; other cells get means of points.
-
-    Coordinates may be inexact, and points with NaN are ignored.
-    """
+def test_terrain_cells_are_points_or_means_of_points():
     rules = replace(RULES, terrain_cloud_resolution=0.1)
     y, x = np.mgrid[0:3, 0:4] * 0.1
     terrain = inputs.terrain_from_cloud(_cloud(x + 7.0, y - 2.0, ELEVATION), rules)
@@ -171,8 +162,7 @@ EAST, NORTH = [0, 10, 0, 10], [0, 0, 10, 10]
         ([0, 10], [0, 10], [1, 2], {'frame_id': 'world'}, 'header.frame_id'),
     ],
 )
-def test_malformed_terrain_cloud_is_refused(x, y, z, rules, field):
-    """Holes, infinities, a cloud that is too small or too wide, and a wrong frame are errors."""
+def test_rejects_a_malformed_terrain_cloud(x, y, z, rules, field):
     with pytest.raises(LavaError, match=f'^terrain_cloud.{field} is'):
         inputs.terrain_from_cloud(_cloud(x, y, z), replace(RULES, **rules))
 
@@ -192,8 +182,7 @@ def _wide_cloud(columns, **datatypes):
 
 
 @pytest.mark.parametrize('axis', ['x', 'y', 'z'])
-def test_numbers_of_a_cloud_are_bounded_before_they_are_used(axis):
-    """FLOAT64 values may be so large that their range or mean overflows: check them first."""
+def test_rejects_cloud_values_whose_range_overflows(axis):
     columns = {'x': [0.0, 10.0, 10.0], 'y': [0.0, 10.0, 10.0], 'z': [1.0, 2.0, 3.0]}
     columns[axis][1:] = [1e308, -1e308]
     with pytest.raises(LavaError, match=rf'terrain_cloud\.{axis} is 1e\+308, expected at most'):
@@ -209,21 +198,19 @@ def _vents(*changes, **extra):
     return codec.point_cloud({name: [row[name] for row in rows] for name in names}, _header())
 
 
-def test_vents_from_cloud():
-    """Vents have kelvin, and are named by their id or their index in the message."""
+def test_cloud_becomes_vents():
     first, second = inputs.vents_from_cloud(_vents({}, {'x': 9.0}), RULES)
     assert first == Vent((1.0, 2.0), 5.0, temperature=1373.15, radius=8.0, name='vent 0')
     assert (second.position, second.name) == ((9.0, 2.0), 'vent 1')
     assert inputs.vents_from_cloud(_vents({}, id=7.0), RULES)[0].name == 'vent 7'
     assert inputs.vents_from_cloud(_vents(), RULES) == ()
-    # the id may be an integer, the other fields doubles
+    # the id may be an integer, and the other fields doubles
     columns = {name: [value] for name, value in {'id': 42, **VENT}.items()}
     (vent,) = inputs.vents_from_cloud(_wide_cloud(columns, id=PointField.INT32), RULES)
     assert vent == replace(first, name='vent 42')
 
 
-def test_a_vent_with_a_schedule():
-    """Points of one id and position with times are one vent; ends of a fissure are two."""
+def test_points_with_times_are_one_vent_with_a_series():
     points = [
         {'time': time, 'discharge': discharge, 'x': x}
         for x in (1.0, 9.0)
@@ -233,7 +220,7 @@ def test_a_vent_with_a_schedule():
     assert (first.position, second.position) == ((1.0, 2.0), (9.0, 2.0))
     assert first.series == second.series == ((0.0, 5.0), (60.0, 2.0), (600.0, 0.0))
     assert first.name == 'vent 7'
-    for cloud, said in (
+    for cloud, message_start in (
         (_vents(*points), 'missing: id'),
         (
             _vents(points[0], {**points[1], 'radius': 9.0}, id=7.0),
@@ -241,7 +228,7 @@ def test_a_vent_with_a_schedule():
         ),
         (_vents(points[1], points[0], id=7.0), "'vent 7'.discharge"),
     ):
-        with pytest.raises(LavaError, match=said):
+        with pytest.raises(LavaError, match=message_start):
             inputs.vents_from_cloud(cloud, RULES)
 
 
@@ -259,24 +246,21 @@ def test_a_vent_with_a_schedule():
         ({}, {'frame_id': 'world'}, 'vents.header.frame_id'),
     ],
 )
-def test_malformed_vents_are_refused(changes, rules, field):
-    """The error of an invalid vent or message of vents names the field."""
+def test_rejects_malformed_vents(changes, rules, field):
     with pytest.raises(LavaError) as caught:
         inputs.vents_from_cloud(_vents(changes, {}), replace(RULES, **rules))
     assert caught.value.field == field
 
 
 @pytest.mark.parametrize('name', list(VENT))
-def test_vents_need_their_fields(name):
-    """A cloud that lacks fields is refused, and the error lists them."""
+def test_rejects_vents_without_a_field(name):
     cloud = _vents({})
     cloud.fields = [item for item in cloud.fields if item.name != name]
     with pytest.raises(LavaError, match=f'missing: {name}$'):
         inputs.vents_from_cloud(cloud, RULES)
 
 
-def test_vent_from_point():
-    """A click opens a vent with defaults; its stamp is ignored, its frame is not."""
+def test_click_opens_a_vent_with_default_values():
     settings = Settings(default_discharge=3.0, default_temperature=1000.0, default_radius=4.0)
     point = PointStamped(header=codec.header('map', 10**18))
     point.point.x, point.point.y = 6.0, 7.0
@@ -291,18 +275,13 @@ _plain_image, _info = partial(Image, width=4, height=3), partial(MapMetaData, wi
 
 
 def _pairing(*halves):
-    """Return a pairing that has received halves of a terrain at time 0."""
     result = inputs.TerrainPairing()
     for half in halves:
         result.add(half, 0.0)
     return result
 
 
-def test_pairing():
-    """Two new halves of one size are a pair immediately, in either order.
-
-    A new half of the old size pairs with the old partner only if no new one arrives.
-    """
+def test_terrain_image_and_info_are_paired():
     image, info = _plain_image(), _info()
     for halves in ((image, info), (info, image)):
         pairing = _pairing(halves[0])
@@ -321,18 +300,17 @@ def test_pairing():
 
 
 @pytest.mark.parametrize(
-    ('halves', 'patience', 'said'),
+    ('halves', 'patience', 'message_start'),
     [
         ([_plain_image(), _info(width=5)], 2.0, r"terrain_info\.size is '5 x 3', expected.*4 x 3"),
         ([_plain_image()], 10.0, 'terrain_info is missing'),
         ([_info()], 10.0, 'terrain is missing'),
     ],
 )
-def test_pairing_reports_what_does_not_fit_once(halves, patience, said):
-    """Errors appear after a while, sooner for different sizes; a later half still pairs."""
+def test_pairing_reports_a_missing_or_wrong_half_once(halves, patience, message_start):
     pairing = _pairing(*halves)
     assert pairing.poll(patience - 0.1) is None
-    with pytest.raises(LavaError, match=f'^{said}'):
+    with pytest.raises(LavaError, match=f'^{message_start}'):
         pairing.poll(patience)
     assert pairing.poll(2.0 * patience) is None
     mended = _plain_image(), _info()
@@ -342,8 +320,7 @@ def test_pairing_reports_what_does_not_fit_once(halves, patience, said):
 
 
 @pytest.mark.parametrize('lie', [False, True])
-def test_what_is_too_large_costs_nothing(lie):
-    """A terrain above the limit, or with too little data, is refused before it is processed."""
+def test_rejects_a_large_terrain_without_allocating_memory(lie):
     rules = replace(RULES, max_terrain_cells=15_999_999)
     image = Image(header=_header(), width=4000, height=4000, encoding='32FC1', step=16_000)
     if not lie:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The managed node: transitions, including failed ones, and its behaviour in each state."""
+"""Transitions of the managed node, including failed ones, and its behaviour in each state."""
 
 from pathlib import Path
 import threading
@@ -31,11 +31,7 @@ raise SystemExit(main())
 """
 
 #: Transitions to a state.
-PATHS = {
-    'unconfigured': (),
-    'inactive': ('configure',),
-    'active': ('configure', 'activate'),
-}
+PATHS = {'unconfigured': (), 'inactive': ('configure',), 'active': ('configure', 'activate')}
 
 
 def change(node, *names):
@@ -53,7 +49,7 @@ def refuse(node, name, words, state):
     assert '[ERROR]' in node.log[before:]
 
 
-def breaking(patch, name):
+def break_transition(patch, name):
     """Make a transition raise an error in its middle, until the patch is undone."""
     method = {
         'configure': '_begin', 'activate': '_publish', 'deactivate': 'deactivate',
@@ -84,13 +80,7 @@ def start(local, tmp_path):
     return start_node
 
 
-def has_lava(grid):
-    """Return True if there is lava on a map."""
-    return grid['wet'] > 0
-
-
-def test_an_unconfigured_node_has_nothing_of_the_simulation(start):
-    """Transitions that are not valid in the state are refused."""
+def test_unconfigured_node_has_no_topics_of_the_simulation(start):
     node = start('unconfigured')
     assert node.state() == 'unconfigured'
     alone = node.names()
@@ -104,15 +94,14 @@ def test_an_unconfigured_node_has_nothing_of_the_simulation(start):
 
 
 @pytest.mark.parametrize('words', ['gone.npz', 'RuntimeError: configure went wrong'])
-def test_configuring_that_fails_leaves_nothing_behind(start, monkeypatch, words):
-    """A missing file or an unexpected error is the cause; configure can then be called again."""
+def test_failed_configuration_leaves_nothing_behind(start, monkeypatch, words):
     node = start('unconfigured')
     alone, threads = node.names(), set(threading.enumerate())
     with monkeypatch.context() as patch:
         if words == 'gone.npz':
             assert node.set(terrain_file=words)['success']
         else:
-            breaking(patch, 'configure')
+            break_transition(patch, 'configure')
         refuse(node, 'configure', words, 'unconfigured')
     assert node.names() == alone
     node.wait_until(lambda: set(threading.enumerate()) <= threads)
@@ -120,8 +109,7 @@ def test_configuring_that_fails_leaves_nothing_behind(start, monkeypatch, words)
     change(node, 'configure')
 
 
-def test_an_inactive_node_takes_inputs_and_publishes_no_maps(start):
-    """Diagnostics are published and a pause is kept, but there is no map, no step and no bag."""
+def test_inactive_node_accepts_inputs_and_publishes_no_maps(start):
     node = start('inactive')
     node.publish('click')
     inputs = node.status_now('inputs', lambda item: item['accepted'] == '3')
@@ -141,16 +129,15 @@ def test_an_inactive_node_takes_inputs_and_publishes_no_maps(start):
     change(node, 'activate')
     assert node.wait_for_topic('height')['wet'] == 0
     status = node.status_now('simulation')
-    # the earlier pause
+    # the pause from before the activation
     assert (status['lifecycle'], status['state']) == ('active', 'paused')
     assert node.call('pause', False)['success']
     node.status_now('simulation', lambda item: item['state'] == 'running')
     node.run(2.0)
-    node.wait_for_topic('height', has_lava)
+    node.wait_for_topic('height', lambda grid: grid['wet'] > 0)
 
 
-def test_activating_fails_where_the_bag_is_already_there(start, tmp_path):
-    """The node remains inactive; with another bag it is activated."""
+def test_activation_fails_if_the_bag_exists(start, tmp_path):
     (tmp_path / 'there').mkdir()
     node = start('inactive', record=True, bag_directory='there')
     refuse(node, 'activate', 'a folder that does not exist yet', 'inactive')
@@ -160,7 +147,6 @@ def test_activating_fails_where_the_bag_is_already_there(start, tmp_path):
 
 
 def test_time_stands_still_while_inactive(start):
-    """While inactive, maps and time stop; when active again, time continues without a jump."""
     node = start('active', record=True, bag_directory='bag')
     node.run(2.0)
     change(node, 'deactivate')
@@ -184,8 +170,7 @@ def test_time_stands_still_while_inactive(start):
     assert node.worker.eruption.time - simulated == pytest.approx(10.0)
 
 
-def test_a_step_ends_with_the_deactivation(start):
-    """Inactive means that time stands still, also in the middle of a step."""
+def test_deactivation_stops_a_step(start):
     node = start('active')
     assert node.call('pause', True)['success']
     node.status_now('simulation', lambda item: item['state'] == 'paused')
@@ -198,14 +183,13 @@ def test_a_step_ends_with_the_deactivation(start):
     node.run_commands()
     reached = node.worker.eruption.time
     for _ in range(3):
-        # one round of the simulation thread each
+        # one round of the simulation thread
         node.run_commands()
         assert float(node.status_now('simulation')['simulated_time_s']) <= reached < 1e6
     assert node.worker.eruption.time == reached
 
 
-def test_a_failed_simulation_is_not_activated(start, monkeypatch):
-    """Activation reports the failure until a reset, which works in an inactive node."""
+def test_failed_simulation_is_not_activated(start, monkeypatch):
     node = start('active')
 
     def fail(*_, **__):
@@ -226,8 +210,7 @@ def test_a_failed_simulation_is_not_activated(start, monkeypatch):
     node.status_now('simulation', lambda item: item['state'] == 'running')
 
 
-def test_cleaning_up_finishes_the_bag_and_leaves_the_graph(start, tmp_path):
-    """The node can be configured again, but cannot record to the same bag."""
+def test_cleanup_finishes_the_bag_and_leaves_the_graph(start, tmp_path):
     node = start('unconfigured', record=True, bag_directory='bag')
     alone = node.names()
     change(node, 'configure', 'activate')
@@ -243,8 +226,7 @@ def test_cleaning_up_finishes_the_bag_and_leaves_the_graph(start, tmp_path):
 
 
 @pytest.mark.parametrize('is_moved', [False, True])
-def test_a_recording_that_was_ended_does_not_begin_again(start, tmp_path, is_moved):
-    """After a service call or removal of its folder, the node can still be activated."""
+def test_ended_recording_does_not_restart(start, tmp_path, is_moved):
     node = start('active', record=True, bag_directory='bag')
     node.newest('height')
     if is_moved:
@@ -267,20 +249,18 @@ def test_a_recording_that_was_ended_does_not_begin_again(start, tmp_path, is_mov
         ('cleanup', ('activate', 'deactivate', 'cleanup')),
     ],
 )
-def test_an_error_nobody_expected_leaves_the_node_unconfigured(start, monkeypatch, name, path):
-    """The node leaves nothing in the graph, and can be configured again."""
+def test_unexpected_error_leaves_the_node_unconfigured(start, monkeypatch, name, path):
     node = start('unconfigured', record=True, bag_directory='bag')
     alone = node.names()
     change(node, 'configure', *path[:-1])
     with monkeypatch.context() as patch:
-        breaking(patch, name)
+        break_transition(patch, name)
         refuse(node, path[-1], f'RuntimeError: {name} went wrong', 'unconfigured')
     assert node.names() == alone
     change(node, 'configure')
 
 
-def test_a_step_that_outlasts_the_cleanup_holds_up_the_next_configuration(start, monkeypatch):
-    """Two simulations never run at once: the next one waits for the end of the last one."""
+def test_configuration_waits_for_the_last_step_of_the_previous_simulation(start, monkeypatch):
     monkeypatch.setattr(active_node, 'STOP_TIMEOUT', 0.1)
     node = start('active')
     begun, may_end, advance = threading.Event(), threading.Event(), Simulation.advance
@@ -304,9 +284,7 @@ def test_a_step_that_outlasts_the_cleanup_holds_up_the_next_configuration(start,
 
 
 @pytest.mark.nightly
-def test_many_cycles_leave_nothing_behind(start):
-    """Threads and memory are released, and bags named by time have different names."""
-
+def test_many_cycles_release_threads_and_memory(start):
     def resources():
         status = Path('/proc/self/status').read_text(encoding='utf-8')
         values = dict(line.split(':') for line in status.splitlines())
@@ -326,8 +304,7 @@ def test_many_cycles_leave_nothing_behind(start):
     assert node.names() == alone
 
 
-def test_what_is_read_when_configured_may_be_set_before(local):
-    """In the unconfigured state, tools can set scene and device without a restart."""
+def test_read_only_parameters_can_be_set_while_unconfigured(local):
     node = local()
     assert node.set(scene='missing.yaml', frame_id='world')['success']
     refuse(node, 'configure', 'missing.yaml', 'unconfigured')
@@ -344,7 +321,6 @@ def test_what_is_read_when_configured_may_be_set_before(local):
 
 @pytest.mark.parametrize('state', PATHS)
 def test_shutdown_is_final_from_each_state(start, tmp_path, state):
-    """The bag is finished, and all further transitions are refused."""
     node = start(state, record=True, bag_directory='bag')
     if state == 'active':
         node.newest('height')
@@ -356,8 +332,7 @@ def test_shutdown_is_final_from_each_state(start, tmp_path, state):
     refuse(node, 'configure', 'no transition of id 1 from', 'finalized')
 
 
-def test_an_error_at_the_start_ends_the_process(graph):
-    """With autostart, a failed configuration ends the process with 1 and the reason."""
+def test_failed_autostart_ends_the_process(graph):
     node = graph.node(program=('-c', FAULTY), device='cpu')
     assert node.wait_for_end() == 1
     reason = 'lava_node cannot start: RuntimeError: configure went wrong'
@@ -365,8 +340,7 @@ def test_an_error_at_the_start_ends_the_process(graph):
 
 
 @pytest.mark.parametrize('path', [(), ('configure', 'activate', 'shutdown')])
-def test_a_managed_process_ends_with_0(graph, path):
-    """On SIGTERM, an unconfigured node and one that was shut down exit with 0."""
+def test_managed_process_exits_with_0(graph, path):
     node = graph.node(remap=['__ns:=/managed'], device='cpu', autostart=False)
     publisher, name = graph.publisher(), '/managed/lava'
     assert publisher.state(name) == 'unconfigured'

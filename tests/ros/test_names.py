@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Two nodes with other names in one graph have separate topics, terrain and bags."""
+"""Two nodes with different names in one graph have separate topics, terrain and bags."""
 
 import numpy as np
 import pytest
@@ -63,7 +63,6 @@ def start(local, tmp_path):
 
 @pytest.mark.parametrize('name', NAMES)
 def test_names_follow_namespaces_and_remaps(start, name):
-    """Relative names are in the node's namespace, remapped names elsewhere."""
     node = start(name)
     expected, others = NAMES[name]
     assert expected < node.names()
@@ -75,8 +74,7 @@ def test_names_follow_namespaces_and_remaps(start, name):
     assert {tuple(item['shape']) for item in newest.values()} == {tuple(SHAPES[name])}
 
 
-def test_a_click_opens_a_vent_where_it_is_remapped_to(start):
-    """Only the maps of that node show the lava of the new vent."""
+def test_remapped_click_opens_a_vent_of_one_node(start):
     node, other = start(ETNA), start(HEKLA)
     node.publish('click')
     node.run_commands()
@@ -87,8 +85,7 @@ def test_a_click_opens_a_vent_where_it_is_remapped_to(start):
     assert {item['max'] for item in other.seen if item['topic'] in MAPS[HEKLA]} == {0}
 
 
-def test_bags_are_each_nodes_own(start, tmp_path):
-    """Bags of the same second have different names, and contain only their node's messages."""
+def test_each_node_records_its_own_bag(start, tmp_path):
     nodes = {name: start(name, record=True) for name in NAMES}
     for name, node in nodes.items():
         node.newest(MAPS[name][0])
@@ -109,15 +106,13 @@ def test_bags_are_each_nodes_own(start, tmp_path):
 
 
 def launch(graph, name, **parameters):
-    """Start a node by name as a process."""
     path = terrain(graph.directory, name)
     return graph.node(
         remap=REMAPS[name], device='cpu', time_scale=20.0, terrain_file=path, **parameters
     )
 
 
-def test_the_terrain_of_a_file_is_there_for_who_comes_late(graph):
-    """A terrain from the topics replaces it, and is then the only one on the topics."""
+def test_late_subscriber_gets_the_terrain_of_a_file(graph):
     # images only: the terrain that the node publishes comes back to it
     launch(graph, HEKLA, terrain_scale=2.0)
     publisher = graph.publisher(remap=['__ns:=/hekla'])
@@ -128,7 +123,7 @@ def test_the_terrain_of_a_file_is_there_for_who_comes_late(graph):
     seen, relief = first['/hekla/terrain'], first['/hekla/relief']
     assert (seen['shape'], seen['encoding']) == ([16, 24], '32FC1')
     assert seen['max'] == pytest.approx(300.0)
-    # next to the hole there is no slope; elsewhere there is relief
+    # there is no slope next to the hole
     assert relief['shape'] == [16, 24] and relief['min'] == -1 and 0 < relief['max'] <= 100
     # the node has received its own terrain, which changes nothing
     inputs = listener.status_now('inputs', node='hekla/lava2')
@@ -136,10 +131,8 @@ def test_the_terrain_of_a_file_is_there_for_who_comes_late(graph):
     publisher.publish('terrain_info', 'terrain')
     listener.wait_for_topic('/hekla/height', lambda grid: grid['shape'] == [30, 40])
     second = graph.listener(*topics)
-    # a received terrain has a relief as well
     second.newest(
-        '/hekla/terrain',
-        '/hekla/relief',
+        '/hekla/terrain', '/hekla/relief',
         condition=lambda newest: newest['/hekla/relief']['shape'] == [30, 40],
     )
     listener.status_now('simulation', node='hekla/lava2')
@@ -147,8 +140,7 @@ def test_the_terrain_of_a_file_is_there_for_who_comes_late(graph):
     assert seen['sha256'] not in {item['sha256'] for item in second.seen}
 
 
-def test_commands_reach_one_alone(graph):
-    """A pause, a parameter or a transition of one node does not affect the other."""
+def test_commands_apply_to_one_node(graph):
     for name in NAMES:
         launch(graph, name)
     publisher, listener = graph.publisher(), graph.listener()
@@ -164,7 +156,7 @@ def test_commands_reach_one_alone(graph):
     before = float(status(HEKLA)['simulated_time_s'])
     status(HEKLA, lambda item: float(item['simulated_time_s']) > before)
     assert publisher.change('deactivate', node=ETNA)
-    # except warnings about its last map or a slow machine
+    # ignore warnings about its last map or a slow machine
     etna, hekla = (status(name) for name in NAMES)
     assert (etna['lifecycle'], etna['state']) == ('inactive', 'paused')
     assert etna['message'].startswith('inactive: ')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node: inputs, log, topics and bags, in the test's process and in a real graph."""
+"""The node: inputs, log, topics and bags, in the test's process and in a graph."""
 
 from collections import Counter
 import hashlib
@@ -21,12 +21,10 @@ GRIDS = ('height', 'temperature', 'hazard')
 
 @pytest.fixture
 def running(flowing):
-    """A node with flowing lava."""
     return flowing()
 
 
-def test_the_log_says_what_the_node_does(flowing):
-    """The log has one line each for waiting, inputs, choices and recording."""
+def test_log_has_one_line_for_each_event(flowing):
     node = flowing(record=True, bag_directory='bag')
     node.wait_for_log('recording to')
     node.wait_for_log('simulation running')
@@ -40,8 +38,7 @@ def test_the_log_says_what_the_node_does(flowing):
         assert [line.startswith(start_of_line) for line in lines].count(True) >= 1, lines
 
 
-def test_diagnostics(running):
-    """The diagnostics have state, speed and volume budget of a published frame."""
+def test_diagnostics_have_state_speed_and_budget(running):
     status = running.status_now('simulation')
     assert status['state'] == 'running'
     assert status['device'] == 'cpu'
@@ -58,7 +55,7 @@ def test_diagnostics(running):
     assert stamp in {item['stamp_ns'] for item in running.seen if item['topic'] in GRIDS}
 
 
-#: Refused messages of each topic, the topic to blame, and the text of the error.
+#: Rejected messages, the topic in the error, and its text.
 MALFORMED = (
     ('nan_hole', 'terrain', '1 of 1200 cells without data'),
     ('wrong_frame', 'terrain', "terrain.header.frame_id is 'odom'"),
@@ -67,12 +64,12 @@ MALFORMED = (
     ('cloud_with_hole', 'terrain_cloud', '1 of 1200 cells without data'),
     ('negative_discharge', 'vents', 'discharge is -1.0'),
     ('vents_without_fields', 'vents', 'missing: discharge, radius'),
+    ('vents_wrong_frame', 'vents', "vents.header.frame_id is 'base_link'"),
     ('click_off_map', 'clicked_point', 'a place on the terrain'),
 )
 
 
-def test_malformed_input(running):
-    """Each has one error in the log, and all are in the diagnostics; the flow continues."""
+def test_malformed_input_is_logged_and_counted(running):
     for case, topic, words in MALFORMED:
         length = len(running.log)
         running.publish(case)
@@ -91,19 +88,7 @@ def test_malformed_input(running):
     running.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
 
 
-def test_good_input_after_bad(running):
-    """A repeated bad message is logged once; a good one ends the error, but not the count."""
-    running.publish(*['vents_wrong_frame'] * 3)
-    status = running.status_now('inputs')
-    assert (status['level'], status['rejected']) == (2, '3')
-    running.publish('terrain', 'terrain_info', 'terrain_cloud', 'vents', 'click')
-    status = running.status_now('inputs', lambda status: status['level'] == 1)
-    assert status['rejected'] == '3'
-    assert len([line for line in running.log.splitlines() if 'refused' in line]) == 1
-
-
-def test_a_pause_and_a_step(running):
-    """A pause stops publishing; a step is a second of the clock at the newest scale."""
+def test_pause_stops_publishing_and_step_advances_one_second(running):
     assert running.call('pause', True) == {'success': True, 'message': 'pausing'}
     running.at_rest(*GRIDS)
     seen = len(running.seen)
@@ -124,22 +109,20 @@ def test_a_pause_and_a_step(running):
     assert not running.call('step')['success']
 
 
-def test_parameters(running):
-    """Bad values and read-only parameters are refused; some values apply at the next start."""
-    for values, said in (
+def test_bad_parameters_are_rejected_and_some_apply_later(running):
+    for values, expected_words in (
         ({'lava__density': 0.0}, 'out of range'),
         ({'time_scale': 3}, 'type'),
         ({'device': 'cuda:0'}, 'read-only'),
         ({'effects_on': ['lava']}, "effects_on is 'lava', expected one of"),
     ):
-        assert said in running.set(**values)['message']
+        assert expected_words in running.set(**values)['message']
     for name, value in (('preset', 'standard'), ('lava.viscosity', 50.0)):
         assert running.set(**{name: value})['success']
         running.wait_for_log(f'{name}: the new value is used from the next start or reset on')
 
 
 def test_changing_effects_does_not_stop_publishing(running):
-    """Effects are switched while the flow continues, with reasons; maps with lava follow."""
     for values, effect, text in (
         ({'effects_on': ['helmholtz']}, 'helmholtz', 'on: forced'),
         ({'effects_on': [], 'effects_off': ['cover']}, 'cover', 'off: forced'),
@@ -155,22 +138,7 @@ def test_changing_effects_does_not_stop_publishing(running):
         assert grid['wet'] > 0
 
 
-def test_reset(running):
-    """A reset restarts at time 0 with the same terrain and vents; a pause remains."""
-    assert running.call('pause', True)['success']
-    answer = running.call('reset')
-    assert answer == {'success': True, 'message': 'starting again at time 0'}
-    status = running.status_now('simulation', lambda status: status['simulated_time_s'] == '0.0')
-    assert status['state'] == 'paused'
-    assert 'reset: starting again at time 0' in running.log
-    assert running.call('pause', False)['success']
-    running.status_now('simulation', lambda status: status['state'] == 'running')
-    running.run(2.0)
-    running.wait_for_topic('height', lambda grid: grid['wet'] > 0)
-
-
-def test_the_bag_describes_itself(flowing, tmp_path):
-    """The bag begins with the inputs, and contains scene, parameters and effects of the run."""
+def test_bag_has_inputs_scene_parameters_and_effects(flowing, tmp_path):
     node = flowing(record=True, bag_directory='bag')
     node.publish('click')
     assert node.set(effects_on=['helmholtz'])['success']
@@ -188,7 +156,7 @@ def test_the_bag_describes_itself(flowing, tmp_path):
         assert bag.topics[f'/{topic}'].qos.durability == 'transient_local'
     scene = yaml.safe_load(bag.custom_data['scene'])
     assert scene['terrain']['shape'] == [30, 40]
-    # vents opened by a click and replaced by a message: the bag has the volume of each
+    # vents that were opened by a click and replaced: the bag has the volume of each
     fluxes = [vent['discharge'] for vent in scene['vents']]
     assert 20.0 in [item if isinstance(item, float) else item[-1][1] for item in fluxes]
     assert yaml.safe_load(bag.custom_data['parameters'])['frame_id'] == 'map'
@@ -203,8 +171,7 @@ def test_the_bag_describes_itself(flowing, tmp_path):
     assert 'does not exist yet' in refused['message']
 
 
-def test_subscribers_of_a_real_graph(graph):
-    """Late subscribers get the last grid of each topic, and the bag has the same bytes."""
+def test_late_subscribers_and_the_bag_have_the_published_grids(graph):
     bag = graph.directory / 'bag'
     node = graph.node(time_scale=60.0, device='cpu', record=True, bag_directory=str(bag))
     publisher, listener = graph.publisher(), graph.listener(*GRIDS)
@@ -225,19 +192,18 @@ def test_subscribers_of_a_real_graph(graph):
     recorded = {
         (item.topic, hashlib.sha256(bytes(item.data)).hexdigest()) for item in reader.messages()
     }
-    heard = [item for item in listener.seen if item['topic'] in GRIDS]
-    heard = {
+    received = [item for item in listener.seen if item['topic'] in GRIDS]
+    received = {
         (f'/{item["topic"]}', item['sha256'])
-        for item in heard
+        for item in received
         if item['stamp_ns'] <= reader.end_ns
     }
-    assert {f'/{topic}' for topic in GRIDS} == {topic for topic, _ in heard}
-    assert heard <= recorded
+    assert {f'/{topic}' for topic in GRIDS} == {topic for topic, _ in received}
+    assert received <= recorded
     assert node.end() == 0
 
 
-def test_parameters_without_effect_are_warned_of(graph):
-    """Unknown parameters of a file are listed with similar names, but not refused."""
+def test_unknown_parameters_of_a_file_are_warnings(graph):
     values = {'device': 'cpu', 'discharge': 60.0, 'time_scales': 2.0, 'unheard_of': 1}
     file = graph.directory / 'for_all.yaml'
     file.write_text(json.dumps({'/**': {'ros__parameters': values}}), encoding='utf-8')
@@ -245,31 +211,11 @@ def test_parameters_without_effect_are_warned_of(graph):
     node = graph.node(aside=True, program=words)
     node.wait_for_log('active')
     assert node.end() == 0
-    said = [line for line in node.log.splitlines() if 'has no effect' in line]
-    assert all('[WARN]' in line for line in said)
-    discharge, scale, unheard_of = said
+    expected_words = [line for line in node.log.splitlines() if 'has no effect' in line]
+    assert all('[WARN]' in line for line in expected_words)
+    discharge, scale, unheard_of = expected_words
     assert "this node has no parameter 'discharge'" in discharge
     assert 'similar names: default_discharge; vents come by the scene file (scene)' in discharge
     assert "'time_scales'" in scale and 'vents' not in scale
     assert 'similar names: time_scale' in scale
     assert unheard_of.endswith("no parameter 'unheard_of': its value has no effect")
-
-
-def test_a_wrong_start_is_refused(graph):
-    """A node that cannot start prints the reason in one sentence and exits with 2."""
-    nodes = [
-        (graph.node(aside=True, **parameters), words)
-        for parameters, words in (
-            ({'time_scale': 60}, 'written 5.0'),
-            (
-                {'discharge': 60.0},
-                '-p discharge is 60.0, expected a parameter that this node has; similar names: '
-                'default_discharge; vents come by the scene file',
-            ),
-            ({'layers_on': ['points']}, "layers_on is 'points', expected one of height, temp"),
-        )
-    ]
-    for node, words in nodes:
-        assert node.wait_for_end() == 2
-        (sentence,) = node.log.splitlines()
-        assert sentence.startswith('lava_node cannot start: ') and words in sentence

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages out: arrays in fields and back, layers as they are due, terrain, vents and markers."""
+"""Outgoing messages: arrays in fields, layers, terrain, vents and markers."""
 
 from array import array
 from dataclasses import replace
@@ -48,27 +48,22 @@ def _image(values, encoding, dtype, *, padding=0, is_bigendian=False):
     data = values.astype(np.dtype(dtype).newbyteorder('>' if is_bigendian else '<'))
     lines = [line.tobytes() + b'\xff' * padding for line in data]
     return Image(
-        height=rows,
-        width=columns,
-        encoding=encoding,
-        is_bigendian=int(is_bigendian),
-        step=columns * data.itemsize + padding,
-        data=array('B', b''.join(lines)),
+        height=rows, width=columns, encoding=encoding, is_bigendian=int(is_bigendian),
+        step=columns * data.itemsize + padding, data=array('B', b''.join(lines)),
     )
 
 
 @pytest.mark.parametrize('is_bigendian', [False, True])
 @pytest.mark.parametrize('padding', [0, 6])
 @pytest.mark.parametrize(('encoding', 'dtype'), [('32FC1', 'f4'), ('16UC1', 'u2')])
-def test_image_array(encoding, dtype, padding, is_bigendian):
-    """Both encodings are read in both byte orders and with padded rows."""
+def test_image_is_read_in_any_encoding_and_byte_order(encoding, dtype, padding, is_bigendian):
     values = np.arange(6.0).reshape(2, 3) + 1000.0
     image = _image(values, encoding, dtype, padding=padding, is_bigendian=is_bigendian)
     np.testing.assert_array_equal(image_array(image, 'terrain'), values)
 
 
 def _cloud(order, datatypes, *, rows, padding, is_bigendian):
-    """Three points, or two rows of three, with fields in any order and holes between them."""
+    """Return points with fields in any order and padding between them."""
     names = {'x': 1.0, 'y': 2.0, 'z': 3.0}
     kinds = {PointField.FLOAT32: 'f4', PointField.FLOAT64: 'f8'}
     mark = '>' if is_bigendian else '<'
@@ -86,13 +81,8 @@ def _cloud(order, datatypes, *, rows, padding, is_bigendian):
         for name, offset, datatype in zip(order, offsets, datatypes, strict=True)
     ]
     return PointCloud2(
-        height=rows,
-        width=3,
-        fields=fields,
-        is_bigendian=is_bigendian,
-        point_step=step,
-        row_step=3 * step + padding,
-        data=array('B', data),
+        height=rows, width=3, fields=fields, is_bigendian=is_bigendian, point_step=step,
+        row_step=3 * step + padding, data=array('B', data),
     )
 
 
@@ -101,8 +91,7 @@ def _cloud(order, datatypes, *, rows, padding, is_bigendian):
 @pytest.mark.parametrize('padding', [0, 3])
 @pytest.mark.parametrize('is_bigendian', [False, True])
 @pytest.mark.parametrize('datatypes', [(7, 7, 7), (8, 7, 8)])
-def test_cloud_columns(order, rows, padding, is_bigendian, datatypes):
-    """Any order, type, padding, organisation and byte order gives the same numbers."""
+def test_cloud_is_read_in_any_layout(order, rows, padding, is_bigendian, datatypes):
     cloud = _cloud(order, datatypes, rows=rows, padding=padding, is_bigendian=is_bigendian)
     columns = cloud_columns(cloud, 'cloud', ('x', 'y', 'z'), optional=('id',))
     steps = 10.0 * np.arange(rows * 3)
@@ -130,8 +119,7 @@ def test_cloud_columns(order, rows, padding, is_bigendian, datatypes):
         ),
     ],
 )
-def test_a_malformed_cloud_is_refused(changes, field):
-    """Fields, steps, size and data have to agree."""
+def test_rejects_a_malformed_cloud(changes, field):
     cloud = _cloud(['x', 'y', 'z'], (7, 7, 7), rows=1, padding=0, is_bigendian=False)
     for name, value in changes.items():
         setattr(cloud, name, value)
@@ -140,8 +128,7 @@ def test_a_malformed_cloud_is_refused(changes, field):
     assert caught.value.field == field
 
 
-def test_round_trips():
-    """An image comes back bit by bit, through the wire format too; so does a cloud."""
+def test_image_and_cloud_survive_a_round_trip():
     image = codec.float_image(VALUES, codec.header('map', 1_500_000_002))
     assert (image.header.stamp.sec, image.header.stamp.nanosec) == (1, 500_000_002)
     again = deserialize_message(codec.serialise(image), Image)
@@ -155,13 +142,10 @@ def test_round_trips():
 
 TERRAIN = Terrain(np.arange(6.0).reshape(2, 3), 10.0, origin=(100.0, 200.0))
 SNAPSHOT = Snapshot(
-    time=5.0,
-    terrain=TERRAIN,
+    time=5.0, terrain=TERRAIN,
     thickness=np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 0.05]], np.float32),
-    temperature=np.full((2, 3), 1273.15, np.float32),
-    budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
-    particle_count=1,
-    steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
+    temperature=np.full((2, 3), 1273.15, np.float32), budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
+    particle_count=1, steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
 )
 
 
@@ -170,8 +154,7 @@ def _message(**layer):
     return outputs.layer_message(made, SNAPSHOT, frame_id='map', stamp_ns=3_000_000_004)
 
 
-def test_grid_message():
-    """A grid has the terrain's place and size, and the layer's values."""
+def test_grid_and_image_have_place_and_values_of_the_layer():
     grid = _message(message='nav_msgs/OccupancyGrid', range=[0.0, 100.0])
     assert isinstance(grid.data, array) and grid.data.typecode == 'b'
     assert list(grid.data) == [0, 1, 2, 3, -1, 0]
@@ -180,19 +163,11 @@ def test_grid_message():
     assert (grid.info.width, grid.info.height, grid.info.resolution) == (3, 2, 10.0)
     assert (grid.info.origin.position.x, grid.info.origin.position.y) == (100.0, 200.0)
     assert grid.info.origin.orientation == Pose().orientation
-
-
-def test_image_message():
-    """An image has the raw values."""
     image = _message(message='sensor_msgs/Image', threshold=0.0)
     np.testing.assert_array_equal(image_array(image, 'height'), SNAPSHOT.thickness)
 
 
-def test_points_message():
-    """A cloud has a point for each wet cell, under the names that viewers show; without any, none.
-
-    A cloud without points lets viewers take away what they showed.
-    """
+def test_cloud_has_a_point_for_each_wet_cell():
     cloud = _message(source='lava', message='sensor_msgs/PointCloud2', threshold=0.05)
     names = ['x', 'y', 'z', 'thickness', 'temperature']
     assert [field.name for field in cloud.fields] == names
@@ -208,8 +183,7 @@ def test_points_message():
     assert (cloud.width, len(cloud.data), len(cloud.fields)) == (0, 0, 5)
 
 
-def test_vents_message_reads_back():
-    """Vents survive the way out and in, at the discharge of the moment and the ground's height."""
+def test_vents_message_has_the_current_discharge_and_elevation():
     series = ((0.0, 4.0), (10.0, 8.0), (20.0, 0.0))
     vents = (
         Vent((105.0, 205.0), series, temperature=1300.0, radius=3.0),
@@ -228,8 +202,7 @@ def test_vents_message_reads_back():
     assert inputs.vents_from_cloud(cloud, Settings()) == ()
 
 
-def test_the_relief_is_lit_from_the_north_west():
-    """Slopes that face the light are bright, those that turn away dark; flat ground between."""
+def test_relief_is_lit_from_the_north_west():
     y, x = np.mgrid[0:5, 0:5] * 10.0
 
     def shade(elevation):
@@ -251,16 +224,10 @@ VENTS = (
 
 
 def points(marker):
-    """The points of a line."""
     return [(item.x, item.y, item.z) for item in marker.points]
 
 
-def test_markers_of_vents():
-    """Old ones go first. A disc is as wide as its vent; a fissure is a line between its ends.
-
-    Both lie on the maps, next to a label with their name or number and their discharge. A line
-    goes up to the ground.
-    """
+def test_vent_has_a_marker_a_label_and_a_line_to_the_ground():
     first, *others = vent_markers(VENTS, 10.0, HILL, frame_id='map', stamp_ns=0).markers
     assert first.action == Marker.DELETEALL
     assert {item.action for item in others} == {Marker.ADD}
@@ -273,7 +240,7 @@ def test_markers_of_vents():
     assert (disc.scale.x, disc.scale.y) == (6.0, 6.0)
     assert fissure.type == Marker.LINE_STRIP
     assert points(fissure) == [(125.0, 215.0, 0.0), (115.0, 205.0, 0.0)]
-    # narrower than the letters are high
+    # narrower than the letters
     assert fissure.scale.x == LETTERS * 200.0 > 4.0
     assert disc.pose.orientation.w == fissure.pose.orientation.w == 1.0
     one, two = (item for item in others if item.ns == LABELS)
@@ -289,8 +256,7 @@ def test_markers_of_vents():
     assert only.action == Marker.DELETEALL
 
 
-def test_markers_of_barriers():
-    """Their crests are opaque lines on the maps, in map coordinates."""
+def test_barrier_is_a_line_on_the_map():
     crest = ((500_110.0, 4_180_210.0), (500_120.0, 4_180_215.0), (500_130.0, 4_180_215.0))
     ground = replace(HILL, offset=(500_000.0, 4_180_000.0), barriers=(crest,))
     _, line = vent_markers((), 0.0, ground, frame_id='map', stamp_ns=0).markers
@@ -303,8 +269,7 @@ def test_markers_of_barriers():
     ('time', 'color', 'words'),
     [(10.0, OPEN, 'north: 4 m3/s, 1100 C'), (30.0, CLOSED, 'north: 0 m3/s, 1100 C')],
 )
-def test_discharge_of_the_moment(time, color, words):
-    """What a vent gives now is written beside it and colours it."""
+def test_label_and_color_show_the_current_discharge(time, color, words):
     _, disc, label, *_ = vent_markers(VENTS, time, HILL, frame_id='map', stamp_ns=0).markers
     assert (disc.color.r, disc.color.g, disc.color.b, disc.color.a) == pytest.approx(color)
     assert label.text == words
@@ -317,16 +282,15 @@ GROUND, SPRINGS = {'terrain', 'terrain_info', 'relief'}, {'vents', 'vents_marker
     ('change', 'time', 'expected'),
     [
         ({}, 10.0, set()),
-        # the discharge of one of them
+        # the discharge of the first vent changes
         ({}, 20.0, SPRINGS),
         ({'vents': (replace(VENTS[0], name='south'), VENTS[1])}, 10.0, SPRINGS),
         ({'vents': VENTS[:1]}, 10.0, SPRINGS),
-        # their elevation
+        # the elevation of the vents changes too
         ({'terrain': replace(HILL, elevation=HILL.elevation + 1.0)}, 10.0, GROUND | SPRINGS),
     ],
 )
-def test_scene_messages_are_those_that_have_changed(change, time, expected):
-    """All are made at first and after ``forget``, later only those that have changed."""
+def test_scene_messages_are_only_those_that_changed(change, time, expected):
     scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages('map')
     assert set(messages.update(scene, 10.0, 1)) == GROUND | SPRINGS
     changed = messages.update(replace(scene, **change), time, 2)
@@ -337,8 +301,7 @@ def test_scene_messages_are_those_that_have_changed(change, time, expected):
     assert again['relief'].header.stamp.nanosec == 3
 
 
-def test_scene_messages_show_the_ground_of_the_flow():
-    """The scene may have new ground before the flow is on it."""
+def test_scene_messages_have_the_terrain_of_the_flow():
     scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages('map')
     old = Terrain(np.zeros((4, 5)), 10.0)
     shown = messages.update(scene, 10.0, 1, ground=old)
@@ -357,9 +320,7 @@ class _Published:
         self.publishers = LayerPublishers(
             SimpleNamespace(create=self._create),
             [layer for layer in load_layers(CONFIGS / file) if layer.enabled],
-            recorder or Recorder(),
-            frame_id='map',
-            clock=lambda: self.now,
+            recorder or Recorder(), frame_id='map', clock=lambda: self.now,
         )
 
     def _create(self, kind, message_class, topic, profile):
@@ -375,8 +336,7 @@ def _small_flow():
     return snapshot_at(1.0, thickness, Terrain(np.zeros((20, 30)), 10.0)), thickness
 
 
-def test_a_grid_is_surrounded_up_to_its_least_size():
-    """By unknown cells; the others are where they were."""
+def test_grid_is_padded_to_its_minimum_size():
     (layer,) = (
         item for item in load_layers(CONFIGS / 'nav2_keepout.yaml') if item.name == 'keepout_mask'
     )
@@ -399,8 +359,7 @@ def test_a_grid_is_surrounded_up_to_its_least_size():
         assert (cells == -1).sum() == cells.size - 600
 
 
-def test_heartbeats_repeat_the_newest_map(tmp_path):
-    """The map keeps its stamp and is sent after a heartbeat of silence; the bag has it once."""
+def test_heartbeat_repeats_the_newest_map(tmp_path):
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag')
     recorder.begin({})
@@ -426,7 +385,7 @@ def test_heartbeats_repeat_the_newest_map(tmp_path):
     assert stamps(lambda: publish(first, 1)) == dict.fromkeys(topics, 1)
     world.now += 4.0
     assert stamps(heartbeats) == {}
-    # masks that are as they were are not sent; their heartbeat has the time of the newest map
+    # unchanged masks are not sent, but their heartbeat has the time of the newest map
     assert stamps(lambda: publish(replace(first, time=2.0), 2)) == {'hazard': 2}
     world.now += 1.0
     assert stamps(heartbeats) == {'keepout_mask': 2, 'speed_mask': 2}
@@ -439,8 +398,7 @@ def test_heartbeats_repeat_the_newest_map(tmp_path):
     assert {topic: recorded.count(f'/{topic}') for topic in topics} == dict.fromkeys(topics, 2)
 
 
-def test_a_heartbeat_is_promised_by_qos():
-    """Deadline and lease are twice the heartbeat; other layers offer neither."""
+def test_qos_has_twice_the_heartbeat_as_deadline_and_lease():
     world = _Published('default.yaml')
     for topic, profile in world.profiles.items():
         if topic.endswith('get_map'):
@@ -449,8 +407,7 @@ def test_a_heartbeat_is_promised_by_qos():
         assert promised == ([10 * 10**9] * 2 if topic == 'hazard' else [0, 0]), topic
 
 
-def test_the_margin_of_keepout_masks_is_a_parameter():
-    """It replaces that of the file, and leaves other layers alone."""
+def test_parameter_replaces_the_margin_of_keepout_masks():
     file = CONFIGS / 'nav2_speed.yaml'
     usual, wide = (
         {layer.name: layer.margin for layer in published_layers(file, settings=settings)}
@@ -462,8 +419,7 @@ def test_the_margin_of_keepout_masks_is_a_parameter():
         published_layers(CONFIGS / 'default.yaml', settings=Settings(mask_margin=55.0))
 
 
-def test_masks_are_sent_when_they_change():
-    """Nav2 updates its costmaps for each mask, so only hazard is sent with each frame."""
+def test_masks_are_sent_only_when_they_change():
     world = _Published('nav2_speed.yaml')
     publishers, sent = world.publishers, world.sent
     first, thickness = _small_flow()
@@ -480,7 +436,7 @@ def test_masks_are_sent_when_they_change():
     further[10, 11] = 1.0
     second = replace(first, time=3.0, thickness=further)
     assert topics(second) == both | {'hazard'}
-    # a bag that begins now, or who activates the node, has all of them
+    # a new bag, or an activated node, gets all of them
     assert topics(second, repeat=True) == both | {'hazard'}
     elsewhere = Terrain(np.zeros((20, 30)), 10.0, (5.0, 5.0))
     assert topics(replace(second, time=4.0, terrain=elsewhere)) == both | {'hazard'}

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters: descriptors and the settings they make."""
+"""Descriptors of parameters, and the settings they give."""
 
 from functools import partial
 
@@ -24,15 +24,13 @@ def _values(**changes):
     return {**{spec.name: spec.default for spec in _specs()}, **changes}
 
 
-def test_defaults():
-    """The defaults are those of the classes, and for lava.* those of the material."""
+def test_defaults_are_those_of_settings_and_material():
     assert parameters.settings_from(_values()) == parameters.Settings()
     values = parameters.constant_values({**constants_of(None), 'lava': Lava(density=2000.0)})
     assert values['lava.density'] == 2000.0
 
 
-def test_descriptors():
-    """Each number has a range that contains its default; descriptors list choices."""
+def test_number_has_a_range_with_its_default():
     for spec in (*parameters.SOURCES, *_specs()):
         descriptor = spec.descriptor()
         assert all(choice in descriptor.additional_constraints for choice in spec.choices)
@@ -44,7 +42,6 @@ def test_descriptors():
 
 
 def test_zero_and_empty_mean_automatic():
-    """0 and '' mean None, which ROS parameters do not have."""
     given = {'end_time': 9.0, 'spacing': 2.0, 'device': 'cpu', 'epsg': 32633}
     settings = parameters.settings_from(_values(**given, offset_easting=5e5))
     assert {name: getattr(settings, name) for name in given} == given
@@ -53,13 +50,10 @@ def test_zero_and_empty_mean_automatic():
     assert {getattr(settings, name) for name in given} == {None}
 
 
-def test_effects_are_forced_by_name():
-    """Both lists make one mapping; all of ROS's forms of an empty list are empty."""
+def test_lists_of_effects_become_one_mapping():
     settings = parameters.settings_from(
         _values(
-            effects_on=['inertia', 'merging'],
-            effects_off=['', 'steep'],
-            layers_on=['', 'a'],
+            effects_on=['inertia', 'merging'], effects_off=['', 'steep'], layers_on=['', 'a'],
             horizon=2.0,
         )
     )
@@ -72,7 +66,6 @@ def test_effects_are_forced_by_name():
 
 @pytest.fixture(scope='module')
 def node_with():
-    """Return a function that makes a node with parameters from arguments."""
     made = []
 
     def make(*words):
@@ -95,8 +88,7 @@ LISTS = [spec.name for spec in _specs() if spec.is_list]
 
 @pytest.mark.parametrize('name', LISTS)
 @pytest.mark.parametrize('text', ['[]', 'null', '~', "['']", "''", 'None'])
-def test_an_empty_list_survives_a_dump(node_with, tmp_path, name, text):
-    """For each form at the start, the node has a list that ROS's tools can write."""
+def test_empty_list_survives_a_dump(node_with, tmp_path, name, text):
     file = tmp_path / 'dump.yaml'
     file.write_text(f'/lava: {{ros__parameters: {{{name}: {text}}}}}')
     for words in (('-p', f'{name}:={text}'), ('--params-file', str(file))):
@@ -104,7 +96,7 @@ def test_an_empty_list_survives_a_dump(node_with, tmp_path, name, text):
 
 
 @pytest.mark.parametrize('value', [[], [''], '', 'None', 'null', None])
-def test_an_empty_list_is_set_and_loaded(node_with, value):
+def test_empty_list_can_be_set_and_loaded(node_with, value):
     """``ros2 param load`` sends null as a text, and ``ros2 param set`` an empty list of bytes."""
     node = node_with('-p', 'effects_off:=[cooling]')
     assert node.get_parameter('effects_off').value == ['cooling']
@@ -127,18 +119,17 @@ def test_an_empty_list_is_set_and_loaded(node_with, value):
         ),
         (
             {'effects_on': ['green', 'inertia']},
-            "effects_on is ['green', 'inertia'], expected green false beside inertia",
+            "effects_on is ['green', 'inertia'], expected green false with inertia",
         ),
         ({'effects_on': ['vft']}, "effects_on is 'vft', expected an effect that the material has"),
         ({'effects_on': ['arrhenius'], 'lava.vft_b': 5000.0}, "effects_on is 'arrhenius'"),
-        # combinations of values, which ranges cannot express
+        # combinations that ranges cannot express
         ({'frame_id': ''}, 'frame_id is'),
         ({'lava.density': -1.0}, 'lava.density is'),
         ({'preset': 'best'}, 'preset is'),
     ],
 )
-def test_wrong_values_are_refused(changes, sentence):
-    """The error names a value that is not a list, unknown, contradictory, empty or foreign."""
+def test_rejects_wrong_values(changes, sentence):
     with pytest.raises(LavaError) as caught:
         parameters.settings_from(_values(**changes))
     assert str(caught.value).startswith(sentence)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrival at places: topic, diagnostics and bag of a node, and refused files."""
+"""Arrival at places: topic, diagnostics, bag, and rejected files."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ uncertainty:
 #: Posts along the valley, map frame [m].
 POSTS = {f'post {x}': (x, 152.0) for x in range(44, 400, 10)}
 
-SHARES = ('p10', 'p50', 'p90')
+QUANTILES = ('p10', 'p50', 'p90')
 
 #: Number of ensemble members, too few for early maps.
 MEMBERS = 3
@@ -39,8 +39,7 @@ CORNER = (500_000.0, 4_180_000.0)
 def folder(tmp_path):
     """Files of a scene and its places: posts, a road across the valley, a town off the map."""
     np.savez(
-        tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0, epsg=32633,
-        offset=CORNER,
+        tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0, epsg=32633, offset=CORNER
     )
     (tmp_path / 'scene.yaml').write_text(SCENE, encoding='utf-8')
     rows = [f'{name},{500_000 + x},{4_180_000 + y},,' for name, (x, y) in POSTS.items()]
@@ -50,7 +49,6 @@ def folder(tmp_path):
 
 
 def started(local, **parameters):
-    """Return a node that records, with lava."""
     node = local(
         scene='scene.yaml', spacing=0.0, time_scale=SCALE, places=['places.csv'], record=True,
         bag_directory='recorded', **parameters,
@@ -86,18 +84,15 @@ def tables(bag):
     return [decoder.decode(item, read) for item in bag.messages({'/place_arrivals'})]
 
 
-def cell(place):
-    """Return row and column of a map position."""
+def cell_of(place):
     return int(place[1] // 10.0), int(place[0] // 10.0)
 
 
 def same(text, value):
-    """Return True if a value of a status equals that of a map in float32."""
     return np.isnan(value) if text == '' else np.float32(float(text)) == np.float32(value)
 
 
-def test_topic_agrees_with_the_maps_of_its_stamp_and_with_the_geotiff(local, folder):
-    """Arrivals are the same in the layer `arrived`, the GeoTIFF of the bag and the table."""
+def test_arrivals_are_those_of_the_maps_and_the_geotiff(local, folder):
     node = started(local)
     for _ in range(8):
         node.run(1.0)
@@ -108,8 +103,8 @@ def test_topic_agrees_with_the_maps_of_its_stamp_and_with_the_geotiff(local, fol
     assert len(found) > 3
     for stamp, statuses in found:
         for name, place in POSTS.items():
-            value, item = arrived[stamp][cell(place)], statuses[name]
-            assert all(same(item[f'arrival_{share}_s'], value) for share in SHARES)
+            value, item = arrived[stamp][cell_of(place)], statuses[name]
+            assert all(same(item[f'arrival_{quantile}_s'], value) for quantile in QUANTILES)
             assert item['reached'] == str(not np.isnan(value)).lower()
             assert (item['front_distance_m'] == '0.0') == (not np.isnan(value))
             assert item['probability_percent'] == ('' if np.isnan(value) else '100.0')
@@ -150,14 +145,13 @@ def same_ensemble(seen):
     return None
 
 
-def test_ensembles_tell_when_and_how_likely(local, folder):
-    """Times are those of the quantile maps, since the start of the simulation."""
+def test_ensemble_arrivals_are_those_of_the_quantile_maps(local, folder):
     node = started(
         local, forecast_horizon=HORIZON / 3600.0, forecast_max_age=10.0 * HORIZON,
         ensemble_members=MEMBERS,
     )
     node.run(2.0)
-    # the next ensemble starts from this state, and so does the one after it
+    # the next two ensembles start from this state
     assert node.call('pause', True)['success']
     found = None
     while found is None:
@@ -170,22 +164,21 @@ def test_ensembles_tell_when_and_how_likely(local, folder):
     bag = BagReader(folder / 'recorded')
     arrived = images(bag, '/arrived')[line['stamp_ns']]
     statuses, compared = line['status'], 0
-    for share in SHARES:
-        ahead = images(bag, f'/arrival_time_{share}')[stamp]
+    for quantile in QUANTILES:
+        ahead = images(bag, f'/arrival_time_{quantile}')[stamp]
         for name, place in POSTS.items():
-            now = arrived[cell(place)]
-            expected = now if np.isfinite(now) else start + ahead[cell(place)]
-            assert same(statuses[name][f'arrival_{share}_s'], expected), (name, share)
+            now = arrived[cell_of(place)]
+            expected = now if np.isfinite(now) else start + ahead[cell_of(place)]
+            assert same(statuses[name][f'arrival_{quantile}_s'], expected), (name, quantile)
             compared += bool(np.isfinite(expected) and not np.isfinite(now))
     assert compared > 10
     likely = [float(statuses[name]['probability_percent']) for name in POSTS]
     assert likely[1] == 100.0 and likely[-1] < 100.0 and len(set(likely)) > 2
-    lengths = [float(statuses['road'][f'inundated_length_{share}_m']) for share in SHARES]
+    lengths = [float(statuses['road'][f'inundated_length_{quantile}_m']) for quantile in QUANTILES]
     assert lengths[0] > lengths[2] >= 0.0
 
 
-def test_diagnostics_name_the_places(local, folder):
-    """Places that lava has reached come first, and each place has a sentence."""
+def test_diagnostics_list_reached_places_first(local, folder):
     node = started(local)
     node.run(4.0)
     status = node.status_now('places', lambda item: item['level'] == 2)
@@ -202,8 +195,7 @@ def test_diagnostics_name_the_places(local, folder):
         ('name,x,y\nhut,here,5\n', 'line 2 (hut)'),
     ],
 )
-def test_bad_files_are_refused_by_name(local, folder, text, words):
-    """The node is not configured with a bad file, but with a valid one."""
+def test_bad_file_prevents_configuration(local, folder, text, words):
     path = folder / 'places.csv'
     good = path.read_text()
     path.unlink()
@@ -216,8 +208,7 @@ def test_bad_files_are_refused_by_name(local, folder, text, words):
     assert node.change('configure')
 
 
-def test_places_that_a_terrain_has_no_place_for_are_an_error_and_nothing_else(local, folder):
-    """With degrees on a terrain without a coordinate system, the node runs without the table."""
+def test_places_without_a_coordinate_system_are_only_an_error(local, folder):
     (folder / 'places.csv').write_text('name,lon,lat\nhut,15.0,37.7\n')
     np.savez(folder / 'slope.npz', elevation=elevation(), resolution=10.0)
     node = started(local)

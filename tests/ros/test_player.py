@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Replay into a real graph."""
+"""Replay of a bag into a graph."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -56,13 +56,11 @@ class Listener:
     """Stores the bytes of received messages by topic, in a separate thread."""
 
     def __init__(self, node: Node) -> None:
-        """Subscribe to the bag's topics and the clock."""
         self.node = node
         self.raw: Written = {'/map': [], '/text': []}
         self.clock: list[int] = []
         latched = QoSProfile(
-            depth=10,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL,
+            depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL,
             reliability=ReliabilityPolicy.RELIABLE,
         )
         node.create_subscription(String, '/map', self.raw['/map'].append, latched, raw=True)
@@ -73,7 +71,6 @@ class Listener:
         self.clock.append(message.clock.sec * SECOND + message.clock.nanosec)
 
     def counts(self) -> dict[str, int]:
-        """Return the number of messages received on each topic."""
         return {name: len(each) for name, each in self.raw.items()}
 
     def back(self) -> list[int]:
@@ -83,7 +80,6 @@ class Listener:
 
 @pytest.fixture
 def listener() -> Iterator[Listener]:
-    """A listener in the domain of this test process, which the player uses too."""
     context = Context()
     context.init(domain_id=own_domain())
     node = Node('listener', context=context)
@@ -110,7 +106,6 @@ def same_bytes(received: list[bytes], written: list[bytes]) -> bool:
 def test_subscribers_get_the_recorded_bytes(
     bag: tuple[BagReader, Written], listener: Listener
 ) -> None:
-    """Each message arrives unchanged and in order, with the clock of the bag, at the rate."""
     reader, written = bag
     begin = time.monotonic()
     assert play(reader, rate=2, wait_for_subscribers=PATIENCE) == 23
@@ -124,16 +119,15 @@ def test_subscribers_get_the_recorded_bytes(
     assert deserialize_message(listener.raw['/text'][3], String).data.startswith('3 lava')
     assert listener.clock == sorted(listener.clock)
     assert listener.clock[0] >= 50 * SECOND
-    # Also between messages; the player does not wait for a match of the clock's subscriber.
+    # also between messages; the player does not wait for a subscriber of the clock
     assert {stamp for stamp in listener.clock if stamp % (SECOND // 10)}
     # at 100 Hz, and with each of 23 messages
     assert len(listener.clock) < 150 * took
 
 
-def test_an_offset_delivers_the_latched_map_first(
+def test_offset_delivers_the_latched_map_first(
     bag: tuple[BagReader, Written], listener: Listener
 ) -> None:
-    """The latched map from before the start arrives, the volatile text does not."""
     reader, written = bag
     play(reader, start_offset=1.55, wait_for_subscribers=PATIENCE, clock=False)
     wait_until(lambda: listener.counts() == {'/map': 1, '/text': 5})
@@ -143,10 +137,9 @@ def test_an_offset_delivers_the_latched_map_first(
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_a_loop_cleanly(
+def test_signal_ends_a_loop(
     bag: tuple[BagReader, Written], listener: Listener, number: signal.Signals
 ) -> None:
-    """A player in an endless loop stops immediately, and restores the signal handlers."""
     handler = signal.getsignal(number)
 
     def interrupt() -> None:
@@ -163,10 +156,9 @@ def test_signals_end_a_loop_cleanly(
     assert signal.getsignal(number) is handler
 
 
-def test_topics_of_unknown_types_are_left_out(
+def test_topic_of_an_unknown_type_is_skipped(
     tmp_path: Path, listener: Listener, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """A topic whose type is not installed is skipped with a warning; others are played."""
     text = serialize_message(String(data='hot'))
     unknown = MessageSchema('gone_msgs/msg/Gone', 'uint8 x\n', 'RIHS01_0')
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
@@ -176,8 +168,7 @@ def test_topics_of_unknown_types_are_left_out(
     assert '/gone is left out: message_type is' in capfd.readouterr().err
 
 
-def test_qos_is_the_recorded_one() -> None:
-    """Each policy is used; a duration without limit becomes rmw's default."""
+def test_qos_is_that_of_the_recording() -> None:
     profile = ros_profile(QosProfile('keep_last', 3, 'best_effort', 'transient_local', 5 * SECOND))
     assert profile.depth == 3
     assert profile.reliability == ReliabilityPolicy.BEST_EFFORT
@@ -189,8 +180,7 @@ def test_qos_is_the_recorded_one() -> None:
 
 
 @pytest.mark.parametrize('name', ['os/msg/path', 'std_msgs/msg/Gone', '../msg/x', 'String'])
-def test_only_message_types_are_imported(name: str) -> None:
-    """A name from a bag that is not an installed message type raises an error."""
+def test_rejects_a_name_that_is_not_a_message_type(name: str) -> None:
     with pytest.raises(LavaError, match='message_type'):
         message_class(name)
 
@@ -210,33 +200,31 @@ NAMES = [
 
 
 @pytest.mark.parametrize(('recorded', 'rules', 'names'), NAMES)
-def test_names_are_resolved_as_a_node_resolves_them(
+def test_replay_resolves_names_like_the_node(
     tmp_path: Path,
     listener: Listener,
     recorded: str | None,
     rules: list[str],
     names: dict[str, str],
 ) -> None:
-    """A replay uses the names of the node in its namespace; global topics are unchanged."""
     data = {} if recorded is None else {'namespace': recorded}
     with BagWriter(tmp_path / 'bag', custom_data=data) as writer:
         for topic in names:
             text = serialize_message(String(data=topic))
             writer.write(topic, TEXT, text, 0, qos=LATCHED)
-    heard: dict[str, list[str]] = {name: [] for name in names.values()}
-    for name, texts in heard.items():
+    received: dict[str, list[str]] = {name: [] for name in names.values()}
+    for name, texts in received.items():
         listener.node.create_subscription(
             String, name, lambda message, texts=texts: texts.append(message.data), 10
         )
     words = ['--ros-args', *(word for rule in rules for word in ('-r', rule))]
     play(BagReader(tmp_path / 'bag'), wait_for_subscribers=PATIENCE, ros_arguments=words)
     expected = {name: [topic] for topic, name in names.items()}
-    wait_until(lambda: heard == expected, lambda: f'{heard} is not {expected}')
+    wait_until(lambda: received == expected, lambda: f'{received} is not {expected}')
 
 
 @pytest.mark.parametrize('words', [['-r', 'x'], ['--nope'], ['-r', '__ns:=no slash']])
-def test_what_ros_cannot_read_is_refused(bag: tuple[BagReader, Written], words: list[str]) -> None:
-    """The error names the argument, and nothing is published."""
+def test_rejects_invalid_ros_arguments(bag: tuple[BagReader, Written], words: list[str]) -> None:
     with pytest.raises(LavaError) as raised:
         play(bag[0], ros_arguments=['--ros-args', *words])
     assert raised.value.field in ('--ros-args', '-r')

@@ -1,11 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node with the real ROS tools and Nav2 costmaps, at the root and in a namespace.
+"""A node with the ROS tools and Nav2 costmaps, at the root and in a namespace.
 
-The tools are those of the shell, or of the folder ROS_TOOLS after sourcing its env.sh. The files
-and interfaces they use are tested without them in test_contract.py, test_layers.py and
-launch_files/.
+The tools are those of the shell, or of the folder ROS_TOOLS after sourcing its env.sh.
 """
 
 import os
@@ -38,8 +36,7 @@ ROBOT = {
     'update_frequency': 2.0,
     'always_send_full_costmap': True,
     'static_layer': {
-        'plugin': 'nav2_costmap_2d::StaticLayer',
-        'map_topic': '/map',
+        'plugin': 'nav2_costmap_2d::StaticLayer', 'map_topic': '/map',
         'map_subscribe_transient_local': True,
     },
     'inflation_layer': {'plugin': 'nav2_costmap_2d::InflationLayer', 'inflation_radius': 1.0},
@@ -54,10 +51,10 @@ def _environment():
     folder = os.environ.get('ROS_TOOLS')
     if folder is None:
         return dict(os.environ) if shutil.which('ros2') else None
-    said = subprocess.run(
+    output = subprocess.run(
         ['bash', '-c', '. "$0/env.sh" && env -0', folder], capture_output=True, check=True
     )
-    return dict(item.split('=', 1) for item in said.stdout.decode().split('\0') if item)
+    return dict(item.split('=', 1) for item in output.stdout.decode().split('\0') if item)
 
 
 TOOLS = _environment()
@@ -99,31 +96,20 @@ class Tools:
         self._started = []
 
     def start(self, *words):
-        """Start a tool that runs until it is ended."""
         child = subprocess.Popen(
-            ['ros2', *words],
-            cwd=self.graph.directory,
-            env=self.environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
+            ['ros2', *words], cwd=self.graph.directory, env=self.environment,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
         )
         self._started.append(child)
         return child
 
-    def say(self, *words):
+    def ros2(self, *words):
         """Return the output of a tool that exits with 0; one that discovers nodes is slow."""
         end = time.monotonic() + PATIENCE
         while True:
             ended = subprocess.run(
-                ['ros2', *words],
-                cwd=self.graph.directory,
-                env=self.environment,
-                capture_output=True,
-                text=True,
-                timeout=PATIENCE,
-                check=False,
+                ['ros2', *words], cwd=self.graph.directory, env=self.environment,
+                capture_output=True, text=True, timeout=PATIENCE, check=False,
             )
             if 'Node not found' not in ended.stderr or time.monotonic() > end:
                 break
@@ -131,23 +117,21 @@ class Tools:
         return ended.stdout
 
     def wait_for_ends(self, topic, publishers, subscriptions):
-        """Wait until a topic has given numbers of publishers and subscriptions."""
         words = (f'Publisher count: {publishers}', f'Subscription count: {subscriptions}')
         end = time.monotonic() + PATIENCE
-        while not all(word in (said := self.say('topic', 'info', topic)) for word in words):
-            assert time.monotonic() < end, said
+        while not all(word in (output := self.ros2('topic', 'info', topic)) for word in words):
+            assert time.monotonic() < end, output
 
     def kill_node(self):
         """Kill the launched node, and nothing else."""
-        said = subprocess.run(
+        output = subprocess.run(
             ['ps', '-o', 'pid=,args=', '--ppid', str(self.launched.pid)],
             capture_output=True, text=True, check=True,
         )
-        (line,) = [item for item in said.stdout.splitlines() if 'lava_ros.ros.node' in item]
+        (line,) = [item for item in output.stdout.splitlines() if 'lava_ros.ros.node' in item]
         os.kill(int(line.split()[0]), signal.SIGKILL)
 
     def end(self, child, number=signal.SIGINT):
-        """End a tool and its child processes."""
         os.killpg(child.pid, number)
         try:
             child.communicate(timeout=20.0)
@@ -156,59 +140,55 @@ class Tools:
             child.communicate()
 
     def close(self):
-        """End all tools that are still running."""
         for child in reversed(self._started):
             if child.poll() is None:
                 self.end(child)
-        self.say('daemon', 'stop')
+        self.ros2('daemon', 'stop')
 
 
 @pytest.fixture(scope='module', params=['', 'etna'])
 def tools(graph, request):
-    """A launched node in a namespace, with Nav2's filter servers if Nav2 is installed."""
     result = Tools(graph, request.param)
     (graph.directory / 'scene.yaml').write_text(SCENE, encoding='utf-8')
-    result.has_nav2 = 'nav2_costmap_2d' in result.say('pkg', 'list')
+    result.has_nav2 = 'nav2_costmap_2d' in result.ros2('pkg', 'list')
     name = 'nav2_keepout.launch.py' if result.has_nav2 else 'lava.launch.py'
     words = ('scene:=scene.yaml', 'device:=cpu', 'time_scale:=60.0', 'preset:=draft')
     words += ('record:=true', 'checkpoint_period:=1.0')
     words += (f'namespace:={request.param}',) * bool(request.param)
     launched = result.launched = result.start('launch', 'lava_ros', name, *words)
-    heard = ('hazard', 'keepout_mask')
-    result.listener = graph.listener(*(f'{result.prefix}/{name}' for name in heard))
+    received = ('hazard', 'keepout_mask')
+    result.listener = graph.listener(*(f'{result.prefix}/{name}' for name in received))
     hazard = f'{result.prefix}/hazard'
     result.listener.wait_for_topic(hazard, lambda grid: grid['wet'] > 3, PATIENCE)
     assert launched.poll() is None
-    # the daemon of the tools needs a moment for discovery
-    assert any(result.node in result.say('node', 'list').split() for _ in range(20))
+    # the daemon of the tools needs time for discovery
+    assert any(result.node in result.ros2('node', 'list').split() for _ in range(20))
     yield result
     result.close()
 
 
-def test_the_node_is_told_and_asked(tools):
-    """The command line reads and sets parameters, lifecycle, topics and services."""
-    assert 'active' in tools.say('lifecycle', 'get', tools.node)
-    tools.say('param', 'set', tools.node, 'time_scale', '30.0')
-    assert '30.0' in tools.say('param', 'get', tools.node, 'time_scale')
-    (tools.graph.directory / 'dump.yaml').write_text(tools.say('param', 'dump', tools.node))
-    loaded = tools.say('param', 'load', tools.node, 'dump.yaml').splitlines()
+def test_command_line_reads_and_sets_the_node(tools):
+    assert 'active' in tools.ros2('lifecycle', 'get', tools.node)
+    tools.ros2('param', 'set', tools.node, 'time_scale', '30.0')
+    assert '30.0' in tools.ros2('param', 'get', tools.node, 'time_scale')
+    (tools.graph.directory / 'dump.yaml').write_text(tools.ros2('param', 'dump', tools.node))
+    loaded = tools.ros2('param', 'load', tools.node, 'dump.yaml').splitlines()
     assert 'Set parameter lava.ground_diffusivity successful' in loaded
     # read-only parameters are not a failure of the file
     failed = [line for line in loaded if 'failed' in line]
     assert all('read-only' in line for line in failed), failed
-    grid = tools.say('topic', 'echo', '--once', f'{tools.prefix}/hazard', '--field', 'info')
+    grid = tools.ros2('topic', 'echo', '--once', f'{tools.prefix}/hazard', '--field', 'info')
     assert 'width: 260' in grid
-    answer = tools.say('service', 'call', f'{tools.node}/save', 'std_srvs/srv/Trigger')
+    answer = tools.ros2('service', 'call', f'{tools.node}/save', 'std_srvs/srv/Trigger')
     assert 'success=True' in answer
-    assert 'successful' in tools.say('lifecycle', 'set', tools.node, 'deactivate')
-    assert 'successful' in tools.say('lifecycle', 'set', tools.node, 'activate')
+    assert 'successful' in tools.ros2('lifecycle', 'set', tools.node, 'deactivate')
+    assert 'successful' in tools.ros2('lifecycle', 'set', tools.node, 'activate')
 
 
-def test_a_recording_of_all_topics_can_be_used(tools):
-    """rosbag2 plays the recording, and the commands of this package read it."""
+def test_rosbag2_recording_can_be_played_and_plotted(tools):
     bag = f'bag{tools.prefix.replace("/", "_")}'
     recorder = tools.start('bag', 'record', '-a', '-s', 'mcap', '-o', bag)
-    # the node itself, and the recorder
+    # subscriptions of the node and the recorder
     tools.wait_for_ends(f'{tools.prefix}/terrain', publishers=1, subscriptions=2)
     # two maps received since it started
     since = tools.listener.hear()
@@ -216,18 +196,13 @@ def test_a_recording_of_all_topics_can_be_used(tools):
         lambda _: sum('hazard' in item['topic'] for item in tools.listener.seen[since:]) > 4
     )
     tools.end(recorder)
-    assert f'Topic: {tools.prefix}/terrain |' in tools.say('bag', 'info', bag)
-    tools.say('bag', 'play', bag, '--rate', '50', '--topics', f'{tools.prefix}/terrain')
+    assert f'Topic: {tools.prefix}/terrain |' in tools.ros2('bag', 'info', bag)
+    tools.ros2('bag', 'play', bag, '--rate', '50', '--topics', f'{tools.prefix}/terrain')
     plot = tools.graph.process('-m', 'lava_ros.cli.main', 'plot', bag, '-o', f'{bag}.png')
     assert plot.wait_for_end(PATIENCE) == 0, plot.log
 
 
 def _costmaps():
-    """Return costmaps with the shipped file, without layers that the tools lack.
-
-    They are a static one of the robot's map, the same as a rolling window, and a local costmap
-    without a map.
-    """
     shipped = yaml.safe_load((ROOT / 'params/nav2_filters.yaml').read_text(encoding='utf-8'))
     whole, local = (
         {**shipped[name][name]['ros__parameters'], **ROBOT}
@@ -283,52 +258,46 @@ def _wait_for_agreement(comparison, *, after=0):
     return max(numbers)
 
 
-def test_costmaps_of_nav2_keep_the_robot_out(tools):
-    """Every cell of the mask is lethal and so is the robot's own wall, as the lava moves.
-
-    The robot has a map of another size, resolution and origin, and moves. Its speed is limited.
-    """
+def test_nav2_costmaps_have_the_mask_and_the_wall(tools):
     if not tools.has_nav2:
         pytest.skip('Nav2 is not there')
     limit = tools.start('topic', 'echo', '--once', '/speed_limit', 'nav2_msgs/msg/SpeedLimit')
-    assert any('/speed_limit' in tools.say('topic', 'list').split() for _ in range(20))
+    assert any('/speed_limit' in tools.ros2('topic', 'list').split() for _ in range(20))
     away = _place(tools, '100', '100')
     comparison = _start_costmaps(tools)
-    # the limit is published once per change, so both ends must exist before the robot is near lava
+    # the limit is published once per change: both ends must exist before the robot is near lava
     tools.wait_for_ends('/speed_limit', publishers=2, subscriptions=1)
     tools.end(away)
     there = _place(tools, '4040', '3290')
-    said = limit.communicate(timeout=PATIENCE)[0]
-    assert 'percentage: true' in said, said
-    speed = next(line for line in said.splitlines() if line.startswith('speed_limit:'))
+    output = limit.communicate(timeout=PATIENCE)[0]
+    assert 'percentage: true' in output, output
+    speed = next(line for line in output.splitlines() if line.startswith('speed_limit:'))
     assert 10.0 <= float(speed.split()[1]) <= 50.0
     number = 0
     for _ in range(3):
         number = _wait_for_agreement(comparison, after=number)
     tools.end(there)
     _place(tools, '4090', '3310')
-    tools.say('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: true}')
+    tools.ros2('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: true}')
     comparison.hear()
     _wait_for_agreement(comparison)
 
 
-def test_a_mask_has_a_heartbeat_until_the_node_dies(tools):
-    """A paused simulation repeats the mask with its stamp, as its QoS promises."""
+def test_paused_node_repeats_its_mask(tools):
     mask = f'{tools.prefix}/keepout_mask'
-    tools.say('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: true}')
-    said = tools.say('topic', 'info', '-v', mask)
-    assert 'Deadline: 10000000000 nanoseconds' in said
-    assert 'Liveliness lease duration: 10000000000 nanoseconds' in said
+    tools.ros2('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: true}')
+    output = tools.ros2('topic', 'info', '-v', mask)
+    assert 'Deadline: 10000000000 nanoseconds' in output
+    assert 'Liveliness lease duration: 10000000000 nanoseconds' in output
     tools.listener.hear()
-    heard = []
+    received = []
     for _ in range(3):
-        heard.append(tools.listener.wait_for_topic(mask, timeout=PATIENCE))
-    assert heard[-1]['sha256'] == heard[-2]['sha256']
+        received.append(tools.listener.wait_for_topic(mask, timeout=PATIENCE))
+    assert received[-1]['sha256'] == received[-2]['sha256']
 
 
-def test_a_node_that_is_killed_comes_back(tools):
-    """Launch restarts a killed node, and it resumes from its bag, more than once."""
-    tools.say('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: false}')
+def test_launch_restarts_a_killed_node_that_resumes(tools):
+    tools.ros2('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: false}')
     node, since_ns, checkpoint = tools.node.strip('/'), 0, 0.0
 
     def wait_for_status(task, condition):
@@ -344,8 +313,7 @@ def test_a_node_that_is_killed_comes_back(tools):
         tools.kill_node()
         since_ns = time.time_ns()
         hazard = tools.listener.wait_for_topic(
-            f'{tools.prefix}/hazard',
-            lambda item, since_ns=since_ns: item['stamp_ns'] > since_ns,
+            f'{tools.prefix}/hazard', lambda item, since_ns=since_ns: item['stamp_ns'] > since_ns,
             PATIENCE,
         )
         assert hazard['wet'] > 3

@@ -23,18 +23,13 @@ def _write(recorder, text, stamp_ns=1):
 
 @pytest.fixture
 def recorder(tmp_path):
-    """A recorder with an open bag."""
     result = Recorder()
     result.arm(tmp_path / 'bag')
     result.begin({})
     return result
 
 
-def test_records_what_it_is_given(tmp_path):
-    """The bag contains the given bytes, QoS and description.
-
-    An existing folder and a second recording are refused.
-    """
+def test_bag_has_the_recorded_bytes_and_description(tmp_path):
     recorder = Recorder()
     assert recorder.status.state == 'off'
     with pytest.raises(LavaError, match='does not exist yet'):
@@ -61,8 +56,7 @@ def test_records_what_it_is_given(tmp_path):
     recorder.arm(tmp_path / 'two')
 
 
-def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
-    """Invalid folders are refused; an error when the bag is opened is in the status."""
+def test_invalid_folder_is_an_error(tmp_path):
     (tmp_path / 'file').write_text('')
     recorder = Recorder()
     for name in ('file/bag', 300 * 'x', ''):
@@ -76,8 +70,7 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
 
 
 @pytest.mark.parametrize('step', ['write', 'flush'])
-def test_a_full_disk_stops_the_recording(tmp_path, recorder, monkeypatch, step):
-    """A failed write ends the recording with the reason; later writes do nothing."""
+def test_failed_write_stops_the_recording(tmp_path, recorder, monkeypatch, step):
     _write(recorder, 'kept')
     recorder.flush()
 
@@ -99,8 +92,7 @@ def test_a_full_disk_stops_the_recording(tmp_path, recorder, monkeypatch, step):
 @pytest.mark.parametrize(
     'fault', ['bag removed', 'bag replaced', 'file removed', 'parent replaced']
 )
-def test_a_bag_that_is_gone_is_reported(tmp_path, fault, is_flushed):
-    """A removed bag is noticed, although its open file still accepts writes."""
+def test_removed_bag_is_reported(tmp_path, fault, is_flushed):
     bag, outside = tmp_path / 'bags' / 'bag', tmp_path / 'outside'
     outside.mkdir()
     recorder = Recorder()
@@ -131,8 +123,7 @@ def test_a_bag_that_is_gone_is_reported(tmp_path, fault, is_flushed):
         assert [message.topic for message in BagReader(file).messages()][:1] == ['/words']
 
 
-def test_a_link_that_comes_before_the_first_map_is_not_followed(tmp_path):
-    """The bag is written at the path that was checked, not through a later link."""
+def test_later_link_in_the_path_is_not_followed(tmp_path):
     deep, outside = tmp_path / 'deep', tmp_path / 'outside'
     deep.mkdir()
     outside.mkdir()
@@ -146,8 +137,7 @@ def test_a_link_that_comes_before_the_first_map_is_not_followed(tmp_path):
     assert list(outside.iterdir()) == []
 
 
-def test_a_bag_is_split(tmp_path):
-    """With a limit the recording continues in new files, which the status counts."""
+def test_bag_is_split_into_files(tmp_path):
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag', max_duration=10.0)
     recorder.begin({'scene': 'Etna'})
@@ -164,7 +154,6 @@ def test_a_bag_is_split(tmp_path):
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
-    """A working directory with a link to a folder outside it."""
     (tmp_path / 'outside').mkdir()
     (tmp_path / 'here' / 'bags').mkdir(parents=True)
     (tmp_path / 'here' / 'bags' / 'link').symlink_to(tmp_path / 'outside')
@@ -172,11 +161,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_names_of_bags(here):
-    """The default name is the time, in the given root, the folder of the given bag, or bags/.
-
-    Names inside the root are relative to the working directory, or absolute.
-    """
+def test_names_of_bags_are_inside_the_root(here):
     given, root = here / 'outside' / 'bag', here / 'outside'
     assert BagFolder('', '').path('').parent.name == 'bags'
     assert BagFolder('', str(given)).path('').parent == given.parent
@@ -198,16 +183,13 @@ def test_names_of_bags(here):
         'bags/link/../outside/bag', 'bags/\0',
     ],
 )
-def test_names_outside_the_root_are_refused(here, name):
-    """Absolute paths, ``..`` and links that lead outside are refused."""
+def test_rejects_names_outside_the_root(here, name):
     with pytest.raises(LavaError, match='bag_directory'):
         BagFolder('', '').path(name)
 
 
 @pytest.fixture
 def written(tmp_path):
-    """Return a function that writes files of bags at a system time [s]."""
-
     def write(name, seconds):
         path = tmp_path / name
         path.parent.mkdir(exist_ok=True, parents=True)
@@ -217,14 +199,10 @@ def written(tmp_path):
     return write
 
 
-def test_bags_written_since_a_time_are_found(tmp_path, written):
-    """Bags in the root and next to the given bag are listed newest first, by newest file."""
+def test_bags_since_a_time_are_listed_newest_first(tmp_path, written):
     for name, seconds in {
-        'bags/old/old_0.mcap': 50.0,
-        'bags/new/new_0.mcap': 40.0,
-        'bags/new/new_1.mcap': 300.0,
-        'bags/first/first_0.mcap': 100.0,
-        'bags/notes/notes.txt': 400.0,
+        'bags/old/old_0.mcap': 50.0, 'bags/new/new_0.mcap': 40.0, 'bags/new/new_1.mcap': 300.0,
+        'bags/first/first_0.mcap': 100.0, 'bags/notes/notes.txt': 400.0,
         'beside/given/given_0.mcap': 200.0,
     }.items():
         written(name, seconds)
@@ -241,8 +219,7 @@ def test_bags_written_since_a_time_are_found(tmp_path, written):
     assert BagFolder(str(tmp_path / 'none'), '', since=1.0).written() == []
 
 
-def test_a_restarted_node_does_not_overwrite_the_bag_that_was_given(tmp_path, written):
-    """The node adds a number to the name; an older bag remains an error."""
+def test_restarted_node_does_not_overwrite_the_given_bag(tmp_path, written):
     given = tmp_path / 'bags/etna'
     written('bags/etna/etna_0.mcap', 100.0)
     assert BagFolder('', str(given), since=101.0).path(str(given)) == given
@@ -253,8 +230,7 @@ def test_a_restarted_node_does_not_overwrite_the_bag_that_was_given(tmp_path, wr
     assert folder.path(str(given)).name == 'etna_3'
 
 
-def test_nodes_that_share_a_folder(here):
-    """Bags named by time differ between nodes, and within one second of one node."""
+def test_bags_in_a_shared_folder_have_different_names(here):
     root = here / 'outside'
     for node, end in (('/lava', ''), ('/etna/lava', '_etna_lava')):
         folder = BagFolder(str(root), '', node=node)

@@ -28,8 +28,8 @@ STEEP = {'steep': 'on: slope = 0.5 > 0.12', 'inertia': 'off: number = 0.01 <= 0.
 FAST = {'steep': 'on: slope = 0.5 > 0.12', 'inertia': 'on: number = 0.2 > 0.1'}
 
 
-class Taped:
-    """A recording that is told of one frame after the other."""
+class FrameRecording:
+    """A recording of frames."""
 
     def __init__(self, directory, terrain=TERRAIN):
         self.directory = directory
@@ -40,20 +40,14 @@ class Taped:
         self.recorder = Recorder()
         self.recording = SceneRecording(
             SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/'),
-            self.recorder,
-            frame_id='map',
-            configs={},
-            parameters=lambda: self.parameters,
+            self.recorder, frame_id='map', configs={}, parameters=lambda: self.parameters,
         )
 
     def write(self, time, effects):
         terrain = self.scene.terrain
         snapshot = snapshot_at(time, np.zeros(terrain.shape, np.float32), terrain)
         eruption = SimpleNamespace(
-            scene=self.scene,
-            effects=effects,
-            schedule=self.schedule,
-            origin=self.origin,
+            scene=self.scene, effects=effects, schedule=self.schedule, origin=self.origin,
             device='cpu',
         )
         self.recording.write(eruption, snapshot, int(time * 1e9))
@@ -64,94 +58,77 @@ class Taped:
 
 
 @pytest.fixture
-def taped(tmp_path):
-    """A recording that has begun with one effect on."""
-    result = Taped(tmp_path)
+def frames(tmp_path):
+    result = FrameRecording(tmp_path)
     result.recorder.arm(tmp_path / 'one')
     result.write(1.0, STEEP)
     return result
 
 
-def test_changes_of_effects_are_kept(taped):
-    """Each time that some went on or off is an entry; a new number alone is none.
-
-    The list is in the file as soon as the frame is. The next bag has the whole table again.
-    """
-    taped.write(2.0, {**STEEP, 'steep': 'on: slope = 0.6 > 0.12'})
-    taped.write(3.0, FAST)
-    # of a recording that was cut off
-    assert [entry['time'] for entry in taped.effects('one')] == [1.0, 3.0]
-    taped.scene = Scene(TERRAIN, lava=Lava())
-    taped.write(4.0, FAST)
-    taped.write(5.0, STEEP)
-    taped.write(6.0, FAST)
-    taped.recorder.stop()
-    entries = taped.effects('one')
+def test_bag_has_each_change_of_effects(frames):
+    frames.write(2.0, {**STEEP, 'steep': 'on: slope = 0.6 > 0.12'})
+    frames.write(3.0, FAST)
+    # also in a truncated recording
+    assert [entry['time'] for entry in frames.effects('one')] == [1.0, 3.0]
+    frames.scene = Scene(TERRAIN, lava=Lava())
+    frames.write(4.0, FAST)
+    frames.write(5.0, STEEP)
+    frames.write(6.0, FAST)
+    frames.recorder.stop()
+    entries = frames.effects('one')
     assert [entry['time'] for entry in entries] == [1.0, 3.0, 5.0, 6.0]
     assert entries[1]['effects'] == entries[3]['effects'] == {'inertia': FAST['inertia']}
     assert entries[2]['effects'] == {'inertia': STEEP['inertia']}
-    taped.recorder.arm(taped.directory / 'two')
-    taped.write(7.0, FAST)
-    taped.recorder.stop()
-    assert taped.effects('two') == [{'stamp_ns': 7 * 10**9, 'time': 7.0, 'effects': FAST}]
+    frames.recorder.arm(frames.directory / 'two')
+    frames.write(7.0, FAST)
+    frames.recorder.stop()
+    assert frames.effects('two') == [{'stamp_ns': 7 * 10**9, 'time': 7.0, 'effects': FAST}]
 
 
-def test_a_bag_names_the_checkpoint_it_begins_after(taped):
-    """Only a bag that was begun then, and it goes on to after the simulation starts anew."""
-    taped.origin = Origin('bags/first', 120.0, 7)
-    taped.write(2.0, STEEP)
-    taped.recorder.stop()
-    taped.recorder.arm(taped.directory / 'two')
-    taped.write(3.0, STEEP)
-    taped.origin = None
-    taped.write(0.0, FAST)
-    taped.recorder.stop()
-    data = [BagReader(taped.directory / name).custom_data for name in ('one', 'two')]
-    assert 'resumed_from' not in data[0]
-    assert json.loads(data[1]['resumed_from']) == {
-        'bag': 'bags/first', 'time': 120.0, 'stamp_ns': 7
-    }
+def test_bag_has_origin_and_onset_of_its_start(frames):
+    frames.origin = Origin('bags/first', 120.0, 7)
+    frames.parameters = {'onset': '2006-07-14T22:00Z'}
+    frames.write(2.0, STEEP)
+    frames.recorder.stop()
+    frames.recorder.arm(frames.directory / 'two')
+    frames.write(3.0, STEEP)
+    frames.origin = None
+    frames.write(0.0, FAST)
+    frames.recorder.stop()
+    first, second = (BagReader(frames.directory / name).custom_data for name in ('one', 'two'))
+    assert not {'resumed_from', 'onset'} & set(first)
+    origin = {'bag': 'bags/first', 'time': 120.0, 'stamp_ns': 7}
+    assert json.loads(second['resumed_from']) == origin
+    assert second['onset'] == '2006-07-14T22:00Z'
 
 
-def test_a_bag_states_the_onset(taped):
-    """As the parameter does; without one it states none."""
-    taped.recorder.stop()
-    taped.parameters = {'onset': '2006-07-14T22:00Z'}
-    taped.recorder.arm(taped.directory / 'two')
-    taped.write(2.0, STEEP)
-    taped.recorder.stop()
-    data = [BagReader(taped.directory / name).custom_data for name in ('one', 'two')]
-    assert 'onset' not in data[0] and data[1]['onset'] == '2006-07-14T22:00Z'
-
-
-def test_a_bag_has_the_whole_schedule(taped):
-    """Not only what the vents emitted last: of vents that closed as well."""
-    taped.schedule = (Vent((25.0, 15.0), ((0.0, 2.0), (3.0, 5.0), (4.0, 0.0)), 1423.0),)
-    taped.scene = Scene(TERRAIN, lava=Lava())
-    taped.write(4.0, STEEP)
-    taped.recorder.stop()
-    scene = yaml.safe_load(BagReader(taped.directory / 'one').custom_data['scene'])
+def test_bag_has_the_schedule_of_closed_vents(frames):
+    frames.schedule = (Vent((25.0, 15.0), ((0.0, 2.0), (3.0, 5.0), (4.0, 0.0)), 1423.0),)
+    frames.scene = Scene(TERRAIN, lava=Lava())
+    frames.write(4.0, STEEP)
+    frames.recorder.stop()
+    scene = yaml.safe_load(BagReader(frames.directory / 'one').custom_data['scene'])
     assert scene['vents'][0]['discharge'] == [[0.0, 2.0], [3.0, 5.0], [4.0, 0.0]]
-    assert main(['info', str(taped.directory / 'one')]) == 0
+    assert main(['info', str(frames.directory / 'one')]) == 0
 
 
-def test_terrain_and_vents_come_again(tmp_path):
-    """Once a minute, when the bag has grown by as much as they are."""
+def test_terrain_and_vents_are_repeated_as_the_bag_grows(tmp_path):
+    """They are repeated once a minute if the bag has grown by their size."""
     random = np.random.default_rng(0)
-    taped = Taped(tmp_path, Terrain(random.random((50, 60)), 1.0))
-    taped.recorder.arm(tmp_path / 'one')
+    frames = FrameRecording(tmp_path, Terrain(random.random((50, 60)), 1.0))
+    frames.recorder.arm(tmp_path / 'one')
     for second in range(1, 186):
-        taped.recorder.write(
+        frames.recorder.write(
             '/noise', 'std_msgs/msg/Empty', random.bytes(1000), second * 10**9, qos=LATCHED
         )
-        taped.write(float(second), STEEP)
+        frames.write(float(second), STEEP)
     for second in range(1000, 2000, 100):
-        taped.write(float(second), STEEP)
-    taped.recorder.stop()
+        frames.write(float(second), STEEP)
+    frames.recorder.stop()
     seen = {}
     for item in BagReader(tmp_path / 'one').messages():
         seen.setdefault(item.topic, []).append(item.stamp_ns // 10**9)
-    # after that there is nothing beside them
+    # nothing else is written after that
     assert seen['/terrain'] == [1, 61, 121, 181]
     scene = ('/terrain', '/terrain_info', '/relief', '/vents', '/vents_markers')
     assert all(seen[topic] == seen['/terrain'] for topic in scene)
@@ -161,12 +138,11 @@ PERIOD = 60.0
 
 
 def state(time, particles=10):
-    """The bytes of a checkpoint at a time."""
     return small_checkpoint(time, particles).to_bytes()
 
 
 class Eruption:
-    """Gives checkpoints of its time; by itself or when it is told."""
+    """Returns checkpoints of its time, immediately or on request."""
 
     def __init__(self, particles=10):
         self.time = 0.0
@@ -187,7 +163,7 @@ class Eruption:
 
 @pytest.fixture
 def recording(tmp_path):
-    """A recorder with an open bag, an eruption, and what puts its checkpoints into the bag."""
+    """Return a recorder with an open bag, an eruption, and the recording of its checkpoints."""
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag')
     recorder.begin({})
@@ -198,7 +174,7 @@ def recording(tmp_path):
 
 
 def run(recorder, eruption, checkpoints, seconds, bytes_a_second=0):
-    """Poll twice a second; each second a message of a size goes into the bag."""
+    """Poll twice a second, and write a message of a size each second."""
     random = np.random.default_rng(0)
     for _ in range(2 * seconds):
         eruption.time += 0.5
@@ -210,8 +186,7 @@ def run(recorder, eruption, checkpoints, seconds, bytes_a_second=0):
         assert checkpoints.poll(PERIOD, int(eruption.time * 1e9)) == ''
 
 
-def test_one_at_the_start_and_one_each_period(tmp_path, recording):
-    """And the last when the bag is closed, with what it holds by then."""
+def test_checkpoints_are_written_at_the_start_each_period_and_at_the_end(tmp_path, recording):
     recorder, _eruption, checkpoints = recording
     run(*recording, 150, bytes_a_second=1000)
     assert checkpoints.finish(PERIOD, 150 * 10**9, timeout=1.0) == ''
@@ -225,15 +200,14 @@ def test_one_at_the_start_and_one_each_period(tmp_path, recording):
     assert checkpoints.last is None
 
 
-def test_checkpoint_follows_a_change_soon(tmp_path, recording):
-    """A reset or another vent is in the bag after a tenth of the period, once for each change."""
+def test_checkpoint_follows_a_change_within_a_tenth_of_the_period(tmp_path, recording):
     recorder, eruption, checkpoints = recording
     run(*recording, 20, bytes_a_second=1000)
     for changes in (1, 1, 2):
         for _ in range(20):
             eruption.time += 0.5
             assert checkpoints.poll(PERIOD, int(eruption.time * 1e9), changes=changes) == ''
-    # of many changes one after the other there is one in each tenth
+    # many changes in a row: one checkpoint in each tenth
     for changes in range(3, 30):
         eruption.time += 0.5
         assert checkpoints.poll(PERIOD, int(eruption.time * 1e9), changes=changes) == ''
@@ -242,8 +216,7 @@ def test_checkpoint_follows_a_change_soon(tmp_path, recording):
     assert [item.time for item in stored] == [0.5, 20.5, 40.5, 50.5, 56.5, 62.5]
 
 
-def test_none_when_they_are_off_or_nothing_is_recorded(tmp_path, recording):
-    """A period of 0, and a recorder without a bag, ask for nothing."""
+def test_no_checkpoint_without_a_period_or_a_bag(tmp_path, recording):
     recorder, eruption, checkpoints = recording
     assert checkpoints.poll(0.0, 1) == checkpoints.finish(0.0, 1, timeout=1.0) == ''
     recorder.stop()
@@ -252,8 +225,7 @@ def test_none_when_they_are_off_or_nothing_is_recorded(tmp_path, recording):
     assert checkpoints_of(tmp_path / 'bag') == []
 
 
-def test_the_same_is_not_written_twice(tmp_path, recording):
-    """A simulation that stands still costs the bag one checkpoint."""
+def test_identical_checkpoint_is_written_once(tmp_path, recording):
     recorder, _eruption, checkpoints = recording
     checkpoints.take = lambda: Mock(**{'result.return_value': state(7.0)})
     run(*recording, 300, bytes_a_second=1000)
@@ -262,8 +234,7 @@ def test_the_same_is_not_written_twice(tmp_path, recording):
     assert [item.time for item in checkpoints_of(tmp_path / 'bag')] == [7.0]
 
 
-def test_nothing_waits_for_a_slow_simulation(recording):
-    """While the simulation is busy there is one request, and it is written when it is done."""
+def test_slow_simulation_has_one_pending_request(recording):
     _recorder, eruption, checkpoints = recording
     eruption.is_slow = True
     run(*recording, 200)
@@ -275,8 +246,7 @@ def test_nothing_waits_for_a_slow_simulation(recording):
     assert checkpoints.finish(PERIOD, 1, timeout=0.01) == 'no checkpoint within 0.01 s'
 
 
-def test_large_ones_wait_for_the_bag_to_grow(tmp_path, recording):
-    """Checkpoints take no more than half of the bag, but one comes within ten periods."""
+def test_large_checkpoints_wait_for_the_bag_to_grow(tmp_path, recording):
     recorder, eruption, _checkpoints = recording
     eruption.particles = 10_000
     size = len(state(0.0, 10_000))
@@ -285,7 +255,7 @@ def test_large_ones_wait_for_the_bag_to_grow(tmp_path, recording):
     recorder.stop()
     stored = checkpoints_of(tmp_path / 'bag')
     waits = np.diff([item.time for item in stored])
-    # a message's record and its index add to the hundredth; the second waits for two of them
+    # records and indexes add to the hundredth; the second checkpoint waits for two
     assert waits[1:].min() > 80.0 and waits.max() < 202.0
     bag = sum(item.stat().st_size for item in (tmp_path / 'bag').glob('*.mcap'))
     assert sum(item.size for item in stored) <= 0.52 * bag
@@ -298,8 +268,7 @@ def test_large_ones_wait_for_the_bag_to_grow(tmp_path, recording):
     assert waits.tolist() == [PATIENCE * PERIOD] * 2
 
 
-def test_what_goes_wrong_is_said_and_tried_again(recording):
-    """An eruption that has not begun or has failed: a reason, and the next period."""
+def test_failed_checkpoint_is_reported_and_repeated(recording):
     _recorder, eruption, checkpoints = recording
     for failure in (LavaError('checkpoint', 'no simulation', 'one'), RuntimeError('no memory')):
         checkpoints.take = Mock(**{'return_value.result.side_effect': failure})
@@ -309,8 +278,7 @@ def test_what_goes_wrong_is_said_and_tried_again(recording):
     assert checkpoints.last.count == 1
 
 
-def test_a_new_bag_begins_with_a_checkpoint(tmp_path, recording):
-    """A recording that starts in the middle of a period can be resumed from its start."""
+def test_new_bag_starts_with_a_checkpoint(tmp_path, recording):
     recorder, _eruption, checkpoints = recording
     run(*recording, 10)
     recorder.stop()

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node that was killed, and one that goes on from its bag."""
+"""Nodes that resume from the bag of a killed node."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -32,46 +32,31 @@ pytestmark = pytest.mark.usefixtures('alone')
 
 
 def numbers(status):
-    """Time, volume that has come out, and steps of a simulation's status."""
-    return (
-        float(status['simulated_time_s']),
-        float(status['volume_emitted_m3']),
-        int(status['steps']),
-    )
+    """Return simulated time, emitted volume and steps of a status."""
+    names = ('simulated_time_s', 'volume_emitted_m3', 'steps')
+    return tuple(float(status[name]) for name in names)
 
 
 def has_lava(status):
-    """Whether a simulation has shown lava."""
     return float(status.get('volume_emitted_m3', 0.0)) > 0.0
 
 
-def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
-    """After kill -9 time, volume and steps go on from the last checkpoint, under the same inputs.
-
-    The publisher of the terrain is latched: the second node hears its map again, and the vents
-    are sent again. Neither starts the eruption anew.
-    """
+def test_node_resumes_from_the_bag_of_a_killed_node(graph, tmp_path):
     first_bag, second_bag = tmp_path / 'first', tmp_path / 'second'
     node = graph.node(
-        device='cpu',
-        time_scale=50.0,
-        record=True,
-        bag_directory=str(first_bag),
-        checkpoint_period=1.0,
-        preset='draft',
-        effects_off=['cooling'],
-        onset='2006-07-14T22:00Z',
+        device='cpu', time_scale=50.0, record=True, bag_directory=str(first_bag),
+        checkpoint_period=1.0, preset='draft', effects_off=['cooling'], onset='2006-07-14T22:00Z',
     )
     publisher, listener = graph.publisher(), graph.listener('height')
 
     killed_ns = 0
 
-    def heard(task, condition=lambda _: True):
+    def wait_for(task, condition=lambda _: True):
         return listener.wait_for_status(task, condition, since_ns=killed_ns)
 
     publisher.publish('vents', 'terrain_info', 'terrain')
-    recorder = heard('recorder', lambda item: float(item.get('checkpoint_time_s', 0.0)) > 100.0)
-    seen_time, seen_volume, _ = numbers(heard('simulation', has_lava))
+    recorder = wait_for('recorder', lambda item: float(item.get('checkpoint_time_s', 0.0)) > 100.0)
+    seen_time, seen_volume, _ = numbers(wait_for('simulation', has_lava))
     discharge = seen_volume / seen_time
     node.end(signal.SIGKILL)
     killed_ns = time.time_ns()
@@ -86,26 +71,23 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
 
     node = graph.node(
         program=('-c', QUICK_MODULE.format('cli.main'), 'node', '--resume', str(first_bag)),
-        device='cpu',
-        time_scale=50.0,
-        record=True,
-        bag_directory=str(second_bag),
+        device='cpu', time_scale=50.0, record=True, bag_directory=str(second_bag),
     )
     node.wait_for_log(f'resuming at {checkpoint.time:.3f} s simulated')
-    reached = heard('simulation', lambda item: has_lava(item) and int(item['steps']) > steps)
-    # both halves of the terrain, and the vents
+    reached = wait_for('simulation', lambda item: has_lava(item) and int(item['steps']) > steps)
+    # both messages of the terrain, and the vents
     accepted = 0
     while accepted < 3:
         publisher.publish('vents')
-        accepted = int(heard('inputs')['accepted'])
+        accepted = int(wait_for('inputs')['accepted'])
     enough = numbers(reached)[0] + 50.0
-    later = heard('simulation', lambda item: numbers(item)[0] > enough)
+    later = wait_for('simulation', lambda item: numbers(item)[0] > enough)
     for item in (reached, later):
         moment, volume, _ = numbers(item)
         assert moment > checkpoint.time
         assert volume == pytest.approx(discharge * moment, rel=1e-9)
         assert float(item['volume_error']) < 1e-5
-    assert heard('effects')['cooling'] == 'off: forced'
+    assert wait_for('effects')['cooling'] == 'off: forced'
     listener.wait_for_topic('height', lambda grid: grid['stamp_ns'] > killed_ns)
     statuses = [
         item['status']['lava: simulation']
@@ -134,8 +116,7 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
     assert again.budget().error < 1e-5
 
 
-def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path):
-    """The node prints the reason in one sentence and exits with 2."""
+def test_node_that_cannot_resume_exits_with_2(graph, tmp_path):
     for name in ('empty', 'bag'):
         with BagWriter(tmp_path / name, custom_data={}) as writer:
             if name == 'bag':
@@ -155,12 +136,7 @@ def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path):
 
 
 @pytest.mark.nightly
-def test_a_node_that_is_killed_again_and_again_is_restarted(graph, tmp_path):
-    """By the same command: it resumes what it has recorded, or starts where there is nothing.
-
-    Each time it records into another bag. Bags of other nodes, damaged ones and those from before
-    are not used, and parameters that were set at run time are kept.
-    """
+def test_node_resumes_after_each_of_several_kills(graph, tmp_path):
     scene = tmp_path / 'scene.yaml'
     scene.write_text(
         'terrain: {file: st_helens.npz}\n'
@@ -184,32 +160,32 @@ def test_a_node_that_is_killed_again_and_again_is_restarted(graph, tmp_path):
             scene=str(scene),
             time_scale=50.0,
             preset='draft',
-            # as if ~/record had begun the third bag: the recording continues
+            # as if ~/record had started the third bag: the recording continues
             record=number < 4,
             bag_directory=str(bags / 'first'),
             checkpoint_period=period,
             resume_since=since,
         )
 
-        def heard(task, condition, since_ns=started_ns):
+        def wait_for(task, condition, since_ns=started_ns):
             return listener.wait_for_status(task, condition, timeout=120.0, since_ns=since_ns)
 
-        status = heard('simulation', has_lava)
+        status = wait_for('simulation', has_lava)
         moment, volume, _ = numbers(status)
         assert volume == pytest.approx(60.0 * moment, rel=1e-6)
         bag = 'first' if number == 1 else f'first_{number}'
-        assert heard('recorder', lambda item: item['bag'])['bag'] == str(bags / bag)
+        assert wait_for('recorder', lambda item: item['bag'])['bag'] == str(bags / bag)
         if number > 2:
-            # from the checkpoints of the second one on
+            # checkpoints exist in the second and later bags
             assert f'in {bags / kept[-1][0]}' in node.log
             # the first status may be that of the checkpoint itself
             assert moment >= kept[-1][1]
         else:
-            # the first had none
-            assert 'going on' not in node.log
+            # the first bag had none
+            assert 'resuming at' not in node.log
         assert ('this one has none' in node.log) is (number == 2)
         if number > 1:
-            recorder = heard(
+            recorder = wait_for(
                 'recorder',
                 lambda item, enough=moment + 100.0: (
                     float(item.get('checkpoint_time_s', 0.0)) > enough
@@ -230,33 +206,28 @@ def _standard():
 
 
 def checkpoint(**changes):
-    """A flat scene without vents, of the standard preset."""
+    """Return a checkpoint of a flat scene without vents, at the standard preset."""
     return replace(_standard(), **changes)
 
 
 def defaults(lava):
-    """The parameters' defaults beside a material."""
+    """Return the defaults of the parameters for a material."""
     specs = PARAMETERS + constant_parameters({**constants_of(None), 'lava': lava})
     return {spec.name: spec.default for spec in specs}
 
 
-def test_parameters_that_were_left_out_are_the_checkpoints():
-    """Effects, horizon, preset and spacing say afterwards how the eruption has been made."""
+def test_omitted_parameters_are_those_of_the_checkpoint():
     one = checkpoint()
     known = defaults(one.scene.lava)
     assert adopted(one, known, known) == {}
     forced = checkpoint(
-        forced={'inertia': True, 'crust': False},
-        horizon=2.0 * HORIZON,
+        forced={'inertia': True, 'crust': False}, horizon=2.0 * HORIZON,
         accuracy=replace(preset_accuracy('fine', spacing=3.0), thickness=1.7),
     )
     result = adopted(forced, known, known)
     assert result == {
-        'effects_on': ['inertia'],
-        'effects_off': ['crust'],
-        'horizon': HORIZON / 1800.0,
-        'preset': 'fine',
-        'spacing': 3.0,
+        'effects_on': ['inertia'], 'effects_off': ['crust'], 'horizon': HORIZON / 1800.0,
+        'preset': 'fine', 'spacing': 3.0,
     }
     assert adopted(forced, {**known, **result}, known) == {}
 
@@ -273,8 +244,7 @@ def test_parameters_that_were_left_out_are_the_checkpoints():
         ('spacing', 4.0),
     ],
 )
-def test_parameters_that_contradict_are_refused(name, value):
-    """What was given is not passed over in silence."""
+def test_rejects_parameters_that_contradict_the_checkpoint(name, value):
     one = checkpoint(forced={'crust': False, 'inertia': True})
     known = defaults(one.scene.lava)
     assert known[name] != value
@@ -284,8 +254,7 @@ def test_parameters_that_contradict_are_refused(name, value):
         adopted(one, {**known, name: value}, known)
 
 
-def test_particles_are_not_asked_for_by_parameters():
-    """An accuracy that no preset has goes on, and preset and spacing stay for the next reset."""
+def test_accuracy_without_a_preset_is_kept():
     own = checkpoint(accuracy=replace(preset_accuracy('standard', spacing=5.0), ratio=4.5))
     assert isinstance(own, Checkpoint) and own.effects == Effects(**vars(own.effects))
     known = defaults(own.scene.lava)

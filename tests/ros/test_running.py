@@ -65,22 +65,19 @@ def saved(answer):
     return answer['message'].removeprefix('saved in ')
 
 
-def test_an_inactive_node_has_no_map_to_give(local):
-    """The response of an inactive node is a map without cells."""
+def test_inactive_node_returns_a_map_without_cells(local):
     node = local()
     assert node.change('configure')
     assert node.map('height')['shape'] == [0, 0]
 
 
 def test_markers_follow_the_discharge(start):
-    """Markers are published at the start, and again when the discharge of a vent changes."""
     node = start()
     assert labels(node) == ['north: 20 m3/s, 1087 C']
     node.run(3.0)
     assert labels(node, lambda texts: ' 0 m3/s' in texts[0]) == ['north: 0 m3/s, 1087 C']
-    told = [item for item in node.seen if item['topic'] == 'vents_markers']
-    # once for each discharge, not with each map
-    assert len(told) == 2
+    published = [item for item in node.seen if item['topic'] == 'vents_markers']
+    assert len(published) == 2
     # an inactive node holds time without a pause
     assert node.change('deactivate')
     node.status_now('simulation', lambda status: status['state'] == 'paused')
@@ -90,8 +87,7 @@ def test_markers_follow_the_discharge(start):
     assert 'paused' not in node.log
 
 
-def test_optional_layers_are_switched_on_and_off(start):
-    """Named layers are published in addition to those of the file, and others are not."""
+def test_layers_can_be_switched_on_and_off(start):
     node = start(layers_on=list(OPTIONAL), layers_off=['temperature'])
     node.run(2.0)
     newest = node.newest(
@@ -112,8 +108,7 @@ def test_optional_layers_are_switched_on_and_off(start):
     assert 'temperature' not in {item['topic'] for item in node.seen}
 
 
-def test_get_map_gives_what_is_published(start):
-    """The service returns the newest map, with the cells of the message on the topic."""
+def test_get_map_returns_the_published_map(start):
     node = start()
     node.run(2.0)
     assert node.call('pause', True)['success']
@@ -123,8 +118,7 @@ def test_get_map_gives_what_is_published(start):
         assert answer == {name: published[name] for name in names}
 
 
-def test_save_makes_a_bag_of_this_moment(start, tmp_path):
-    """The bag has terrain, vents, maps and a checkpoint, and each call makes a new bag."""
+def test_save_writes_a_bag_of_the_current_state(start, tmp_path):
     node = start(layers_on=list(OPTIONAL))
     node.run(1.0)
     first, second = (saved(node.call('save')) for _ in range(2))
@@ -136,7 +130,7 @@ def test_save_makes_a_bag_of_this_moment(start, tmp_path):
         scene = topics[: topics.index('/height')]
         assert {'/terrain', '/terrain_info', '/vents'} <= set(scene)
         assert {f'/{topic}' for topic in ('height', 'hazard', *OPTIONAL)} <= set(topics)
-        # checkpoint_period is 0 here, but save writes one
+        # although checkpoint_period is 0
         found = newest_checkpoint(tmp_path / name).checkpoint
         assert found.time == node.worker.eruption.time
         assert found.scene.vents[0].name == 'north'
@@ -144,18 +138,16 @@ def test_save_makes_a_bag_of_this_moment(start, tmp_path):
     assert (state['state'], state['level']) == ('off', 0)
 
 
-def test_save_while_recording_goes_into_that_bag(start, tmp_path):
-    """The recording gets maps and a checkpoint of that time, and continues until it ends."""
+def test_save_during_a_recording_uses_its_bag(start, tmp_path):
     node = start(pause=True, bag_directory='run')
     assert node.call('record', True)['success']
     assert saved(node.call('save')) == 'run'
-    # the data survive if the node is killed
     assert newest_checkpoint(tmp_path / 'run').checkpoint.time == 0.0
     before = node.status_now('recorder')
     assert (before['state'], before['checkpoints']) == ('recording', '1')
     assert node.call('record', False)['message'] == 'recorded run'
     topics = [message.topic for message in BagReader(tmp_path / 'run').messages()]
-    # at the start of the recording, and at the save
+    # at the start and at the save
     assert topics.count('/height') == topics.count('/hazard') == 2
     # an existing bag is not changed
     answer = node.call('save')
@@ -163,8 +155,7 @@ def test_save_while_recording_goes_into_that_bag(start, tmp_path):
     assert "run', expected a folder that does not exist yet" in answer['message']
 
 
-def test_a_bag_that_is_gone_while_it_is_recorded(start, tmp_path):
-    """Diagnostics, log and service report it; a link in its place is not followed."""
+def test_removed_bag_is_reported_by_diagnostics_log_and_service(start, tmp_path):
     node = start(bag_directory='gone')
     bag, outside = tmp_path / 'gone', tmp_path / 'outside'
     outside.mkdir()
@@ -178,13 +169,12 @@ def test_a_bag_that_is_gone_while_it_is_recorded(start, tmp_path):
     answer = node.call('record', False)
     assert not answer['success']
     assert reason in answer['message']
-    said = [line for line in node.log.splitlines() if reason in line]
-    assert len(said) == 1 and '[ERROR]' in said[0], said
+    errors = [line for line in node.log.splitlines() if reason in line]
+    assert len(errors) == 1 and '[ERROR]' in errors[0], errors
     assert list(outside.iterdir()) == []
 
 
-def test_markers_go_with_their_vents(start):
-    """Markers follow vents that open, change and are removed, also in a pause."""
+def test_markers_follow_their_vents(start):
     node = start(pause=True)
     node.publish('click')
     assert len(labels(node, lambda texts: len(texts) == 2)) == 2
@@ -194,8 +184,7 @@ def test_markers_go_with_their_vents(start):
     assert labels(node, lambda texts: not texts) == []
 
 
-def test_the_vent_that_a_click_opens_is_as_the_parameters_say(start):
-    """The vent has the parameters' values, also after they have changed."""
+def test_click_opens_a_vent_with_the_values_of_the_parameters(start):
     node = start(pause=True)
     node.publish('no_vents')
     values = {'default_discharge': 7.0, 'default_temperature': 900.0, 'default_radius': 25.0}
@@ -218,8 +207,7 @@ def test_the_vent_that_a_click_opens_is_as_the_parameters_say(start):
         ('max_input_bytes', 4799, 'terrain', '4800 bytes'),
     ],
 )
-def test_limits_of_inputs_can_be_changed(start, name, limit, case, words):
-    """Input above a new limit is refused, and accepted once the limit is raised."""
+def test_input_limits_can_be_changed(start, name, limit, case, words):
     node = start(pause=True)
     before = node.status_now('inputs')
     assert node.set(**{name: limit})['success']
@@ -231,8 +219,7 @@ def test_limits_of_inputs_can_be_changed(start, name, limit, case, words):
     node.status_now('inputs', lambda item: int(item['accepted']) > int(before['accepted']))
 
 
-def test_how_terrain_is_read_can_be_changed(start):
-    """New values of the parameters apply to the next terrain and the next cloud."""
+def test_terrain_parameters_apply_to_the_next_terrain(start):
     node = start(pause=True)
     node.publish('terrain_info', 'nan_hole')
     assert 'cells without data' in node.status_now('inputs')['last_error']
@@ -245,8 +232,7 @@ def test_how_terrain_is_read_can_be_changed(start):
     assert grid['shape'] == [16, 21]
 
 
-def test_accuracy_material_and_place_can_be_changed(start, tmp_path):
-    """Spacing and lava apply at the next reset, the coordinate system at the next terrain."""
+def test_accuracy_and_material_apply_at_the_next_reset(start, tmp_path):
     node = start(pause=True)
     values = {'lava__density': 2000.0, 'preset': 'draft', 'spacing': 5.0}
     assert node.set(**values)['success']
@@ -262,8 +248,7 @@ def test_accuracy_material_and_place_can_be_changed(start, tmp_path):
     assert (terrain.epsg, terrain.offset) == (32633, (499000.0, 4180000.0))
 
 
-def test_the_end_can_be_changed(start):
-    """A simulation ends at a time set while it runs, and continues when that is removed."""
+def test_end_time_can_be_changed(start):
     node = start()
     assert node.set(end_time=10.0)['success']
     node.run_commands()
@@ -276,8 +261,7 @@ def test_the_end_can_be_changed(start):
     assert node.worker.eruption.time == pytest.approx(20.0)
 
 
-def test_how_bags_are_written_can_be_changed(start, tmp_path):
-    """Limits of files apply to the next bag, the period of checkpoints immediately."""
+def test_recording_parameters_can_be_changed(start, tmp_path):
     node = start()
     values = {'bag_directory': 'bags/split', 'bag_max_duration': 0.4}
     assert node.set(**values)['success']
@@ -291,11 +275,10 @@ def test_how_bags_are_written_can_be_changed(start, tmp_path):
     assert len(BagReader(tmp_path / 'bags/split').topics) > 5
 
 
-def test_a_storm_of_saves_is_bounded(start, tmp_path):
-    """Saves that are too frequent are refused with the reason, and make no bag."""
+def test_frequent_saves_are_rejected(start, tmp_path):
     node = start()
     answers = [node.call('save')]
-    # slow saves gain allowance in the process, but less than they use
+    # slow saves gain allowance, but less than they use
     while len(answers) < 30 and answers[-1]['success']:
         answers.append(node.call('save'))
     assert 'one more each' in answers[-1]['message'], answers[-1]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The schemas of our YAML files are those of the code, and refuse what the parsers refuse."""
+"""The schemas of the YAML files agree with the code."""
 
 from copy import deepcopy
 from dataclasses import asdict
@@ -31,7 +31,7 @@ from scripts import load_script
 
 ROOT = Path(__file__).parents[2]
 
-#: What is put in the place of each value: of another type, or too small, or too large.
+#: Replacements for each value: of another type, too small, or too large.
 WRONG = ('wrong', True, 0.5, -1e300, 1e300, [], {'wrong': 1})
 
 #: Files by the name of their schema.
@@ -58,7 +58,7 @@ UNCERTAINTY = {
     ],
 }
 
-#: Valid files of each kind, which have every key between them.
+#: Valid files of each kind, which together have every key.
 VALID = {
     'scene': [
         {
@@ -156,12 +156,12 @@ VALID = {
     ],
 }
 
-#: Values whose limits depend on other values, on a file or on a list of codes: no schema has them.
+#: Values whose limits depend on other values, a file or a list of codes: no schema has them.
 DEPENDENT = re.compile(
     r'scene\.terrain\.(file|epsg|resolution|(window|offset)\[.\])'
     r'|scene\.vents\[.\]\.(position|end|projected|projected_end)\[.\]'
     r'|scene\.vents\[.\]\.(temperature|effusion_rate\.(file|porosity)|discharge\[.\]\[0\])'
-    # heat gets through a crust of which age matters by conduction alone
+    # only conduction transfers heat through an aging crust
     r'|scene\.lava\.(crust|liquidus|solidus)'
     r'|scene\.uncertainty\.(temperature\.(mean|deviation)|position\.(deviation|radius))'
     r'|scene\.uncertainty\.(viscosity\.median|\w+\.limits\[.\])'
@@ -186,7 +186,7 @@ def _validator(kind):
 
 
 def _fits(kind, data):
-    """Say whether a schema accepts a file."""
+    """Return True if a schema accepts a file."""
     try:
         _validator(kind)(deepcopy(data))
     except fastjsonschema.JsonSchemaValueException:
@@ -214,7 +214,6 @@ def folder(tmp_path_factory):
 
 
 def _parse(kind, data, folder):
-    """Read a file as the program does."""
     if kind == 'layers':
         layers_from_dict(data)
         return
@@ -224,7 +223,7 @@ def _parse(kind, data, folder):
 
 
 def _refusal(kind, data, folder):
-    """Return why the program refuses a file, None if it accepts it."""
+    """Return the error of the program for a file, None if it accepts it."""
     try:
         _parse(kind, data, folder)
     except LavaError as error:
@@ -233,7 +232,6 @@ def _refusal(kind, data, folder):
 
 
 def _places(value, path=()):
-    """Paths of all values below a value."""
     if not isinstance(value, (dict, list)):
         return
     for key, item in value.items() if isinstance(value, dict) else enumerate(value):
@@ -247,7 +245,6 @@ def _named(kind, path):
 
 
 def _with(data, path, value):
-    """Return a copy of a file with another value at a place."""
     data = deepcopy(data)
     *parents, last = path
     around = data
@@ -258,7 +255,7 @@ def _with(data, path, value):
 
 
 def _limits(schema, key=None):
-    """Limits of numbers in a schema, or in those of its properties that have a name."""
+    """Return the limits of numbers in a schema, or in its properties with a name."""
     for name, item in schema.items() if isinstance(schema, dict) else enumerate(schema):
         if key is None and name in ('minimum', 'exclusiveMinimum', 'maximum', 'exclusiveMaximum'):
             yield item
@@ -270,7 +267,6 @@ def _limits(schema, key=None):
 
 @cache
 def _values(kind, key):
-    """Values to try for a key: wrong ones, its limits and those next to them."""
     limits = sorted(set(_limits(_generator().schema(kind), key)))
     result = list(WRONG)
     for limit in limits:
@@ -280,7 +276,7 @@ def _values(kind, key):
 
 
 def _mutations(kind, data, path):
-    """Files with another value at a place, most of them wrong, and with an unknown key there."""
+    """Yield files with another value, or an unknown key, at a place."""
     key = next(name for name in reversed(path) if isinstance(name, str))
     for value in _values(kind, key):
         yield _with(data, path, value)
@@ -292,8 +288,7 @@ def _mutations(kind, data, path):
 
 
 @pytest.mark.parametrize('kind', [*FILES, 'case'])
-def test_files_of_schemas_are_up_to_date(kind):
-    """docs/schemas.py would write them as they are."""
+def test_schema_files_are_up_to_date(kind):
     module = _generator()
     assert module.path(kind).read_text('utf-8') == module.text(kind), 'run python docs/schemas.py'
 
@@ -302,8 +297,7 @@ def test_files_of_schemas_are_up_to_date(kind):
     ('kind', 'path'), [(kind, path) for kind, paths in FILES.items() for path in paths],
     ids=lambda item: getattr(item, 'name', item),
 )
-def test_our_files_fit_their_schema(kind, path):
-    """Every file that is installed is valid, and tells editors the schema."""
+def test_shipped_file_fits_its_schema(kind, path):
     assert _fits(kind, read_yaml('file', path))
     if path.name == 'nav2_filters.yaml':
         return
@@ -312,8 +306,7 @@ def test_our_files_fit_their_schema(kind, path):
     assert (path.parent / named).resolve() == _generator().path(kind)
 
 
-def test_the_case_of_the_documents_fits_its_schema():
-    """So does the example of docs/VALIDATION.md."""
+def test_case_in_the_documentation_fits_its_schema():
     text = (ROOT / 'docs' / 'VALIDATION.md').read_text('utf-8')
     (block,) = re.findall(r'```yaml\n(title: .*?)```', text, re.DOTALL)
     assert _fits('case', parse_yaml('case', block))
@@ -322,14 +315,13 @@ def test_the_case_of_the_documents_fits_its_schema():
 @pytest.mark.parametrize(
     ('kind', 'data'), [(kind, data) for kind, files in VALID.items() for data in files]
 )
-def test_valid_files_are_accepted(kind, data, folder):
-    """By the schema and by the program."""
+def test_schema_and_program_accept_valid_files(kind, data, folder):
     assert _refusal(kind, data, folder) is None
     _validator(kind)(deepcopy(data))
 
 
 def _keys(schema):
-    """Names of all properties in a schema; of interchangeable constants none."""
+    """Yield names of all properties in a schema, except those of constants."""
     for name, item in schema.items() if isinstance(schema, dict) else ():
         if name == 'properties':
             yield from item
@@ -342,12 +334,11 @@ def _keys(schema):
 
 
 def test_valid_files_have_every_key():
-    """So that every key is tried with wrong values."""
     tried = {kind: set() for kind in VALID}
     for kind, files in VALID.items():
         for data in files:
             tried[kind].update(key for path in _places(data) for key in path)
-    # constants and distributions are the same in both
+    # both have the same constants and distributions
     tried['case'] |= tried['scene']
     for kind, keys in tried.items():
         assert set(_keys(_generator().schema(kind))) <= keys
@@ -363,22 +354,20 @@ def test_valid_files_have_every_key():
     ],
     ids=lambda item: _named('', item) if isinstance(item, tuple) else str(item),
 )
-def test_schema_and_parser_agree(kind, number, path, folder):
-    """On each value of another type or out of range, and on each unknown key."""
+def test_schema_and_parser_agree_on_wrong_values(kind, number, path, folder):
     place = _named(kind, path)
     for data in _mutations(kind, VALID[kind][number], path):
         refusal, fits = _refusal(kind, data, folder), _fits(kind, data)
         if not fits:
-            # an editor has to accept what the program accepts
+            # an editor has to accept every file that the program accepts
             assert refusal is not None, f'{place}: only the schema refuses {data}'
         elif not DEPENDENT.fullmatch(place):
             assert refusal is None, f'{place}: the schema accepts {data}'
 
 
-#: Parameters are given no mappings; an integer and a number of a double are the same in JSON.
+#: Parameters are never mappings; in JSON an integer is also a valid double.
 @pytest.mark.parametrize('value', ['wrong', True, 0.5, -1e300, 1e300, ['wrong'], -1, 2**62])
-def test_schema_and_node_agree_on_parameters(value):
-    """On each parameter with a value of another type, or out of range."""
+def test_schema_and_node_agree_on_wrong_parameters(value):
     context = rclpy.Context()
     start_ros(['--ros-args'], context=context, domain_id=own_domain('graph'))
     specs = (*parameters.LIFECYCLE, *parameters.SOURCES, *parameters.PARAMETERS)

@@ -42,8 +42,7 @@ def undisturbed(terrain: Terrain) -> Simulation:
     return simulation
 
 
-def test_stream_of_vents_leaves_the_flow_as_it_is(graph):
-    """Inundated area, thickness and number of particles equal those with one message."""
+def test_stream_of_vents_does_not_change_the_flow(graph):
     # at 4 m a shift of the vents by 1 m changes 2 % of the cells; at 8 m, 3 %
     terrain = Terrain(np.tile(500.0 - np.arange(120.0), (60, 1)), 5.0)
     bag = graph.directory / 'stream'
@@ -66,7 +65,7 @@ def test_stream_of_vents_leaves_the_flow_as_it_is(graph):
     def stream() -> None:
         nonlocal sent
         while not is_finished.wait(1.0 / RATE):
-            # like a tracker: with a small shift and increase each time
+            # a small shift and increase each time, like a tracker
             noise = 1e-3 * (sent % 2)
             changed = {name: np.add(COLUMNS[name], noise) for name in ('x', 'discharge')}
             vents.publish(cloud(COLUMNS | changed))
@@ -88,7 +87,7 @@ def test_stream_of_vents_leaves_the_flow_as_it_is(graph):
     wanted = expected.snapshot().thickness
     wet, dry = (thickness > 0.1) & (wanted > 0.1), (thickness > 0.1) | (wanted > 0.1)
     assert wet.sum() >= 0.97 * dry.sum() > 240
-    # not the maximum, which depends on a single cell
+    # the maximum would depend on a single cell
     thick = [np.quantile(values[values > 0.1], 0.9) for values in (thickness, wanted)]
     assert thick[0] == pytest.approx(thick[1], rel=0.05)
     assert int(status['particles']) == pytest.approx(expected.particle_count, rel=0.05)

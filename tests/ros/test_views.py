@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""RViz and Foxglove show terrain, hazard and vents of a running node and of all bags."""
+"""RViz and Foxglove show terrain, hazard and vents of a node and of all bags."""
 
 from collections.abc import Callable
 import json
@@ -52,20 +52,15 @@ SCENE = Scene(TERRAIN, VENTS, lava=Lava())
 SNAPSHOTS = [snapshot_at(time, growing(time, TERRAIN), TERRAIN) for time in (200.0, 600.0)]
 
 
-def of_the_node(directory: Path) -> Path:
-    """Record layers and scene like a node."""
+def record_node(directory: Path) -> Path:
     recorder = Recorder()
     node = SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/')
-    recording = SceneRecording(
-        node, recorder, frame_id='map', configs={}, parameters=dict
-    )
+    recording = SceneRecording(node, recorder, frame_id='map', configs={}, parameters=dict)
 
     def create(kind: str, message: Any, topic: str, given: Any) -> Any:
         return SimpleNamespace(publish=lambda data: None, topic_name=f'/{topic}')
 
-    enabled = [
-        layer for layer in load_layers(ROOT / 'msg_configs/default.yaml') if layer.enabled
-    ]
+    enabled = [layer for layer in load_layers(ROOT / 'msg_configs/default.yaml') if layer.enabled]
     layers: Any = LayerPublishers(
         SimpleNamespace(create=create), enabled, recorder, frame_id='map'
     )
@@ -81,15 +76,13 @@ def of_the_node(directory: Path) -> Path:
     return directory
 
 
-def of_a_hindcast(directory: Path) -> Path:
-    """Record snapshots like a command without a node."""
+def record_hindcast(directory: Path) -> Path:
     write_snapshots(directory, SCENE, SNAPSHOTS, custom_data={})
     return directory
 
 
-def recovered(directory: Path) -> Path:
-    """Recover a truncated recording."""
-    whole = of_the_node(directory.with_name('whole'))
+def recover_truncated(directory: Path) -> Path:
+    whole = record_node(directory.with_name('whole'))
     (path,) = whole.glob('*.mcap')
     (whole / 'metadata.yaml').unlink()
     path.write_bytes(path.read_bytes()[:-100])
@@ -98,16 +91,14 @@ def recovered(directory: Path) -> Path:
 
 
 def sample(directory: Path) -> Path:
-    """Return the sample bag of the package."""
     return ROOT / 'bags/sample'
 
 
-WAYS = (of_the_node, of_a_hindcast, recovered, sample)
+MAKERS = (record_node, record_hindcast, recover_truncated, sample)
 
 
-@pytest.mark.parametrize('make', WAYS)
-def test_bags_hold_what_the_views_draw(make: Callable[[Path], Path], tmp_path: Path) -> None:
-    """Each topic is latched in the bag by the time of the first map, with one terrain."""
+@pytest.mark.parametrize('make', MAKERS)
+def test_bags_have_the_topics_of_the_views(make: Callable[[Path], Path], tmp_path: Path) -> None:
     bag = BagReader(make(tmp_path / 'bag'))
     first: dict[str, Any] = {}
     for item in bag.messages():
@@ -128,9 +119,8 @@ def test_bags_hold_what_the_views_draw(make: Callable[[Path], Path], tmp_path: P
     assert {item.header.frame_id for item in drawn} == {relief.header.frame_id} == {'map'}
 
 
-def test_a_change_of_the_vents_is_recorded(tmp_path: Path) -> None:
-    """The discharge changes between the two frames, the terrain does not."""
-    for make in (of_the_node, of_a_hindcast):
+def test_change_of_the_vents_is_recorded(tmp_path: Path) -> None:
+    for make in (record_node, record_hindcast):
         bag = BagReader(make(tmp_path / make.__name__))
         topics = [item.topic for item in bag.messages()]
         assert topics.count('/vents_markers') == topics.count('/vents') == 2
@@ -140,7 +130,6 @@ def test_a_change_of_the_vents_is_recorded(tmp_path: Path) -> None:
 @pytest.mark.parametrize('elevation', [-50.0, 450.0, 2500.0, 8000.0])
 @pytest.mark.parametrize('resolution', [0.01, 30.0, 1000.0])
 def test_vents_are_below_the_camera(elevation: float, resolution: float) -> None:
-    """Vents and labels are above the maps on mountains of any height and size."""
     view = RVIZ['Visualization Manager']['Views']['Current']
     assert view['Class'] == 'rviz_default_plugins/TopDownOrtho'
     terrain = Terrain(np.full((20, 30), elevation), resolution)
@@ -156,12 +145,11 @@ def test_vents_are_below_the_camera(elevation: float, resolution: float) -> None
             continue
         heights = [item.pose.position.z, *(point.z for point in item.points)]
         assert 0.0 <= min(heights) <= max(heights) <= 1.0 < CAMERA
-        # RViz draws translucent maps over translucent markers
+        # RViz draws translucent maps above translucent markers
         assert item.color.a == 1.0
 
 
-def test_maps_let_the_ground_show() -> None:
-    """The relief is at the back, and other maps are transparent without lava."""
+def test_maps_are_transparent_above_the_relief() -> None:
     for topic, display in DISPLAYS.items():
         if 'Color Scheme' in display:
             is_ground = topic == 'relief'
@@ -174,11 +162,7 @@ def test_maps_let_the_ground_show() -> None:
     assert {mode for name, mode in modes.items() if name != '/relief'} == {'costmap'}
 
 
-def test_the_window_of_rviz_leaves_the_map_its_place() -> None:
-    """Panels have docks, the left ones a quarter of the width, and Etna is in view.
-
-    Without the state of Qt's window, RViz leaves 80 pixels for the map.
-    """
+def test_rviz_window_leaves_space_for_the_map() -> None:
     window = RVIZ['Window Geometry']
     state = bytes.fromhex(window['QMainWindow State'])
     for panel in RVIZ['Panels']:

@@ -24,7 +24,6 @@ from worker_bench import OUTSIDE, TERRAIN, VENT
 
 
 def test_terrain_starts_the_simulation(bench):
-    """The first terrain starts the simulation and gives a first snapshot."""
     assert bench.worker.status.state is WorkerState.WAITING
     assert bench.worker.latest is None
     bench.run(bench.worker.set_terrain(TERRAIN))
@@ -38,11 +37,10 @@ def test_terrain_starts_the_simulation(bench):
     'bench', [{'time_scale': scale} for scale in (0.01, 1.0, 1e5)], indirect=True
 )
 def test_time_follows_steps_of_the_clock(bench, step):
-    """Simulated time equals the scaled clock, at each scale and resolution of the clock."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     scale = bench.worker.time_scale
     for count in range(1, 6):
-        look(bench, bench.now + step)
+        set_clock(bench, bench.now + step)
         bench.wait(lambda: bench.simulation.time == pytest.approx(count * step * scale))  # noqa: B023
     status = bench.worker.status
     assert (status.lost, status.jumps, status.is_behind) == (0.0, 0, False)
@@ -53,18 +51,17 @@ def test_time_follows_steps_of_the_clock(bench, step):
     bench.wait(lambda: bench.simulation.time == pytest.approx(before + 1.0, abs=1e-6))
 
 
-def look(bench, now):
+def set_clock(bench, now):
     """Set the clock, and wait until the worker has read it."""
     bench.now = now
     bench.wait_for_clock()
 
 
 @pytest.mark.parametrize('step', [0.01, 5.0, 30.0])
-def test_maps_show_where_the_clock_is(bench, step):
-    """A snapshot requested at a step of the clock shows the end of the step."""
+def test_snapshot_shows_the_time_of_the_clock(bench, step):
     bench.run(bench.worker.set_terrain(TERRAIN))
     for count in range(1, 4):
-        # A held worker processes both only when both have arrived.
+        # a blocked worker processes the clock and the request together
         bench.simulation.is_compiled.clear()
         held = bench.worker.set_effects({}, horizon=float(count))
         bench.wait(lambda: bench.worker.status.doing == 'effects')
@@ -77,13 +74,12 @@ def test_maps_show_where_the_clock_is(bench, step):
 
 @pytest.mark.parametrize('jump', [2.0 * MAX_LAG, 3600.0, 1e6, -2.0, -30.0, -1e6])
 @pytest.mark.parametrize('bench', [{'time_scale': 1.0}, {'time_scale': 1e5}], indirect=True)
-def test_jumps_of_the_clock_are_counted_and_not_followed(bench, jump):
-    """Simulated time does not jump, and continues with the next step of the clock."""
+def test_jumps_of_the_clock_are_counted_but_not_followed(bench, jump):
     bench.now = 1e7
     bench.run(bench.worker.set_terrain(TERRAIN))
     scale = bench.worker.time_scale
     bench.go_on(0.5, scale)
-    look(bench, bench.now + jump)
+    set_clock(bench, bench.now + jump)
     bench.wait(lambda: bench.worker.status.jumps == 1)
     status = bench.worker.status
     assert bench.simulation.time == pytest.approx(0.5 * scale)
@@ -96,12 +92,11 @@ def test_jumps_of_the_clock_are_counted_and_not_followed(bench, jump):
     bench.wait(lambda: (bench.worker.status.jumps, bench.worker.status.lost) == (0, 0.0))
 
 
-def test_a_clock_that_has_no_time_yet_or_jitters(bench):
-    """The first time of a clock is not a jump, and simulated time waits for a small step back."""
+def test_first_time_and_jitter_of_the_clock_are_not_jumps(bench):
     bench.now = 0.0
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.wait_for_clock()
-    look(bench, 1.7e9)
+    set_clock(bench, 1.7e9)
     bench.go_on(0.5)
     for step in (-0.25, 0.125, 0.25):
         bench.now += step
@@ -111,18 +106,17 @@ def test_a_clock_that_has_no_time_yet_or_jitters(bench):
 
 
 @pytest.mark.parametrize('bench', [{'speed': 5.0, 'time_scale': 100.0}], indirect=True)
-def test_a_slow_simulation_does_not_chase_the_clock(bench):
-    """Time beyond the maximum lag is lost and counted; the actual speed is reported."""
+def test_time_beyond_the_maximum_lag_is_lost(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     for _ in range(10):
         bench.now += 0.05
         time.sleep(0.05)
     bench.wait(lambda: bench.worker.status.is_behind)
-    # Exactly 5 on an idle machine, less on a busy one.
+    # 5 on an idle machine
     assert 0.0 < bench.worker.status.speed < 6.5
     assert bench.worker.status.lost == 0.0
     for _ in range(3):
-        look(bench, bench.now + 0.9 * MAX_LAG)
+        set_clock(bench, bench.now + 0.9 * MAX_LAG)
     # the clock continues, but the target does not advance
     assert bench.worker._target <= bench.simulation.time + MAX_LAG * 100.0 + 1e-6
     bench.wait(lambda: bench.worker.status.lost > MAX_LAG)
@@ -132,8 +126,7 @@ def test_a_slow_simulation_does_not_chase_the_clock(bench):
     bench.wait(lambda: not bench.worker.status.is_behind)
 
 
-def test_pause_and_step(bench):
-    """A pause holds time and shows the last state; a step, only in a pause, is exact."""
+def test_pause_holds_time_and_a_step_is_exact(bench):
     with pytest.raises(LavaError, match='step'):
         bench.run(bench.worker.step(1.0))
     bench.run(bench.worker.set_terrain(TERRAIN))
@@ -154,8 +147,7 @@ def test_pause_and_step(bench):
 
 
 @pytest.mark.parametrize('bench', [{'end_time': 2.0, 'time_scale': 10.0}], indirect=True)
-def test_end_time(bench):
-    """The simulation stops exactly at the end time, and continues when the end is moved."""
+def test_simulation_stops_at_the_end_time(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.now += 0.9
     bench.wait_for_state(WorkerState.FINISHED)
@@ -169,8 +161,7 @@ def test_end_time(bench):
     assert bench.simulation.time < 5.0
 
 
-def test_reset(bench):
-    """A reset makes a new simulation of the scene at time 0; a pause remains."""
+def test_reset_makes_a_new_simulation_at_time_0(bench):
     with pytest.raises(LavaError, match='reset'):
         bench.run(bench.worker.reset())
     bench.start()
@@ -185,8 +176,7 @@ def test_reset(bench):
     bench.wait_for_state(WorkerState.PAUSED)
 
 
-def test_what_the_thread_is_at_is_told(bench):
-    """The status has the current command, its duration and the waiting ones, and the last step."""
+def test_status_has_the_current_task_and_waiting_commands(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.wait(lambda: bench.worker.status.hold_up == '')
     bench.simulation.is_compiled.clear()
@@ -208,8 +198,7 @@ def test_what_the_thread_is_at_is_told(bench):
     bench.wait(lambda: bench.worker.status.hold_up == '')
 
 
-def test_the_mean_leaves_pauses_out(monkeypatch):
-    """Two runs of 10 s at 3x and 1x with a long pause between them average 2x."""
+def test_mean_speed_excludes_pauses(monkeypatch):
     clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
     monkeypatch.setattr(speed, 'time', clock)
     meter = SpeedMeter()
@@ -219,13 +208,12 @@ def test_the_mean_leaves_pauses_out(monkeypatch):
         for clock.now, reached in run:
             meter.note(reached)
     assert meter.mean == pytest.approx(2.0)
-    # Notes older than the window do not count.
+    # notes older than the window do not count
     assert meter.value == pytest.approx(1.0)
     assert clock.now - 507.0 < speed.SPEED_WINDOW
 
 
-def test_vents_wait_for_terrain(bench):
-    """The newest vents received before the terrain are used with it."""
+def test_newest_vents_wait_for_the_terrain(bench):
     first = bench.worker.set_vents([OUTSIDE])
     second = bench.worker.set_vents([VENT])
     bench.wait(first.cancelled)
@@ -235,8 +223,7 @@ def test_vents_wait_for_terrain(bench):
     assert bench.simulation.scene.vents == (VENT,)
 
 
-def test_waiting_vents_off_the_terrain_are_refused(bench):
-    """If they are outside the terrain, the simulation starts without them."""
+def test_rejects_waiting_vents_off_the_terrain(bench):
     vents = bench.worker.set_vents([OUTSIDE])
     bench.run(bench.worker.set_terrain(TERRAIN))
     with pytest.raises(LavaError, match=r'vents\[0\].position'):
@@ -244,8 +231,8 @@ def test_waiting_vents_off_the_terrain_are_refused(bench):
     assert bench.simulation.scene.vents == ()
 
 
-def test_first_vents_start_again(bench):
-    """Vents for a simulation without lava start it again: its resolution depends on them."""
+def test_first_vents_restart_the_simulation(bench):
+    """The resolution depends on the vents."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.go_on()
     bench.run(bench.worker.set_vents([VENT]))
@@ -271,8 +258,7 @@ def test_first_vents_start_again(bench):
         ),
     ],
 )
-def test_noise_of_an_input_outdates_no_forecast(bench, kind, noise, change):
-    """The simulation uses noisy inputs, but ``changes``, which drops forecasts, ignores noise."""
+def test_noise_of_inputs_does_not_outdate_forecasts(bench, kind, noise, change):
     session, put = bench.worker.eruption, getattr(bench.worker, f'set_{kind}')
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.set_vents([VENT]))
@@ -286,7 +272,6 @@ def test_noise_of_an_input_outdates_no_forecast(bench, kind, noise, change):
 
 
 def test_slow_drift_outdates_forecasts(bench):
-    """Each step of a drift is within the noise, but their sum is not."""
     session = bench.worker.eruption
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.set_vents([VENT]))
@@ -297,8 +282,7 @@ def test_slow_drift_outdates_forecasts(bench):
     assert before < session.changes < before + 10
 
 
-def test_what_a_simulation_goes_on_from_is_known_until_it_starts_anew(bench):
-    """Origin and emitted volumes are known, also of closed vents and vents before a resume."""
+def test_origin_and_schedule_are_kept_until_a_reset(bench):
     assert bench.worker.eruption.origin is None
     earlier = replace(VENT, discharge=((0.0, 7.0), (2.0, 9.0)))
     scene, origin = Scene(TERRAIN, (VENT,), lava=Lava()), Origin('bags/first', 120.0, 7)
@@ -323,8 +307,7 @@ def test_what_a_simulation_goes_on_from_is_known_until_it_starts_anew(bench):
     [({}, 0.0, 7.0), ({}, 5.0, 7.0), ({}, 40.0, 40.0), ({'end_time': 30.0}, 40.0, 30.0)],
     indirect=['bench'],
 )
-def test_restarted_simulation_catches_up_before_it_is_shown(bench, reached, expected):
-    """It first reaches the time shown before the restart, even if the clock stands still."""
+def test_resumed_simulation_catches_up_before_it_is_shown(bench, reached, expected):
     scene = Scene(TERRAIN, (VENT,), lava=Lava())
 
     def resume():
@@ -338,8 +321,7 @@ def test_restarted_simulation_catches_up_before_it_is_shown(bench, reached, expe
     assert bench.simulation.time == bench.shown[0].time == expected
 
 
-def test_bad_input_changes_nothing(bench):
-    """Refused vents and terrain leave the simulation as it was, and running."""
+def test_rejected_inputs_change_nothing(bench):
     with pytest.raises(LavaError, match='a terrain before'):
         bench.run(bench.worker.add_vent(VENT))
     bench.start()
@@ -355,8 +337,7 @@ def test_bad_input_changes_nothing(bench):
     bench.go_on()
 
 
-def test_a_refused_start_keeps_the_old_simulation(bench):
-    """A scene that the simulation refuses leaves the old simulation running."""
+def test_rejected_reset_keeps_the_old_simulation(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.refusal = LavaError('device', 'cuda:9', 'one of cpu')
     with pytest.raises(LavaError, match='cuda:9'):
@@ -366,8 +347,7 @@ def test_a_refused_start_keeps_the_old_simulation(bench):
     bench.wait(lambda: bench.made[0].time == pytest.approx(0.5))
 
 
-def test_new_terrain_is_shown_at_once(bench):
-    """A new terrain changes the snapshot, also in a pause; an identical one does not."""
+def test_new_terrain_is_shown_immediately(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.pause(True))
     other, same = (Terrain(np.ones((7, 6)), 10.0) for _ in range(2))
@@ -376,8 +356,7 @@ def test_new_terrain_is_shown_at_once(bench):
         assert bench.worker.latest.terrain is bench.simulation.scene.terrain is other
 
 
-def test_effects_follow_the_scene(bench):
-    """The table of effects is that of the simulation, and changes with terrain and vents."""
+def test_effects_follow_terrain_and_vents(bench):
     assert bench.worker.eruption.effects == {}
     bench.start()
     before = bench.worker.eruption.effects
@@ -389,8 +368,7 @@ def test_effects_follow_the_scene(bench):
     assert bench.worker.eruption.effects['steep'].startswith('on: slope = 0.8 > ')
 
 
-def test_effects_are_forced_while_it_runs(bench):
-    """Forced effects apply immediately; incompatible ones change nothing."""
+def test_effects_can_be_forced_during_a_run(bench):
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
     bench.start()
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
@@ -403,8 +381,7 @@ def test_effects_are_forced_while_it_runs(bench):
     assert len(bench.made) == 1
 
 
-def test_the_last_snapshot_stays_while_effects_are_compiled(bench):
-    """A request for a frame during compilation returns immediately, with the last frame."""
+def test_snapshot_is_available_while_effects_are_compiled(bench):
     bench.start()
     last = bench.worker.latest
     bench.simulation.is_compiled.clear()
@@ -425,12 +402,7 @@ def _scene(slope=0.5, **material):
     return Scene(terrain, (Vent((50.0, 100.0), 20.0),), Lava(**material))
 
 
-def test_every_effect_has_a_text():
-    """Each effect is on or off, with number and threshold or as forced.
-
-    The text of an effect that another one excludes names that effect; one whose reason has
-    disappeared remains on.
-    """
+def test_every_effect_has_a_reason():
     scene = _scene()
 
     def table(**forced):
@@ -441,7 +413,7 @@ def test_every_effect_has_a_text():
     assert known['steep'].startswith('on: slope = 0.5 > 0.087')
     assert known['yielding'] == 'off: the material has none'
     assert known['merging'] == 'off: never chosen, only forced'
-    # with or without their own number
+    # forced
     known = table(steep=False, helmholtz=True, merging=True)
     assert known['steep'] == 'off: forced'
     assert known['helmholtz'] == known['merging'] == 'on: forced'
@@ -449,24 +421,21 @@ def test_every_effect_has_a_text():
     (inertia,) = (item for item in decide(scene, {'green': True}) if item.name == 'inertia')
     known = table(green=True)
     assert known['inertia'] == f'off: {inertia.reason}'
-    assert known['inertia'].endswith(', but not beside green')
+    assert known['inertia'].endswith(', but excluded by green')
     frozen = replace(Effects(), solidification=True)
     known = effect_table(frozen, decide(_scene(solidus=1200.0), horizon=1.0))
-    assert known['solidification'].startswith('on: share of the way to the solidus = ')
+    assert known['solidification'].startswith('on: fraction of the way to the solidus = ')
     assert known['solidification'].endswith(', but an effect stays on during a run')
 
 
-def test_frames_keep_coming_while_effects_change():
-    """With the real solver, frames and time continue during and after compilation."""
+def test_frames_continue_while_effects_change():
     x = 10.0 * np.arange(40)
     scene = Scene(
         Terrain(np.tile(300.0 - 0.3 * x, (30, 1)), 10.0), (Vent((60.0, 150.0), 20.0),), lava=Lava()
     )
     frames = []
     worker = SimulationWorker(
-        lambda scene: Simulation(scene, device='cpu'),
-        clock=time.monotonic,
-        time_scale=60.0,
+        lambda scene: Simulation(scene, device='cpu'), clock=time.monotonic, time_scale=60.0,
         on_snapshot=lambda: frames.append(worker.latest),
     )
     worker.start()

@@ -5,13 +5,11 @@
 
 from concurrent.futures import Future
 import queue
-import threading
 
 import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.ros.worker_status import Command, CommandQueue, WorkerState
-from lava_ros.scene import Vent
 from worker_bench import Bench, PATIENCE, TERRAIN, VENT
 
 
@@ -19,7 +17,7 @@ from worker_bench import Bench, PATIENCE, TERRAIN, VENT
     ('failure', 'text'),
     [
         (RuntimeError('device lost'), 'RuntimeError: device lost'),
-        # an error of Warp is reported with a remedy
+        # an error of Warp has a remedy
         (
             RuntimeError("Failed to allocate 64 bytes on device 'cuda:0'"),
             'out of memory with 0 particles on 5 x 4 cells: Failed to allocate 64 bytes on device '
@@ -27,8 +25,7 @@ from worker_bench import Bench, PATIENCE, TERRAIN, VENT
         ),
     ],
 )
-def test_a_failure_is_reported_and_reset_recovers(bench, failure, text):
-    """An exception sets the state FAILED and keeps the last snapshot; reset starts again."""
+def test_failure_is_reported_and_reset_recovers(bench, failure, text):
     bench.start()
     last = bench.worker.latest
     bench.simulation.failure = failure
@@ -44,8 +41,7 @@ def test_a_failure_is_reported_and_reset_recovers(bench, failure, text):
     assert bench.simulation.scene.vents == ()
 
 
-def test_a_failed_start_is_reported(bench):
-    """An unexpected exception at the start of a simulation sets the state FAILED."""
+def test_failed_start_is_reported(bench):
     bench.refusal = MemoryError('too large')
     with pytest.raises(MemoryError):
         bench.run(bench.worker.set_terrain(TERRAIN))
@@ -54,8 +50,7 @@ def test_a_failed_start_is_reported(bench):
 
 
 @pytest.mark.parametrize('bench', [{'max_particles': 10}], indirect=True)
-def test_too_many_particles(bench):
-    """Above the limit the simulation fails with its last state; a higher limit helps."""
+def test_simulation_fails_above_max_particles(bench):
     bench.start()
     bench.simulation.particle_count = 10
     bench.go_on()
@@ -71,47 +66,15 @@ def test_too_many_particles(bench):
 
 
 @pytest.mark.parametrize('bench', [{'speed': 1.0, 'time_scale': 1000.0}], indirect=True)
-def test_commands_are_quick_under_load(bench):
-    """A busy simulation runs a command between two slices, long before it has caught up."""
+def test_busy_simulation_runs_commands_between_slices(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.now += 1.0
     bench.wait(lambda: bench.worker._target == 1000.0)
-    # Catching up with the clock would take a thousand seconds.
+    # it would take 1000 s to catch up with the clock
     bench.run(bench.worker.set_vents([VENT]))
 
 
-def test_a_flood_of_vents_is_coalesced(bench):
-    """Only the newest waiting vents are used, simulated time advances, and no queue grows."""
-    bench.start()
-    given, set_vents = [], bench.simulation.set_vents
-    goes_on = threading.Event()
-
-    def slow_set_vents(vents):
-        given.append(vents[0].discharge)
-        assert goes_on.wait(60.0)
-        set_vents(vents)
-
-    bench.simulation.set_vents = slow_set_vents
-    futures = []
-    for batch in range(5):
-        goes_on.clear()
-        for index in range(100):
-            futures.append(bench.worker.set_vents([Vent((25.0, 15.0), 100.0 * batch + 1 + index)]))
-            assert len(bench.worker._commands) < 10
-            if index == 0:
-                bench.wait(lambda: given[-1:] == [100.0 * batch + 1])  # noqa: B023
-        goes_on.set()
-        bench.run(futures[-1])
-        bench.now += 0.1
-        bench.wait(lambda: bench.simulation.time == pytest.approx(0.1 * (batch + 1)))  # noqa: B023
-    assert given == [1.0, 100.0, 101.0, 200.0, 201.0, 300.0, 301.0, 400.0, 401.0, 500.0]
-    assert bench.simulation.scene.vents[0].discharge == 500.0
-    assert all(future.done() for future in futures)
-    assert sum(not future.cancelled() for future in futures) == len(given)
-
-
-def test_snapshots_come_on_request(bench):
-    """A request updates the snapshot once there is a new state, with one notification."""
+def test_snapshot_is_updated_on_request(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.wait(lambda: len(bench.shown) == 1)
     bench.worker.request_snapshot()
@@ -125,8 +88,7 @@ def test_snapshots_come_on_request(bench):
     assert bench.shown[-1].time == pytest.approx(0.5)
 
 
-def test_stop_answers_what_waits():
-    """Waiting and later commands fail with the reason."""
+def test_stop_fails_waiting_and_later_commands():
     bench = Bench()
     waiting = bench.worker.set_vents([VENT])
     bench.run(bench.worker.pause(False))
@@ -137,8 +99,7 @@ def test_stop_answers_what_waits():
     assert bench.worker.status.state is WorkerState.STOPPED
 
 
-def test_stop_answers_at_once_what_a_step_keeps_waiting():
-    """Waiting commands fail immediately, even during a step that does not end."""
+def test_stop_fails_waiting_commands_during_a_step():
     bench = Bench()
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.simulation.is_compiled.clear()
@@ -155,7 +116,6 @@ def test_stop_answers_at_once_what_a_step_keeps_waiting():
 
 @pytest.fixture
 def copying(bench):
-    """A simulation after half a second with a snapshot that remains in progress."""
     bench.start()
     bench.go_on()
     bench.simulation.is_copied.clear()
@@ -166,8 +126,7 @@ def copying(bench):
         simulation.is_copied.set()
 
 
-def test_the_simulation_goes_on_meanwhile(copying):
-    """Time advances during a snapshot, which then shows the time at which it started."""
+def test_simulation_continues_during_a_snapshot(copying):
     shown = len(copying.shown)
     copying.go_on()
     assert copying.worker.latest.time == 0.0
@@ -177,8 +136,7 @@ def test_the_simulation_goes_on_meanwhile(copying):
     assert copying.worker.latest is copying.shown[-1]
 
 
-def test_what_is_asked_for_meanwhile_comes_next(copying):
-    """Any number of requests during a snapshot start exactly one more after it."""
+def test_requests_during_a_snapshot_start_one_more(copying):
     for _ in range(3):
         copying.go_on()
         copying.worker.request_snapshot()
@@ -188,8 +146,7 @@ def test_what_is_asked_for_meanwhile_comes_next(copying):
     assert copying.simulation.begun == 2
 
 
-def test_what_is_no_map_is_not_shown(bench):
-    """An invalid map fails the simulation, and the previous snapshot remains."""
+def test_invalid_map_fails_the_simulation_and_is_not_shown(bench):
     bench.start()
     last = bench.worker.latest
     bench.simulation.flawed = True
@@ -207,31 +164,29 @@ def test_what_is_no_map_is_not_shown(bench):
     bench.wait_for_state(WorkerState.RUNNING)
 
 
-def test_a_flaw_of_the_former_simulation_is_none_of_the_next(bench):
-    """After a reset during the snapshot, the new simulation runs and is shown."""
+def test_flaw_of_the_previous_simulation_does_not_fail_the_next(bench):
     bench.start()
     bench.simulation.flawed = True
     bench.go_on()
-    former = bench.simulation
-    former.is_copied.clear()
+    previous = bench.simulation
+    previous.is_copied.clear()
     bench.worker.request_snapshot()
-    bench.wait(lambda: former.begun == 1)
+    bench.wait(lambda: previous.begun == 1)
     reset = bench.worker.reset()
     bench.wait(lambda: len(bench.made) == 2)
-    former.is_copied.set()
+    previous.is_copied.set()
     bench.run(reset)
-    # the previous snapshot queues its command before this one
+    # the previous snapshot has queued its command by then
     bench.worker._finisher.submit(int).result(PATIENCE)
     bench.run(bench.worker.pause(False))
     bench.wait_for_state(WorkerState.RUNNING)
     assert bench.worker.latest.time == 0.0
 
 
-def test_what_is_at_rest_has_been_waited_for(copying):
-    """A pause shows the final state, not the snapshot that was in progress."""
+def test_pause_shows_the_final_state(copying):
     copying.go_on()
     copying.worker.pause(True)
-    # the pause has begun to wait for it
+    # the pause waits for the snapshot
     copying.wait(lambda: copying.worker._finishing is None)
     assert copying.worker.latest.time == 0.0
     copying.simulation.is_copied.set()
@@ -240,27 +195,23 @@ def test_what_is_at_rest_has_been_waited_for(copying):
     copying.wait(lambda: copying.shown[-1].time == pytest.approx(1.0))
 
 
-def test_the_end_waits_for_it(copying):
-    """A stop leaves no thread running."""
+def test_stop_waits_for_the_snapshot(copying):
     copying.simulation.is_copied.set()
     assert copying.worker.stop(60.0)
     assert copying.worker.latest.time == pytest.approx(0.5)
 
 
 def put(commands, name, kind=''):
-    """Add a command that returns its name."""
     future = Future()
     commands.put(Command(name, future, kind))
     return future
 
 
-def taken(commands):
-    """Return the names of all waiting commands, oldest first."""
+def waiting_actions(commands):
     return [commands.get(0.0).action for _ in range(len(commands))]
 
 
-def test_the_newest_of_a_kind_replaces_the_one_that_waits():
-    """The older one is cancelled; the newer one runs after commands added between them."""
+def test_newest_command_of_a_kind_replaces_the_waiting_one():
     commands = CommandQueue()
     old = put(commands, 'old vents', 'vents')
     put(commands, 'terrain', 'terrain')
@@ -268,16 +219,15 @@ def test_the_newest_of_a_kind_replaces_the_one_that_waits():
     new = put(commands, 'new vents', 'vents')
     assert old.cancelled()
     assert not new.done()
-    assert taken(commands) == ['terrain', 'step', 'new vents']
+    assert waiting_actions(commands) == ['terrain', 'step', 'new vents']
     later = put(commands, 'later vents', 'vents')
     assert not later.done()
-    assert taken(commands) == ['later vents']
+    assert waiting_actions(commands) == ['later vents']
     with pytest.raises(queue.Empty):
         commands.get(0.0)
 
 
-def test_too_many_are_refused():
-    """Above the limit, commands without a kind are refused."""
+def test_rejects_too_many_commands():
     commands = CommandQueue(limit=3)
     for _ in range(3):
         put(commands, 'click')
@@ -289,8 +239,7 @@ def test_too_many_are_refused():
     assert len(commands) == 4
 
 
-def test_a_callback_may_put_another():
-    """Callbacks of a cancelled or refused command may use the queue."""
+def test_callback_may_add_a_command():
     commands = CommandQueue(limit=1)
     first = put(commands, 'vents', 'vents')
     first.add_done_callback(lambda _: put(commands, 'from callback'))
@@ -299,4 +248,4 @@ def test_a_callback_may_put_another():
     refused = Future()
     refused.add_done_callback(lambda _: put(commands, 'terrain', 'terrain'))
     commands.put(Command('click', refused, ''))
-    assert taken(commands) == ['vents', 'terrain']
+    assert waiting_actions(commands) == ['vents', 'terrain']

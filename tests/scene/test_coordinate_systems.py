@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Coordinate systems that an EPSG code does not fully describe reach every output."""
+"""Coordinate systems without a complete EPSG code, in every output."""
 
 from dataclasses import replace
 import json
@@ -38,7 +38,7 @@ NATIONAL = CRS.from_proj4(
 
 COMPOUND = CRS.from_user_input('EPSG:32633+5773')
 
-#: A grid of a site, which is nowhere on Earth.
+#: A local grid without a position on Earth.
 SITE = CRS.from_wkt('LOCAL_CS["quarry grid",UNIT["metre",1]]')
 
 #: Foot and US survey foot [m].
@@ -67,8 +67,8 @@ def write(path: Path, crs: Any, data: np.ndarray = GROUND, **options: Any) -> Pa
         (CRS.from_epsg(32633), 32633, 'EPSG:32633'),
     ],
 )
-def test_system_of_a_file_is_kept(tmp_path: Path, crs: CRS, code: int | None, name: str) -> None:
-    """The cells stay where they are; the horizontal part is that of all maps."""
+def test_keeps_the_system_of_a_file(tmp_path: Path, crs: CRS, code: int | None, name: str) -> None:
+    """Maps use its horizontal part."""
     terrain = load_terrain(write(tmp_path / 'a.tif', crs))
     np.testing.assert_array_equal(terrain.elevation, GROUND[::-1])
     assert (terrain.epsg, terrain.offset) == (code, (500_000.0, 4_179_600.0))
@@ -82,7 +82,6 @@ def test_system_of_a_file_is_kept(tmp_path: Path, crs: CRS, code: int | None, na
 
 
 def test_compound_system_without_codes_has_a_horizontal_part(tmp_path: Path) -> None:
-    """The vertical part is kept, and left out of maps."""
     _, name, heights = COMPOUND.to_wkt().partition('VERT_CS')
     wkt = f'COMPD_CS["local heights",{NATIONAL.to_wkt()},{name}{heights}'
     terrain = load_terrain(write(tmp_path / 'a.tif', CRS.from_wkt(wkt)))
@@ -94,8 +93,7 @@ def test_compound_system_without_codes_has_a_horizontal_part(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize('crs', [COMPOUND, NATIONAL], ids=['compound', 'national'])
-def test_places_in_degrees_are_found(tmp_path: Path, crs: CRS) -> None:
-    """Of a vent, of features, and of a raster of somebody else."""
+def test_transforms_places_in_degrees(tmp_path: Path, crs: CRS) -> None:
     terrain = load_terrain(write(tmp_path / 'a.tif', crs))
     middle = (500_200.0, 4_179_800.0)
     flat = CRS.from_epsg(32633) if crs == COMPOUND else crs
@@ -110,8 +108,7 @@ def test_places_in_degrees_are_found(tmp_path: Path, crs: CRS) -> None:
     np.testing.assert_array_equal(values, GROUND[::-1])
 
 
-def test_local_system_has_no_longitudes(tmp_path: Path) -> None:
-    """The error names the system and does not deny that there is one."""
+def test_error_names_a_local_system_without_longitudes(tmp_path: Path) -> None:
     terrain = load_terrain(write(tmp_path / 'a.tif', SITE))
     with pytest.raises(LavaError, match='the domain of quarry grid, no EPSG code'):
         projected(terrain, 15.0, 37.0)
@@ -121,7 +118,6 @@ def test_local_system_has_no_longitudes(tmp_path: Path) -> None:
 def test_epsg_code_replaces_the_system_of_a_file(
     tmp_path: Path, crs: CRS, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A note says so if the file states another one."""
     terrain = load_terrain(write(tmp_path / 'a.tif', crs), epsg=32633)
     assert terrain.epsg == 32633
     is_same = crs == COMPOUND
@@ -129,8 +125,7 @@ def test_epsg_code_replaces_the_system_of_a_file(
     assert (terrain.wkt is not None) == is_same
 
 
-def test_degrees_stay_degrees(tmp_path: Path) -> None:
-    """An EPSG code does not make metres of them; a label that is wrong is replaced."""
+def test_rejects_a_metric_code_for_a_file_in_degrees(tmp_path: Path) -> None:
     path = write(tmp_path / 'a.tif', 'EPSG:4326')
     assert load_terrain(path, epsg=32633).resolution == 10.0
     with rasterio.open(path, 'r+') as file:
@@ -140,8 +135,8 @@ def test_degrees_stay_degrees(tmp_path: Path) -> None:
     assert load_terrain(path, epsg=4258).epsg == 32633
 
 
-def test_system_survives_files_of_lava(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Scenes, checkpoints and npz; those without a definition are read as before."""
+def test_stored_terrains_keep_the_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files without a definition remain readable."""
     terrain = load_terrain(write(tmp_path / 'a.tif', NATIONAL))
     stored = scene_to_dict(Scene(terrain))['terrain']
     assert stored['wkt'] == terrain.wkt
@@ -160,8 +155,7 @@ def test_system_survives_files_of_lava(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize('wkt', ['', 5, 'x' * 200_000])
-def test_definition_of_a_system_is_checked(wkt: Any) -> None:
-    """A terrain refuses what is no definition; maps refuse what GDAL does not understand."""
+def test_rejects_invalid_definitions(wkt: Any) -> None:
     with pytest.raises(LavaError, match='terrain.wkt'):
         Terrain(GROUND, 10.0, wkt=wkt)
     with pytest.raises(LavaError, match='terrain.wkt'):
@@ -171,7 +165,6 @@ def test_definition_of_a_system_is_checked(wkt: Any) -> None:
 def test_maps_of_a_bag_have_its_system(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Without a code, and an EPSG code that is given replaces it."""
     bag = record(
         tmp_path / 'bag', times=(200.0,),
         terrain=replace(TERRAIN, epsg=None, wkt=NATIONAL.to_wkt()),
@@ -189,8 +182,7 @@ def test_maps_of_a_bag_have_its_system(
 
 
 @pytest.mark.parametrize('suffix', ['FEET', 'feet', 'METERS', 'NO'])
-def test_unit_of_an_old_prj_file(tmp_path: Path, suffix: str) -> None:
-    """ESRI grids had their unit of elevation in a file of their own."""
+def test_reads_the_unit_of_an_old_prj_file(tmp_path: Path, suffix: str) -> None:
     np.savetxt(
         tmp_path / 'a.asc', GROUND, fmt='%g', comments='',
         header='ncols 40\nnrows 40\nxllcorner 500000\nyllcorner 4180000\ncellsize 10',
@@ -217,10 +209,9 @@ def test_unit_of_an_old_prj_file(tmp_path: Path, suffix: str) -> None:
         ('EPSG:32633+8228', 'foot', FOOT),
     ],
 )
-def test_heights_become_metres(
+def test_converts_heights_to_metres(
     tmp_path: Path, crs: str, unit: str | None, factor: float, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """By the unit of the band and by that of the vertical system; a system in feet is not kept."""
     caplog.set_level('INFO')
     stored = GROUND.copy()
     stored[0, 0] = -9999.0
@@ -240,9 +231,8 @@ def test_heights_become_metres(
         ('EPSG:32633+5715', None, 'metre of depth'),
     ],
 )
-def test_units_that_are_unknown_or_contradict_are_refused(
+def test_rejects_unknown_and_contradictory_units(
     tmp_path: Path, crs: str, unit: str | None, value: str
 ) -> None:
-    """Nobody guesses which is right."""
     with pytest.raises(LavaError, match=f'unit of the elevations of a.tif is .{value}.'):
         load_terrain(write(tmp_path / 'a.tif', crs, unit=unit))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of effusion rates: each way in which observatories write the same eruption."""
+"""Tables of effusion rates: the same eruption in every format of observatories."""
 
 import math
 from pathlib import Path
@@ -19,7 +19,7 @@ from lava_ros.scene.effusion_rates import (
     series_of_rates,
 )
 
-#: A day with 20 and a day with 10 m3/s.
+#: Intervals of a day with 20 m3/s and a day with 10 m3/s.
 DAYS = ((0.0, 86400.0, 20.0), (86400.0, 172800.0, 10.0))
 
 WHOLE = {
@@ -46,14 +46,12 @@ WHOLE = {
 
 
 def read(folder: Path, text: str, **options: Any) -> Any:
-    """Read a table with this text."""
     (folder / 'rates.csv').write_text(text, encoding='utf-8')
     return read_effusion_rates('--effusion-rate', folder / 'rates.csv', Options(**options))
 
 
 @pytest.mark.parametrize('name', WHOLE)
-def test_tables_of_one_eruption(name: str, tmp_path: Path) -> None:
-    """Means, instants and volumes, in each unit of time, are the same intervals."""
+def test_formats_of_one_eruption_give_the_same_intervals(name: str, tmp_path: Path) -> None:
     found = read(tmp_path, WHOLE[name])
     intervals = [(item.start, item.end, item.discharge) for item in found]
     np.testing.assert_allclose(intervals, DAYS, rtol=1e-12)
@@ -61,10 +59,9 @@ def test_tables_of_one_eruption(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(series_of_rates(found), series, rtol=1e-12)
 
 
-def test_dates_and_the_start_of_the_eruption(
+def test_time_0_is_the_given_start_or_the_first_date(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Time 0 is the start that is given; without one it is the first date, which is said."""
     found = read(tmp_path, WHOLE['dates'], start='2021-09-18T12:00:00Z')
     assert (found[0].start, found[-1].end) == (43200.0, 216000.0)
     assert not caplog.messages
@@ -72,14 +69,12 @@ def test_dates_and_the_start_of_the_eruption(
     assert 'the eruption is taken to start with the first date, 2021-09-19' in caplog.text
 
 
-def test_instants_keep_the_volume(tmp_path: Path) -> None:
-    """The integral of a line between instants, however far apart they are."""
+def test_rates_at_instants_have_the_volume_of_a_linear_change(tmp_path: Path) -> None:
     found = read(tmp_path, 'time_s,rate\n0,0\n10,4\n40,1\n')
     assert sum(item.discharge * (item.end - item.start) for item in found) == 20.0 + 75.0
 
 
-def test_dense_rock_becomes_bulk(tmp_path: Path) -> None:
-    """With the porosity, which a table of dense-rock rates has to have."""
+def test_converts_dense_rock_to_bulk_rates_with_a_porosity(tmp_path: Path) -> None:
     text = 'start_d,end_d,rate_dre\n0,1,15\n'
     (found,) = read(tmp_path, text, porosity=0.25)
     assert found.discharge == pytest.approx(20.0)
@@ -97,21 +92,19 @@ def test_dense_rock_becomes_bulk(tmp_path: Path) -> None:
         ('interpolate', 3.0, 'from 100 to 200 s, taken to be 3 m3/s'),
     ],
 )
-def test_gaps_between_intervals(
+def test_fills_gaps_between_intervals_with_a_warning(
     gaps: str | None, rate: float, words: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """They are filled as chosen, and a warning says so."""
     found = read(tmp_path, 'start,end,q\n0,100,2\n200,300,4\n', gaps=gaps)
     assert [(item.start, item.end, item.discharge) for item in found] == [
         (0.0, 100.0, 2.0), (100.0, 200.0, rate), (200.0, 300.0, 4.0),
     ]
-    (said,) = caplog.messages
-    assert all(word in said for word in words.split('.'))
+    (message,) = caplog.messages
+    assert all(word in message for word in words.split('.'))
 
 
 @pytest.mark.parametrize('cell', ['', 'nan', '-', 'N/A'])
-def test_cells_without_a_rate(cell: str, tmp_path: Path) -> None:
-    """They are refused unless somebody chooses what they are."""
+def test_rejects_cells_without_a_rate_unless_gaps_is_set(cell: str, tmp_path: Path) -> None:
     text = f'start,end,q\n0,100,2\n100,200,{cell}\n200,300,4\n'
     with pytest.raises(LavaError, match=r'line 3, q is .*a finite number, or gaps: zero or'):
         read(tmp_path, text)
@@ -128,19 +121,19 @@ def test_cells_without_a_rate(cell: str, tmp_path: Path) -> None:
     ('header', 'cells'),
     [('error', ('5', '5')), ('Error (%)', ('25', '50')), ('sigma', ('10', ''))],
 )
-def test_errors_are_the_uncertainty(header: str, cells: Any, tmp_path: Path) -> None:
-    """The factor of an ensemble has the relative error of the volume."""
+def test_uncertainty_is_the_relative_error_of_volume(
+    header: str, cells: Any, tmp_path: Path
+) -> None:
     first, second = cells
     text = f'start_d,end_d,q,{header},remark\n0,1,20,{first},x\n1,2,10,{second},y\n'
     found = error_of_rates(read(tmp_path, text))
     assert found is not None and found.kind == 'lognormal'
-    share = {'error': 1 / 3, 'Error (%)': 1 / 3, 'sigma': 1 / 2}[header]
-    assert math.exp(math.log(found.numbers[1]) ** 2) == pytest.approx(1.0 + share**2)
+    error = {'error': 1 / 3, 'Error (%)': 1 / 3, 'sigma': 1 / 2}[header]
+    assert math.exp(math.log(found.numbers[1]) ** 2) == pytest.approx(1.0 + error**2)
     assert error_of_rates(read(tmp_path, WHOLE['seconds'])) is None
 
 
-def test_other_columns_are_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """Nothing is dropped in silence."""
+def test_warns_of_unknown_columns(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     read(tmp_path, 'start,end,q,satellite,remark\n0,1,2,MODIS,x\n')
     assert 'not understood are ignored: satellite, remark' in caplog.text
 
@@ -166,8 +159,8 @@ def test_other_columns_are_named(tmp_path: Path, caplog: pytest.LogCaptureFixtur
         ('start,end,q\n0,1,1e9\n', r'line 2, q is 1000000000.0, expected 0 to 1e\+08 m3/s'),
     ],
 )
-def test_tables_that_are_wrong(text: str, words: str, tmp_path: Path) -> None:
-    """The error names the row, the column and the value as it is written."""
+def test_rejects_invalid_tables(text: str, words: str, tmp_path: Path) -> None:
+    """The error names the row, the column and the value as written."""
     with pytest.raises(LavaError, match=words):
         read(tmp_path, text)
 
@@ -181,8 +174,7 @@ def test_tables_that_are_wrong(text: str, words: str, tmp_path: Path) -> None:
         ({'porosity': 'half'}, "porosity is 'half'"),
     ],
 )
-def test_options_that_are_wrong(options: Any, words: str) -> None:
-    """Each is named."""
+def test_rejects_invalid_options(options: Any, words: str) -> None:
     with pytest.raises(LavaError, match=words):
         Options(**options)
 
@@ -195,15 +187,14 @@ vents: [{{position: [300.0, 300.0], {}}}]
 
 
 def scene(folder: Path, vent: str, rest: str = '') -> Any:
-    """A scene file with a vent and a table beside it."""
+    """Read a scene file with a vent and a table."""
     np.savez(folder / 'a.npz', elevation=np.zeros((60, 60)), resolution=10.0)
     (folder / 'rates.csv').write_text('date,q,error\n2021-09-19,4,1\n2021-09-20,8,2\n')
     (folder / 'scene.yaml').write_text(SCENE.format(vent, rest))
     return scene_from_yaml(folder / 'scene.yaml')
 
 
-def test_effusion_rates_of_scene_files(tmp_path: Path) -> None:
-    """A number, a series or a table, by the name of the field; discharge stays readable."""
+def test_vent_in_a_scene_file_has_a_number_a_series_or_a_table(tmp_path: Path) -> None:
     for word in ('discharge', 'effusion_rate'):
         (vent,) = scene(tmp_path, f'{word}: 5').vents
         assert vent.discharge == 5.0
@@ -229,7 +220,6 @@ def test_effusion_rates_of_scene_files(tmp_path: Path) -> None:
         ('effusion_rate: {file: rates.csv, gap: 1}', r'effusion_rate.gap is 1, expected no such'),
     ],
 )
-def test_wrong_effusion_rates_of_scene_files(vent: str, words: str, tmp_path: Path) -> None:
-    """The error has the name that the file has."""
+def test_rejects_invalid_rates_in_a_scene_file(vent: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(LavaError, match=words):
         scene(tmp_path, vent)

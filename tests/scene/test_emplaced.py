@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Flows that are there before the start, as lava and as ground; events that change the ground."""
+"""Emplaced flows as lava and as ground, and events that change the ground."""
 
 from dataclasses import replace
 import json
@@ -35,7 +35,7 @@ GROUND = _ground()
 
 
 def _flow(cell: float = CELL) -> np.ndarray:
-    """A lobe up to 6 m thick on cells of a size [m], row 0 in the south."""
+    """Return a lobe up to 6 m thick on cells of a size [m], row 0 in the south."""
     y, x = (np.mgrid[0 : 600 / cell, 0 : 480 / cell] + 0.5) * cell
     return np.maximum(6.0 - np.hypot(x - 240.0, y - 300.0) / 20.0, 0.0).astype(np.float32)
 
@@ -84,7 +84,7 @@ def _read(folder: Path, **item: Any) -> tuple[Terrain, list[EmplacedFlow]]:
 def test_raster_of_any_cells_keeps_its_volume(
     tmp_path: Path, cell: float, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Resampled to the ground and made into columns, the lava is as much as in the file."""
+    """Resampling to the ground and division into columns do not change the volume."""
     thickness = _flow(cell)
     _write(tmp_path / 'flow.tif', thickness, cell=cell)
     volume = float(thickness.sum(dtype=float)) * cell**2
@@ -99,15 +99,15 @@ def test_raster_of_any_cells_keeps_its_volume(
         assert volumes.sum() == pytest.approx(volume, rel=1e-9)
         assert (volumes[:, None] * places).sum(axis=0) / volume == pytest.approx(centre, abs=2.0)
         assert GROUND.covered(places).all()
-        # no farther apart than the spacing: that many columns cover the flow
+        # columns at most one spacing apart cover the flow
         assert len(places) * spacing**2 >= (flow.thickness > 0.0).sum() * flow.resolution**2
-    # no coarser than the file, and no finer than needed
+    # not coarser than the file, and not finer than necessary
     wanted = {20.0: 20.0, 10.0: 10.0, 30.0: 20.0, 7.5: 20.0 / 3.0}
     assert flow.resolution == pytest.approx(wanted[cell])
 
 
-def test_columns_of_a_ring_stand_on_lava() -> None:
-    """The centre of mass of a block may be dry: its column then stands on a wet cell."""
+def test_columns_of_a_ring_are_on_lava() -> None:
+    """The column of a block with a dry centre of mass is on a cell with lava."""
     thickness = np.ones((3, 3))
     thickness[1, 1] = 0.0
     places, volumes = EmplacedFlow(thickness, 10.0, (0.0, 0.0)).columns(30.0)
@@ -115,8 +115,8 @@ def test_columns_of_a_ring_stand_on_lava() -> None:
     assert tuple(np.floor(places[0] / 10.0)) != (1.0, 1.0)
 
 
-def test_own_map_of_thickness_is_read(tmp_path: Path) -> None:
-    """A run goes on from thickness.tif of another, whose cells without lava have no data."""
+def test_reads_a_thickness_map_of_another_run(tmp_path: Path) -> None:
+    """Cells without lava have no data in such a map."""
     thickness = _flow()
     write_grid(tmp_path / 'thickness.tif', 'thickness', thickness, GROUND, Provenance('a'))
     _, (flow,) = _read(tmp_path, file='thickness.tif', temperature=1300.0)
@@ -124,8 +124,7 @@ def test_own_map_of_thickness_is_read(tmp_path: Path) -> None:
     assert (flow.temperature, flow.source) == (1300.0, 'thickness.tif')
 
 
-def test_raster_in_another_system(tmp_path: Path) -> None:
-    """A thickness in degrees lands where it belongs, with its volume but for the resampling."""
+def test_reads_thickness_in_degrees(tmp_path: Path) -> None:
     cell = 1.5e-4
     y, x = np.mgrid[0:40, 0:60]
     thickness = np.where(np.hypot(x - 15, y - 20) < 10, 4.0, 0.0).astype(np.float32)
@@ -136,8 +135,7 @@ def test_raster_in_another_system(tmp_path: Path) -> None:
     assert flow.volume == pytest.approx(thickness.sum() * cells, rel=0.02)
 
 
-def test_ground_and_outline(tmp_path: Path) -> None:
-    """As ground a flow raises the terrain; an outline has one thickness."""
+def test_flow_is_ground_or_an_outline_with_one_thickness(tmp_path: Path) -> None:
     _write(tmp_path / 'flow.tif', _flow())
     raised, flows = _read(tmp_path, file='flow.tif', **{'as': 'ground'})
     assert flows == []
@@ -145,7 +143,7 @@ def test_ground_and_outline(tmp_path: Path) -> None:
     _outline(tmp_path / 'a.geojson')
     _, (flow,) = _read(tmp_path, file='a.geojson', thickness=3.5)
     assert flow.volume == pytest.approx(100.0 * 100.0 * 3.5)
-    # what lies beyond the map is left out of the ground, and refused as lava
+    # a part off the terrain is a warning for ground and an error for lava
     _outline(tmp_path / 'wide.geojson', side=400.0)
     raised, _ = _read(tmp_path, file='wide.geojson', thickness=2.0, **{'as': 'ground'})
     assert float((raised.elevation - GROUND.elevation).max()) == pytest.approx(2.0, abs=1e-4)
@@ -163,8 +161,8 @@ def test_ground_and_outline(tmp_path: Path) -> None:
         (_flow(), {'unit': 'ft'}, "unit of the thickness in a.tif is 'ft', expected m"),
         (_flow(), {'unit': 's'}, "unit of the thickness of a.tif is 's', expected one unit"),
         (_flow() * np.float32(100.0), {}, r'is 529\..*at most 500 m'),
-        (_ground().elevation, {}, 'a thickness: it differs from the elevation'),
-        (_ground().elevation + np.float32(4.0), {}, 'a thickness: it differs from the elevation'),
+        (_ground().elevation, {}, 'a thickness, not an elevation: it differs by only'),
+        (_ground().elevation + np.float32(4.0), {}, 'a thickness, not an elevation: it differs'),
         (_flow(), {'corner': (600_000.0, 4_180_000.0)}, '100 % of it elsewhere.*on the terrain'),
         (_flow(), {'corner': (500_200.0, 4_180_000.0)}, '% of it elsewhere.*on the terrain'),
         (0.0 * _flow(), {}, 'a flow with a cell on the terrain'),
@@ -173,10 +171,9 @@ def test_ground_and_outline(tmp_path: Path) -> None:
         (_flow(), {'description': 'peak_thickness'}, 'thickness at one time'),
     ],
 )
-def test_what_is_no_thickness_is_refused(
+def test_rejects_invalid_thickness(
     tmp_path: Path, values: np.ndarray, written: dict[str, Any], message: str
 ) -> None:
-    """The error names the file, the value and what would be right."""
     _write(tmp_path / 'a.tif', values, **written)
     with pytest.raises(LavaError, match=message):
         _read(tmp_path, file='a.tif')
@@ -197,8 +194,7 @@ def test_what_is_no_thickness_is_refused(
         ({'files': 'a.tif'}, r'flows\[0\].files'),
     ],
 )
-def test_wrong_entries_are_refused(tmp_path: Path, item: dict[str, Any], message: str) -> None:
-    """Each is refused by the name of its field."""
+def test_rejects_invalid_entries(tmp_path: Path, item: dict[str, Any], message: str) -> None:
     _write(tmp_path / 'flow.tif', _flow())
     _outline(tmp_path / 'a.geojson')
     with pytest.raises(LavaError, match=message):
@@ -218,8 +214,8 @@ def _scene_file(folder: Path, **more: Any) -> Path:
     return folder / 'scene.yaml'
 
 
-def test_scene_file_with_flows_and_events(tmp_path: Path) -> None:
-    """A scene takes both; lava has the eruption temperature, new ground the scene's grid."""
+def test_scene_file_has_flows_and_events(tmp_path: Path) -> None:
+    """Lava has the eruption temperature, and new ground the grid of the scene."""
     _write(tmp_path / 'flow.tif', _flow())
     write_grid(
         tmp_path / 'new.tif', 'elevation', GROUND.elevation + 2.0, GROUND, Provenance('a')
@@ -249,14 +245,13 @@ def test_scene_file_with_flows_and_events(tmp_path: Path) -> None:
         ground = event.ground(ground)
         raised.append(float((ground.elevation - scene.terrain.elevation).max()))
     assert raised == pytest.approx([2.0, 7.0, 14.0], abs=1e-3)
-    told = scene_to_dict(scene)
-    assert [item['time'] for item in told['events']] == [60.0, 120.0, 180.0]
-    assert told['emplaced_flows'][0]['volume'] == scene.emplaced_flows[0].volume
-    yaml.safe_dump(told)
+    stored = scene_to_dict(scene)
+    assert [item['time'] for item in stored['events']] == [60.0, 120.0, 180.0]
+    assert stored['emplaced_flows'][0]['volume'] == scene.emplaced_flows[0].volume
+    yaml.safe_dump(stored)
 
 
 def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path: Path) -> None:
-    """As other rasters without a coordinate system are; its place has to be the same."""
     np.savez(
         tmp_path / 'new.npz', elevation=GROUND.elevation + 1.0, resolution=CELL, offset=CORNER
     )
@@ -277,8 +272,7 @@ def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path: Path) -> 
         ([{'time': 9.0, 'barriers': 4}], r'events\[0\].barriers'),
     ],
 )
-def test_wrong_events_are_refused(tmp_path: Path, events: list[Any], message: str) -> None:
-    """An event that cannot happen is refused before the run."""
+def test_rejects_invalid_events(tmp_path: Path, events: list[Any], message: str) -> None:
     known = {'resolution': CELL, 'epsg': 32633, 'offset': CORNER}
     np.savez(tmp_path / 'other.npz', elevation=GROUND.elevation[1:], **known)
     np.savez(tmp_path / 'north.npz', elevation=GROUND.elevation, **known | {'epsg': 32634})
@@ -289,8 +283,7 @@ def test_wrong_events_are_refused(tmp_path: Path, events: list[Any], message: st
         scene_from_yaml(_scene_file(tmp_path, events=events))
 
 
-def test_cold_emplaced_lava_is_refused() -> None:
-    """Lava below the solidus does not flow; as ground it would be no error."""
+def test_rejects_emplaced_lava_below_the_solidus() -> None:
     scene = Scene(GROUND)
     flow = EmplacedFlow(_flow().astype(float), CELL, (0.0, 0.0), 500.0)
     cold = replace(scene.lava, solidus=900.0)

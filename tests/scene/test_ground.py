@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points, lines and areas of others on a terrain; barriers, a low-pass filter and finer cells."""
+"""Features on a terrain; barriers, low-pass filter and refinement."""
 
 from dataclasses import replace
 import json
@@ -24,14 +24,14 @@ from lava_ros.simulation.terrain import ringed_heights
 #: A square kilometre on the central meridian of UTM zone 33.
 TERRAIN = Terrain(np.zeros((50, 50)), 20.0, epsg=32633, offset=(500_000.0, 4_180_000.0))
 
-#: A place on it [degrees], and the same in metres.
+#: A place on it in degrees and in metres.
 DEGREES = (15.001, 37.769)
 (_X,), (_Y,) = transform('EPSG:4326', 'EPSG:32633', [DEGREES[0]], [DEGREES[1]])
 METRES = [[_X, _Y]]
 
 
 def features(path: Path, **members: Any) -> Path:
-    """A GeoJSON file with a geometry for each name."""
+    """Write a GeoJSON file with a geometry for each name."""
     items = [
         {'type': 'Feature', 'properties': {'name': name}, 'geometry': geometry}
         for name, geometry in members.pop('of').items()
@@ -49,19 +49,15 @@ def features(path: Path, **members: Any) -> Path:
         ('longitude,latitude,name', '15.001,37.769,gauge'),
     ],
 )
-def test_a_table(tmp_path: Path, header: str, row: str) -> None:
-    """Its header says what its coordinates are; other columns are kept."""
+def test_reads_points_of_a_table(tmp_path: Path, header: str, row: str) -> None:
     (tmp_path / 'a.csv').write_text(f'{header}\n{row}\n')
     (found,) = read_features('--overlay', tmp_path / 'a.csv', TERRAIN)
     np.testing.assert_allclose(found.rings[0], METRES, atol=1e-3)
     assert (found.kind, found.name) == ('Point', 'gauge')
 
 
-def test_tables_of_lines_and_of_degrees(tmp_path: Path) -> None:
-    """A row with a second place is a line, one without it a point.
-
-    On a terrain that is nowhere nobody knows where degrees are.
-    """
+def test_reads_lines_of_a_table(tmp_path: Path) -> None:
+    """Degrees need a terrain with a coordinate system."""
     (tmp_path / 'a.csv').write_text('x,y,x_end,y_end\n1,2,3,4\n5,6,,\n')
     line, point = read_features('--vents', tmp_path / 'a.csv', TERRAIN)
     assert line.rings[0].tolist() == [[1.0, 2.0], [3.0, 4.0]]
@@ -71,8 +67,8 @@ def test_tables_of_lines_and_of_degrees(tmp_path: Path) -> None:
         read_features('--vents', tmp_path / 'a.csv', Terrain(np.zeros((5, 5)), 10.0))
 
 
-def test_geojson(tmp_path: Path) -> None:
-    """Degrees become metres; an old file that names its system is believed."""
+def test_reads_geojson(tmp_path: Path) -> None:
+    """An old file may name a coordinate system."""
     point = {'type': 'Point', 'coordinates': [*DEGREES, 1200.0]}
     path = features(tmp_path / 'a.geojson', of={'a': point})
     (found,) = read_features('--overlay', path, TERRAIN)
@@ -86,10 +82,9 @@ def test_geojson(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.rings[0], [[5, 6], [7, 8]], atol=1e-6)
 
 
-def test_features_without_a_geometry_are_told(
+def test_warns_of_features_without_a_geometry(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The others are read; errors and warnings have the name of the feature."""
     path = features(tmp_path / 'a.geojson', of={'gone': None})
     with pytest.raises(LavaError, match='at least one point'):
         read_features('--overlay', path, TERRAIN)
@@ -103,8 +98,7 @@ def test_features_without_a_geometry_are_told(
         found.on(Terrain(np.zeros((5, 5)), 10.0))
 
 
-def test_areas_become_cells(tmp_path: Path) -> None:
-    """A cell is in an area whose middle is; a hole stays one."""
+def test_polygon_marks_cells_by_their_centre_except_in_holes(tmp_path: Path) -> None:
     square = [[[x, y] for x, y in ((0, 0), (100, 0), (100, 100), (0, 100), (0, 0))]]
     hole = [[x, y] for x, y in ((40, 40), (60, 40), (60, 60), (40, 60), (40, 40))]
     rings = [[[500_000 + x, 4_180_000 + y] for x, y in ring] for ring in (*square, hole)]
@@ -150,8 +144,7 @@ def test_areas_become_cells(tmp_path: Path) -> None:
         ('a.zip', 'x', 'a readable file'),
     ],
 )
-def test_what_cannot_be_read(tmp_path: Path, name: str, text: str, words: str) -> None:
-    """The error names the file or the row, and what would be right."""
+def test_rejects_invalid_files(tmp_path: Path, name: str, text: str, words: str) -> None:
     (tmp_path / name).write_text(text)
     with pytest.raises(LavaError, match=words):
         read_features('--overlay', tmp_path / name, TERRAIN)
@@ -171,7 +164,6 @@ def _added(terrain: Terrain) -> np.ndarray:
 
 
 def test_barrier_has_its_height_width_and_sides() -> None:
-    """Full height on the crest, a fall of one beside it, nothing further away."""
     barrier = Barrier((_place(100, 205), _place(400, 205)), height=20.0, width=30.0)
     added = _added(with_barrier(GROUND, barrier))
     np.testing.assert_allclose(added[17:25, 25], [5, 15, 20, 20, 20, 15, 5, 0], atol=1e-4)
@@ -182,22 +174,22 @@ def test_barrier_has_its_height_width_and_sides() -> None:
 
 
 def test_thin_barrier_has_no_gap() -> None:
-    """A wall narrower than a cell stops what goes from cell to cell, also on its diagonal."""
+    """A wall narrower than a cell blocks flow between neighbours, including diagonal ones."""
     barrier = Barrier((_place(5, 5), _place(395, 385)), height=5.0, width=0.5, slope=100.0)
     raised = _added(with_barrier(GROUND, barrier)) > 4.0
     for row in range(1, 37):
         columns = np.flatnonzero(raised[row])
         following = np.flatnonzero(raised[row + 1])
         assert len(columns)
-        # the parts of two rows overlap: no way leads through between them
+        # the parts of two rows overlap, so that there is no gap between them
         assert set(columns) & set(following)
 
 
 @pytest.mark.parametrize('width', [8.0, 30.0])
-def test_barrier_takes_the_earth_of_its_cross_section(
+def test_volume_of_a_barrier_is_that_of_its_cross_section(
     width: float, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """On fine cells the ground has as much; a crest that cells have to widen is told."""
+    """A warning reports a widened crest."""
     barrier = Barrier(((140.0, 500.0), (861.0, 500.0)), height=12.0, width=width)
     volumes = {}
     for cell in (1.0, 10.0):
@@ -212,10 +204,10 @@ def test_barrier_takes_the_earth_of_its_cross_section(
 
 
 @pytest.mark.parametrize('ending', ['.tif', '.npz'])
-def test_barriers_stay_with_the_file_of_their_ground(
+def test_elevation_file_keeps_its_barriers(
     tmp_path: Path, ending: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """What reads the file draws them; damage and another system are told, and nothing worse."""
+    """Damaged barriers, or those of another coordinate system, are only a warning."""
     line = (_place(100, 100), _place(300, 100), _place(300, 300))
     dam = with_barrier(GROUND, Barrier(line, 8.0, 20.0))
     dam = with_barrier(dam, Barrier(line[:2], 9.0, 20.0))
@@ -240,12 +232,11 @@ def test_barriers_stay_with_the_file_of_their_ground(
         caplog.clear()
         assert write(wrong, epsg).barriers == ()
         assert 'maps will not show its barriers' in caplog.text
-    told = scene_to_dict(Scene(dam))['terrain']['barriers']
-    assert told == [[list(place) for place in crest] for crest in dam.barriers]
+    stored = scene_to_dict(Scene(dam))['terrain']['barriers']
+    assert stored == [[list(place) for place in crest] for crest in dam.barriers]
 
 
-def test_corners_and_turned_barriers() -> None:
-    """Two parts of a line are not piled up; a barrier on turned ground is the turned barrier."""
+def test_barrier_is_not_higher_at_a_bend_and_can_be_rotated() -> None:
     line = (_place(100, 100), _place(300, 100), _place(300, 300))
     added = _added(with_barrier(GROUND, Barrier(line, 8.0, 20.0)))
     assert added.max() == pytest.approx(8.0)
@@ -256,8 +247,7 @@ def test_corners_and_turned_barriers() -> None:
     np.testing.assert_allclose(other.elevation, turned, atol=1e-4)
 
 
-def test_holes_stay_holes() -> None:
-    """Cells without data get none from a barrier or a filter."""
+def test_barrier_and_filter_keep_cells_without_data() -> None:
     elevation = np.array(GROUND.elevation)
     elevation[20, 20:30] = np.nan
     holed = Terrain(elevation, 10.0)
@@ -277,24 +267,23 @@ def test_holes_stay_holes() -> None:
         ({'line': ((0.0, 0.0), (1.0, np.nan))}, r'barrier.line\[1\]'),
         ({'height': -5.0}, 'barrier.height'),
         ({'width': 0.0}, 'barrier.width'),
-        # one that does not touch the terrain is a mistake
+        # a barrier off the terrain
         ({}, 'a line on the terrain.*easting 500000 to 500500'),
     ],
 )
-def test_wrong_barriers_are_refused(change: dict[str, Any], word: str) -> None:
-    """Each by the name of what is wrong."""
+def test_rejects_invalid_barriers(change: dict[str, Any], word: str) -> None:
     good: dict[str, Any] = {'line': ((0.0, 0.0), (100.0, 0.0)), 'height': 5.0, 'width': 5.0}
     with pytest.raises(LavaError, match=word):
         with_barrier(GROUND, Barrier(**{**good, **change}))
 
 
-def test_filter_takes_short_waves_and_leaves_planes() -> None:
+def test_filter_removes_short_waves_and_keeps_planes() -> None:
     """A wave of 8 widths keeps 73 % of its height, one of 2 widths less than 1 %."""
     x = (np.arange(400) + 0.5) * 10.0
-    for length, share in ((800.0, 0.7346), (400.0, 0.2912), (200.0, 0.0072)):
+    for length, fraction in ((800.0, 0.7346), (400.0, 0.2912), (200.0, 0.0072)):
         waves = Terrain(1000.0 + np.tile(np.sin(2.0 * np.pi * x / length), (200, 1)), 10.0)
         left = low_pass(waves, 100.0).elevation[100, 60:340] - 1000.0
-        assert np.abs(left).max() == pytest.approx(share, abs=2e-3)
+        assert np.abs(left).max() == pytest.approx(fraction, abs=2e-3)
     smooth = low_pass(GROUND, 30.0)
     np.testing.assert_allclose(smooth.elevation[13:27], GROUND.elevation[13:27], atol=1e-3)
     assert low_pass(GROUND, 0.0) is GROUND
@@ -303,8 +292,7 @@ def test_filter_takes_short_waves_and_leaves_planes() -> None:
             low_pass(GROUND, width)
 
 
-def test_it_is_the_surface_that_lava_flows_on() -> None:
-    """The quadratic B-spline of the heights, at the middle of the finer cells."""
+def test_refined_terrain_is_the_surface_of_the_simulation() -> None:
     heights = np.random.default_rng(3).uniform(0.0, 30.0, (7, 9)).astype(np.float32)
     terrain = Terrain(heights, 30.0, origin=(5.0, -7.0))
     fine = finer(terrain, 3)
@@ -321,8 +309,7 @@ def test_it_is_the_surface_that_lava_flows_on() -> None:
                 assert found == pytest.approx(expected, abs=1e-4)
 
 
-def test_cells_without_data_stay_without() -> None:
-    """A plane stays one beside a hole and at the border."""
+def test_refinement_keeps_planes_and_cells_without_data() -> None:
     x, y = np.meshgrid(np.arange(8.0), np.arange(6.0))
     heights = 3.0 * x - 2.0 * y
     heights[2:4, 3] = np.nan

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cells without data that a file does not declare are named, and ground is left alone."""
+"""Detection of undeclared cells without data."""
 
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,6 @@ MARKS = (
 
 
 def write(path: Path, data: np.ndarray, *, crs: str | None = 'EPSG:32633', **options: Any) -> Path:
-    """Write a raster in the format of its suffix."""
     if path.suffix == '.npz':
         np.savez(path, elevation=data, resolution=10.0)
         return path
@@ -44,7 +43,7 @@ def write(path: Path, data: np.ndarray, *, crs: str | None = 'EPSG:32633', **opt
 
 
 def holed(value: float, where: Any = np.s_[:, 45:]) -> np.ndarray:
-    """The mountain with a value in place of some cells."""
+    """Return the mountain with a value in some cells."""
     data = MOUNTAIN.copy()
     data[where] = value
     return data
@@ -52,10 +51,10 @@ def holed(value: float, where: Any = np.s_[:, 45:]) -> np.ndarray:
 
 @pytest.mark.parametrize('suffix', ['.tif', '.img', '.flt', '.npz'])
 @pytest.mark.parametrize('value', MARKS)
-def test_block_of_an_undeclared_value_is_named(
+def test_rejects_a_block_of_an_undeclared_value(
     tmp_path: Path, value: float, suffix: str
 ) -> None:
-    """The error says how to declare it; declared, the cells have no data."""
+    """The error has the option that declares it, with which the cells have no data."""
     path = write(tmp_path / f'a{suffix}', holed(value))
     typed = f'{np.float32(value):g}'
     with pytest.raises(LavaError) as caught:
@@ -70,23 +69,21 @@ def test_block_of_an_undeclared_value_is_named(
 
 @pytest.mark.parametrize('crs', ['EPSG:32633', None], ids=['Earth', 'anywhere'])
 @pytest.mark.parametrize('value', [-32768.0, -9999.0, -999.0, 9999.0, 32767.0, 1.70141e38, 7000.0])
-def test_spike_is_named(tmp_path: Path, value: float, crs: str | None) -> None:
-    """One cell is enough for a value that is no height of the terrain around it."""
+def test_rejects_a_spike_of_one_cell(tmp_path: Path, value: float, crs: str | None) -> None:
     path = write(tmp_path / 'a.tif', holed(value, np.s_[20, 20]), crs=crs)
     with pytest.raises(LavaError, match='in 1 cell.*--nodata'):
         load_terrain(path)
 
 
-def test_several_spikes_of_other_values_are_named_by_the_outermost(tmp_path: Path) -> None:
-    """Interpolation has smeared them."""
+def test_error_has_the_extreme_value_of_several_spikes(tmp_path: Path) -> None:
+    """Interpolation has smeared the missing values."""
     data = MOUNTAIN.copy()
     data[10, 10], data[40, 40] = -6000.0, -6500.0
     with pytest.raises(LavaError, match='-6500 in 2 cells'):
         load_terrain(write(tmp_path / 'a.tif', data))
 
 
-def test_voids_beside_the_sea_are_named(tmp_path: Path) -> None:
-    """A block of 0 in a mountain is not the sea, although the sea is 0 too."""
+def test_rejects_a_block_of_0_in_a_mountain_by_the_sea(tmp_path: Path) -> None:
     data = np.maximum(MOUNTAIN - 400.0, 0.0)
     assert (load_terrain(write(tmp_path / 'a.tif', data)).elevation == 0.0).any()
     data[28:32, 23:27] = 0.0
@@ -94,8 +91,7 @@ def test_voids_beside_the_sea_are_named(tmp_path: Path) -> None:
         load_terrain(write(tmp_path / 'a.tif', data))
 
 
-def test_stored_values_count_whatever_their_unit(tmp_path: Path) -> None:
-    """Heights in decimetres with an offset, and heights in feet."""
+def test_compares_stored_values_without_unit_and_scale(tmp_path: Path) -> None:
     stored = np.rint(10.0 * holed(-99.9)).astype(np.int16)
     path = write(tmp_path / 'a.tif', stored)
     with rasterio.open(path, 'r+') as file:
@@ -127,14 +123,12 @@ def test_stored_values_count_whatever_their_unit(tmp_path: Path) -> None:
     ],
     ids=['sea', 'low sea', 'plateau', 'bathymetry', 'wall', 'poles', 'plane', 'high'],
 )
-def test_ground_is_not_missing(tmp_path: Path, ground: np.ndarray) -> None:
-    """Seas, lakes, plateaus and walls are ground."""
+def test_accepts_seas_plateaus_walls_and_planes(tmp_path: Path, ground: np.ndarray) -> None:
     terrain = load_terrain(write(tmp_path / 'a.tif', ground.astype(np.float32)))
     np.testing.assert_array_equal(terrain.elevation, ground.astype(np.float32)[::-1])
 
 
-def test_the_user_decides(tmp_path: Path) -> None:
-    """On the command line and in a scene file, also that the value is ground."""
+def test_command_line_and_scene_file_declare_a_value_or_none(tmp_path: Path) -> None:
     path = write(tmp_path / 'a.tif', holed(-99.0))
     words = ['plan', '--within', '9s', '--terrain', str(path)]
     scene = scene_from_arguments(parse_command_line([*words, '--nodata', '-99']))
@@ -156,10 +150,9 @@ def test_the_user_decides(tmp_path: Path) -> None:
         load_terrain(path, nodata='sea')
 
 
-def test_a_declared_value_that_no_cell_has_is_named(
+def test_warns_of_a_declared_value_without_cells(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """It may be a slip: the cells without data keep theirs."""
     np.savez(tmp_path / 'a.npz', elevation=MOUNTAIN, resolution=10.0)
     load_terrain(tmp_path / 'a.npz', nodata=-99.0)
     assert 'no cell has the value -99 that nodata declares' in caplog.text

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes, what vents have emitted, and the materials of lava."""
+"""Scenes, volumes of vents, and materials."""
 
 from dataclasses import replace
 import math
@@ -32,12 +32,11 @@ from lava_ros.scene.vents import are_alike, match_vents, schedule
 
 
 def flat(rows=10, columns=20, **options):
-    """A flat terrain of 10 m cells."""
+    """Return a flat terrain with cells of 10 m."""
     return Terrain(np.zeros((rows, columns)), 10.0, **options)
 
 
-def test_terrain_knows_where_its_cells_are():
-    """Cells follow origin and resolution; nothing lies outside or on a hole."""
+def test_terrain_finds_the_cell_of_a_position():
     terrain = flat(origin=(100.0, -50.0))
     assert terrain.extent == (100.0, -50.0, 300.0, 50.0)
     assert terrain.cell_at(100.0, -50.0) == (0, 0)
@@ -114,18 +113,13 @@ COLD = Vent(MIDDLE, 1.0, temperature=1100.0)
         (lambda: check_vents([Vent(MIDDLE, 1.0, end=(-1.0, 5.0))], flat()), 'vents[0].end'),
     ],
 )
-def test_a_wrong_field_is_named(make, field):
-    """What is no number, or a number beyond any volcano, raises an error that names the field."""
+def test_error_names_the_invalid_field(make, field):
     with pytest.raises(LavaError) as caught:
         make()
     assert caught.value.field == field
 
 
-def test_discharge_series_integrates_exactly():
-    """The volume is the integral of the stepwise series, over any span.
-
-    Before the first point nothing comes out; times before ``since`` count nothing.
-    """
+def test_volume_is_the_integral_of_the_stepwise_series():
     vent = Vent((0.0, 0.0), [(0.0, 2.0), (10.0, 5.0), (20.0, 0.0)])
     assert vent.volume_between(0.0, 30.0) == 70.0
     assert vent.volume_between(5.0, 15.0) == 35.0
@@ -137,11 +131,11 @@ def test_discharge_series_integrates_exactly():
     assert [vent.discharge_at(time) for time in (9.0, 10.0, 24.0, 25.0)] == [0.0, 2.0, 5.0, 0.0]
 
 
-def test_a_long_discharge_series_is_read_once():
-    """A long table: each point looked at for each other would take an hour."""
+def test_volumes_of_a_long_series_take_linear_time():
+    """A quadratic algorithm would take an hour."""
     count = 100_000
     series = tuple((float(time), float(time % 7)) for time in range(count))
-    # what is validated point by point takes seconds
+    # skip the validation, which takes seconds
     vent = Vent((0.0, 0.0), 1.0)
     object.__setattr__(vent, 'discharge', series)
     volumes = vent.volumes_at([time for time, _ in series], since=0.0)
@@ -150,7 +144,7 @@ def test_a_long_discharge_series_is_read_once():
 
 
 def scene_file(folder, text):
-    """Write a scene on flat ground whose lower-left corner is at 1000, 2000."""
+    """Write a scene on flat ground with its lower-left corner at 1000, 2000."""
     ground = {'elevation': np.zeros((10, 20)), 'resolution': 10.0, 'offset': (1000.0, 2000.0)}
     np.savez(folder / 'ground.npz', **ground)
     ground = '' if 'terrain' in text else 'terrain: {file: ground.npz}\n'
@@ -158,8 +152,8 @@ def scene_file(folder, text):
     return folder / 'scene.yaml'
 
 
-def test_scene_from_yaml_reads_everything(tmp_path):
-    """A scene file gives terrain, lava and vents, in map or projected coordinates."""
+def test_scene_file_has_terrain_lava_and_vents(tmp_path):
+    """Vents are in map or projected coordinates."""
     text = """
 terrain: {file: ground.npz, offset: [990.0, 2000.0]}
 lava: {material: kedadry2023, viscosity: 1e4, density: 2600}
@@ -191,14 +185,13 @@ ambient_temperature: 290
         ('vents: [{discharge: 5}]', r'vents\[0\]\.position'),
     ],
 )
-def test_scene_from_yaml_refuses_by_name(tmp_path, text, field):
-    """A wrong scene file is refused with the key that is wrong."""
+def test_error_names_the_invalid_key_of_a_scene_file(tmp_path, text, field):
     with pytest.raises(LavaError, match=f'^{field}'):
         scene_from_yaml(scene_file(tmp_path, text))
 
 
-def test_scenes_of_the_package_are_found_anywhere(tmp_path, monkeypatch):
-    """By their names, with their terrain, unless there is such a file."""
+def test_finds_scenes_of_the_package_by_name(tmp_path, monkeypatch):
+    """A file with that name comes first."""
     monkeypatch.chdir(tmp_path)
     scene = scene_from_yaml('etna.yaml')
     assert scene.vents[0].name == 'crater'
@@ -215,16 +208,15 @@ def test_scenes_of_the_package_are_found_anywhere(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize('name', ['etna', 'uncertain'])
-def test_scenes_of_the_package_can_be_used(name):
-    """Their vent is in the crater of the terrain that comes with the package; one is uncertain."""
+def test_scenes_of_the_package_have_a_vent_in_the_crater(name):
     scene = scene_from_yaml(share_path(f'examples/{name}.yaml'))
     (vent,) = scene.vents
     assert scene.terrain.elevation[scene.terrain.cell_at(*vent.position)] > 1700.0
     assert (scene.uncertainty == Uncertainty()) == (name == 'etna')
 
 
-def test_celsius_in_place_of_kelvin_does_not_go_unnoticed(tmp_path, caplog):
-    """Solid lava is refused and cold lava warned of, both with the temperature in kelvin."""
+def test_detects_celsius_instead_of_kelvin(tmp_path, caplog):
+    """Solid lava is an error, and cold lava a warning."""
     vent = 'vents: [{{position: [50, 50], discharge: 3, temperature: {}}}]\n'
     with pytest.raises(LavaError, match=r'is 1114.*solidus, 1143 K.*\(1114 Celsius are 1387.15 K'):
         scene_from_yaml(scene_file(tmp_path, vent.format(1114)))
@@ -236,22 +228,20 @@ def test_celsius_in_place_of_kelvin_does_not_go_unnoticed(tmp_path, caplog):
     assert caplog.text == ''
 
 
-def test_an_error_about_a_projected_vent_is_in_projected_coordinates(tmp_path):
-    """It shows what was typed, and where the terrain is; a vent has one place."""
+def test_error_about_a_projected_vent_has_projected_coordinates(tmp_path):
     text = 'vents: [{projected: [900, 2050], discharge: 3}]'
     sentence = r'projected is \(900.0, 2050.0\).*easting 1000 to 1200 m and northing 2000 to 2100'
     with pytest.raises(LavaError, match=sentence):
         scene_from_yaml(scene_file(tmp_path, text))
     data = [{'position': [5, 5], 'projected': [5, 5], 'discharge': 1}]
-    with pytest.raises(LavaError, match='absent beside position'):
+    with pytest.raises(LavaError, match='absent when position is given'):
         vents_from_list(data, flat())
 
 
 VENT = Vent((10.0, 20.0), 5.0, name='first')
 
 
-def test_changes_are_added():
-    """Entries follow one another; what stays as it is adds none."""
+def test_schedule_appends_changes_of_discharge():
     assert schedule((VENT,), (VENT,), 100.0) == (VENT,)
     one = schedule((VENT,), (replace(VENT, discharge=8.0, name='renamed'),), 100.0)
     assert [(vent.name, vent.discharge) for vent in one] == [
@@ -259,13 +249,12 @@ def test_changes_are_added():
     ]
     two = schedule(one, (replace(VENT, discharge=((50.0, 1.0), (150.0, 2.0), (300.0, 3.0))),), 200)
     assert two[0].discharge == ((0.0, 5.0), (100.0, 8.0), (200.0, 2.0), (300.0, 3.0))
-    # what was still to come has not come
+    # the change at 300 s, still in the future, is dropped
     three = schedule(two, (VENT,), 250.0)
     assert three[0].discharge == ((0.0, 5.0), (100.0, 8.0), (200.0, 2.0), (250.0, 5.0))
 
 
-def test_vents_close_and_open():
-    """One that closes emits nothing from then on; a new one emits nothing before."""
+def test_schedule_closes_and_opens_vents():
     other = Vent((30.0, 20.0), 1.0)
     closed = schedule((VENT,), (other,), 60.0)
     assert [vent.discharge for vent in closed] == [((0.0, 5.0), (60.0, 0.0)), ((60.0, 1.0),)]
@@ -275,8 +264,7 @@ def test_vents_close_and_open():
     assert schedule((), (VENT,), 0.0) == (VENT,)
 
 
-def test_schedule_is_bounded_and_keeps_the_volume(monkeypatch):
-    """A topic may change vents for ever: the series is condensed, its volume stays exact."""
+def test_schedule_has_a_maximum_length_and_keeps_the_volume(monkeypatch):
     monkeypatch.setattr('lava_ros.scene.vents.MAX_SERIES', 50)
     monkeypatch.setattr('lava_ros.scene.vents.MAX_CLOSED', 10)
     vents = ()
@@ -293,8 +281,7 @@ def test_schedule_is_bounded_and_keeps_the_volume(monkeypatch):
     assert len(vents) == 10 + 1
 
 
-def test_schedule_follows_a_vent_that_trembles():
-    """Noise of a sensor makes no new vents; a change of temperature does."""
+def test_schedule_ignores_sensor_noise():
     vents = ()
     for time in range(100):
         noise = 1e-3 * (time % 2)
@@ -316,7 +303,7 @@ FISSURE = Vent((0.0, 0.0), 5.0, radius=5.0, end=(100.0, 0.0))
     [
         ([VENT], [VENT], [0]),
         ([VENT], [replace(VENT, discharge=9.0, temperature=1200.0, radius=3.0)], [0]),
-        # within its size, farther away with its name, farther away with another or no name
+        # within its size; farther away with the same name; farther away with another or no name
         ([VENT], [replace(VENT, position=(19.0, 20.0), name='second')], [0]),
         ([VENT], [replace(VENT, position=(900.0, 20.0))], [0]),
         ([VENT], [replace(VENT, position=(900.0, 20.0), name='second')], [None]),
@@ -325,7 +312,7 @@ FISSURE = Vent((0.0, 0.0), 5.0, radius=5.0, end=(100.0, 0.0))
         ([], [VENT], [None]),
         # a new vent, first in the list, next to one that stays
         ([VENT], [replace(VENT, position=(12.0, 20.0), name='new'), VENT], [None, 0]),
-        # two that tremble within each other's size, in another order
+        # two noisy vents within each other's size, in another order
         (
             [VENT, replace(VENT, position=(15.0, 20.0), name='second')],
             [
@@ -334,7 +321,7 @@ FISSURE = Vent((0.0, 0.0), 5.0, radius=5.0, end=(100.0, 0.0))
             ],
             [1, 0],
         ),
-        # two in one place, told apart by their temperatures, in another order
+        # two in one place with different temperatures, in another order
         (
             [Vent((0.0, 0.0), 1.0, 1300.0), Vent((0.0, 0.0), 1.0, 1200.0)],
             [Vent((0.0, 0.0), 2.0, 1200.0), Vent((0.0, 0.0), 2.0, 1300.0)],
@@ -345,7 +332,7 @@ FISSURE = Vent((0.0, 0.0), 5.0, radius=5.0, end=(100.0, 0.0))
             [Vent((1e-3, 0.0), 2.0, 1200.0), Vent((2e-3, 0.0), 2.0, 1300.0)],
             [1, 0],
         ),
-        # a fissure that is given from its other end, grows, or becomes a disc
+        # a fissure with reversed ends, a longer one, and one that becomes a disc
         ([FISSURE], [replace(FISSURE, position=(100.0, 0.0), end=(0.0, 0.0))], [0]),
         ([FISSURE], [replace(FISSURE, end=(140.0, 0.0))], [0]),
         ([FISSURE], [replace(FISSURE, end=(220.0, 0.0))], [None]),
@@ -353,13 +340,11 @@ FISSURE = Vent((0.0, 0.0), 5.0, radius=5.0, end=(100.0, 0.0))
         ([replace(FISSURE, name='f')], [replace(FISSURE, name='f', end=None)], [None]),
     ],
 )
-def test_vents_are_matched(before, after, expected):
-    """A vent continues the one in its place, near it or of its name, whatever else changed."""
+def test_matches_vents_by_place_distance_and_name(before, after, expected):
     assert match_vents(before, after) == expected
 
 
-def test_many_vents_that_tremble_are_matched():
-    """Each continues itself, though all of them lie within each other's size."""
+def test_matches_many_noisy_vents_within_each_others_size():
     places = np.random.default_rng(0).uniform(0.0, 8.0, (300, 2)).tolist()
     before, after = (
         [Vent((x + noise, y), 1.0, 1400.0, name=f'vent {n}') for n, (x, y) in enumerate(places)]
@@ -368,8 +353,8 @@ def test_many_vents_that_tremble_are_matched():
     assert match_vents(before, after[::-1]) == list(range(300))[::-1]
 
 
-def test_a_vent_is_no_smaller_than_the_least_size():
-    """A vent that has moved within this size, such as a particle spacing, is the same."""
+def test_matches_a_vent_within_the_minimum_size():
+    """The minimum size may be the particle spacing."""
     moved = replace(VENT, position=(40.0, 20.0), name='')
     assert match_vents([VENT], [moved]) == [None]
     assert match_vents([VENT], [moved], least=40.0) == [0]
@@ -392,8 +377,7 @@ def test_a_vent_is_no_smaller_than_the_least_size():
         ({'name': 'renamed'}, True),
     ],
 )
-def test_noise_of_a_sensor(change, expected):
-    """A change within the noise of a sensor is none; one vent more is a change."""
+def test_vents_are_alike_within_sensor_noise(change, expected):
     vent = replace(VENT, temperature=1300.0)
     other = replace(vent, **change)
     assert are_alike([other], [vent]) is expected
@@ -402,8 +386,7 @@ def test_noise_of_a_sensor(change, expected):
 
 
 @pytest.mark.parametrize('name', materials())
-def test_materials_are_usable_and_sourced(name: str) -> None:
-    """Each makes a lava that flows out of its vent, and each number names its reference."""
+def test_material_flows_at_its_vent_and_has_references(name: str) -> None:
     material = material_named(name)
     lava = material.lava
     temperature = float(material.vent_temperature.value)
@@ -419,7 +402,7 @@ def test_materials_are_usable_and_sourced(name: str) -> None:
 
 @pytest.mark.parametrize('name', sorted(set(materials()) - {'kedadry2023'}))
 def test_lavas_of_volcanoes_have_a_crust(name: str) -> None:
-    """Without one the surface radiates at the temperature of the core; the paper's lava does."""
+    """Without a crust the surface radiates at the temperature of the core."""
     lava = material_named(name).lava
     assert 'cover' in possible(lava)
     hot = lava.crust_cover * lava.crust_temperature**4 / 1400.0**4 + 1.0 - lava.crust_cover
@@ -427,8 +410,8 @@ def test_lavas_of_volcanoes_have_a_crust(name: str) -> None:
 
 
 @pytest.mark.parametrize('temperature', [1143.0, 1250.0, 1360.0])
-def test_laws_are_as_published(temperature: float) -> None:
-    """Table 3.1 of the paper is what `Lava()` has.
+def test_material_laws_are_as_published(temperature: float) -> None:
+    """``Lava()`` is table 3.1 of the paper.
 
     Etna: log10 mu = 20.7089 - 0.0133 T and log10 tau_y = 13.00997 - 0.0089 T.
     """
@@ -440,7 +423,7 @@ def test_laws_are_as_published(temperature: float) -> None:
     assert np.log10(lava.yield_strength_at(temperature)) == pytest.approx(
         13.00997 - 0.0089 * temperature, abs=2e-3
     )
-    # crystals at the vent and at the solidus, by the line between them
+    # crystals at the vent and at the solidus, on a line between both
     reunion = material_named('reunion_basalt').lava
     assert fraction(reunion, 1387.15) == pytest.approx(0.104, abs=1e-3)
     kilauea = material_named('kilauea_tholeiite').lava
@@ -448,11 +431,7 @@ def test_laws_are_as_published(temperature: float) -> None:
     assert fraction(kilauea, 1237.15) == pytest.approx(0.30, abs=1e-3)
 
 
-def test_scene_names_a_material(tmp_path: Path) -> None:
-    """A scene file takes a lava by name, replaces constants, and vents have its temperature.
-
-    A name that is none is answered by those there are.
-    """
+def test_scene_file_has_a_material_and_constants_that_replace_its_own(tmp_path: Path) -> None:
     text = 'vents:\n- {position: [50, 50], discharge: 1}\n'
     text += '- {position: [90, 50], discharge: 1, temperature: 1340}\n'
     text += 'lava: {material: etna_basalt, emissivity: 0.7}\n'
@@ -466,8 +445,7 @@ def test_scene_names_a_material(tmp_path: Path) -> None:
             material_named(name)
 
 
-def test_what_names_no_lava_has_one() -> None:
-    """A scene in Python is the one of a file that says as little, and the lava is `DEFAULT`'s."""
+def test_scene_without_lava_has_the_default_material() -> None:
     terrain = Terrain(np.zeros((20, 20)), 10.0)
     written = scene_from_dict({'vents': [{'position': [50, 50], 'discharge': 1}]}, terrain)
     scene = Scene(terrain, (Vent((50.0, 50.0), 1.0, name='vent 0'),))

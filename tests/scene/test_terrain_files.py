@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Elevation files become terrain, or one clear error."""
+"""Elevation files: terrain, or one clear error."""
 
 from itertools import product
 from pathlib import Path
@@ -25,13 +25,13 @@ from lava_ros.scene.terrain_files import demo_terrain, load_terrain, ridge_terra
 
 ETNA = Path(__file__).parents[3] / 'shared/data/etna2001/elevation.asc'
 
-#: Rows from the north, as every raster file has them.
+#: Rows from the north, as in raster files.
 NORTH_FIRST = np.array([[7.0, 8.0, 9.0], [4.0, 5.0, 6.0], [1.0, 2.0, 3.0], [0.5, 0.6, 0.7]])
 FLOATS = NORTH_FIRST.astype(np.float32)
 
 
 def write_tif(path: Path, bands: np.ndarray, **options: Any) -> Path:
-    """Write a GeoTIFF of one band, shape [rows, columns], or several."""
+    """Write a GeoTIFF with one band, shape [rows, columns], or several."""
     bands = bands if bands.ndim == 3 else bands[None]
     profile = {
         'transform': from_origin(500_000.0, 4_180_000.0, 10.0, 10.0),
@@ -62,19 +62,19 @@ def write_asc(
 
 
 def plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A slope [m] of small coordinates: what interpolation must give back exactly."""
+    """Return a slope [m], which interpolation must preserve."""
     return 1000.0 + 0.2 * (x - 500_000.0) - 0.1 * (y - 4_180_000.0)
 
 
 def plane_rows(height: float = 10.0) -> np.ndarray:
-    """The slope on cells 10 m wide, 600 m from (500,000, 4,180,000) on, rows from the north."""
+    """Return the slope from (500,000, 4,180,000) to the south-east, rows from the north."""
     x = 500_000.0 + (np.arange(60) + 0.5) * 10.0
     y = 4_180_000.0 - (np.arange(round(600 / height)) + 0.5) * height
     return plane(*np.meshgrid(x, y)).astype(np.float32)
 
 
 def centres(terrain: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Easting and northing of the cell centres [m], shape [rows, columns] each."""
+    """Return easting and northing of the cell centres [m], shape [rows, columns] each."""
     rows, columns = terrain.shape
     east = terrain.offset[0] + terrain.origin[0] + (np.arange(columns) + 0.5) * terrain.resolution
     north = terrain.offset[1] + terrain.origin[1] + (np.arange(rows) + 0.5) * terrain.resolution
@@ -84,10 +84,10 @@ def centres(terrain: Any) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(
     ('hole', 'nodata'), [(-9999, -9999), ('nan', 'nan'), ('NaN', 'nan'), ('nan', 'NaN')]
 )
-def test_esri_grid(tmp_path: Path, hole: object, nodata: object) -> None:
-    """Row 0 is the south, the mark of the header is NaN, the map starts at the lower-left corner.
+def test_reads_esri_grid(tmp_path: Path, hole: object, nodata: object) -> None:
+    """Row 0 is in the south, and the map starts at the lower-left corner.
 
-    The coordinate system that the file cannot say is the caller's, and the cells are not touched.
+    The EPSG code of the caller does not change the cells.
     """
     path = write_asc(tmp_path / 'a.asc', hole=hole, nodata=nodata)
     for epsg in (None, 32633):
@@ -97,11 +97,8 @@ def test_esri_grid(tmp_path: Path, hole: object, nodata: object) -> None:
         assert terrain.epsg == epsg
 
 
-def test_esri_grid_of_numbers_and_text(tmp_path: Path) -> None:
-    """Only numbers with a decimal point are numbers: a comma may separate thousands.
-
-    Text would be 0 m or a part of itself; for NODATA it would make holes of what is 0.
-    """
+def test_esri_grid_has_only_numbers_with_a_decimal_point(tmp_path: Path) -> None:
+    """GDAL reads text as 0 or in part, and as 0 for NODATA. A comma may separate thousands."""
     for number in ('-1', '+1.5', '.5', '2.', '1e2', '1.5E-3', '-9999.0'):
         terrain = load_terrain(write_asc(tmp_path / 'a.asc', hole=number))
         value = float(number)
@@ -116,8 +113,7 @@ def test_esri_grid_of_numbers_and_text(tmp_path: Path) -> None:
         load_terrain(write_asc(tmp_path / 'a.asc', hole='N/A', nodata='N/A'))
 
 
-def test_a_raster_that_refers_to_others_is_refused(tmp_path: Path) -> None:
-    """Nobody is asked for what such a file names, whatever it is called."""
+def test_rejects_a_raster_with_a_url_without_a_request(tmp_path: Path) -> None:
     with socket.create_server(('127.0.0.1', 0)) as server:
         server.settimeout(0.2)
         url = f'http://127.0.0.1:{server.getsockname()[1]}/x'
@@ -143,7 +139,7 @@ def test_a_raster_that_refers_to_others_is_refused(tmp_path: Path) -> None:
 
 
 def _answer(server: socket.socket, asked: list[bytes]) -> None:
-    """Note who asks, until nobody does for a while."""
+    """Record requests until none has come for a while."""
     try:
         while True:
             connection, _ = server.accept()
@@ -154,11 +150,7 @@ def _answer(server: socket.socket, asked: list[bytes]) -> None:
         pass
 
 
-def test_geotiff(tmp_path: Path) -> None:
-    """A projected GeoTIFF comes through cell by cell, with its place and code.
-
-    Another map frame of the caller's choice moves the origin; the place on Earth stays.
-    """
+def test_reads_geotiff_and_moves_the_map_origin(tmp_path: Path) -> None:
     path = write_tif(tmp_path / 'a.tif', FLOATS)
     terrain = load_terrain(path)
     np.testing.assert_array_equal(terrain.elevation, FLOATS[::-1])
@@ -172,7 +164,7 @@ def test_geotiff(tmp_path: Path) -> None:
 
 @pytest.mark.filterwarnings('error::RuntimeWarning')
 def test_geotiff_with_scale_and_nodata(tmp_path: Path) -> None:
-    """Stored integers are scaled to metres; the NODATA value is NaN, also one beyond float32."""
+    """Stored integers become metres, and a NODATA value, even beyond float32, becomes NaN."""
     stored = np.array([[0, 10], [20, 65535]], dtype=np.uint16)
     path = write_tif(tmp_path / 'a.tif', stored, nodata=65535, scale=0.5, shift=-100.0)
     np.testing.assert_allclose(load_terrain(path).elevation, [[-90.0, np.nan], [-100.0, -95.0]])
@@ -184,8 +176,8 @@ def test_geotiff_with_scale_and_nodata(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('latitude', 'code'), [(37.7, 32633), (-37.7, 32733)], ids=['north', 'south']
 )
-def test_degrees_become_utm(tmp_path: Path, latitude: float, code: int) -> None:
-    """A hill in degrees stands at its place in its UTM zone, as high and as wide as it is."""
+def test_reprojects_degrees_to_utm(tmp_path: Path, latitude: float, code: int) -> None:
+    """A hill keeps its position, height and width."""
     west, north, step = 14.8, latitude + 0.06, 1.0 / 1200.0
     longitudes = west + (np.arange(144) + 0.5) * step
     latitudes = north - (np.arange(144) + 0.5) * step
@@ -216,7 +208,7 @@ def test_degrees_become_utm(tmp_path: Path, latitude: float, code: int) -> None:
 @pytest.mark.parametrize(
     ('height', 'resolution', 'cell'), [(20.0, None, 10.0), (10.0, 5.0, 5.0), (10.0, 30.0, 30.0)]
 )
-def test_a_plane_stays_the_plane_it_was(
+def test_resampling_preserves_a_plane(
     tmp_path: Path, height: float, resolution: float | None, cell: float
 ) -> None:
     """Cells of 10 m by 20 m become square, finer cells interpolate and coarser ones average."""
@@ -229,8 +221,7 @@ def test_a_plane_stays_the_plane_it_was(
     assert np.abs(error[4:-4, 4:-4]).max() < 1e-2
 
 
-def test_window_keeps_a_part_where_it_is(tmp_path: Path) -> None:
-    """A window gives the cells it touches, at the same place on Earth."""
+def test_window_keeps_the_position_of_its_cells(tmp_path: Path) -> None:
     path = write_tif(tmp_path / 'a.tif', plane_rows())
     part = load_terrain(path, window=(500_100.0, 4_179_505.0, 500_195.0, 4_179_600.0))
     assert part.shape == (10, 10)
@@ -239,8 +230,7 @@ def test_window_keeps_a_part_where_it_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('order', ['south', 'north'])
-def test_npz(tmp_path: Path, order: str) -> None:
-    """Both orders of rows give the same ground; origin, offset and code are taken as they are."""
+def test_reads_npz_with_both_orders_of_rows(tmp_path: Path, order: str) -> None:
     rows = NORTH_FIRST if order == 'north' else NORTH_FIRST[::-1]
     np.savez(tmp_path / 'a.npz', elevation=rows, resolution=30.0, row_order=order)
     terrain = load_terrain(tmp_path / 'a.npz')
@@ -257,12 +247,11 @@ def test_npz(tmp_path: Path, order: str) -> None:
     ('kind', 'shape'),
     [
         ('<f4', '(100000, 100000)'), ('<f4', '(4611686018427387904, 4)'), ('<f4', '(-1, -5)'),
-        # items without bytes
+        # items of size 0
         ('|V0', '(268435456, )'),
     ],
 )
-def test_npz_headers_are_not_believed(tmp_path: Path, kind: str, shape: str) -> None:
-    """Memory is taken for what is there only."""
+def test_rejects_npz_headers_larger_than_the_data(tmp_path: Path, kind: str, shape: str) -> None:
     header = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}".encode()
     data = b'\x93NUMPY\x01\x00' + len(header).to_bytes(2, 'little') + header + bytes(64)
     np.savez(tmp_path / 'a.npz', resolution=10.0)
@@ -272,8 +261,7 @@ def test_npz_headers_are_not_believed(tmp_path: Path, kind: str, shape: str) -> 
         load_terrain(tmp_path / 'a.npz')
 
 
-def test_grids_without_end_are_refused(tmp_path: Path) -> None:
-    """A file of a few kilobytes may stand for a billion cells."""
+def test_rejects_a_sparse_grid_with_too_many_cells(tmp_path: Path) -> None:
     path = tmp_path / 'a.tif'
     with rasterio.open(
         path, 'w', driver='GTiff', height=32_000, width=32_000, count=1, dtype='float64',
@@ -284,8 +272,7 @@ def test_grids_without_end_are_refused(tmp_path: Path) -> None:
         load_terrain(path)
 
 
-def test_what_an_installation_may_lack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An npz of square cells needs no rasterio; who asks for what needs an extra hears that."""
+def test_error_names_the_missing_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     np.savez(tmp_path / 'a.npz', elevation=NORTH_FIRST, resolution=30.0, epsg=32633)
     path = write_tif(tmp_path / 'a.tif', FLOATS)
     with monkeypatch.context() as lacking:
@@ -314,7 +301,7 @@ def test_what_an_installation_may_lack(tmp_path: Path, monkeypatch: pytest.Monke
             {},
             'at most 84 degrees',
         ),
-        # of a high mountain, beyond all summits
+        # higher than any mountain
         (FLOATS + 10_000, {}, {}, r'at most 9000: feet times 0\.3048'),
         (FLOATS, {}, {'epsg': 1}, 'an EPSG code'),
         (FLOATS, {}, {'resolution': -1.0}, 'terrain.resolution'),
@@ -326,10 +313,9 @@ def test_what_an_installation_may_lack(tmp_path: Path, monkeypatch: pytest.Monke
         (FLOATS, {}, {'fill_holes': 'no'}, "terrain.fill_holes is 'no', expected true or false"),
     ],
 )
-def test_bad_geotiff_or_option(
+def test_rejects_invalid_geotiff_or_option(
     tmp_path: Path, bands: Any, written: dict[str, Any], options: dict[str, Any], message: str
 ) -> None:
-    """What cannot be used, or does not fit the file, is one error that says what is right."""
     with pytest.raises(LavaError, match=message):
         load_terrain(write_tif(tmp_path / 'a.tif', bands, **written), **options)
 
@@ -343,37 +329,35 @@ def test_bad_geotiff_or_option(
         ({'elevation': np.array([None, 1]), 'resolution': 1.0}, 'a readable .npz file'),
         ({'elevation': np.arange(4.0), 'resolution': 1.0}, 'numbers .m. of shape .rows, columns.'),
         ({'elevation': FLOATS, 'resolution': 1.0, 'row_order': 'east'}, 'one of south, north'),
-        # a coordinate system is not rounded to another one
+        # an EPSG code is not rounded
         ({'elevation': FLOATS, 'resolution': 1.0, 'epsg': 32633.7}, 'epsg is 32633.7'),
     ],
 )
-def test_bad_npz(tmp_path: Path, data: dict[str, Any], message: str) -> None:
-    """It names the key."""
+def test_rejects_invalid_npz(tmp_path: Path, data: dict[str, Any], message: str) -> None:
     np.savez(tmp_path / 'a.npz', **data)
     with pytest.raises(LavaError, match=message):
         load_terrain(tmp_path / 'a.npz')
 
 
-def test_bad_file(tmp_path: Path) -> None:
-    """Files that are missing, no files, damaged, or without a unit that can be known."""
+def test_rejects_missing_or_damaged_files(tmp_path: Path) -> None:
     for path in (tmp_path / 'none.tif', tmp_path):
         with pytest.raises(LavaError, match='a file that exists'):
             load_terrain(path)
-    (tmp_path / 'a.tif').write_bytes(b'II*\0 this is no raster')
+    (tmp_path / 'a.tif').write_bytes(b'II*\0 this is not a raster')
     with pytest.raises(LavaError, match='that GDAL can read'):
         load_terrain(tmp_path / 'a.tif')
-    for size, right in (('0.000833', 'epsg 4326'), ('nan', ''), ('inf', ''), ('1e300', '')):
-        with pytest.raises(LavaError, match=f'terrain file.*{right}'):
+    for size, expected in (('0.000833', 'epsg 4326'), ('nan', ''), ('inf', ''), ('1e300', '')):
+        with pytest.raises(LavaError, match=f'terrain file.*{expected}'):
             load_terrain(write_asc(tmp_path / 'a.asc', f'cellsize {size}'))
     np.savez(tmp_path / 'a.npz', elevation=NORTH_FIRST, resolution=30.0)
     whole = (tmp_path / 'a.npz').read_bytes()
     np.savez(tmp_path / 'a.npz', elevation=NORTH_FIRST, resolution=30.0, dx=20.0)
-    with pytest.raises(LavaError, match='resolution is .*30.*, expected absent beside dx and dy'):
+    with pytest.raises(LavaError, match='resolution is .*30.*, expected absent when dx or'):
         load_terrain(tmp_path / 'a.npz')
     (tmp_path / 'a.npz').write_bytes(whole[:200])
     with pytest.raises(LavaError, match='a readable .npz file'):
         load_terrain(tmp_path / 'a.npz')
-    # versions, flags and compressions that nobody has, in the list of members
+    # unknown versions, flags and compressions in the list of members
     for where in (6, 8, 10):
         data = bytearray(whole)
         data[data.index(b'PK\x01\x02') + where] |= 99
@@ -383,7 +367,7 @@ def test_bad_file(tmp_path: Path) -> None:
 
 
 def test_demo_terrain_is_mount_st_helens() -> None:
-    """Its summit is where maps have it, and the crater lies to the north of it."""
+    """Its summit is at the published coordinates, and the crater is north of it."""
     terrain = demo_terrain()
     assert (terrain.epsg, terrain.resolution, terrain.origin) == (26710, 30.0, (0.0, 0.0))
     assert terrain.has_data.all()
@@ -397,8 +381,7 @@ def test_demo_terrain_is_mount_st_helens() -> None:
     assert floor < min(west, east) - 300.0
 
 
-def test_ridge_is_where_the_sample_says() -> None:
-    """The hills are the sample's, at the same longitude and latitude, the right way up."""
+def test_ridge_terrain_has_the_hills_of_the_sample() -> None:
     terrain = ridge_terrain()
     assert (terrain.epsg, terrain.resolution, terrain.origin) == (32616, 30.0, (0.0, 0.0))
     assert terrain.has_data.all()
@@ -414,61 +397,62 @@ def test_ridge_is_where_the_sample_says() -> None:
         column = np.floor((longitude - float(sample['xmin'])) / step).astype(int)
         row = np.floor((float(sample['ymin']) - latitude) / step).astype(int)
         expected = sample['elevation'][row, column]
-    # Half a cell of the sample on a slope of 1 in 2 is 23 m.
+    # half a cell of the sample on a slope of 1 in 2 is 23 m
     error = terrain.elevation[here].ravel() - expected
     assert np.abs(error).max() < 45.0
     assert abs(error.mean()) < 3.0
 
 
-@pytest.mark.skipif(not ETNA.exists(), reason='the Etna 2001 data is not beside the checkout')
+@pytest.mark.skipif(not ETNA.exists(), reason='the Etna 2001 data are not in the shared folder')
 def test_etna_2001() -> None:
-    """The 10 m terrain of Mount Etna loads with its hole of one column."""
+    """Load the 10 m DEM of Mount Etna with its missing column."""
     terrain = load_terrain(ETNA)
     assert (terrain.shape, terrain.resolution) == ((819, 382), 10.0)
     assert terrain.offset == (1_027_550.0, 4_183_020.0)
     assert (~terrain.has_data).sum() == 819
-    # The file's first number is the north-west corner.
+    # the first number in the file is the north-west corner
     assert terrain.elevation[-1, 0] == np.float32(2201.57)
 
 
 def hill(rows: int = 40, columns: int = 50) -> np.ndarray:
-    """A smooth hill [m], rows from the north."""
+    """Return a smooth hill [m], rows from the north."""
     y, x = np.mgrid[0:rows, 0:columns]
     return (500.0 + 2.0 * x + 300.0 * np.exp(-((y - 20.0) ** 2) / 200.0)).astype(np.float32)
 
 
-def test_what_was_understood_is_logged(
+def test_logs_the_properties_of_a_file(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """System, cells, holes and heights; that all is between 0 and 90, a low coast or degrees."""
+    """Elevations between 0 and 90 may be a low coast, or slopes in degrees."""
     caplog.set_level('INFO')
     cells = hill()
     cells[0, :3] = -1.0
     load_terrain(write_tif(tmp_path / 'a.tif', cells, nodata=-1.0))
     (record,) = caplog.records
-    said = 'a.tif: EPSG:32633, 50 x 40 cells of 10 m, 3 without data, elevations 546.601 to 898 m'
-    assert (record.levelname, record.getMessage()) == ('INFO', said)
+    message = 'a.tif: EPSG:32633, 50 x 40 cells of 10 m, 3 without data, '
+    message += 'elevations 546.601 to 898 m'
+    assert (record.levelname, record.getMessage()) == ('INFO', message)
     load_terrain(write_tif(tmp_path / 'a.tif', 0.05 * hill()))
     assert 'they may be slopes in degrees instead of heights' in caplog.text
 
 
 @pytest.mark.parametrize('mark', [-32768.0, -9999.0])
-def test_a_mark_of_missing_data_that_is_not_declared_is_refused(
+def test_rejects_an_undeclared_no_data_value(
     tmp_path: Path, mark: float
 ) -> None:
-    """It is no ground; the error says how to declare it. Nowhere on Earth heights may be any."""
+    """The error has the option that declares it. Any elevation is valid off the Earth."""
     cells = hill()
     cells[10, 10] = mark
-    said = rf'a\.tif is .{mark:g} in 1 cell.*--nodata {mark:g}.*a_nodata {mark:g}'
-    with pytest.raises(LavaError, match=said):
+    message = rf'a\.tif is .{mark:g} in 1 cell.*--nodata {mark:g}.*a_nodata {mark:g}'
+    with pytest.raises(LavaError, match=message):
         load_terrain(write_tif(tmp_path / 'a.tif', cells))
     assert not load_terrain(write_tif(tmp_path / 'a.tif', cells, nodata=mark)).has_data.all()
     assert load_terrain(write_tif(tmp_path / 'a.tif', hill() + 10_000.0, crs=None)).epsg is None
 
 
 @pytest.mark.parametrize('code', [3857, 3395])
-def test_mercator_becomes_utm(tmp_path: Path, code: int) -> None:
-    """At 21 degrees south its metres are 7 % too long; those of UTM are true."""
+def test_reprojects_mercator_to_utm(tmp_path: Path, code: int) -> None:
+    """At 21 degrees south, lengths in Mercator are 7 % too long."""
     (x,), (y,) = transform_points('EPSG:4326', f'EPSG:{code}', [55.7], [-21.2])
     path = write_tif(
         tmp_path / 'a.tif', hill(), crs=f'EPSG:{code}', transform=from_origin(x, y, 10.0, 10.0)
@@ -478,18 +462,18 @@ def test_mercator_becomes_utm(tmp_path: Path, code: int) -> None:
     assert terrain.resolution == pytest.approx(10.0 * np.cos(np.radians(21.2)), rel=5e-3)
 
 
-def test_holes_and_pits_inside_are_warned_of_and_filled(
+def test_warns_of_enclosed_holes_and_pits_and_fills_them(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """What is open to the border stays; an error says where the first is."""
+    """Cells without data at the border remain."""
     cells, whole = hill(), hill()
     cells[10:13, 10:14] = -1.0
     cells[30, 30] -= 100.0
     cells[:, -2:] = -1.0
     path = write_tif(tmp_path / 'a.tif', cells, nodata=-1.0)
     holed = load_terrain(path)
-    said = '13 cells inside have no data or lie deep below all their neighbours, the first at '
-    assert said + '500305, 4179695: the simulation would lose or trap lava there' in caplog.text
+    message = '13 cells inside have no data or lie deep below all their neighbours, the first at '
+    assert message + '500305, 4179695: the simulation would lose or trap lava there' in caplog.text
     filled = load_terrain(path, fill_holes=True)
     assert 'they were filled from the cells around them' in caplog.text
     assert not holed.has_data[:, -2:].any() and not filled.has_data[:, -2:].any()
@@ -501,7 +485,6 @@ def test_holes_and_pits_inside_are_warned_of_and_filled(
 
 
 @pytest.mark.parametrize('place', [(15.0, 95.0), (1000.0, 10.0)])
-def test_places_that_are_nowhere_in_a_projection(place):
-    """What GDAL raises for them has no class that anyone could name."""
+def test_rejects_places_outside_the_domain_of_a_projection(place):
     with pytest.raises(LavaError, match='longitude, latitude is .* in the domain of EPSG:32633'):
         projected(Terrain(np.zeros((2, 2)), 10.0, epsg=32633), *place)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Distributions of what is uncertain: quantiles are exact, what is no distribution is refused."""
+"""Distributions of uncertain input."""
 
 from dataclasses import replace
 import math
@@ -51,12 +51,12 @@ WHOLE = {
 
 
 def drawn(quantity: str, kind: str, **numbers: object) -> dict[str, object]:
-    """A section that makes one quantity uncertain."""
+    """Return a section with one distribution."""
     return {quantity: {'distribution': kind, **numbers}}
 
 
 def scene_file(folder: Path, uncertainty: object) -> Path:
-    """A scene file with an uncertainty."""
+    """Write a scene file with an uncertainty."""
     np.savez(folder / 'ground.npz', elevation=np.zeros((10, 10)), resolution=10.0)
     scene = {
         'terrain': {'file': 'ground.npz'},
@@ -81,33 +81,28 @@ def scene_file(folder: Path, uncertainty: object) -> Path:
     ],
 )
 def test_quantiles_are_those_of_scipy(distribution: Distribution, reference: object) -> None:
-    """Of each kind, to 12 digits, far out too."""
-    for share in (1e-6, 0.01, 0.2, 0.5, 0.7, 0.99, 1.0 - 1e-6):
-        expected = reference.ppf(share)  # type: ignore[attr-defined]
-        assert distribution.quantile(share) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    for probability in (1e-6, 0.01, 0.2, 0.5, 0.7, 0.99, 1.0 - 1e-6):
+        expected = reference.ppf(probability)  # type: ignore[attr-defined]
+        found = distribution.quantile(probability)
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_limits_and_displacements() -> None:
-    """No value lies beyond limits, however unlikely it is to be asked for.
-
-    A disc is filled evenly; a normal displacement has its deviation.
-    """
+def test_quantiles_are_within_limits_and_displacements_in_a_disc() -> None:
     cut = Distribution('lognormal', (1.0, 2.0), (0.5, 1.5))
-    values = [cut.quantile(share) for share in (1e-300, 0.5, 1.0 - 1e-16)]
+    values = [cut.quantile(probability) for probability in (1e-300, 0.5, 1.0 - 1e-16)]
     assert 0.5 <= values[0] < values[1] < values[2] <= 1.5
     assert cut.support == (0.5, 1.5)
-    shares = (np.arange(2000) + 0.5) / 2000
+    probabilities = (np.arange(2000) + 0.5) / 2000
     disc = Displacement(radius=10.0)
-    reaches = np.array([math.hypot(*disc.quantile(share, 0.3)) for share in shares])
-    assert (reaches < 5.0).mean() == pytest.approx(0.25, abs=1e-3)
+    distances = np.array([math.hypot(*disc.quantile(first, 0.3)) for first in probabilities])
+    assert (distances < 5.0).mean() == pytest.approx(0.25, abs=1e-3)
     normal = Displacement(deviation=10.0)
-    assert np.std([normal.quantile(share, 0.5)[0] for share in shares]) == pytest.approx(
-        10.0, rel=0.01
-    )
+    deviation = np.std([normal.quantile(first, 0.5)[0] for first in probabilities])
+    assert deviation == pytest.approx(10.0, rel=0.01)
 
 
-def test_a_scene_file_says_it_all(tmp_path: Path) -> None:
-    """Every quantity of the section arrives; plain data and a checkpoint give the same again."""
+def test_scene_file_has_every_uncertain_quantity(tmp_path: Path) -> None:
+    """Plain data and a checkpoint give the same uncertainty."""
     scene = scene_from_yaml(scene_file(tmp_path, WHOLE))
     assert scene.uncertainty == uncertainty_from_dict(WHOLE)
     assert scene.uncertainty.discharge == Distribution('lognormal', (1.0, 1.5), (0.3, 3.0))
@@ -156,10 +151,9 @@ def test_a_scene_file_says_it_all(tmp_path: Path) -> None:
         ([], 'uncertainty'),
     ],
 )
-def test_what_is_no_distribution_is_refused(
+def test_error_names_the_invalid_field_of_an_uncertainty(
     section: object, field: str, tmp_path: Path
 ) -> None:
-    """The error names the field of the file."""
     with pytest.raises(LavaError) as caught:
         scene_from_yaml(scene_file(tmp_path, section))
     assert caught.value.field == field
@@ -183,7 +177,6 @@ def test_what_is_no_distribution_is_refused(
         ),
     ],
 )
-def test_what_code_makes_is_checked_too(make: object) -> None:
-    """Wrong values never become an object; a yield strength that is 0 cannot be uncertain."""
+def test_rejects_invalid_values_in_python(make: object) -> None:
     with pytest.raises(LavaError):
         make()  # type: ignore[operator]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vector files and tables of other programs: one file of each format, for each use."""
+"""Vector files and tables: one file of each format for each use."""
 
 from argparse import Namespace
 from itertools import groupby
@@ -35,10 +35,10 @@ POINTS = [(500_100.0, 4_180_100.0), (500_700.0, 4_180_100.0)]
 SQUARE = [[(500_100.0, 4_180_100.0), (500_300.0, 4_180_100.0), (500_300.0, 4_180_300.0),
            (500_100.0, 4_180_300.0), (500_100.0, 4_180_100.0)]]
 
-#: Attributes of a vent, by names that a user has.
+#: Attributes of a vent, with synonyms of the names.
 KNOWN = {'Name': 'Fessura', 'Q': 30.0, 'radius': 25.0, 'Temp': 1350.0, 'remark': 'of 1971'}
 
-#: GDAL's name of each format that is read.
+#: GDAL driver of each format.
 DRIVERS = {
     'geojson': 'GeoJSON', 'json': 'GeoJSON', 'gpkg': 'GPKG', 'shp': 'ESRI Shapefile',
     'zip': 'ESRI Shapefile', 'shz': 'ESRI Shapefile', 'kml': 'LIBKML', 'kmz': 'LIBKML',
@@ -46,7 +46,7 @@ DRIVERS = {
 
 
 def geographic(places: Any) -> Any:
-    """Longitudes and latitudes of nested lists of places."""
+    """Convert nested lists of places to longitudes and latitudes."""
     if isinstance(places, tuple):
         (x,), (y,) = transform('EPSG:32633', 'EPSG:4326', [places[0]], [places[1]])
         return [x, y]
@@ -54,7 +54,7 @@ def geographic(places: Any) -> Any:
 
 
 def write(path: Path, kind: str, places: Any, known: dict[str, Any]) -> Path:
-    """Write a feature with GDAL; a zip of a Shapefile by Python, as people make them."""
+    """Write a feature with GDAL; zip a Shapefile with Python, in a folder."""
     ending = path.suffix[1:]
     feature = {
         'type': 'Feature', 'properties': known,
@@ -80,16 +80,16 @@ def write(path: Path, kind: str, places: Any, known: dict[str, Any]) -> Path:
 
 
 def vents_of(path: Path, discharge: Any = None) -> list[Any]:
-    """The vents that a command reads."""
+    """Return the vents that a command reads from a file."""
     given = Namespace(vents=str(path), vent=[], discharge=discharge)
     return vents_as_given(given, TERRAIN)
 
 
 @pytest.mark.parametrize('ending', DRIVERS)
-def test_barriers_of_every_format(
+def test_reads_barriers_of_every_format(
     ending: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Lines with their own height, and the usual width; a Shapefile cuts long names."""
+    """A Shapefile cuts long names."""
     known = {'barrier_height': 12.0, 'owner': 'a'}
     path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, known)
     usual = {'height': None, 'width': 10.0, 'slope': 1.0}
@@ -102,16 +102,15 @@ def test_barriers_of_every_format(
         read_barriers('--lines', path, TERRAIN, usual)
 
 
-def test_every_format_is_tried() -> None:
-    """A format that is added has a file in this test."""
+def test_each_format_has_a_driver() -> None:
     assert {f'.{ending}' for ending in DRIVERS} == set(vectors.ENDINGS)
 
 
 @pytest.mark.parametrize('ending', DRIVERS)
-def test_vents_of_every_format(
+def test_reads_vents_of_every_format(
     ending: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The parts of a feature divide its effusion rate; unknown attributes are named."""
+    """The parts of a feature divide its effusion rate."""
     path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, KNOWN)
     first, second = vents_of(path)
     np.testing.assert_allclose([first.place, first.other_end], FISSURE[0], atol=0.02)
@@ -126,8 +125,7 @@ def test_vents_of_every_format(
 
 
 @pytest.mark.parametrize('ending', DRIVERS)
-def test_places_and_outlines_of_every_format(ending: str, tmp_path: Path) -> None:
-    """A line to draw and an area of observed lava, of the same reader."""
+def test_reads_lines_and_polygons_of_every_format(ending: str, tmp_path: Path) -> None:
     path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, {'label': 'Strada'})
     ((_, found),) = (
         (where, list(items))
@@ -157,8 +155,7 @@ def test_places_and_outlines_of_every_format(ending: str, tmp_path: Path) -> Non
         ('WKT,name', '"POINT ({x} {y})",a'),
     ],
 )
-def test_columns_of_places(header: str, row: str, tmp_path: Path) -> None:
-    """Any case, synonyms, units, separators, and degrees with minutes and seconds."""
+def test_reads_coordinates_with_any_header(header: str, row: str, tmp_path: Path) -> None:
     lon, lat = 15.001, 37.769
     (x,), (y,) = transform('EPSG:4326', 'EPSG:32633', [lon], [lat])
     text = row.format(x=x, y=y, kx=x / 1000, ky=y / 1000, lon=lon, lat=lat)
@@ -184,17 +181,16 @@ def test_columns_of_places(header: str, row: str, tmp_path: Path) -> None:
         ('start_h', 'start', '2', 7200.0),
     ],
 )
-def test_columns_of_vents(
+def test_converts_columns_of_vents_to_si(
     header: str, field: str, cell: str, value: float, tmp_path: Path
 ) -> None:
-    """Each is the field of the vent in SI units."""
     (tmp_path / 'a.csv').write_text(f'x,y,{header}\n500100,4180100,{cell}\n')
     (vent,) = read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
     assert getattr(vent, field) == pytest.approx(value)
 
 
-def test_a_vent_table_of_lava2d(tmp_path: Path) -> None:
-    """One fissure, whose rows are instants: its rate changes linearly between them."""
+def test_reads_a_vent_table_of_lava2d(tmp_path: Path) -> None:
+    """One fissure, whose rate changes linearly between rows."""
     (tmp_path / 'vent_01.txt').write_text(
         'time\tx0\ty0\tx1\ty1\twidth\tdischarge\n'
         + ''.join(f'{time}\t500100\t4180100\t500260\t4180220\t20\t{rate}\n'
@@ -220,15 +216,14 @@ def test_a_vent_table_of_lava2d(tmp_path: Path) -> None:
         ('x,y,x_end,y_end\n500100,4180100,500100,4180100\n', 'a line of no length'),
     ],
 )
-def test_vents_that_are_wrong(text: str, words: str, tmp_path: Path) -> None:
-    """The error names the row, the column and the value as it is written."""
+def test_rejects_invalid_vents(text: str, words: str, tmp_path: Path) -> None:
     (tmp_path / 'a.csv').write_text(text)
     with pytest.raises(LavaError, match=words):
         vents_of(tmp_path / 'a.csv')
 
 
-def test_names_of_columns_do_not_overlap() -> None:
-    """Each name has one meaning, except those of lines, whose partner tells."""
+def test_column_names_have_one_meaning() -> None:
+    """Except x1 and y1, whose meaning depends on the other columns."""
     names = [name for known, _ in COLUMNS.values() for name in known]
     assert {name for name in names if names.count(name) > 1} == {'x1', 'y1'}
     found, _ = understood('a', ['x1', 'y1', 'x2', 'y2'], COLUMNS)
@@ -245,17 +240,15 @@ def test_names_of_columns_do_not_overlap() -> None:
 @pytest.mark.parametrize(
     'text', ['15 61', '15 30.5 20', '15,006', '-15 W', 'W 15 W', '15 0 0 N', '181', '']
 )
-def test_angles_that_are_none(text: str) -> None:
-    """Minutes of 60 and more, fractions inside, two signs, and those of the other axis."""
+def test_rejects_invalid_angles(text: str) -> None:
     with pytest.raises(LavaError, match='a longitude from -180 to 180 degrees'):
         angle('lon', text, 'longitude')
 
 
-def test_archives_and_parts(tmp_path: Path) -> None:
-    """A Shapefile needs its parts; an archive has one file; a GeoPackage no open changes."""
+def test_rejects_incomplete_or_ambiguous_archives(tmp_path: Path) -> None:
     path = write(tmp_path / 'a.shp', 'Point', POINTS[0], {'name': 'a'})
     path.with_suffix('.dbf').unlink()
-    with pytest.raises(LavaError, match=r'a Shapefile with its other parts beside it \(.dbf\)'):
+    with pytest.raises(LavaError, match=r'its other parts in the same folder \(.dbf\)'):
         read_features('--vents', path, TERRAIN)
     write(tmp_path / 'b.geojson', 'Point', POINTS[0], {})
     with zipfile.ZipFile(tmp_path / 'two.zip', 'w') as archive:
@@ -265,12 +258,11 @@ def test_archives_and_parts(tmp_path: Path) -> None:
         read_features('--vents', tmp_path / 'two.zip', TERRAIN)
     write(tmp_path / 'd.gpkg', 'Point', POINTS[0], {})
     (tmp_path / 'd.gpkg-wal').write_bytes(b'changes')
-    with pytest.raises(LavaError, match='a GeoPackage that no program has open'):
+    with pytest.raises(LavaError, match='a GeoPackage closed by other programs'):
         read_features('--vents', tmp_path / 'd.gpkg', TERRAIN)
 
 
-def test_archives_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a small archive unpacks to is limited."""
+def test_limits_the_unpacked_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(vectors, 'MAX_BYTES', 1000)
     with zipfile.ZipFile(tmp_path / 'a.zip', 'w', zipfile.ZIP_DEFLATED) as archive:
         archive.writestr('a.geojson', '{' + ' ' * 10_000 + '}')
@@ -281,8 +273,7 @@ def test_archives_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         read_features('--vents', tmp_path / 'a.json', TERRAIN)
 
 
-def test_a_file_without_a_system(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """It is that of the terrain, or degrees where the place tells, and a warning says so."""
+def test_warns_of_a_missing_system(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = write(tmp_path / 'a.shp', 'Point', POINTS[0], {'name': 'a'})
     path.with_suffix('.prj').unlink()
     (vent,) = vents_of(path)
@@ -301,10 +292,9 @@ def test_a_file_without_a_system(tmp_path: Path, caplog: pytest.LogCaptureFixtur
         ('"name": "a"', '"q": 1, "q": 2', "q is 'given twice', expected each member once"),
     ],
 )
-def test_members_of_geojson(
+def test_reports_members_that_gdal_ignores(
     old: str, new: str, words: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """GDAL takes no attributes, or the last of two, without a word."""
     text = json.dumps({
         'type': 'FeatureCollection', 'crs': {'properties': {'name': 'EPSG:32633'}},
         'features': [{'type': 'Feature', 'properties': {'name': 'a'},
@@ -314,26 +304,25 @@ def test_members_of_geojson(
     (tmp_path / 'a.json').write_text(text.replace(old, new))
     try:
         read_vents('--vents', tmp_path / 'a.json', TERRAIN)
-        said = caplog.text
+        message = caplog.text
     except LavaError as error:
-        said = f'{caplog.text}{error}'
-    assert words in said
+        message = f'{caplog.text}{error}'
+    assert words in message
 
 
-def test_vents_that_are_there_twice(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """Both count, and a warning says so; a vent that opens again is no other vent."""
+def test_warns_of_duplicate_vents(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A vent that opens again is not a duplicate."""
     row = '500100,4180100,5,{},{}\n'
-    for times, is_said in (((0, 60), False), ((0, 60), True), ((60, 90), False)):
-        rows = row.format(0, 60) + (row.format(*times) if is_said or times != (0, 60) else '')
+    for times, is_warned in (((0, 60), False), ((0, 60), True), ((60, 90), False)):
+        rows = row.format(0, 60) + (row.format(*times) if is_warned or times != (0, 60) else '')
         (tmp_path / 'a.csv').write_text('x,y,q,start,end\n' + rows)
         caplog.clear()
         read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
-        assert ('2 vents at' in caplog.text) == is_said
+        assert ('2 vents at' in caplog.text) == is_warned
 
 
 @pytest.mark.parametrize('ending', ['csv', 'shp'])
-def test_degrees_without_a_system(ending: str, tmp_path: Path) -> None:
-    """A place without a stated system is in degrees if it is on the terrain then, in each use."""
+def test_places_are_degrees_if_they_are_then_on_the_terrain(ending: str, tmp_path: Path) -> None:
     path = tmp_path / f'a.{ending}'
     (lon, lat), (x, y) = geographic([POINTS[0]])[0], POINTS[0]
     if ending == 'csv':
@@ -344,7 +333,7 @@ def test_degrees_without_a_system(ending: str, tmp_path: Path) -> None:
     (vent,) = vents_of(path)
     (feature,) = read_features('--overlay', path, TERRAIN)
     np.testing.assert_allclose([vent.place, feature.rings[0][0]], [(x, y)] * 2, atol=0.02)
-    # eastings and northings near the origin of a system of their own
+    # eastings and northings near the origin of the system
     local = Terrain(np.zeros((50, 50)), 2.0, epsg=32633)
     (tmp_path / 'b.csv').write_text('x,y\n15.0,37.7\n')
     (feature,) = read_features('--overlay', tmp_path / 'b.csv', local)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrival times: from observations, between which fronts advance evenly, and from each step."""
+"""Arrival times from maps, between which fronts advance evenly, and from each step."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,12 +29,11 @@ END = 60.0
 
 
 def strip(front, rows=1, columns=12, thickness=2.0):
-    """Return a map with lava on the first columns."""
     return np.where(np.arange(columns) < front, thickness, 0.0)[None].repeat(rows, axis=0)
 
 
 def looks_at(shape, device, threshold=0.1, most=2):
-    """Observations, and the parts of a state that they read."""
+    """Return an arrival map, and the parts of a state that it reads."""
     device = wp.get_device(device)
     clock = wp.zeros(5, dtype=wp.float64, device=device)
     state = SimpleNamespace(device=device, extent=0, launches=Launches(device), clock=clock)
@@ -42,7 +41,6 @@ def looks_at(shape, device, threshold=0.1, most=2):
 
 
 def take(looks, state, known, *maps):
-    """Observe maps of thickness and temperature."""
     kinds = (wp.uint8, float, float)
     arrays = [
         wp.array(values, dtype=kind, device=state.device)
@@ -52,7 +50,7 @@ def take(looks, state, known, *maps):
 
 
 def seen_of(looks, device, threshold=0.1):
-    """Return the results of observations, each a time and the thickness then."""
+    """Return the arrival map of observations, each a time and a thickness map."""
     taken, state = looks_at(looks[0][1].shape, device, threshold, len(looks))
     for time, thickness in looks:
         state.clock.fill_(time)
@@ -70,40 +68,34 @@ def seen_of(looks, device, threshold=0.1):
     return seen
 
 
-@pytest.mark.parametrize('rows', [1, 5])
-def test_a_front_that_runs_evenly_is_met_exactly(device, rows):
-    """The front may cross a cell in many observations or many cells in one."""
-    looks = [(10.0, strip(2, rows)), (20.0, strip(7, rows)), (30.0, strip(10, rows))]
-    times = seen_of(looks, device)
-    expected = [10.0, 10.0, 11.0, 13.0, 15.0, 17.0, 19.0, 20.0 + 10.0 / 6, 25.0, 30.0 - 10.0 / 6]
-    np.testing.assert_allclose(times.arrival[:, :10], [expected] * rows)
-    assert np.isnan(times.arrival[:, 10:]).all()
+LOBE = np.zeros((9, 20))
+LOBE[:, :2] = LOBE[3:6, 2:12] = 1.0
 
 
-def test_a_tongue_is_dated_along_its_way(device):
-    """Cells at its sides are as early as adjacent cells in its middle."""
-    before, after = np.zeros((9, 20)), np.zeros((9, 20))
-    before[:, :2] = after[:, :2] = 1.0
-    after[3:6, 2:12] = 1.0
-    times = seen_of([(0.0, before), (10.0, after)], device).arrival
-    np.testing.assert_allclose(times[3:6, 2:12], [np.arange(10) + 0.5] * 3)
-
-
-def test_what_rises_is_dated_by_its_thickness(device):
-    """Lava that was present, but thinner than the threshold, grows evenly."""
-    thin, thick = strip(5, thickness=0.02), strip(5, thickness=0.22)
-    times = seen_of([(0.0, thin), (10.0, thick)], device).arrival
-    np.testing.assert_allclose(times[0, :5], 4.0, rtol=1e-6)
-
-
-def test_lava_out_of_nowhere_comes_at_once(device):
-    """Unconnected lava may have arrived right after the previous observation: the safe side."""
-    times = seen_of([(5.0, strip(0)), (15.0, strip(3))], device).arrival
-    np.testing.assert_array_equal(times[0, :3], 5.0)
+@pytest.mark.parametrize(
+    ('looks', 'columns', 'expected'),
+    [
+        (
+            [(10.0, strip(2, 5)), (20.0, strip(7, 5)), (30.0, strip(10, 5))], slice(10),
+            [10.0, 10.0, 11.0, 13.0, 15.0, 17.0, 19.0, 20.0 + 10.0 / 6, 25.0, 30.0 - 10.0 / 6],
+        ),
+        # along a lobe
+        ([(0.0, strip(2, 9, 20, 1.0)), (10.0, LOBE)], slice(2, 12), np.arange(10) + 0.5),
+        # lava that rises to the threshold
+        ([(0.0, strip(5, thickness=0.02)), (10.0, strip(5, thickness=0.22))], slice(5), [4.0] * 5),
+        # unconnected lava may have arrived right after the previous observation
+        ([(5.0, strip(0)), (15.0, strip(3))], slice(3), [5.0] * 3),
+    ],
+)
+def test_arrival_is_interpolated_between_observations(device, looks, columns, expected):
+    arrival = seen_of(looks, device).arrival
+    middle = arrival[len(arrival) // 2]
+    np.testing.assert_allclose(middle[columns], expected, rtol=1e-6)
+    assert np.isnan(middle[columns.stop :]).all()
 
 
 @pytest.mark.nightly
-def test_a_look_without_lava_stays_on_the_map(monkeypatch):
+def test_observation_without_lava_indexes_within_the_map(monkeypatch):
     """Warp checks each index in its debug mode, in a separate process."""
     code = 'import warp; warp.config.mode = "debug"; from simulation import test_arrival as here; '
     code += 'looks = [(time, here.strip(cells, 8)) for time, cells in ((5, 0), (9, 0), (15, 3))]; '
@@ -115,8 +107,7 @@ def test_a_look_without_lava_stays_on_the_map(monkeypatch):
     assert ended.returncode == 0, ended.stderr
 
 
-def test_peaks_and_first_times_stay(device):
-    """Lava that drains keeps its arrival and its peaks; cells outside stay unknown."""
+def test_drained_cells_keep_arrival_and_peak(device):
     looks = [(0.0, strip(3)), (1.0, strip(6, thickness=4.0)), (2.0, strip(1))]
     for _, thickness in looks:
         thickness[0, 11] = np.nan
@@ -129,8 +120,7 @@ def test_peaks_and_first_times_stay(device):
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_shares_are_shares(device, seed):
-    """Times are between the two observations, and later with distance from previous lava."""
+def test_arrival_is_between_the_observations(device, seed):
     random = np.random.default_rng(seed)
     before = np.where(random.random((20, 30)) < 0.1, random.random((20, 30)), 0.0)
     after = np.where(random.random((20, 30)) < 0.6, random.random((20, 30)), 0.0)
@@ -150,8 +140,7 @@ def test_shares_are_shares(device, seed):
         (1.0, 0.0, 'temperature is not a number of kelvin'),
     ],
 )
-def test_what_no_map_can_show_is_said(device, thickness, temperature, flaw):
-    """A flaw counts on ground with data, and not on ground without."""
+def test_invalid_value_is_a_flaw_only_on_ground_with_data(device, thickness, temperature, flaw):
     taken, state = looks_at((2, 2), device)
     for known in (0, 1):
         assert taken.flaw() == ''
@@ -161,12 +150,10 @@ def test_what_no_map_can_show_is_said(device, thickness, temperature, flaw):
 
 
 def made():
-    """Return a simulation on the CPU."""
     return Simulation(SCENE, device='cpu', accuracy=Accuracy(spacing=3.5, thickness=0.7))
 
 
-def test_arrival_is_that_of_close_maps_and_does_not_depend_on_them():
-    """One map at the end has the times that a map every second shows."""
+def test_arrival_equals_that_of_frequent_maps():
     simulation = made()
     seen = np.full(TERRAIN.shape, np.nan)
     for time in np.arange(1.0, END + 1.0):
@@ -178,7 +165,6 @@ def test_arrival_is_that_of_close_maps_and_does_not_depend_on_them():
     np.testing.assert_array_equal(shown.arrived, simulation.snapshot().arrived)
     standing, inundated = standing_cells(shown.thickness), inundated_cells(shown.arrived)
     assert standing.sum() > 50
-    # at the front a cell may lie between the squares of particles until one passes
     assert (standing & ~inundated).sum() <= 0.01 * standing.sum()
     assert abs(np.nanmedian(seen - shown.arrived)) <= 2.0
     assert np.nanmin(shown.arrived) < 10.0 and np.nanmax(shown.arrived) <= END
@@ -186,8 +172,7 @@ def test_arrival_is_that_of_close_maps_and_does_not_depend_on_them():
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
-def test_lava_that_froze_stands_on_inundated_cells_and_keeps_its_volume(device, precision):
-    """Drained cells are inundated, and no cell has lava that lava has not reached."""
+def test_frozen_lava_is_on_inundated_cells_and_keeps_its_volume(device, precision):
     lava = Lava(viscosity=2e4, solidus=1300.0, convection=300.0)
     scene = Scene(TERRAIN, (Vent((40.0, 75.0), ((0.0, 20.0), (40.0, 0.0))),), lava=lava)
     accuracy = Accuracy(spacing=3.5, thickness=0.7, precision=precision)
@@ -202,8 +187,7 @@ def test_lava_that_froze_stands_on_inundated_cells_and_keeps_its_volume(device, 
     assert not ((shown.frozen > 0.0) & ~inundated).any()
 
 
-def test_times_go_on_after_a_checkpoint_and_on_another_ground():
-    """Resumed simulations keep the times, and so do flows on a changed ground or grid."""
+def test_arrival_is_kept_by_a_checkpoint_and_on_new_terrain():
     simulation = made()
     simulation.advance(20.0)
     before = simulation.snapshot().arrived
@@ -221,8 +205,7 @@ def test_times_go_on_after_a_checkpoint_and_on_another_ground():
     assert np.isnan(moved[:, 0]).all()
 
 
-def test_times_of_another_map_are_refused():
-    """A checkpoint contains the times of its own cells."""
+def test_rejects_arrival_times_of_another_grid():
     simulation = made()
     checkpoint = simulation.checkpoint()
     arrays = {**checkpoint.arrays, 'arrived.times': np.zeros((2, 2), np.float32)}

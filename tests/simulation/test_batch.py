@@ -12,19 +12,17 @@ from lava_ros.simulation.batch import Batch, side_by_side
 from lava_ros.verification.benchmarks.effects import effect_sets
 from solver import incline, simulated
 
-#: Sets of effects of ``lava bench effects`` that use different kernels, and times of maps [s].
+#: Sets of effects of ``lava bench effects`` that use different kernels, and map times [s].
 SETS = ('everything with green', 'helmholtz', 'inertia', 'merging', 'conduction', 'solidification')
 ENDS = (0.25, 0.5)
 
 
 def simulation_of(flux, device):
-    """Return lava on a slope, bitwise identical in every run."""
     ground, vent = incline(0.2, 20, 24, 2.0), Vent((12.0, 20.0), flux, 1400.0)
     return simulated(ground, Lava(), vent, device=device, spacing=1.5, deterministic=True)
 
 
-def route_of(flux, device, ends):
-    """Advance to 20 s with a stop at 10 s, and store the particles' positions."""
+def task_of(flux, device, ends):
     simulation = simulation_of(flux, device)
     yield from simulation.advancing(10.0)
     yield from simulation.advancing(20.0)
@@ -32,24 +30,22 @@ def route_of(flux, device, ends):
 
 
 def run(routes, device):
-    """Run routes to their ends, three of them at a time."""
     Batch(at_once=3).run(routes)
 
 
-def one_by_one(routes, device):
-    """Run routes to their ends as ensembles do: on the CPU one after the other."""
+def run_as_ensemble(routes, device):
+    """Run tasks as ensembles do: on the CPU one after the other."""
     for _ in side_by_side(routes, device, at_once=3):
         pass
 
 
-WAYS = pytest.mark.parametrize('run', [run, one_by_one])
+RUNNERS = pytest.mark.parametrize('run', [run, run_as_ensemble])
 
 
-@WAYS
-def test_together_is_as_one_by_one(device, run):
-    """Simulations that run together, some after others, end where each of them ends alone."""
+@RUNNERS
+def test_concurrent_members_equal_single_runs(device, run):
     fluxes, ends = (1.0, 2.0, 3.0, 5.0, 8.0), {}
-    run((route_of(flux, device, ends) for flux in fluxes), device)
+    run((task_of(flux, device, ends) for flux in fluxes), device)
     assert sorted(ends) == sorted(fluxes)
     for flux in fluxes:
         alone = simulation_of(flux, device)
@@ -62,11 +58,9 @@ def test_together_is_as_one_by_one(device, run):
     'name',
     ['bare', *(pytest.param(name, marks=pytest.mark.nightly) for name in SETS)],
 )
-def test_members_of_several_kinds_and_sizes(device, name, monkeypatch):
-    """A batch keeps a member's bits through maps, growth, a wider grid and other members' ends."""
+def test_different_members_are_bitwise_identical_to_single_runs(device, name, monkeypatch):
     if name != 'inertia':
-        # readbacks as rare as on a GPU; with inertia, where a step has one stage, the vent would
-        # wait for capacity
+        # read back as rarely as on a GPU; with inertia the vent would wait for capacity
         monkeypatch.setitem(batch_module._STAGES, False, batch_module._STAGES[True])
         monkeypatch.setitem(batch_module._UNDER_WAY, False, batch_module._UNDER_WAY[True])
     chosen = (effect_sets()[name], effect_sets()['bare'])
@@ -100,8 +94,7 @@ def test_members_of_several_kinds_and_sizes(device, name, monkeypatch):
     assert ends[2].particle_count > 4096 or 'merging' in ends[2].effects
 
 
-def test_members_wait_for_each_others_looks(device, monkeypatch):
-    """A member that waits takes part in stages that change nothing, whatever its history."""
+def test_waiting_for_other_members_changes_nothing(device, monkeypatch):
     monkeypatch.setattr(batch_module, '_IDLE', 1.0)
     fluxes, times = (10.0, 15.0, 20.0, 40.0, 60.0), np.linspace(0.5, 6.0, 12)
 
@@ -131,27 +124,17 @@ def test_members_wait_for_each_others_looks(device, monkeypatch):
             np.testing.assert_allclose(value, expected, rtol=1e-5)
 
 
-@WAYS
-def test_routes_that_simulate_nothing(device, run):
-    """Each comes to its end, however many there are."""
+@RUNNERS
+def test_tasks_without_a_simulation_end_or_raise(device, run):
     ended = []
 
-    def route(number):
+    def task(number):
         yield
+        if number == 20:
+            raise ValueError('here')
         ended.append(number)
 
-    run(map(route, range(20)), device)
+    run(map(task, range(20)), device)
     assert sorted(ended) == list(range(20))
-
-
-@WAYS
-def test_what_a_route_raises_is_raised(device, run):
-    """An error is not lost among the others."""
-
-    def route(error):
-        yield
-        if error:
-            raise ValueError('here')
-
     with pytest.raises(ValueError, match='here'):
-        run((route(error) for error in (False, True, False)), device)
+        run(map(task, (19, 20, 18)), device)

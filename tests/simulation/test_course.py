@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The expected course of a flow: width, thickness, temperature along the steepest descent."""
+"""Expected width, thickness and temperature along the steepest descent."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -26,8 +26,8 @@ def width_of(scene: Scene, horizon: float = 24.0 * HOUR) -> float:
 
 
 @pytest.mark.parametrize('cell', [2.5, 5.0, 10.0])
-def test_a_valley_is_filled_to_its_normal_depth(cell: float):
-    """In a V with walls 1:n, Q = K n h^4 / 2 and the width is 2 n h; cells round its bottom."""
+def test_valley_is_filled_to_its_normal_depth(cell: float):
+    """In a V with walls 1:n, Q = K n h^4 / 2 and the width is 2 n h."""
     for wall in (0.12, 0.2):
         depth = (20.0 * wall / MOBILITY) ** 0.25
         course = course_of(scene(ground(cell, wall)), horizon=2.0 * HOUR)
@@ -41,7 +41,7 @@ def test_a_valley_is_filled_to_its_normal_depth(cell: float):
         )
 
 
-def test_on_an_incline_it_is_as_wide_as_the_steady_flow():
+def test_width_on_an_incline_is_that_of_the_steady_flow():
     """Smith (1973): half the width is ((14/3) x / tan b)^(3/7) (35 Q / 32 K)^(1/7)."""
     thin = replace(scene(ground(2.0)), lava=replace(LAVA, viscosity=1.0))
     for steep in (1.0, 8.0):
@@ -58,7 +58,7 @@ def test_on_an_incline_it_is_as_wide_as_the_steady_flow():
         assert course.columns.width[is_wide] == pytest.approx(expected[is_wide], rel=0.02)
 
 
-def test_on_level_ground_it_is_as_wide_as_the_flow_has_spread():
+def test_width_on_level_ground_is_that_of_a_spreading_flow():
     """Huppert (1982): a radius of 0.715 (g Q^3 / 3 nu)^(1/8) t^(1/2)."""
     flat = scene(Terrain(np.zeros((100, 100)), 10.0))
     radius = 0.715 * (9.81 * 1000.0 * 2600.0 / 3e4) ** 0.125 * 100.0**0.5
@@ -68,8 +68,7 @@ def test_on_level_ground_it_is_as_wide_as_the_flow_has_spread():
     assert course.fall == 0.0
 
 
-def test_it_is_that_of_the_path_that_lava_takes_in_time():
-    """A gorge below the plain counts once the front gets there."""
+def test_course_ends_where_the_front_is_at_the_horizon():
     terrain = ground(5.0, 0.02)
     y = np.abs((np.arange(120) + 0.5) * 5.0 - 300.0)
     gorge = terrain.elevation.copy()
@@ -80,8 +79,7 @@ def test_it_is_that_of_the_path_that_lava_takes_in_time():
     assert late.fall > 2.0 * early.fall
 
 
-def test_lava_cools_on_its_way():
-    """Lava that stiffens needs a deeper and wider cross-section, and stops at its solidus."""
+def test_cooling_lava_widens_and_stops_at_its_solidus():
     hot = scene(ground(5.0, 0.1))
     cooling = replace(hot.lava, emissivity=0.9, arrhenius=0.03, reference_temperature=1423.0)
     stiff, cool = (course_of(replace(hot, lava=lava), horizon=24.0 * HOUR) for lava in (
@@ -96,8 +94,8 @@ def test_lava_cools_on_its_way():
     assert (cool.columns.temperature[1:] > 1300.0).all()
 
 
-def test_the_heat_balance_is_that_of_a_column():
-    """A bare surface of constant width loses q w of the heat rho c Q T a metre."""
+def test_heat_loss_is_that_of_a_column():
+    """A surface of constant width w loses q w of the heat rho c Q T per metre."""
     lava = replace(LAVA, emissivity=0.0, convection=40.0)
     course = course_of(replace(scene(ground(5.0, 0.2)), lava=lava), horizon=24.0 * HOUR)
     width = course.columns.width[1:]
@@ -108,8 +106,7 @@ def test_the_heat_balance_is_that_of_a_column():
     assert np.diff(np.log(excess)) == pytest.approx(expected, rel=1e-3)
 
 
-def test_strength_holds_lava_up():
-    """With a yield strength a layer is thicker than the strength over its weight allows."""
+def test_yielding_lava_is_thicker_than_its_strength_over_its_weight():
     strong = replace(scene(ground(5.0)), lava=replace(LAVA, yield_strength=4000.0))
     course = course_of(strong, horizon=6.0 * HOUR)
     least = 4000.0 / (2600.0 * 9.81 * SLOPE)
@@ -117,8 +114,7 @@ def test_strength_holds_lava_up():
     assert course.thickness > 1.5 * course_of(scene(ground(5.0)), horizon=6.0 * HOUR).thickness
 
 
-def test_lava_too_strong_to_flow_can_be_simulated():
-    """The resolution stays within its limits, whatever the strength."""
+def test_thickness_of_very_strong_lava_is_limited():
     ground = Terrain(np.tile(0.01 * np.arange(26.0), (24, 1)), 1.0)
     vent = Vent((16.5, 9.5), ((0.0, 1.0), (1.0, 0.0)), temperature=900.0, radius=1.0)
     lava = Lava(
@@ -129,8 +125,7 @@ def test_lava_too_strong_to_flow_can_be_simulated():
     assert found.thickness == MAX_THICKNESS
 
 
-def test_holes_and_borders_end_the_path():
-    """A vent beside a hole has the width that level ground gives it, not NaN."""
+def test_vent_next_to_a_hole_has_a_finite_width():
     terrain = ground(10.0)
     elevation = terrain.elevation.copy()
     elevation[:, 12:] = np.nan
@@ -138,8 +133,7 @@ def test_holes_and_borders_end_the_path():
     assert 10.0 < found < 1000.0
 
 
-def test_the_path_leaves_pits():
-    """A pit of a few cells does not end it."""
+def test_pit_does_not_end_the_path():
     terrain = ground(5.0, 0.1)
     elevation = terrain.elevation.copy()
     elevation[57:63, 60:66] -= 6.0
@@ -150,8 +144,7 @@ def test_the_path_leaves_pits():
     assert pitted.fall > 0.9 * whole.fall
 
 
-def test_vents_in_one_another_are_one_source():
-    """Vents in one place or along a line, in any number of pieces; apart, the largest counts."""
+def test_overlapping_vents_are_one_source():
     valley = scene(ground(5.0, 0.1))
     one = course_of(valley, horizon=HOUR)
     shifts = [(dx, dy) for dx in np.linspace(-5.0, 5.0, 5) for dy in np.linspace(-5.0, 5.0, 5)]
@@ -175,7 +168,6 @@ def test_vents_in_one_another_are_one_source():
 
 @pytest.mark.parametrize('factor', [2, 3])
 def test_coarser_cells_change_little(factor: int):
-    """The path, its width and its thickness are those of the terrain and not of its cells."""
     fine = scene(ground(5.0, 0.08))
     coarse = replace(fine, terrain=coarsened(fine.terrain, factor))
     one, other = (course_of(item, horizon=6.0 * HOUR) for item in (fine, coarse))
@@ -183,8 +175,7 @@ def test_coarser_cells_change_little(factor: int):
     assert other.thickness == pytest.approx(one.thickness, rel=0.1)
 
 
-def test_without_a_discharge_there_is_none():
-    """There is none without vents, with closed vents, and before a vent opens."""
+def test_no_course_without_a_discharge():
     later = Vent((100.0, 300.0), ((0.0, 0.0), (7200.0, 5.0)))
     for vents in ((), (Vent((100.0, 300.0), 0.0),), (later,)):
         assert course_of(Scene(ground(5.0), vents, LAVA), horizon=HOUR) is None

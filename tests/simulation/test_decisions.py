@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decisions about effects, before and during a run, and the cost of leaving them off."""
+"""Decisions about effects before and during a run, and the error of leaving an effect off."""
 
 from dataclasses import replace
 import math
@@ -15,18 +15,15 @@ from lava_ros.simulation.selection import Decision, noted
 
 
 def decision(name, value, **others):
-    """Return a decision about an effect with a number."""
     return Decision(name, EFFECTS[name], value, others.pop('is_on', False), **others)
 
 
 def effects(*names):
-    """Return these effects and no others."""
     return Effects(**{**dict.fromkeys(EFFECTS, False), **dict.fromkeys(names, True)})
 
 
 @pytest.mark.parametrize('name', ['steep', 'cooling', 'helmholtz', 'inertia'])
-def test_the_cost_is_in_proportion_to_the_largest_number(name):
-    """It is the effect's own cost at the threshold; a larger measured number counts."""
+def test_cost_is_proportional_to_the_largest_number(name):
     effect = EFFECTS[name]
     assert decision(name, effect.threshold).cost == pytest.approx(effect.cost)
     half = decision(name, 0.5 * effect.threshold)
@@ -35,35 +32,31 @@ def test_the_cost_is_in_proportion_to_the_largest_number(name):
     assert replace(half, measured=effect.threshold).cost == pytest.approx(effect.cost)
 
 
-def test_what_costs_nothing():
-    """Effects that are on, missing in the material, or on only by request cost nothing."""
+def test_effects_that_are_on_or_unavailable_cost_nothing():
     assert decision('steep', 0.5, is_on=True).cost == 0.0
     assert decision('yielding', math.nan).cost == 0.0
     assert decision('green', 0.5).cost == 0.0
     assert decision('vft', math.nan).cost == 0.0
 
 
-def test_a_review_measures_what_another_effect_keeps_off():
-    """Its largest number is kept, but it is not switched on while the other is on."""
+def test_review_measures_an_excluded_effect():
     review, on = Review(), effects('inertia')
     for value in (0.1, 0.4, 0.3):
         called_for = [decision('helmholtz', value, is_on=value > EFFECTS['helmholtz'].threshold)]
         assert review.note(called_for, on) == []
     assert review.largest == {'helmholtz': 0.4} and review.count == 3
     assert review.note(called_for, effects()) == ['helmholtz']
+    assert review.note(called_for, effects('helmholtz')) == []
 
 
-def test_a_run_says_what_keeps_an_effect_off():
-    """The rival is named when the measured number passes the threshold, and only then."""
+def test_decision_names_the_effect_that_excludes_it():
     before = decision('helmholtz', 0.01)
-    low, high = (
-        noted(before, effects('inertia'), measured, math.nan) for measured in (0.1, 0.4)
-    )
+    low, high = (noted(before, effects('inertia'), measured, math.nan) for measured in (0.1, 0.4))
     assert low.rival == '' and low.reason.endswith('0.01 <= 0.22, measured 0.1')
     assert high.rival == 'inertia'
-    assert high.reason == 'h / half-width = 0.4 > 0.22, but not beside inertia'
+    assert high.reason == 'h / half-width = 0.4 > 0.22, but excluded by inertia'
     assert high.cost == pytest.approx(EFFECTS['helmholtz'].cost * 0.4 / 0.22)
     switched = noted(before, effects('helmholtz'), 0.4, 60.0)
     assert switched.is_on and switched.rival == '' and switched.cost == 0.0
-    assert switched.reason == 'h / half-width = 0.4 > 0.22 from 60 s on, 0.01 expected'
+    assert switched.reason == 'h / half-width = 0.4 > 0.22 since 60 s, 0.01 expected'
     assert np.isnan(noted(before, effects(), math.nan, math.nan).measured)

@@ -15,8 +15,6 @@ from lava_ros.simulation.kernels import bessel, k0_within, smoothing_kernel, SQU
 
 
 def evaluate(function, values):
-    """Return the values of a device function of one argument."""
-
     @wp.kernel(module='unique')
     def apply(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):
         i = wp.tid()
@@ -29,11 +27,7 @@ def evaluate(function, values):
 
 
 @pytest.mark.parametrize('name', KERNELS)
-def test_kernel_is_what_it_says(name):
-    """The integral of W over its disc is 1, and slope(q) q is the derivative of shape(q).
-
-    No wave decays faster than the stiffness allows, and one decays that fast.
-    """
+def test_kernel_norm_stiffness_and_slope_fit_its_shape(name):
     kernel = smoothing_kernel(name, wp.float64)
     q = (np.arange(20000) + 0.5) / 20000
     shape = evaluate(kernel.shape, q)
@@ -52,7 +46,7 @@ def test_kernel_is_what_it_says(name):
 
 @pytest.mark.parametrize('name', ['wendland', 'spiky'])
 @pytest.mark.parametrize('ratio', [2.5, 3.0, 4.0, 6.0])
-def test_excess_is_what_a_lattice_sums_to_much(name, ratio):
+def test_excess_corrects_the_sum_over_a_lattice(name, ratio):
     """The sum over a square or hexagonal lattice, less the excess, is the thickness."""
     kernel = smoothing_kernel(name, wp.float64)
     i, j = np.meshgrid(np.arange(-20, 21), np.arange(-20, 21))
@@ -65,7 +59,6 @@ def test_excess_is_what_a_lattice_sums_to_much(name, ratio):
 
 
 def test_bessel_functions_match_scipy():
-    """K0(x) and x K1(x) are accurate to 2e-7 over their whole range, and finite at tiny x."""
     x = np.concatenate([np.geomspace(1e-6, 2.0, 200), np.linspace(2.0, 60.0, 200)])
     k0, x_k1 = bessel(wp.float64)
     assert np.abs(evaluate(k0, 0.25 * x**2) - special.k0(x)).max() < 2e-7
@@ -88,8 +81,7 @@ def k0_of(real, support, squares):
 
 
 @pytest.mark.parametrize('support', [0.05, 0.3, 1.0, 3.0, 5.0, 12.0, 30.0])
-def test_k0_within_a_support(support):
-    """The fit of float32 is K0 to 4e-4 up to 5 radii over the thickness, to 2e-3 up to 30."""
+def test_k0_fit_is_accurate_within_the_support(support):
     squares = np.geomspace(1.0 / SQUARED_SUPPORT, 0.999 * SQUARED_SUPPORT, 1000)
     exact = special.k0(support * np.sqrt(squares / SQUARED_SUPPORT))
     assert k0_of(wp.float64, support, squares) == pytest.approx(exact, rel=1e-6, abs=3e-7)
@@ -98,8 +90,7 @@ def test_k0_within_a_support(support):
 
 
 @pytest.mark.parametrize('support', [1e-6, 1e3, 1e9])
-def test_k0_of_any_thickness_is_a_number(support):
-    """However thick or thin lava is, no weight is below 0 or too large."""
+def test_k0_is_finite_for_any_thickness(support):
     squares = np.geomspace(1.0 / SQUARED_SUPPORT, SQUARED_SUPPORT, 100)
     weights = k0_of(wp.float32, support, squares)
     assert np.isfinite(weights).all()

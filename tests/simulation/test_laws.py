@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cooling, and speed as a function of the slope, against exact solutions."""
+"""Order of cooling in time, and speed as a function of the slope."""
 
 import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 import warp as wp
 
 from lava_ros.effects import Effects
@@ -21,16 +20,10 @@ WEIGHT = 2500.0 * 9.81
 
 
 def cooled(lava, hours, *, longest_step, device='cpu'):
-    """Return temperature and thickness of the middle of a sheet that is too stiff to move."""
+    """Return temperature and thickness in the middle of a sheet too stiff to move."""
     simulation = simulated(
-        flat(20),
-        lava,
-        Particles(lattice(6.0), 2.0, 1423.0),
-        effects=only('cooling'),
-        device=device,
-        spacing=1.0,
-        thickness=2.0,
-        longest_step=longest_step,
+        flat(20), lava, Particles(lattice(6.0), 2.0, 1423.0), effects=only('cooling'),
+        device=device, spacing=1.0, thickness=2.0, longest_step=longest_step,
     )
     simulation.advance(3600.0 * hours)
     sample = simulation.sample()
@@ -38,24 +31,7 @@ def cooled(lava, hours, *, longest_step, device='cpu'):
     return sample.temperature[middle], sample.thickness[middle]
 
 
-@pytest.mark.parametrize('convection', [0.0, 50.0])
-@pytest.mark.parametrize('hours', [1.0, 10.0, 24.0])
-def test_a_sheet_cools_as_the_balance_says(device, hours, convection):
-    """By radiation, and by convection too, for a sheet 2 m thick."""
-    lava = Lava(viscosity=1e14, convection=convection)
-    temperature, thickness = cooled(lava, hours, longest_step=60.0, device=device)
-    assert thickness == pytest.approx(2.0, rel=1e-3)
-    capacity = 2500.0 * 1150.0 * thickness
-
-    def rate(_, t):
-        return -(0.9 * 5.670374419e-8 * (t**4 - 300.0**4) + convection * (t - 300.0)) / capacity
-
-    expected = solve_ivp(rate, (0.0, 3600.0 * hours), [1423.0], rtol=1e-9).y[0, -1]
-    assert temperature == pytest.approx(expected, rel=1e-3)
-
-
 def test_cooling_is_second_order_in_time():
-    """Halving the step divides the error by four."""
     lava = Lava(viscosity=1e14, convection=0.0)
     reference, _ = cooled(lava, 10.0, longest_step=30.0)
     errors = [
@@ -64,15 +40,7 @@ def test_cooling_is_second_order_in_time():
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.3)
 
 
-def test_temperature_stays_between_air_and_vent_for_any_step(device):
-    """One step of a year neither overshoots the air's temperature nor makes NaN."""
-    lava = Lava(viscosity=1e14)
-    temperature, _ = cooled(lava, 24.0 * 365, longest_step=1e9, device=device)
-    assert 300.0 <= temperature < 1423.0
-
-
-def test_without_losses_nothing_cools():
-    """Emissivity 0 and convection 0 keep the temperature bitwise."""
+def test_temperature_is_constant_without_heat_loss():
     lava = Lava(viscosity=1e14, emissivity=0.0, convection=0.0)
     assert cooled(lava, 10.0, longest_step=600.0)[0] == 1423.0
 
@@ -106,11 +74,7 @@ def responses(effects, lava, slopes, thickness, device):
     ('index', 'strength'),
     [(1.0, 800.0), (0.4, 0.0), (0.4, 800.0), (2.5, 0.0), (2.5, 800.0)],
 )
-def test_mobility_and_step_are_those_of_the_exact_flux(device, index, strength):
-    """The mobility is exact; the larger of dq/ds and q/s, over h, sets the step.
-
-    With n > 1 and a strength it may be up to their sum.
-    """
+def test_mobility_and_step_limit_follow_the_exact_flux(device, index, strength):
     thickness = 0.8
     lava = Lava(viscosity=2e3, yield_strength=strength, flow_index=index)
     effects = Effects(
@@ -119,20 +83,13 @@ def test_mobility_and_step_are_those_of_the_exact_flux(device, index, strength):
     slopes = np.geomspace(0.002, 0.9, 60)
 
     def speeds(at):
-        return np.array(
-            [
-                exact.herschel_bulkley_velocity(
-                    thickness,
-                    math.asin(slope),
-                    density=2500.0,
-                    consistency=2e3,
-                    strength=strength,
-                    index=index,
-                    gravity=9.81,
-                )
-                for slope in at
-            ]
-        )
+        return np.array([
+            exact.herschel_bulkley_velocity(
+                thickness, math.asin(slope), density=2500.0, consistency=2e3,
+                strength=strength, index=index, gravity=9.81,
+            )
+            for slope in at
+        ])
 
     mobility, bound = responses(effects, lava, slopes, thickness, device).T
     across = speeds(slopes) / slopes
@@ -147,8 +104,8 @@ def test_mobility_and_step_are_those_of_the_exact_flux(device, index, strength):
         assert (bound <= (across + along) * (1.0 + 1e-5) + 1e-9).all()
 
 
-def test_strength_makes_no_step_shorter(device):
-    """The bound of Bingham lava, (rho g h^2 / 3 mu)(1 - B^3), is below that of Newtonian lava."""
+def test_yield_strength_does_not_shorten_the_step(device):
+    """The bound of Bingham lava is (rho g h^2 / 3 mu)(1 - B^3)."""
     lava = Lava(viscosity=2e3, yield_strength=800.0)
     effects = Effects(arrhenius=False, yielding=True, cooling=False)
     slopes = np.geomspace(0.002, 0.9, 60)
@@ -158,7 +115,6 @@ def test_strength_makes_no_step_shorter(device):
     assert bound == pytest.approx(newtonian * np.maximum(1.0 - b**3, 0.0), rel=1e-9, abs=1e-12)
 
 
-def test_newtonian_lava_has_no_law_of_speed():
-    """Without strength or exponent only the Newtonian balance is compiled."""
+def test_newtonian_lava_compiles_no_speed_function():
     law = law_type(wp.float32)
     assert speed_function(wp, wp.float32, law, Effects(crystals=True)) is None

@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Accuracy settings; presets are points on the measured front, by the committed evidence."""
+"""Accuracy settings; presets against the committed measurements of error and cost."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,7 +23,7 @@ CASE = 'fixed_volume'
 
 POINTS = [item for item in points(ROWS) if item.case == CASE]
 
-#: The presets by accuracy, without the one for comparison only.
+#: The presets in order of accuracy, without the one for comparison.
 LADDER = ('draft', 'standard', 'fine', 'reference')
 
 
@@ -35,21 +36,19 @@ LADDER = ('draft', 'standard', 'fine', 'reference')
     ],
     ids=''.join,
 )
-def test_knobs_are_checked_by_name(knob):
-    """Each invalid setting raises an error that names it."""
+def test_rejects_an_invalid_setting_by_name(knob):
     with pytest.raises(LavaError, match=rf'^accuracy\.{"".join(knob)}'):
         accuracy_from_dict(knob)
 
 
-def test_unknown_knob_is_refused():
-    """A misspelt key is named with the allowed ones, and none gives the defaults."""
+def test_rejects_an_unknown_setting():
     assert accuracy_from_dict({}) == Accuracy()
     with pytest.raises(LavaError, match=r'accuracy\.spaceing.*one of spacing'):
         accuracy_from_dict({'spaceing': 3})
 
 
 def test_expected_thickness_is_the_scale_of_a_point_source():
-    """(3 mu Q / (rho g))^(1/4) with the largest discharge; 1 m3/s where no vent flows."""
+    """(3 mu Q / (rho g))^(1/4), with 1 m3/s if no vent is active."""
     terrain = Terrain(np.zeros((10, 10)), 10.0)
     lava = Lava(viscosity=1e4, density=2600.0)
     vents = (Vent((5.0, 5.0), 10.0), Vent((50.0, 50.0), [(0.0, 4.0), (5.0, 160.0)]))
@@ -59,13 +58,11 @@ def test_expected_thickness_is_the_scale_of_a_point_source():
 
 
 def point(preset):
-    """Return the preset's point."""
     (found,) = (item for item in POINTS if item.preset == preset)
     return found
 
 
-def test_names():
-    """The presets, and the paper's settings; the default has automatic spacing."""
+def test_unknown_preset_is_an_error_that_lists_them():
     assert tuple(PRESETS) == (*LADDER, 'as-published')
     assert PRESETS[DEFAULT].accuracy.refinement == Accuracy().refinement
     wide = [name for name, item in PRESETS.items() if item.accuracy.precision == 'float64']
@@ -74,24 +71,20 @@ def test_names():
         preset_accuracy('best')
 
 
-def test_spacing_takes_the_place_of_the_automatic_one():
-    """An explicit spacing is used unchanged; without one the preset is unchanged."""
-    assert preset_accuracy('draft') == PRESETS['draft'].accuracy
-    chosen = preset_accuracy('draft', spacing=12.0)
-    assert chosen.spacing == 12.0
-    assert chosen.ratio == PRESETS['draft'].accuracy.ratio
+def test_explicit_spacing_replaces_the_automatic_one():
+    draft = PRESETS['draft'].accuracy
+    assert preset_accuracy('draft') == draft
+    assert preset_accuracy('draft', spacing=12.0) == replace(draft, spacing=12.0)
 
 
-def test_the_evidence_was_made_as_it_says():
-    """The quoted rows name the command, and no path on a developer's disk."""
+def test_measurements_name_their_command_without_paths():
     assert {row.command for row in ROWS if row.case == CASE} == {COMMAND}
     assert all(row.command.startswith('lava accuracy ') for row in ROWS)
     assert not any('/' in row.command for row in ROWS)
 
 
 @pytest.mark.parametrize('name', PRESETS)
-def test_evidence_is_what_was_measured(name):
-    """The committed errors are those quoted, rounded up by less than a half."""
+def test_preset_errors_are_those_measured(name):
     errors = PRESETS[name].errors
     rows = [row for row in ROWS if (row.case, row.preset) == (CASE, name)]
     assert {row.quantity for row in rows} >= set(errors)
@@ -101,32 +94,28 @@ def test_evidence_is_what_was_measured(name):
 
 
 @pytest.mark.parametrize('name', LADDER)
-def test_presets_lie_on_the_front(name):
-    """No setting is better than a preset by more than a fifth in both error and time."""
+def test_no_setting_dominates_a_preset(name):
+    """No setting is better by more than a fifth in both error and time."""
     own = point(name)
-    better = [
-        item.setting
-        for item in POINTS
+    assert [
+        item.setting for item in POINTS
         if item.error < 0.8 * own.error and item.cost < 0.8 * own.cost
-    ]
-    assert better == []
+    ] == []
 
 
-def test_the_ladder_climbs():
-    """Each preset does more work than the previous one, and its error is smaller."""
+def test_each_preset_is_more_accurate_and_more_expensive():
     steps = [point(name) for name in LADDER]
     work = []
     for step in steps:
         row = next(row for row in ROWS if (row.case, row.preset) == (step.case, step.preset))
-        # so few particles do not fill a GPU: its time is latency
+        # so few particles do not fill a GPU: the measured time is latency
         work.append(row.particles * row.evaluations)
-    for cheap, dear in pairwise(zip(steps, work, strict=True)):
-        assert dear[1] > cheap[1]
-        assert dear[0].error < cheap[0].error
+    for (cheap, cheap_work), (fine, fine_work) in pairwise(zip(steps, work, strict=True)):
+        assert fine_work > cheap_work
+        assert fine.error < cheap.error
 
 
-def test_the_paper_is_dominated():
-    """In no more time than the paper's settings take, a draft has a fifth of the error."""
+def test_draft_is_more_accurate_and_cheaper_than_the_paper():
     paper, draft = point('as-published'), point('draft')
     assert draft.cost < paper.cost
     assert draft.error < 0.2 * paper.error

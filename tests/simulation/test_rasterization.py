@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The map: where the lava ends, how thick it is there, and that no volume is lost."""
+"""The map: extent, thickness at the margin, and volume."""
 
 import math
 
@@ -22,14 +22,10 @@ TIME = DOME.time_of_radius(RADIUS)
 def mapped(count, ratio, device='cpu', cells=300):
     """Return the map of Huppert's profile given as particles, on a square of 400 m."""
     simulation = simulated(
-        flat(cells, 400.0 / cells),
-        Lava(),
-        Particles(DOME.particles(count, TIME), VOLUME / count, 1400.0),
-        effects=only(),
-        device=device,
-        spacing=RADIUS * math.sqrt(math.pi / count),
-        thickness=VOLUME / (math.pi * RADIUS**2),
-        ratio=ratio,
+        flat(cells, 400.0 / cells), Lava(),
+        Particles(DOME.particles(count, TIME), VOLUME / count, 1400.0), effects=only(),
+        device=device, spacing=RADIUS * math.sqrt(math.pi / count),
+        thickness=VOLUME / (math.pi * RADIUS**2), ratio=ratio,
     )
     return simulation.snapshot().thickness
 
@@ -44,19 +40,18 @@ def exact_means(cells, parts=8):
 
 @pytest.mark.parametrize('count', [500, 2000, 8000])
 @pytest.mark.parametrize('ratio', [2.5, 3.0, 3.5])
-def test_footprint_does_not_swell_with_the_kernel(device, count, ratio):
-    """The radius of cells above 10 cm is accurate to 1 %; a bare sum is 1 to 5 % too large."""
+def test_inundated_area_does_not_grow_with_the_kernel(device, count, ratio):
+    """The radius is accurate to 1 %; that of a plain sum is 1 to 5 % too large."""
     maps = mapped(count, ratio, device), exact_means(300)
     wet = [np.count_nonzero(item > 0.1) for item in maps]
     assert math.sqrt(wet[0]) == pytest.approx(math.sqrt(wet[1]), rel=0.01)
 
 
-def test_a_cell_at_the_border_holds_its_mean(device):
-    """Whatever the cells, they hold the means of a finer map of the same particles, or none."""
+def test_coarse_cells_have_the_means_of_fine_ones(device):
     fine, coarse = (mapped(2000, 3.5, device, cells=cells) for cells in (400, 80))
     means = fine.reshape(80, 5, 80, 5).mean(axis=(1, 3))
     error = np.abs(coarse - means).sum() / means.sum()
-    # cells that hold lava or none: 1.7 %; cells less than half covered hold none
+    # with all or nothing per cell 1.7 %; cells less than half covered hold no lava
     assert error < 0.0045
 
 
@@ -70,7 +65,7 @@ def slope(valley=0.0, holes=False, rows=30, columns=40, cell=5.0):
     return Terrain(elevation, cell)
 
 
-#: Terrain, place of the vent, and lava.
+#: Terrain, position of the vent, and lava.
 SCENES = {
     'plane': (slope(), (60.0, 75.0), Lava(viscosity=5e3)),
     'valley': (slope(valley=0.6), (60.0, 76.0), Lava(viscosity=5e3)),
@@ -89,13 +84,11 @@ SCENES = {
     ['draft', 'standard', 'fine', pytest.param('reference', marks=pytest.mark.nightly)],
 )
 @pytest.mark.parametrize('scene', SCENES)
-def test_map_holds_the_volume(device, scene, preset):
-    """Thickness times area, summed over the cells, is what particles and deposit hold."""
+def test_map_has_the_volume_of_particles_and_deposit(device, scene, preset):
     terrain, place, lava = SCENES[scene]
     simulation = Simulation(
         Scene(terrain, (Vent(place, 20.0, temperature=1423.0, radius=5.0),), lava),
-        effects={'solidification': scene == 'freezing'},
-        accuracy=PRESETS[preset].accuracy,
+        effects={'solidification': scene == 'freezing'}, accuracy=PRESETS[preset].accuracy,
         device=device,
     )
     simulation.advance(60.0)
@@ -113,8 +106,7 @@ def test_map_holds_the_volume(device, scene, preset):
 
 @pytest.mark.parametrize('cell', [0.5, 4.0, 30.0])
 @pytest.mark.parametrize('place', [(60.0, 60.0), (60.1, 71.3), (0.2, 119.9)])
-def test_a_lone_particle_keeps_its_volume(device, cell, place):
-    """On finer and coarser cells than the particle, in their corners and next to the border."""
+def test_single_particle_keeps_its_volume_on_any_cell(device, cell, place):
     ground, lone = Terrain(np.zeros((round(120.0 / cell),) * 2), cell), [place]
     knobs = {'device': device, 'spacing': 4.0, 'thickness': 1.0}
     snapshot = simulated(ground, Lava(), Particles(lone, 16.0, 1400.0), **knobs).snapshot()
@@ -122,8 +114,7 @@ def test_a_lone_particle_keeps_its_volume(device, cell, place):
     assert snapshot.temperature[snapshot.thickness > 0.0] == pytest.approx(1400.0, rel=1e-6)
 
 
-def test_a_stream_narrower_than_half_a_cell_is_in_the_cells_it_lies_in(device):
-    """No cell is more than half covered, so each holds the lava that lies in it."""
+def test_narrow_stream_is_in_the_cells_that_contain_it(device):
     x = np.arange(1.0, 119.0, 2.0)
     lava = Particles(np.column_stack([x, np.full_like(x, 47.0)]), 4.0, 1400.0)
     knobs = {'device': device, 'spacing': 2.0, 'thickness': 1.0}
@@ -137,17 +128,17 @@ def test_a_stream_narrower_than_half_a_cell_is_in_the_cells_it_lies_in(device):
     ('count', 'cells', 'error'),
     [(500, 40, 0.04), (500, 100, 0.035), (2000, 100, 0.016), (8000, 40, 0.012), (8000, 100, 8e-3)],
 )
-def test_map_has_the_thickness_of_its_cells(count, cells, error):
-    """Volume in wrong cells; sums of V W over their cover had 4.5, 4.2, 1.9, 1.6 and 0.9 %."""
+def test_error_of_the_thickness_falls_with_the_spacing(count, cells, error):
+    """Plain sums of V W over their cover had 4.5, 4.2, 1.9, 1.6 and 0.9 %."""
     wrong = np.abs(mapped(count, 3.5, cells=cells) - exact_means(cells)).sum()
     assert wrong * (400.0 / cells) ** 2 < error * VOLUME
 
 
 @pytest.mark.parametrize('wavelength', [2.4, 3.0])
-def test_map_has_the_height_of_waves(wavelength):
+def test_map_restores_the_height_of_waves(wavelength):
     """To first order the map undoes the kernel's smoothing (docs/MODEL.md).
 
-    Of a wave of a length in kernel radii a sum of V W has T, the kernel's transform, and the map
+    If T is the kernel's transform, a plain sum of V W scales a wave by T, and the map by
     T + (1 - T^2) (T^2 - T / 2).
     """
     radius, side, thickness = 3.5, 80.0, 1.0
@@ -164,13 +155,9 @@ def test_map_has_the_height_of_waves(wavelength):
     y = np.arange(0.5, side)
     rows = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
     simulation = simulated(
-        Terrain(np.zeros((160, 160)), 0.5),
-        Lava(),
-        Particles(rows, thickness * (held[-1] - held[0]) / side, 1400.0),
-        spacing=1.0,
-        thickness=thickness,
-        ratio=radius,
-        raster_ratio=1.0,
+        Terrain(np.zeros((160, 160)), 0.5), Lava(),
+        Particles(rows, thickness * (held[-1] - held[0]) / side, 1400.0), spacing=1.0,
+        thickness=thickness, ratio=radius, raster_ratio=1.0,
     )
     middle = (np.arange(160) + 0.5) * 0.5 - 0.5 * side
     inside = np.abs(middle) < wavelength * radius

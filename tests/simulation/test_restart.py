@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs that begin with an emplaced flow, and ground that changes during a run."""
+"""Runs that start with an emplaced flow, and ground that changes during a run."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -38,13 +38,11 @@ KNOBS = {'accuracy': Accuracy(spacing=5.0, thickness=1.0), 'effects': {}, 'devic
 
 
 def _lobe(cell: float, side: int) -> EmplacedFlow:
-    """A block of lava 4 m thick in the upper part of the incline."""
     return EmplacedFlow(np.full((side, side), 4.0), cell, (80.0, 260.0), 1380.0, 'lobe.tif')
 
 
 @pytest.mark.parametrize(('cell', 'side'), [(10.0, 8), (2.0, 40)])
-def test_emplaced_flow_is_the_lava_at_the_start(cell: float, side: int) -> None:
-    """All of its volume is there at time 0, at its temperature, and flows downhill."""
+def test_emplaced_flow_is_the_initial_lava(cell: float, side: int) -> None:
     flow = _lobe(cell, side)
     assert flow.volume == pytest.approx(80.0 * 80.0 * 4.0)
     simulation = Simulation(replace(SCENE, vents=(), emplaced_flows=(flow,)), **KNOBS)
@@ -58,12 +56,10 @@ def test_emplaced_flow_is_the_lava_at_the_start(cell: float, side: int) -> None:
     assert end.budget.emitted == start.budget.emitted
     lowest = [np.flatnonzero(item.standing.any(axis=1))[0] for item in (start, end)]
     assert lowest[1] < lowest[0] - 2
-    # where the lava was at the start, it has arrived
     assert (end.inundated >= (start.thickness > 1.0)).all()
 
 
-def test_spacing_without_a_vent_follows_the_flow() -> None:
-    """Lava without a vent is as finely resolved as its edges need, up to a number of particles."""
+def test_spacing_without_a_vent_follows_the_emplaced_flow() -> None:
     scene = replace(SCENE, vents=(), emplaced_flows=(_lobe(10.0, 8),))
     found = resolution_of(scene, Accuracy())
     assert (found.thickness, found.spacing, found.limit) == (4.0, 6.0, 'edges')
@@ -74,8 +70,7 @@ def test_spacing_without_a_vent_follows_the_flow() -> None:
     assert found.spacing == pytest.approx(np.sqrt(9e6 / 200_000), rel=0.01)
 
 
-def test_second_run_begins_where_the_first_ended() -> None:
-    """The map of a first run is the lava of a second one, as much and as wide."""
+def test_map_of_one_run_can_start_another() -> None:
     first = Simulation(SCENE, **KNOBS)
     first.advance(400.0)
     end = first.snapshot()
@@ -91,8 +86,7 @@ def test_second_run_begins_where_the_first_ended() -> None:
     assert second.budget().emitted == pytest.approx(flow.volume + 200.0 * 5.0, rel=1e-6)
 
 
-def test_event_changes_the_ground_at_its_time() -> None:
-    """The flow is that of the same change by hand, to the bit, however it is stopped."""
+def test_terrain_event_is_bitwise_identical_to_a_manual_change() -> None:
     event = TerrainEvent(120.0, 'a wall', barriers=(WALL,))
     by_hand = Simulation(SCENE, **KNOBS)
     by_hand.advance(120.0)
@@ -103,7 +97,6 @@ def test_event_changes_the_ground_at_its_time() -> None:
         simulation = Simulation(replace(SCENE, events=(event,)), **KNOBS)
         for time in stops:
             simulation.advance(time, limit=120.0 if time <= 120.0 else 600.0)
-            # the change comes after the map of its own time
             assert (simulation.scene.terrain is GROUND) == (time <= 120.0)
         assert simulation.scene.events == ()
         np.testing.assert_array_equal(simulation.snapshot().thickness, wanted.thickness)
@@ -111,8 +104,7 @@ def test_event_changes_the_ground_at_its_time() -> None:
     assert wanted.terrain.barriers == (WALL.line,)
 
 
-def test_checkpoint_keeps_what_is_to_come() -> None:
-    """A resumed run has the flows for a reset, and goes through the same events."""
+def test_checkpoint_keeps_emplaced_flows_and_future_events() -> None:
     new = replace(GROUND, elevation=GROUND.elevation + np.where(_Y < 150.0, 8.0, 0.0))
     events = (
         TerrainEvent(30.0, 'a wall', barriers=(WALL,)), TerrainEvent(60.0, 'new ground', new)
@@ -135,8 +127,7 @@ def test_checkpoint_keeps_what_is_to_come() -> None:
         np.testing.assert_array_equal(one, other)
 
 
-def test_members_go_through_events_alike() -> None:
-    """Each member has the wall from its time on; new ground has the errors of the member's."""
+def test_terrain_event_applies_to_every_member() -> None:
     uncertain = uncertainty_from_dict({
         'discharge': {'distribution': 'uniform', 'low': 0.8, 'high': 1.2},
         'terrain': {'deviation': 0.2, 'correlation': 50.0},

@@ -18,7 +18,7 @@ from lava_ros.simulation.checkpoint import from_bytes
 from lava_ros.simulation.inundation import standing_cells
 from lava_ros.simulation.state import FAR
 
-#: Time at which a run is stopped, and the end [s].
+#: Times of the checkpoint and of the end [s].
 STOP, END = 200.0, 400.0
 
 LAVA = Lava(viscosity=2e3, density=2600.0)
@@ -44,15 +44,15 @@ VENTS = (
 
 
 def hill():
-    """Return a rough slope towards +x with a hole, down which lava runs off the map."""
+    """Return a rough slope towards +x with a hole; lava leaves over its border."""
     x, y = np.meshgrid(np.arange(28) * 10.0, np.arange(30) * 10.0)
     height = 900.0 - 0.25 * x + 3.0 * np.sin(x / 17.0) * np.cos(y / 23.0)
     height[14:16, 16:18] = np.nan
     return Terrain(height, 10.0, origin=(5.0, -3.0), epsg=32633, offset=(500000.0, 4177000.0))
 
 
-def stopped(name, device, precision='float32'):
-    """Return a simulation that has run up to ``STOP`` and whose vents have changed."""
+def simulation_at_stop(name, device, precision='float32'):
+    """Return a simulation advanced to ``STOP`` whose vents have changed once."""
     lava, effects = SCENES[name]
     accuracy = Accuracy(
         spacing=4.0, thickness=0.5, longest_step=20.0, deterministic=True, precision=precision
@@ -67,16 +67,15 @@ def stopped(name, device, precision='float32'):
 
 
 @lru_cache
-def taken(name):
-    """Return the checkpoint of such a simulation on the CPU, and the continued run."""
-    checkpoint = stopped(name, 'cpu').checkpoint()
+def checkpoint_and_run(name):
+    """Return a checkpoint of that simulation on the CPU, and the run resumed from it."""
+    checkpoint = simulation_at_stop(name, 'cpu').checkpoint()
     run = Simulation.resume(checkpoint, device='cpu')
     run.advance(END)
     return checkpoint, run
 
 
 def equal(one, other):
-    """Return True if two simulations are equal in every array and every output."""
     first, second = one.snapshot(), other.snapshot()
     same_maps = all(
         getattr(first, name) is getattr(second, name)
@@ -88,41 +87,34 @@ def equal(one, other):
     return same_maps and same_numbers and same_state
 
 
-def resumed_from(simulation):
-    """Return a simulation resumed from the bytes of a checkpoint, on the same device."""
-    data = simulation.checkpoint().to_bytes()
-    return Simulation.resume(from_bytes(data), device=simulation.device)
-
-
 @pytest.mark.parametrize(
     ('name', 'precision'), [*((name, 'float32') for name in SCENES), ('bare', 'float64')]
 )
-def test_going_on_equals_never_having_stopped(name, precision, device):
-    """With vents that change in time, twice, and lava that leaves: bitwise identical."""
-    simulation = stopped(name, device, precision)
-    resumed = resumed_from(simulation)
+def test_resumed_run_is_bitwise_identical(name, precision, device):
+    simulation = simulation_at_stop(name, device, precision)
+    checkpoint = simulation.checkpoint()
+    data = checkpoint.to_bytes()
+    resumed = Simulation.resume(from_bytes(data), device=device)
     assert resumed.time == STOP
     for run in (simulation, resumed):
         run.advance(END)
     assert equal(simulation, resumed)
+    assert checkpoint.to_bytes() == data
     budget = simulation.budget()
     assert budget.emitted > 3000.0
     assert budget.error < 1e-5
     assert budget.left > 0.0 or budget.frozen > 0.0
 
 
-def test_what_is_chosen_and_changed_later_is_the_same(device):
-    """Effects by choice, forced ones, new vents and a new terrain after the checkpoint."""
+def test_changes_after_a_checkpoint_have_the_same_result(device):
     lava = replace(COOLING, convection=1000.0)
     simulation = Simulation(
-        Scene(hill(), VENTS, lava),
-        effects={'merging': False, 'solidification': True},
-        accuracy=Accuracy(spacing=4.0, deterministic=True),
-        device=device,
-        horizon=7200.0,
+        Scene(hill(), VENTS, lava), effects={'merging': False, 'solidification': True},
+        accuracy=Accuracy(spacing=4.0, deterministic=True), device=device, horizon=7200.0,
     )
     simulation.advance(STOP)
-    resumed = resumed_from(simulation)
+    data = simulation.checkpoint().to_bytes()
+    resumed = Simulation.resume(from_bytes(data), device=simulation.device)
     assert resumed.decisions() == simulation.decisions()
     ground = hill()
     raised = replace(ground, elevation=ground.elevation + np.linspace(0.0, 5.0, 28))
@@ -139,8 +131,7 @@ def test_what_is_chosen_and_changed_later_is_the_same(device):
     assert equal(simulation, resumed)
 
 
-def test_room_that_was_made_is_kept(device):
-    """The arrays grow at the same moment to the same size."""
+def test_capacity_grows_in_a_resumed_run_as_in_the_original(device):
     scene = Scene(hill(), (Vent((95.0, 150.0), ((0.0, 1.0), (215.0, 7.2e3)), radius=40.0),), LAVA)
     accuracy = Accuracy(spacing=2.0, thickness=0.5, deterministic=True, longest_step=20.0)
     simulation = Simulation(scene, effects=Effects(), accuracy=accuracy, device=device)
@@ -153,9 +144,8 @@ def test_room_that_was_made_is_kept(device):
     assert equal(simulation, resumed)
 
 
-def test_older_checkpoints_go_on():
-    """Their one sum of lava that left counts at the border; they had no bound of the speed."""
-    checkpoint, run = taken('bare')
+def test_resumes_a_checkpoint_with_one_sum_of_lost_lava():
+    checkpoint, run = checkpoint_and_run('bare')
     left = checkpoint.arrays['state.left']
     arrays = {**checkpoint.arrays, 'state.left': left.sum(keepdims=True)}
     del arrays['state.top']
@@ -166,15 +156,12 @@ def test_older_checkpoints_go_on():
     assert run.budget().left >= left.sum()
 
 
-def test_lava_far_from_its_vents_is_found(device, monkeypatch):
-    """The neighbour grid of a large terrain covers the lava at once, not only the vents."""
+def test_neighbour_grid_of_a_resumed_run_covers_lava_far_from_vents(device, monkeypatch):
     ground = Terrain(np.zeros((300, 300)), 10.0)
     places = np.stack(np.meshgrid(*[np.arange(100.0, 300.0, 10.0)] * 2), axis=-1).reshape(-1, 2)
     simulation = Simulation(
-        Scene(ground, (Vent((2800.0, 2800.0), 1.0),), Lava()),
-        effects=Effects(),
-        accuracy=Accuracy(spacing=10.0, thickness=1.0),
-        device=device,
+        Scene(ground, (Vent((2800.0, 2800.0), 1.0),), Lava()), effects=Effects(),
+        accuracy=Accuracy(spacing=10.0, thickness=1.0), device=device,
         particles=Particles(places, 100.0, 1400.0),
     )
     monkeypatch.setattr(neighbors, 'MOST_IN_CELL', 50)
@@ -196,9 +183,8 @@ def test_lava_far_from_its_vents_is_found(device, monkeypatch):
         ('merging', 'state.moved'),
     ],
 )
-def test_each_array_is_needed(scene, array):
-    """Without one of its arrays a checkpoint is an error; another array changes the result."""
-    checkpoint, run = taken(scene)
+def test_missing_array_is_an_error_and_another_array_another_result(scene, array):
+    checkpoint, run = checkpoint_and_run(scene)
     without = {name: values for name, values in checkpoint.arrays.items() if name != array}
     with pytest.raises(LavaError, match=r'checkpoint\.') as refused:
         Simulation.resume(replace(checkpoint, arrays=without), device='cpu')
@@ -206,7 +192,6 @@ def test_each_array_is_needed(scene, array):
     values = checkpoint.arrays[array].copy()
     assert values.any()
     if array == 'state.clock':
-        # the previous step, on which inertia depends
         values[1] *= 0.5
     else:
         values = values // 2 if values.dtype.kind == 'i' else 0.5 * values
@@ -216,9 +201,8 @@ def test_each_array_is_needed(scene, array):
     assert not equal(run, otherwise)
 
 
-def test_checkpoint_from_before_vents_kept_their_sequences_resumes():
-    """The lava in the conduits is kept, and the volume budget is closed."""
-    checkpoint, _ = taken('bare')
+def test_resumes_a_checkpoint_without_vent_sequences():
+    checkpoint, _ = checkpoint_and_run('bare')
     arrays = dict(checkpoint.arrays)
     del arrays['vents.phase'], arrays['vents.downhill']
     volume = arrays.pop('vents.volume')
@@ -236,11 +220,10 @@ def test_checkpoint_from_before_vents_kept_their_sequences_resumes():
     assert old.particle_count == pytest.approx(new.particle_count, abs=2)
 
 
-def test_frozen_lava_is_inundated_in_a_checkpoint_without_arrival_times():
-    """A checkpoint without times and maps of its own resumes with all its volume."""
-    checkpoint, _ = taken('freezing')
-    former = {'arrived.times', 'solidification.placed'}
-    arrays = {name: item for name, item in checkpoint.arrays.items() if name not in former}
+def test_resumes_a_checkpoint_without_arrival_times():
+    checkpoint, _ = checkpoint_and_run('freezing')
+    missing = {'arrived.times', 'solidification.placed'}
+    arrays = {name: item for name, item in checkpoint.arrays.items() if name not in missing}
     shown = Simulation.resume(replace(checkpoint, arrays=arrays), device='cpu').snapshot()
     assert shown.budget.frozen > 0.0
     frozen = standing_cells(shown.frozen)
@@ -250,9 +233,8 @@ def test_frozen_lava_is_inundated_in_a_checkpoint_without_arrival_times():
     assert held == pytest.approx(shown.budget.frozen, rel=1e-6)
 
 
-def test_arrays_of_another_scene_are_refused():
-    """The error names a state that does not belong to the effects and the terrain."""
-    checkpoint, _ = taken('freezing')
+def test_rejects_arrays_of_another_scene():
+    checkpoint, _ = checkpoint_and_run('freezing')
     terrain, particle = checkpoint.scene.terrain, checkpoint.arrays['state.particle']
     small = replace(terrain, elevation=terrain.elevation[:-1])
     for match, change in (
@@ -268,20 +250,8 @@ def test_arrays_of_another_scene_are_refused():
             Simulation.resume(replace(checkpoint, **change), device='cpu')
 
 
-def test_a_checkpoint_changes_nothing(device):
-    """It neither moves the simulation nor changes with it later."""
-    simulation, other = stopped('freezing', device), stopped('freezing', device)
-    checkpoint = simulation.checkpoint()
-    before = checkpoint.to_bytes()
-    for run in (simulation, other):
-        run.advance(END)
-    assert equal(simulation, other)
-    assert checkpoint.to_bytes() == before
-
-
-def test_another_device_goes_on(device):
-    """A checkpoint of any device resumes on the CPU, with the same volume."""
-    simulation = stopped('crust', device)
+def test_checkpoint_resumes_on_another_device(device):
+    simulation = simulation_at_stop('crust', device)
     resumed = Simulation.resume(simulation.checkpoint(), device='cpu')
     assert resumed.device == 'cpu'
     assert resumed.budget() == simulation.budget()

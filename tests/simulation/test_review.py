@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Effects that are switched on while a simulation runs, and the measurements for that."""
+"""Effects that are switched on during a run, and the measurements that decide it."""
 
 from dataclasses import replace
 import math
@@ -15,8 +15,8 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.checkpoint import from_bytes
 from lava_ros.simulation.measurement import measure_resolution, measure_widths
-from lava_ros.simulation.review import called_for, LONGEST, next_review
-from lava_ros.simulation.selection import decide, Decision
+from lava_ros.simulation.review import LONGEST, next_review
+from lava_ros.simulation.selection import decide
 from slope_scenes import ground, HOUR, LAVA, scene
 
 #: A vent whose lava solidifies once it is at rest: its discharge falls to 0.
@@ -28,19 +28,17 @@ FADING = Vent((100.0, 300.0), [(0.0, 8.0), (1800.0, 1.0), (3600.0, 0.0)], temper
 
 
 def freezing_scene() -> Scene:
-    """Return a flow that is expected to stay liquid for an hour, and solidifies in six."""
+    """Return a flow that solidifies after six hours, beyond the expected hour."""
     return Scene(ground(10.0), (FADING,), COOLING)
 
 
 @pytest.fixture
 def simulation(device: str) -> Simulation:
-    """Return coarse particles, with a horizon shorter than the run."""
     accuracy = Accuracy(spacing=12.0, thickness=1.0, deterministic=True)
     return Simulation(freezing_scene(), accuracy=accuracy, device=device, horizon=0.5 * HOUR)
 
 
-def test_lava_that_freezes_later_than_assumed_freezes(simulation: Simulation):
-    """Beyond the horizon effects are reviewed again; no lava is liquid below its solidus."""
+def test_solidification_is_switched_on_beyond_the_horizon(simulation: Simulation):
     assert 'solidification' not in simulation.effects
     simulation.advance(6.0 * HOUR)
     assert 'solidification' in simulation.effects
@@ -55,8 +53,7 @@ def test_lava_that_freezes_later_than_assumed_freezes(simulation: Simulation):
         assert simulation.sample().temperature.min() > COOLING.solidus - 1.0
 
 
-def test_what_is_forced_is_not_switched_on(device: str):
-    """An effect that is forced off stays off; explicit effects are never reviewed."""
+def test_review_does_not_switch_on_forced_effects(device: str):
     accuracy = Accuracy(spacing=12.0, thickness=1.0)
     for effects in ({'solidification': False}, Effects(cooling=True, arrhenius=True)):
         simulation = Simulation(
@@ -66,8 +63,7 @@ def test_what_is_forced_is_not_switched_on(device: str):
         assert 'solidification' not in simulation.effects
 
 
-def test_a_checkpoint_keeps_the_review(simulation: Simulation, device: str):
-    """Resumed before or after the switch, a run has the same effects since the same time."""
+def test_resumed_run_switches_effects_on_at_the_same_time(simulation: Simulation, device: str):
     copies = []
     for time in (0.4 * HOUR, 5.0 * HOUR):
         simulation.advance(time, limit=6.0 * HOUR)
@@ -85,8 +81,7 @@ def test_a_checkpoint_keeps_the_review(simulation: Simulation, device: str):
         )
 
 
-def test_an_effect_whose_reason_has_gone_stays_on(device: str):
-    """Closing the vents, or levelling the ground, switches nothing off."""
+def test_effects_are_not_switched_off(device: str):
     steep = replace(scene(ground(10.0)), lava=replace(LAVA, yield_strength=500.0))
     simulation = Simulation(steep, device=device, horizon=HOUR, accuracy=Accuracy(spacing=15.0))
     assert 'yielding' in simulation.effects
@@ -98,17 +93,7 @@ def test_an_effect_whose_reason_has_gone_stays_on(device: str):
     assert on <= set(simulation.effects)
 
 
-def test_what_an_effect_that_is_on_excludes_is_not_called_for():
-    """Lateral stress is not with inertia on; without it, it is, unless it is on already."""
-    lateral = Decision('helmholtz', EFFECTS['helmholtz'], 0.5, True)
-    assert called_for([lateral], Effects(inertia=True)) == []
-    assert called_for([lateral], Effects(helmholtz=True)) == []
-    assert called_for([lateral], Effects()) == [lateral]
-    assert called_for([replace(lateral, is_on=False)], Effects()) == []
-
-
-def test_reviews_change_no_step(device: str):
-    """A reviewed run that switches nothing on is bitwise identical to one without reviews."""
+def test_reviews_do_not_change_the_flow(device: str):
     plain = replace(scene(ground(10.0)), lava=replace(LAVA, solidus=900.0, emissivity=0.9))
     accuracy = Accuracy(spacing=12.0, thickness=1.0, deterministic=True)
     reviewed = Simulation(plain, accuracy=accuracy, device=device, horizon=HOUR)
@@ -123,8 +108,7 @@ def test_reviews_change_no_step(device: str):
     assert np.array_equal(*thickness, equal_nan=True)
 
 
-def test_reviews_are_due_at_times_of_their_own():
-    """They become rarer, up to a fraction of the horizon, whenever one asks."""
+def test_review_times_do_not_depend_on_the_caller():
     times = [0.0]
     while times[-1] < 3.0:
         times.append(next_review(times[-1], 1.0))
@@ -136,8 +120,7 @@ def test_reviews_are_due_at_times_of_their_own():
     assert next_review(30.0, 100.0) == pytest.approx(100.0 * next_review(0.3, 1.0))
 
 
-def test_measured_scales_are_those_of_the_flow(device: str):
-    """Thickness, slope and speed of a steady sheet: u = rho g h^2 s / (3 mu)."""
+def test_measured_scales_are_those_of_a_steady_sheet(device: str):
     simulation = Simulation(
         scene(ground(5.0, 0.2)), effects={}, device=device, horizon=HOUR,
         accuracy=Accuracy(spacing=4.0),
@@ -161,8 +144,7 @@ def test_measured_scales_are_those_of_the_flow(device: str):
     )
 
 
-def test_without_lava_nothing_is_measured(device: str):
-    """A vent that has not opened yet has no numbers, and the run continues."""
+def test_no_measurement_without_lava(device: str):
     later = Vent((100.0, 300.0), [(0.0, 0.0), (1000.0, 5.0)])
     simulation = Simulation(
         replace(freezing_scene(), vents=(later,)), device=device, horizon=HOUR,
@@ -174,8 +156,7 @@ def test_without_lava_nothing_is_measured(device: str):
 
 
 @pytest.mark.parametrize('turns', range(4))
-def test_the_width_is_the_shortest_chord(turns: int):
-    """The width of a strip in eight directions, of a disc, and of strips that cross."""
+def test_width_is_the_shortest_chord(turns: int):
     wet = np.zeros((60, 80), dtype=bool)
     wet[20:27, 5:75] = True
     found = measure_widths(np.rot90(wet, turns), 2.0)
@@ -192,8 +173,7 @@ def test_the_width_is_the_shortest_chord(turns: int):
     assert not measure_widths(np.zeros_like(wet), 1.0).any()
 
 
-def test_the_measured_resolution_is_that_of_the_flow(device: str):
-    """Particles across it are its width over their spacing at its actual thickness."""
+def test_measured_resolution_is_close_to_the_expected_one(device: str):
     valley = scene(ground(5.0, 0.2))
     simulation = Simulation(valley, device=device, horizon=HOUR)
     expected = simulation.resolution
@@ -206,8 +186,7 @@ def test_the_measured_resolution_is_that_of_the_flow(device: str):
     assert found.thickness == pytest.approx(expected.thickness, rel=0.3)
 
 
-def test_every_number_is_of_columns():
-    """Each is finite for every scene, before the run and in it, whatever the material."""
+def test_every_number_is_finite():
     lava = Lava(
         yield_strength=10.0, arrhenius=0.01, emissivity=0.9, convection=10.0, solidus=1100.0,
         latent_heat=3e5, conductivity=1.5, ground_conductivity=2.0, crystal_law='maron-pierce',

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Choices for a scene: particle spacing from the width of the flow, and effects."""
+"""Automatic particle spacing, and automatic choice of effects."""
 
 from dataclasses import replace
 import math
@@ -33,8 +33,7 @@ from solver import incline
 PLAIN = Lava(viscosity=1e5, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
 
-def test_the_spacing_follows_the_width():
-    """The number of particles across is fixed at a refinement of 1, and grows with it."""
+def test_spacing_follows_the_width_of_the_flow():
     valley = scene(ground(5.0, 0.2))
     width = course_of(valley, horizon=HORIZON).width
     for refinement in (0.5, 1.0, 2.0):
@@ -50,8 +49,7 @@ def test_the_spacing_follows_the_width():
     assert narrow.spacing < 0.5 * width / ACROSS
 
 
-def test_the_edges_of_a_wide_flow_are_resolved():
-    """A sheet has more particles across: their spacing is limited in thicknesses."""
+def test_spacing_in_a_wide_flow_resolves_its_edges():
     wide = scene(ground(5.0))
     course = course_of(wide, horizon=HOUR)
     assert course.width > ACROSS * EDGES * course.thickness
@@ -62,8 +60,7 @@ def test_the_edges_of_a_wide_flow_are_resolved():
         assert found.across > ACROSS * refinement
 
 
-def test_the_volume_of_particles_follows_the_expected_thickness():
-    """Particles are the spacing apart where the flow is as thick as expected."""
+def test_particle_volume_follows_the_expected_thickness():
     steep = scene(ground(5.0, 0.2))
     simulation = Simulation(steep, device='cpu')
     spacing, thickness = simulation.accuracy.spacing, simulation.accuracy.thickness
@@ -71,8 +68,7 @@ def test_the_volume_of_particles_follows_the_expected_thickness():
     assert simulation.particle_volume == pytest.approx(spacing**2 * thickness)
 
 
-def test_particles_are_bounded():
-    """The particles of the horizon are limited in number, and the limit is reported."""
+def test_number_of_particles_is_limited():
     flood = scene(ground(5.0, 0.1), 10.0)
     found = resolution_of(flood, Accuracy(), horizon=1e8)
     count = 1e9 / (found.spacing**2 * found.thickness)
@@ -80,8 +76,7 @@ def test_particles_are_bounded():
     assert found.limit == 'particles' and 'largest number of particles' in found.text()
 
 
-def test_what_is_given_is_kept():
-    """A spacing overrules the rule; few particles across are under-resolved."""
+def test_explicit_spacing_is_kept_and_may_be_under_resolved():
     valley = scene(ground(5.0, 0.1))
     found = resolution_of(valley, Accuracy(spacing=12.0))
     assert (found.spacing, found.limit) == (12.0, 'given')
@@ -91,8 +86,7 @@ def test_what_is_given_is_kept():
     assert resolution_of(valley, Accuracy()).error < found.error <= 1.0
 
 
-def test_without_a_discharge_cells_decide():
-    """Nothing is known about the flow then."""
+def test_spacing_without_discharge_follows_the_cells():
     for vents in ((), (Vent((100.0, 300.0), 0.0),)):
         found = resolution_of(Scene(ground(5.0), vents, LAVA), Accuracy(refinement=2.0))
         assert (found.spacing, found.limit) == (2.5, 'cells')
@@ -100,8 +94,7 @@ def test_without_a_discharge_cells_decide():
         assert 'no effusion rate' in found.text()
 
 
-def test_the_expected_error_has_parts():
-    """Finer particles and finer cells make it smaller, each its own part."""
+def test_expected_error_has_a_particle_and_a_cell_part():
     valley = scene(ground(5.0, 0.1))
     found = [resolution_of(valley, PRESETS[name].accuracy) for name in ('draft', 'fine')]
     assert found[0].particle_error > 2.0 * found[1].particle_error
@@ -114,12 +107,11 @@ def test_the_expected_error_has_parts():
 
 
 def slope(angle, cell=10.0):
-    """Return a terrain that falls by an angle in degrees."""
+    """Return a terrain with a slope in degrees."""
     return incline(math.tan(math.radians(angle)), 40, 40, cell)
 
 
-def switched_on(scene, **arguments):
-    """Return the names of the chosen effects."""
+def effects_on(scene, **arguments):
     return set(effects_for(scene, **arguments))
 
 
@@ -141,74 +133,68 @@ def switched_on(scene, **arguments):
         (3.0, {'emissivity': 0.9, 'crust_cover': 0.9}, {'cover'}),
     ],
 )
-def test_each_effect_follows_its_number(angle, changes, expected):
-    """Effects that the material or the terrain requires are switched on, and nothing else."""
-    assert switched_on(Scene(slope(angle), lava=replace(PLAIN, **changes))) == expected
+def test_effects_are_on_that_material_or_terrain_require(angle, changes, expected):
+    assert effects_on(Scene(slope(angle), lava=replace(PLAIN, **changes))) == expected
 
 
-def test_lateral_stress_is_on_where_the_kernel_resolves_the_thickness():
-    """Particles closer than the lava is thick feel the stress between them: 5 % of the speed."""
+def test_lateral_stress_is_on_if_particles_resolve_the_thickness():
+    """The threshold changes the speed by 5 %."""
     threshold = EFFECTS['helmholtz'].threshold
     assert 0.045 < (0.5 * math.pi * threshold) ** 2 / LATERAL_DRAG < 0.05
     scene = Scene(slope(3.0), lava=PLAIN)
     thickness = expected_scales(scene).columns.thickness[0]
-    for share, expected in ((0.2, set()), (0.21, set()), (0.23, {'helmholtz'})):
-        accuracy = Accuracy(spacing=thickness / share / 3.0, ratio=3.0)
-        assert switched_on(scene, accuracy=accuracy) == expected
+    for ratio, expected in ((0.2, set()), (0.21, set()), (0.23, {'helmholtz'})):
+        accuracy = Accuracy(spacing=thickness / ratio / 3.0, ratio=3.0)
+        assert effects_on(scene, accuracy=accuracy) == expected
 
 
-def test_what_freezes_makes_the_ground_steep():
-    """On a gentle slope only the sides of frozen lava are steep, where the particles show them."""
+def test_steep_is_on_if_particles_resolve_sides_of_frozen_lava():
     lava = replace(PLAIN, emissivity=0.9, convection=50.0, solidus=1300.0)
     frozen = Scene(slope(3.0), lava=lava)
     thickness = expected_scales(frozen).columns.thickness[0]
     # tan 5 degrees is the slope at h / l = 0.0506: 1.73 times that
-    for share, is_steep in ((0.048, False), (0.053, True)):
-        accuracy = Accuracy(spacing=thickness / share / 3.0, ratio=3.0)
-        assert ('steep' in switched_on(frozen, accuracy=accuracy)) is is_steep
+    for ratio, is_steep in ((0.048, False), (0.053, True)):
+        accuracy = Accuracy(spacing=thickness / ratio / 3.0, ratio=3.0)
+        assert ('steep' in effects_on(frozen, accuracy=accuracy)) is is_steep
         warm = replace(frozen, lava=replace(lava, emissivity=0.0, convection=0.0))
-        assert 'steep' not in switched_on(warm, accuracy=accuracy)
+        assert 'steep' not in effects_on(warm, accuracy=accuracy)
 
 
-def test_a_relief_of_kilometres_warms_lava():
-    """A fall of 2 km warms lava by 17 K: more than 1 % of its heat."""
-    assert switched_on(Scene(slope(4.0, 800.0), lava=PLAIN)) == {'viscous_heating'}
+def test_fall_of_kilometres_switches_viscous_heating_on():
+    """A fall of 2 km warms lava by 17 K, more than 1 % of its heat."""
+    assert effects_on(Scene(slope(4.0, 800.0), lava=PLAIN)) == {'viscous_heating'}
 
 
-def test_the_horizon_decides_what_matters():
-    """Cooling for some minutes is nothing, for a day it is something."""
+def test_cooling_is_on_only_for_a_long_horizon():
     scene = Scene(slope(3.0), (Vent((200.0, 200.0), 1.0),), replace(PLAIN, emissivity=0.9))
-    assert switched_on(scene, horizon=200.0) == set()
-    assert switched_on(scene) == {'cooling'}
+    assert effects_on(scene, horizon=200.0) == set()
+    assert effects_on(scene) == {'cooling'}
 
 
-def test_overrides_win_and_are_checked():
-    """A user can force an effect by name; another name is an error."""
+def test_overrides_win_and_are_validated():
     scene = Scene(slope(20.0), lava=PLAIN)
-    assert switched_on(scene, overrides={'green': True, 'steep': False}) == {'green'}
+    assert effects_on(scene, overrides={'green': True, 'steep': False}) == {'green'}
     with pytest.raises(LavaError, match='effects.gren'):
         effects_for(scene, {'gren': True})
     with pytest.raises(LavaError, match='effects.green'):
         effects_for(scene, {'green': 'yes'})
 
 
-def test_of_those_that_exclude_each_other_one_is_on():
-    """A forced effect wins; the other decision names it."""
+def test_one_of_two_exclusive_effects_is_on():
     fluid = Scene(slope(3.0), lava=replace(PLAIN, viscosity=30.0))
     close = Accuracy(spacing=0.1)
-    assert switched_on(fluid, accuracy=close) == {'inertia'}
-    assert switched_on(fluid, accuracy=close, overrides={'green': True}) == {'green'}
-    assert switched_on(fluid, accuracy=close, overrides={'inertia': False}) == {'helmholtz'}
+    assert effects_on(fluid, accuracy=close) == {'inertia'}
+    assert effects_on(fluid, accuracy=close, overrides={'green': True}) == {'green'}
+    assert effects_on(fluid, accuracy=close, overrides={'inertia': False}) == {'helmholtz'}
     reasons = {item.name: item.reason for item in decide(fluid, accuracy=close)}
-    assert reasons['helmholtz'].endswith('but not beside inertia')
+    assert reasons['helmholtz'].endswith('but excluded by inertia')
 
 
-def test_every_decision_says_why():
-    """Each effect of the physics has a number, a threshold, a cost and a source."""
+def test_every_decision_has_a_reason_and_a_source():
     decisions = decide(Scene(slope(20.0), lava=Lava()), {'inertia': False})
     named = [item.name for item in decisions]
     assert len(set(named)) == len(named)
-    # merging changes no physics: it is on when asked for
+    # merging changes no physics, and is on only by request
     assert set(EFFECTS) - set(named) == {'merging'}
     for item in decisions:
         assert item.effect.admits
@@ -223,8 +209,7 @@ def test_every_decision_says_why():
     assert reasons['steep'].startswith('slope = 0.36 > ')
 
 
-def test_scales_are_those_of_a_sheet():
-    """The speed is that of the expected thickness on the terrain's slope."""
+def test_expected_speed_is_that_of_a_sheet():
     scales = expected_scales(Scene(slope(5.0), lava=PLAIN))
     columns = scales.columns
     assert columns.slope == pytest.approx(math.tan(math.radians(5.0)), rel=1e-3)
@@ -234,7 +219,6 @@ def test_scales_are_those_of_a_sheet():
 
 
 def test_slopes_skip_cells_without_data():
-    """A slope is over neighbours that have data."""
     elevation = np.zeros((4, 4))
     elevation[2, 2] = np.nan
     elevation[0, 0] = 5.0

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""However often a flow is observed on its way, its result is bitwise identical."""
+"""A deterministic flow is bitwise identical however often it is observed or stopped."""
 
 from dataclasses import asdict, replace
 from functools import lru_cache
@@ -55,16 +55,15 @@ def begun(name, device):
     """Return an eruption before its first step."""
     lava, effects = SCENES[name]
     return Simulation(
-        Scene(hill(), VENTS, lava),
-        effects=effects,
+        Scene(hill(), VENTS, lava), effects=effects,
         accuracy=Accuracy(spacing=4.0, thickness=0.5, longest_step=20.0, deterministic=True),
         device=device,
     )
 
 
 def result_of(simulation):
-    """Return everything that later steps and maps depend on, by name."""
-    # drops particles that have left or solidified, and sorts the rest by their cells
+    """Return the arrays and counts that later steps and maps depend on, by name."""
+    # removes lost and solidified particles, and sorts the others by cell
     simulation.sample()
     clock, counts = simulation._state.read_clock()
     checkpoint = simulation.checkpoint()
@@ -80,26 +79,24 @@ def result_of(simulation):
 
 @lru_cache
 def without_stops(name, device):
-    """Return those values of a run that is not stopped."""
     simulation = begun(name, device)
     simulation.advance(END)
     return result_of(simulation)
 
 
 def stops(count):
-    """Return evenly spaced times up to the end."""
     return [END * (number / count) for number in range(1, count + 1)]
 
 
-def looked_at(simulation, count):
-    """Observe as a forecast does, in parts that end anywhere."""
+def observe_in_parts(simulation, count):
+    """Observe as a forecast does, in parts."""
     looking = Looking(simulation, stops(count), threshold=0.1, max_particles=None)
     while not looking.is_done:
         looking.advance(wall_limit=0.01)
     return simulation
 
 
-def looked_at_in_a_batch(simulation, count):
+def observe_in_a_batch(simulation, count):
     """Observe as the members of an ensemble do."""
     looking = Looking(simulation, stops(count), threshold=0.1, max_particles=None)
 
@@ -112,7 +109,6 @@ def looked_at_in_a_batch(simulation, count):
 
 
 def resumed(simulation):
-    """Return the simulation of a checkpoint's bytes."""
     data = simulation.checkpoint().to_bytes()
     return Simulation.resume(from_bytes(data), device=simulation.device)
 
@@ -129,7 +125,6 @@ READINGS = {
 
 
 def read_out(simulation, count, reading):
-    """Stop on the way, and read something each time."""
     for time in stops(count):
         reached = simulation.advance(time, limit=END)
         assert reached == simulation.time
@@ -140,7 +135,6 @@ def read_out(simulation, count, reading):
 
 
 def assert_same(found, expected):
-    """Fail with the names of values that are not bitwise identical."""
     assert found.keys() == expected.keys()
     assert [name for name in expected if found[name].tobytes() != expected[name].tobytes()] == []
 
@@ -153,15 +147,12 @@ def kinds_of_stops():
     for name in SCENES:
         for kind in ('looks', 'looks in a batch', *READINGS):
             is_for_every_run = name == 'merging' or kind in ('looks', 'resumed checkpoints')
-            yield pytest.param(
-                name, kind, marks=() if is_for_every_run else pytest.mark.nightly
-            )
+            yield pytest.param(name, kind, marks=() if is_for_every_run else pytest.mark.nightly)
 
 
 @pytest.mark.parametrize(('name', 'kind'), list(kinds_of_stops()))
-def test_stops_do_not_change_the_flow(name, kind, device):
-    """Particles, solidified lava and arrival times equal those of a run without a stop."""
-    ways = {'looks': looked_at, 'looks in a batch': looked_at_in_a_batch}
+def test_observations_do_not_change_the_flow(name, kind, device):
+    ways = {'looks': observe_in_parts, 'looks in a batch': observe_in_a_batch}
     expected = without_stops(name, device)
     for count in OUTPUTS:
         simulation = begun(name, device)
@@ -175,8 +166,8 @@ def test_stops_do_not_change_the_flow(name, kind, device):
 
 
 @pytest.mark.parametrize('name', SCENES)
-def test_maps_do_not_change_the_flow(name, device, tmp_path):
-    """The same holds for maps of a hindcast whose ground changes and which is interrupted."""
+def test_maps_of_a_hindcast_do_not_change_the_flow(name, device, tmp_path):
+    """The ground changes during the hindcast, which is interrupted once."""
     lava, effects = SCENES[name]
     case = Case(
         name='hill', title='', source='', scene=Scene(hill(), VENTS, lava), material=None,
@@ -202,8 +193,7 @@ def test_maps_do_not_change_the_flow(name, device, tmp_path):
         assert_same(found, results[0])
 
 
-def test_a_step_may_not_pass_its_limit():
-    """It is refused before the time to reach; without one the time is reached exactly."""
+def test_advance_stays_within_its_limit():
     simulation = begun('bare', 'cpu')
     with pytest.raises(LavaError, match='limit'):
         simulation.advance(20.0, limit=10.0)
@@ -213,14 +203,13 @@ def test_a_step_may_not_pass_its_limit():
     assert simulation.advance(passed + 1e-3, limit=passed + 1e-3) == passed + 1e-3
 
 
-def test_a_vent_that_opens_later_counts_as_without_stops(device):
-    """The bound on the fall of lava has the ground from before lava solidified, also resumed."""
+def test_highest_source_of_a_later_vent_does_not_depend_on_stops(device):
+    """It uses the ground before lava solidified on it, also after resuming."""
     vents = Vent((150.0, 150.0), 30.0, radius=12.0), Vent((170.0, 150.0), ((350.0, 8.0),))
     simulation = Simulation(
         Scene(Terrain(np.zeros((30, 30)), 10.0), vents, replace(COOLING, convection=1000.0)),
         effects=Effects(solidification=True),
-        accuracy=Accuracy(spacing=4.0, thickness=0.5, deterministic=True),
-        device=device,
+        accuracy=Accuracy(spacing=4.0, thickness=0.5, deterministic=True), device=device,
     )
     tops = []
     for time in stops(4):

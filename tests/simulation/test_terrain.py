@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The staggered terrain grid, and the order of the particles by their cells."""
+"""The staggered terrain grid, and the order of particles by cell."""
 
 import itertools
 
@@ -16,12 +16,12 @@ from lava_ros.simulation.neighbors import _kernels
 from lava_ros.simulation.state import PARTICLES, REAL, SPARE
 from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
 
-#: Cells, the particles in them, and those that have left.
+#: Number of cells, of particles in them, and of particles that have left.
 CELLS, COUNT, LEFT = 12, 40, 5
 
 
 def sampled(terrain, points, device='cpu', *, of='gradient_at', kind=wp.vec2d):
-    """Return gradients, or another function of the ground, at points relative to its centre."""
+    """Return a function of the ground (default: gradient) at points relative to its centre."""
     staggered = StaggeredTerrain(terrain, 'float64', device)
     function = getattr(terrain_functions(wp.float64), of)
 
@@ -36,10 +36,7 @@ def sampled(terrain, points, device='cpu', *, of='gradient_at', kind=wp.vec2d):
 
     at = wp.array(points, dtype=wp.vec2d, device=device)
     out = wp.zeros(len(points), dtype=kind, device=device)
-    wp.launch(
-        sample, dim=len(points), inputs=[staggered.ground, at], outputs=[out],
-        device=device,
-    )  # fmt: skip
+    wp.launch(sample, len(points), inputs=[staggered.ground, at], outputs=[out], device=device)
     return out.numpy()
 
 
@@ -51,23 +48,18 @@ def plane(rows=6, columns=9, resolution=4.0):
 
 
 def places_on(terrain, count=200, seed=1):
-    """Return random places on a terrain, relative to its centre."""
     x0, y0, x1, y1 = terrain.extent
     half = 0.5 * np.array([x1 - x0, y1 - y0])
     return np.random.default_rng(seed).uniform(-half, half, (count, 2))
 
 
-def test_gradient_of_a_plane_is_exact_everywhere(device):
-    """Up to the border the gradient of a plane is its slope (divisor dx, not 2 dx)."""
+def test_gradient_of_a_plane_is_exact(device):
+    """The divisor is dx, also at the border, and not 2 dx."""
     gradient = sampled(plane(), places_on(plane()), device)
     assert gradient == pytest.approx(np.broadcast_to([0.3, -0.2], gradient.shape), abs=1e-6)
 
 
-def test_gradient_at_corners_is_the_papers():
-    """At a corner the gradient differences the half-heights around it (3.21).
-
-    So a spike tilts its four corners outwards, which the plain central difference misses.
-    """
+def test_gradient_at_corners_is_that_of_the_paper():
     elevation = np.random.default_rng(3).normal(size=(6, 7)).astype(np.float32)
     elevation[2, 2] += 8.0
     i, j = (index.ravel() for index in np.mgrid[1:6, 1:7])
@@ -80,8 +72,7 @@ def test_gradient_at_corners_is_the_papers():
     assert sampled(Terrain(elevation, 10.0), corners) == pytest.approx(rise.T / 20.0)
 
 
-def test_gradient_is_curl_free_and_continuous():
-    """The circulation around any small square vanishes, also across cell borders."""
+def test_gradient_is_curl_free_across_cells():
     terrain = Terrain(np.random.default_rng(3).normal(size=(12, 14)), 10.0)
     centres = places_on(terrain, 400) * 0.9
     # Simpson's rule is exact on each side where the gradient is quadratic: inside one cell
@@ -98,8 +89,7 @@ def test_gradient_is_curl_free_and_continuous():
     assert np.abs(total).max() < 0.02
 
 
-def test_holes_do_not_bend_their_neighbours():
-    """Around cells without data a plane keeps its slope."""
+def test_plane_keeps_its_slope_next_to_cells_without_data():
     terrain = plane()
     elevation = terrain.elevation.copy()
     elevation[2:4, 3] = np.nan
@@ -111,8 +101,7 @@ def test_holes_do_not_bend_their_neighbours():
     assert gradient == pytest.approx(np.broadcast_to([0.3, -0.2], gradient.shape), abs=1e-6)
 
 
-def test_bend_is_the_largest_curvature_of_the_surface(device):
-    """It is the largest eigenvalue of the gradient's own derivatives, and 0 on a dome."""
+def test_curvature_is_the_largest_eigenvalue_or_zero(device):
     elevation = np.random.default_rng(3).normal(size=(6, 7))
     terrain = Terrain(elevation, 10.0)
     # inside of cells, whose surface is quadratic: differences are exact
@@ -128,10 +117,8 @@ def test_bend_is_the_largest_curvature_of_the_surface(device):
 
 
 def ordered(device, real, cell, rank, *, again):
-    """Return volumes of particles 1, 2, ... in their order, and the stated number of them."""
-    *_, order_particles, _, list_members = _kernels(
-        real, False, False, False, False, again
-    )
+    """Return the volumes of particles numbered 1, 2, ... in their new order, and their count."""
+    *_, order_particles, _, list_members = _kernels(real, False, False, False, False, again)
     count = len(cell)
     sizes = np.bincount(cell, minlength=CELLS + 1)
     starts = np.concatenate([[0], np.cumsum(sizes)])
@@ -139,11 +126,11 @@ def ordered(device, real, cell, rank, *, again):
     rows[:count, 2] = 1 + np.arange(count)
     # a particle that has left may be NaN
     rows[:count][cell == CELLS] = np.nan
-    way, cells = arguments_type(real)(), cell_frame(real)()
+    args, cells = arguments_type(real)(), cell_frame(real)()
     cells.rows, cells.columns = 1, CELLS
     for name, values in (('starts', starts), ('sizes', np.append(sizes, 0))):
         setattr(cells, name, wp.array(values, dtype=wp.int32, device=device))
-    way.cells = cells
+    args.cells = cells
     for name, values in (
         ('particle', rows),
         ('ordered', np.full((count + SPARE, 4), np.nan)),
@@ -157,16 +144,15 @@ def ordered(device, real, cell, rank, *, again):
         ('ordered_remainder', np.zeros((count, 2))),
     ):
         dtype = arguments_type(real).vars[name].type.dtype
-        setattr(way, name, wp.array(np.asarray(values), dtype=dtype, device=device))
+        setattr(args, name, wp.array(np.asarray(values), dtype=dtype, device=device))
     launches = [(list_members, count)] if again else []
     for kernel, threads in (*launches, (order_particles, count + SPARE)):
-        wp.launch(kernel, threads, inputs=[way, 0], device=device)
-    counts, found = way.counts, way.ordered
+        wp.launch(kernel, threads, inputs=[args, 0], device=device)
+    counts, found = args.counts, args.ordered
     return found.numpy()[:, 2], int(counts.numpy()[PARTICLES])
 
 
-def test_members_whose_lava_freezes_share_the_ground_below(device):
-    """Each has its own heights on top; the ground below is on the device once."""
+def test_members_share_one_copy_of_the_ground(device):
     terrain = plane()
     one, other = (StaggeredTerrain.shared(terrain, 'float32', device).own() for _ in range(2))
     assert one.bare is other.bare
@@ -175,7 +161,7 @@ def test_members_whose_lava_freezes_share_the_ground_below(device):
 
 
 def some_cells(seed):
-    """Return cells of particles, some of which have left, and ranks in them in any order."""
+    """Return cells of particles, some of which have left, and ranks in random order."""
     random = np.random.default_rng(seed)
     cell = random.integers(0, CELLS, COUNT)
     cell[random.permutation(COUNT)[:LEFT]] = CELLS
@@ -187,8 +173,7 @@ def some_cells(seed):
 
 
 @pytest.mark.parametrize('real', REAL.values(), ids=REAL)
-def test_particles_rank_by_their_numbers(device, real):
-    """In a deterministic run on a GPU, the order of arrival in a cell does not matter."""
+def test_order_in_a_cell_is_by_particle_number(device, real):
     for seed in range(10):
         cell, rank = some_cells(seed)
         volumes, count = ordered(device, real, cell, rank, again=True)
@@ -197,8 +182,8 @@ def test_particles_rank_by_their_numbers(device, real):
         np.testing.assert_array_equal(volumes[:count], expected)
 
 
-def test_what_has_left_leaves_no_numbers_behind(device):
-    """Sums read past the end of the last row, which must contain zeros."""
+def test_rows_of_lost_particles_are_zero(device):
+    """Sums read past the last row."""
     for again in (False, True):
         cell, rank = some_cells(3)
         volumes, count = ordered(device, wp.float32, cell, rank, again=again)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tables of vents on a device, and vents that are choked, too strong or closed."""
+"""Vent tables on a device; vents without space for their lava, too strong, or closed."""
 
 from dataclasses import replace
 from itertools import count
@@ -39,11 +39,10 @@ def vent_set(
     return VentSet(vents, ground, accuracy, 1.0, 'cpu', since=0.0, before=before)
 
 
-def test_parts_of_a_stage_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All lava is emitted even if each part is one stage."""
+def test_capacity_grows_if_each_part_is_one_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulation_module, '_FIRST_CAPACITY', 64)
     ticks = count()
-    # a second passes between two readbacks of the clock
+    # 1 s passes between two readbacks of the clock
     clock = SimpleNamespace(monotonic=lambda: float(next(ticks)))
     monkeypatch.setattr(simulation_module, 'wall_clock', clock)
     simulation = flow(VENT)
@@ -56,8 +55,7 @@ def test_parts_of_a_stage_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
     assert simulation.particle_count == pytest.approx(800, abs=1)
 
 
-def test_lava_that_finds_no_room_is_late(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The budget shows it, and nothing is unaccounted for."""
+def test_lava_beyond_the_capacity_is_overdue(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulation_module, '_FIRST_CAPACITY', 64)
     simulation = flow(VENT)
     monkeypatch.setattr(Simulation, '_make_room', lambda self, counts: None)
@@ -68,8 +66,7 @@ def test_lava_that_finds_no_room_is_late(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize('discharges', [(1e7,), (6e5, 6e5)])
-def test_a_discharge_of_too_many_particles_is_refused(discharges: tuple[float, ...]) -> None:
-    """The error names vent, discharge and limit, and the old vents stay."""
+def test_rejects_a_discharge_of_too_many_particles(discharges: tuple[float, ...]) -> None:
     vents = [Vent((40.0 + 5.0 * n, 50.0), flux) for n, flux in enumerate(discharges)]
     simulation = flow(VENT)
     before = simulation.scene.vents
@@ -82,8 +79,7 @@ def test_a_discharge_of_too_many_particles_is_refused(discharges: tuple[float, .
         flow(*vents)
 
 
-def test_a_strong_vent_comes_out_in_many_steps() -> None:
-    """The emission in a step is limited, and so is the allocated memory."""
+def test_emission_per_step_is_limited() -> None:
     simulation = flow(Vent((50.0, 50.0), 0.9 * MOST_A_SECOND, radius=1e5))
     simulation.advance(2.0)
     budget = simulation.budget()
@@ -95,10 +91,9 @@ def test_a_strong_vent_comes_out_in_many_steps() -> None:
 @pytest.mark.parametrize('end', [None, (70.0, 50.0)])
 @pytest.mark.parametrize('waiting', [0.0, 0.4, 1.0, 700.3, 1e9])
 @pytest.mark.parametrize('symmetric', [False, True])
-def test_closing_vent_empties_its_conduit_in_whole_particles(
+def test_closed_vent_empties_its_conduit(
     waiting: float, end: tuple[float, float] | None, symmetric: bool
 ) -> None:
-    """Their volumes add up, none is larger than a particle, and they have the vent's symmetry."""
     vent = Vent((50.0, 50.0), 20.0, temperature=1400.0, radius=10.0, end=end)
     found = vent_set(vent, symmetric=symmetric).parting(0, waiting)
     places, volumes = np.array(found).reshape(-1, 4)[:, :2], [row[2] for row in found]
@@ -120,7 +115,6 @@ def test_closing_vent_empties_its_conduit_in_whole_particles(
 
 
 def ground_with(**features: object) -> Terrain:
-    """Make a terrain of 5 m cells with the named features: hole, ridge or cliff."""
     x, y = np.meshgrid(5.0 * np.arange(60) + 2.5, 5.0 * np.arange(50) + 2.5)
     height = np.zeros_like(x)
     if 'hole' in features:
@@ -154,8 +148,8 @@ NARROW = {
 
 @pytest.mark.parametrize('symmetric', [False, True])
 @pytest.mark.parametrize('name', NARROW)
-def test_lava_comes_out_where_it_could_have_flowed(name: str, symmetric: bool) -> None:
-    """Not beyond the map, on a hole, behind a ridge or on a cliff, however wide a particle is."""
+def test_vent_emits_only_on_connected_ground(name: str, symmetric: bool) -> None:
+    """Not beyond the map, on a hole, behind a ridge or on a cliff."""
     terrain, vent, most = NARROW[name]
     # lava that does not move stays where it was emitted
     lava = Lava(viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
@@ -175,8 +169,7 @@ def test_lava_comes_out_where_it_could_have_flowed(name: str, symmetric: bool) -
     assert len(np.unique(sample.position, axis=0)) > 50
 
 
-def test_a_vent_on_open_ground_has_its_usual_places() -> None:
-    """Ground that rises by less than the flow is thick leaves a vent as it is."""
+def test_gentle_slope_does_not_change_the_places_of_emission() -> None:
     vent = Vent((50.0, 50.0), 20.0, radius=2.0)
     level, sloping = (
         vent_set(vent, slope=slope, spacing=20.0).places(0, 0, 100) for slope in (0.0, 0.04)
@@ -185,16 +178,14 @@ def test_a_vent_on_open_ground_has_its_usual_places() -> None:
     assert around[0] == pytest.approx(around[1]) and around[0][-1] > 15.0
 
 
-def test_a_long_discharge_series_becomes_a_table() -> None:
-    """Of 300,000 points: to integrate up to each one from the first would take hours."""
+def test_table_of_a_long_discharge_series() -> None:
     count = 300_000
     vent = Vent((0.0, 0.0), 1.0)
     # point by point validation takes seconds
     series = tuple((float(time), float(time % 7)) for time in range(count))
     object.__setattr__(vent, 'discharge', series)
     ground, accuracy = Terrain(np.zeros((3, 3)), 1.0), Accuracy(spacing=1.0)
-    before = Emission.of_new_vents(1)
-    before = replace(before, volume=np.array([4.0]))
+    before = replace(Emission.of_new_vents(1), volume=np.array([4.0]))
     vents = VentSet((vent,), ground, accuracy, 1.0, 'cpu', since=10.0, before=before)
     volumes = vents.outlets.volumes.numpy()
     assert volumes.shape == (count,)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cases that only pretend, and rows of measurements."""
+"""Fake cases, and rows of measurements."""
 
 import pytest
 
@@ -20,7 +20,6 @@ class FakeCase:
         self.accuracies = []
 
     def run(self, accuracy, device):
-        """Count the runs; each takes a little longer than the one before."""
         self.accuracies.append(accuracy)
         scale = accuracy.refinement * accuracy.ratio
         measurements = tuple(
@@ -33,13 +32,13 @@ class FakeCase:
 
 @pytest.fixture
 def fake_case():
-    """Make cases of a name and a time for a run at a scale of one."""
+    """Return the class of fake cases, made of a name and the time of a run at a scale of 1 [s]."""
     return FakeCase
 
 
 @pytest.fixture
 def measured():
-    """Measure cases at settings, at three refinements unless told."""
+    """Return a function that measures cases at settings, by default at three refinements."""
 
     def rows(cases, settings=None, **options):
         settings = settings or [
@@ -54,7 +53,7 @@ def measured():
 
 @pytest.fixture
 def row():
-    """Make a row of a fixed volume, in all but what is told the same."""
+    """Return a function that makes a row of a fixed volume, with the given changes."""
 
     def make(**changes):
         usual = {

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cases and experiments: they run, measure what they say, and find fronts; errors fall."""
+"""Verification cases: their measurements, errors and helper functions."""
 
 import math
 
@@ -23,17 +23,12 @@ from lava_ros.verification.exact import wave_response
 
 
 def test_error_is_relative_to_the_exact_value_or_the_scale():
-    """A norm has the exact value 0 and a scale; what was not measured is within no bound."""
     assert Measurement('front', 99.0, 100.0, 'm').error == pytest.approx(0.01)
     assert Measurement('profile', 0.02, 0.0, 'm', scale=2.0).error == pytest.approx(0.01)
     assert not Measurement('front', math.nan, 100.0, 'm').error <= 1e9
 
 
-def test_fixed_volume_spreads_as_huppert(device):
-    """8k particles: radius within 0.3 %, profile within 1 %, no scatter in the centre.
-
-    With the paper's poly6 it is visibly wrong: why Wendland C2 is the default.
-    """
+def test_fixed_volume_spreads_as_the_exact_solution(device):
     errors = spread_of_fixed_volume(8000, accuracy=Accuracy(), device=device).errors
     assert errors['radius'] < 0.003 and errors['profile'] < 0.01 and errors['scatter'] < 0.01
     errors = spread_of_fixed_volume(2000, accuracy=Accuracy(kernel='poly6')).errors
@@ -42,11 +37,10 @@ def test_fixed_volume_spreads_as_huppert(device):
 
 @pytest.mark.parametrize(
     'name',
-    # its swing is in tests/effects/test_inertia.py too, at fewer particles
+    # tests/effects/test_inertia.py has a smaller version of it
     [pytest.param(name, marks=pytest.mark.nightly if name == 'thacker' else ()) for name in CASES],
 )
-def test_every_case_is_within_the_draft_bounds(name):
-    """Every case runs at the cheapest preset, within its bounds, and reports what it did."""
+def test_case_is_within_the_draft_bounds(name):
     run = CASES[name].run(PRESETS['draft'].accuracy, 'cpu')
     assert run.case == name
     assert {item.quantity for item in run.measurements} == set(BOUNDS[name])
@@ -59,7 +53,6 @@ def test_every_case_is_within_the_draft_bounds(name):
 
 @pytest.mark.parametrize('name', ['fixed_volume', 'plane_fixed_area', 'dam_break'])
 def test_errors_fall_with_the_spacing(name):
-    """A quarter of the particles makes the largest error of a case larger."""
     coarse, fine = (
         max(CASES[name].run(Accuracy(refinement=refinement), 'cpu').errors.values())
         for refinement in (0.35, 0.7)
@@ -67,8 +60,7 @@ def test_errors_fall_with_the_spacing(name):
     assert fine < 0.8 * coarse
 
 
-def test_bounds_are_there_for_every_preset_and_get_no_wider():
-    """Every quantity has a bound at every preset that has any, never wider at a dearer one."""
+def test_bounds_exist_and_do_not_widen_with_the_preset():
     assert set(BOUNDS) == set(CASES)
     assert set(BOUNDED_PRESETS) <= set(PRESETS)
     for case, quantities in BOUNDS.items():
@@ -82,24 +74,22 @@ ACCURACY = Accuracy(refinement=0.3, ratio=3.5)
 
 
 def run(setting, device='cpu'):
-    """The run of an experiment, and the errors by wavelength over the thickness."""
+    """Return a run of an experiment, and its errors by wavelength over thickness."""
     found = EXPERIMENTS[setting].run(ACCURACY, device)
     return found, {float(name.split()[2]): error for name, error in found.errors.items()}
 
 
-def test_no_lateral_stress_errs_by_all_of_it():
-    """The local velocity responds with 1 to every wave that particles can show."""
+def test_local_velocity_errs_by_the_whole_response():
     found, errors = run('local, l = 2 h')
     assert all(item.measured == pytest.approx(1.0) for item in found.measurements)
     for wavelength, error in errors.items():
-        right = wave_response(2.0 * math.pi / wavelength, 1.0)
-        assert error == pytest.approx(1.0 / right - 1.0)
-    # at l = 10 h particles are 2.9 thicknesses apart
+        exact = wave_response(2.0 * math.pi / wavelength, 1.0)
+        assert error == pytest.approx(1.0 / exact - 1.0)
+    # at l = 10 h the particle spacing is 2.9 thicknesses
     assert set(run('local, l = 10 h')[1]) == {20.0}
 
 
-def test_green_function_needs_a_wide_support_and_the_solve_a_small_radius(device):
-    """Green: within 1 % at a radius of 6 / k, useless at one thickness; the solve there 3 %."""
+def test_green_needs_a_wide_support_and_helmholtz_a_small_radius(device):
     for wavelength in WAVELENGTHS:
         found = response('green', GREEN_RADIUS, wavelength, ACCURACY, device)
         assert found.measurements[0].error < 0.01
@@ -109,8 +99,7 @@ def test_green_function_needs_a_wide_support_and_the_solve_a_small_radius(device
     assert max(errors.values()) < 0.03
 
 
-def test_a_run_is_the_time_of_its_evaluations():
-    """No simulated time passes, and all forms have the same particles."""
+def test_experiment_measures_evaluations_without_simulated_time():
     local, solve = (run(f'{form}, l = 3.5 h')[0] for form in ('local', 'helmholtz'))
     for found in (local, solve):
         assert (found.simulated_time, found.steps, found.evaluations) == (0.0, 0, 15)
@@ -119,18 +108,13 @@ def test_a_run_is_the_time_of_its_evaluations():
 
 
 def test_front_is_interpolated_between_cells():
-    """The last crossing of the threshold, linear between its two places.
-
-    Where nothing is above the threshold, or lava is up to the last place, it is not a number.
-    """
     place = np.arange(5.0)
     assert front(place, np.array([1.0, 0.1, 1.0, 0.5, 0.0]), 0.2) == pytest.approx(3.6)
     assert math.isnan(front(place, np.zeros(5), 0.1))
     assert math.isnan(front(place, np.ones(5), 0.1))
 
 
-def test_mean_radius_of_a_cone():
-    """The contour of a cone is a circle, found to a small part of a cell."""
+def test_mean_radius_of_a_contour_of_a_cone():
     ticks = -15.0 + (np.arange(60) + 0.5) * 0.5
     thickness = np.clip(1.0 - np.hypot(*np.meshgrid(ticks, ticks)) / 10.0, 0.0, None)
     radius = Field(thickness, 0.5, (-15.0, -15.0)).mean_radius(0.2, 14.0)
@@ -138,21 +122,18 @@ def test_mean_radius_of_a_cone():
 
 
 def test_sampling_is_exact_for_a_plane():
-    """Bilinear interpolation gives a plane back at any place."""
     field = Field(np.add.outer(2.0 * np.arange(6), np.arange(8)).astype(float), 1.0, (0.0, 0.0))
     x, y = np.array([1.3, 6.9]), np.array([2.7, 0.6])
     assert field.at(x, y) == pytest.approx(x - 0.5 + 2.0 * (y - 0.5))
 
 
-def test_mean_along_x_takes_the_middle_rows():
-    """Rows outside the band do not count."""
+def test_mean_along_x_is_over_the_middle_rows():
     thickness = np.zeros((10, 4))
     thickness[4:6] = 3.0
     assert Field(thickness, 1.0, (0.0, -5.0)).along_x(1.0) == pytest.approx([3.0] * 4)
 
 
-def test_slope_of_a_line():
-    """Least squares returns a line's slope, and not a number from what is none."""
+def test_slope_by_least_squares_is_nan_with_nan():
     x = np.array([1.0, 2.0, 4.0])
     assert slope_of(x, 3.0 * x - 1.0) == pytest.approx(3.0)
     assert math.isnan(slope_of(x, np.array([1.0, math.nan, 2.0])))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Exact solutions: every coefficient from its equation again, published values, limits."""
+"""Exact solutions against their equations, published values and limits."""
 
 from collections.abc import Callable
 from functools import partial
@@ -22,7 +22,6 @@ ALPHA = GRAVITY / (3.0 * NU)
 
 
 def slope_of(function: Callable, place: float, step: float) -> float:
-    """A derivative by central difference."""
     return (function(place + step) - function(place - step)) / (2.0 * step)
 
 
@@ -46,8 +45,7 @@ def similarity_profile(rhs: Callable, slope: float, end: float, *, gap: float = 
 def test_huppert_solution_satisfies_its_equation():
     """R = 0.894 (g V^3 t / 3 nu)^(1/8), h0 = 0.531 (3 nu V / (g t))^(1/4), as published.
 
-    The profile holds the volume, and obeys h_t = (g / 3 nu) (1/r) d/dr (r h^3 dh/dr); particles
-    given for a time have its root mean square radius and no centre offset.
+    h_t = (g / 3 nu) (1/r) d/dr (r h^3 dh/dr).
     """
     solution = exact.FixedVolumeSpread(1e5, NU, GRAVITY)
     assert solution.RADIUS == pytest.approx(0.89391, abs=1e-5)
@@ -70,7 +68,7 @@ def test_huppert_solution_satisfies_its_equation():
 
 
 def test_constant_flux_coefficient():
-    """(x f^3 f')' + x^2 f' / 2 = 0 scaled to a front at 1 has 2 pi int x f = eta_N^(-8/3)."""
+    """(x f^3 f')' + x^2 f' / 2 = 0, with a front at 1, has 2 pi int x f = eta_N^(-8/3)."""
     profile = similarity_profile(lambda x, f, flux: -flux / x - 0.5 * x * flux / f**3, 1.5, 1e-3)
     integral = quad(lambda x: x * (4 * profile.sol(x)[0]) ** 0.25, 1e-3, 1 - 1e-7, limit=200)[0]
     front = (2.0 * math.pi * integral) ** -0.375
@@ -78,14 +76,13 @@ def test_constant_flux_coefficient():
     solution = exact.ConstantFluxSpread(10.0, NU, GRAVITY)
     scale = (ALPHA * 10.0**3) ** 0.125
     assert solution.radius(3600.0) == pytest.approx(front * scale * 60.0, rel=1e-4)
-    # the front's thickness against the whole profile
+    # thickness at the front against the whole profile
     x = solution.radius_of_thickness(0.3, 3600.0) / solution.radius(3600.0)
     height = (10.0 / ALPHA) ** 0.25 * front ** (2 / 3) * (4 * profile.sol(x)[0]) ** 0.25
     assert height == pytest.approx(0.3, rel=0.01)
 
 
 def test_constant_flux_profile():
-    """All that came out is under it, all flows through its middle, and none through its front."""
     solution = exact.ConstantFluxSpread(10.0, NU, GRAVITY)
     radius = solution.radius(3600.0)
     r = np.linspace(0.0, radius, 100_001)
@@ -93,7 +90,7 @@ def test_constant_flux_profile():
     assert trapezoid(2.0 * math.pi * r * thickness, r) == pytest.approx(36000.0, rel=1e-4)
     ends = np.array([0.0, 1.01 * radius])
     assert solution.flux(ends, 3600.0) == pytest.approx([10.0, 0.0], rel=1e-4)
-    # what flows out of a circle is what is not stored within it: d/dt of R^2 times a constant
+    # outflow of a circle is the supply less the change of the stored volume
     inner = 0.6 * radius
     grid = np.linspace(0.0, inner, 100_001)
 
@@ -109,7 +106,6 @@ def test_constant_flux_profile():
 
 
 def test_plane_fixed_area_satisfies_its_equation():
-    """The profile holds the area at any time, and its front's speed is that of the lava there."""
     solution = exact.PlaneFixedArea(50.0, NU, GRAVITY)
     integral = quad(lambda s: (1 - s * s) ** (1 / 3), 0, 1)[0]
     assert solution.SHAPE == pytest.approx(integral, rel=1e-6)
@@ -136,12 +132,12 @@ def test_dam_break_coefficients():
     assert exact.DamBreak.PASSED == pytest.approx(passed, abs=2e-5)
     solution = exact.DamBreak(2.0, NU, GRAVITY)
     time = solution.time_of_reach(15.0)
-    right = 0.28430 * 2.0 * math.sqrt(GRAVITY * 2.0 * time / NU)
-    assert solution.front_of_thickness(0.0, time) == pytest.approx(right)
+    expected = 0.28430 * 2.0 * math.sqrt(GRAVITY * 2.0 * time / NU)
+    assert solution.front_of_thickness(0.0, time) == pytest.approx(expected)
 
 
-def test_slope_of_fixed_area():
-    """The profile holds the area, and its front is where h travels to at g sin b h^2 / nu."""
+def test_fixed_area_on_a_slope():
+    """The front moves at g sin b h^2 / (3 nu)."""
     slope = math.radians(20.0)
     solution = exact.SlopeFixedArea(100.0, slope, NU, GRAVITY)
     time = solution.time_of_length(150.0)
@@ -150,12 +146,10 @@ def test_slope_of_fixed_area():
     assert area == pytest.approx(100.0, rel=1e-6)
     height = float(solution.thickness(150.0 - 1e-9, time))
     speed = slope_of(solution.length, time, 0.1)
-    # volume through the front: the mean speed of the lava there is the front's
     assert speed == pytest.approx(GRAVITY * math.sin(slope) * height**2 / (3 * NU), rel=1e-4)
 
 
-def test_travelling_front():
-    """The front's shape carries flux c h everywhere, and the volumes give the toe's place."""
+def test_travelling_front_carries_its_flux():
     slope = math.radians(20.0)
     solution = exact.SlopeFlux(0.5, slope, NU, GRAVITY)
     drive = ALPHA * solution.thickness**3 * math.sin(slope)
@@ -175,10 +169,6 @@ def test_travelling_front():
 
 
 def test_smith_satisfies_its_equation():
-    """2.29317 and 1.12685; -(3/7) (s f^3)' = (3/14) (f^3 f')' with f = 1 - s^2, as polynomials.
-
-    The flux through any section is the source's.
-    """
     assert exact.SteadySource.WIDTH == pytest.approx(2.29317, abs=1e-5)
     assert exact.SteadySource.HEIGHT == pytest.approx(1.12685, abs=1e-5)
     ratio = exact.SteadySource.HEIGHT / exact.SteadySource.WIDTH**2
@@ -196,8 +186,7 @@ def test_smith_satisfies_its_equation():
     assert half == pytest.approx(solution.half_width(50.0) / math.sqrt(2.0))
 
 
-def test_lister_scales():
-    """The source fills L^2 h0 in T, and speeds down the slope and across it are equal."""
+def test_lister_scales_balance_supply_and_speeds():
     slope = math.radians(5.0)
     scales = exact.ListerScales(10.0, slope, NU, GRAVITY)
     assert 10.0 * scales.time == pytest.approx(scales.length**2 * scales.thickness)
@@ -247,14 +236,14 @@ WEIGHT = 2600.0 * 9.81
 @pytest.mark.parametrize('index', [0.5, 1.0, 2.0])
 @pytest.mark.parametrize('strength', [0.0, 900.0])
 def test_sheet_is_the_integral_of_its_strain_rate(index, strength):
-    """The mean of the velocity that ((tau - tau_y) / K)^(1/n) makes, from no slip below."""
+    """The strain rate is ((tau - tau_y) / K)^(1/n)."""
     thickness, slope, consistency = 1.4, 0.2, 3e3
     pull = WEIGHT * math.sin(slope)
 
     def strain_rate(z):
         return (max(pull * (thickness - z) - strength, 0.0) / consistency) ** (1.0 / index)
 
-    # what is sheared at z carries all that is above
+    # the shear at z moves all lava above
     sheared = thickness - strength / pull
     flux = quad(lambda z: strain_rate(z) * (thickness - z), 0.0, sheared)[0]
     found = exact.herschel_bulkley_velocity(
@@ -264,22 +253,21 @@ def test_sheet_is_the_integral_of_its_strain_rate(index, strength):
     assert found == pytest.approx(flux / thickness, rel=1e-9)
 
 
-def test_sheet_has_the_newtonian_limit_and_rests_below_the_critical_thickness():
-    """With n = 1, no strength: rho g h^2 sin(b) / (3 mu); with strength, thin, it rests."""
+def test_sheet_has_a_newtonian_limit_and_a_critical_thickness():
     newtonian = exact.sheet_velocity(1.4, 0.2, 3e3 / 2600.0, 9.81)
     options = {'density': 2600.0, 'consistency': 3e3, 'index': 1.0, 'gravity': 9.81}
     found = exact.herschel_bulkley_velocity(1.4, 0.2, strength=0.0, **options)
     assert found == pytest.approx(newtonian)
     critical = exact.critical_thickness(900.0, 0.2, density=2600.0, gravity=9.81)
     speeds = [
-        exact.herschel_bulkley_velocity(share * critical, 0.2, strength=900.0, **options)
-        for share in (0.999, 1.001)
+        exact.herschel_bulkley_velocity(ratio * critical, 0.2, strength=900.0, **options)
+        for ratio in (0.999, 1.001)
     ]
     assert speeds[0] == 0.0 < speeds[1]
 
 
-def test_dome_holds_its_volume_at_the_yield_stress():
-    """The profile's volume and mean square radius by quadrature, and rho g h |dh/dr| = tau_y."""
+def test_dome_has_its_volume_and_the_yield_stress():
+    """The dome has rho g h |dh/dr| = tau_y."""
     dome = exact.BinghamDome(1.5e5, 1e4, 2600.0, 9.81)
     volume = quad(lambda r: 2 * math.pi * r * dome.thickness(r), 0, dome.radius)[0]
     moment = quad(lambda r: 2 * math.pi * r**3 * dome.thickness(r), 0, dome.radius)[0]
@@ -293,8 +281,7 @@ def test_dome_holds_its_volume_at_the_yield_stress():
     assert np.sqrt((places**2).sum(axis=1).mean()) == pytest.approx(dome.rms_radius, rel=1e-4)
 
 
-def test_ridge_is_at_the_yield_stress_everywhere():
-    """Its section by quadrature, and the stress's two parts at several places."""
+def test_ridge_has_the_yield_stress_everywhere():
     slope, strength = math.radians(20.0), 5e3
     ridge = exact.Ridge(0.9, strength, slope, WEIGHT)
     section = 2.0 * quad(ridge.thickness, 0, ridge.half_width)[0]
@@ -307,11 +294,7 @@ def test_ridge_is_at_the_yield_stress_everywhere():
     assert ridge.thickness(ridge.distance_of_thickness(0.1)) == pytest.approx(0.1)
 
 
-def test_levee_is_twice_as_wide_as_hulme_has_it():
-    """A full ridge's edge is tau_y cos(b) / (rho g sin(b)^2), Hulme's tau_y / (2 rho g sin(b)^2).
-
-    Hulme's parabola is the edge where it is thin.
-    """
+def test_levee_is_twice_as_wide_as_that_of_hulme():
     slope, strength = math.radians(5.0), 5e3
     ridge = exact.Ridge(1.0, strength, slope, WEIGHT)
     hulme = strength / (2.0 * WEIGHT * math.sin(slope) ** 2)
@@ -322,8 +305,7 @@ def test_levee_is_twice_as_wide_as_hulme_has_it():
     assert edge == pytest.approx(parabola, rel=1e-3)
 
 
-def test_viscosity_laws_are_the_printed_ones():
-    """VFT by its own numbers; crystals at half of the packing by 2^e."""
+def test_viscosity_laws_are_as_published():
     assert exact.vft_viscosity(1000.0, -4.5, 6000.0, 400.0) == pytest.approx(10.0**5.5)
     assert exact.crystal_factor(0.3, 0.6, 2.0) == pytest.approx(4.0)
     assert exact.crystal_factor(0.3, 0.6, 2.5) == pytest.approx(2.0**2.5)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cooling flows: the exact sheet against its equations, finite volumes against exact solutions."""
+"""Cooling flows: the exact sheet, and finite volumes against exact solutions."""
 
 import csv
 from dataclasses import replace
@@ -20,7 +20,6 @@ TABLE = Path(__file__).parents[2] / 'docs/benchmarks/cooling_plane.csv'
 
 
 def sheet(lava, slope=SLOPE, length=100.0):
-    """The steady sheet of a lava."""
     return exact.CoolingSheet(
         lava, flux=FLUX, slope=slope, length=length, initial=HOT, ambient=COLD, gravity=GRAVITY
     )
@@ -28,8 +27,7 @@ def sheet(lava, slope=SLOPE, length=100.0):
 
 @pytest.mark.parametrize('lava', [cooling.STIFFENING, cooling.STRONG])
 @pytest.mark.parametrize('degrees', [6.0, 20.0])
-def test_sheet_carries_its_flux_and_loses_its_heat(lava, degrees):
-    """The speed of a layer as thick, as steep and as hot, times its thickness, is the flux."""
+def test_cooling_sheet_carries_its_flux_and_loses_its_heat(lava, degrees):
     slope = math.radians(degrees)
     solution = sheet(lava, slope)
     x = np.linspace(5.0, 95.0, 10)
@@ -37,7 +35,6 @@ def test_sheet_carries_its_flux_and_loses_its_heat(lava, degrees):
     rise = (solution.thickness(x + 0.5) - solution.thickness(x - 0.5)) / 1.0
     cooler = lava.reference_temperature - temperature
     for h, h_x, cold in zip(thickness, rise, cooler, strict=True):
-        # lava as thick across a slope as steep as its surface, at the same stress at its base
         depth, surface = h * math.cos(slope) ** 2, math.tan(slope) - h_x
         angle = math.asin(surface)
         speed = exact.herschel_bulkley_velocity(
@@ -51,8 +48,7 @@ def test_sheet_carries_its_flux_and_loses_its_heat(lava, degrees):
     assert supply * fall == pytest.approx(exact.surface_loss(lava, temperature, COLD), rel=1e-4)
 
 
-def test_lava_that_keeps_its_viscosity_flows_as_an_even_sheet():
-    """Without an Arrhenius law the thickness is the same everywhere."""
+def test_sheet_of_constant_viscosity_is_uniform():
     solution = sheet(replace(cooling.STIFFENING, arrhenius=0.0))
     thickness = solution.thickness(np.array([0.0, 50.0, 100.0]))
     assert thickness == pytest.approx(thickness[0], rel=1e-6)
@@ -62,14 +58,13 @@ def test_lava_that_keeps_its_viscosity_flows_as_an_even_sheet():
 
 
 def flow_of(lava, source, cell, until):
-    """A flow down the slope by finite volumes."""
+    """Return a flow down the slope by finite volumes."""
     return exact.cooling_flow(
         lava, source, cell, math.tan(SLOPE), until, initial=HOT, ambient=COLD, gravity=GRAVITY
     )
 
 
 def test_finite_volumes_approach_the_steady_sheet():
-    """Behind the front the sheet is steady; volume is conserved and no lava warms."""
     cell, reach, until = 1.0, cooling.REACH, 1500.0
     x = np.arange(-reach, 150.0, cell) + 0.5 * cell
     source = np.where(x < reach, 0.5 * FLUX / reach, 0.0)[None]
@@ -78,14 +73,13 @@ def test_finite_volumes_approach_the_steady_sheet():
     assert temperature.max() <= HOT
     here = (x > 8.0) & (x < 50.0)
     solution = sheet(cooling.STIFFENING)
-    # seen from above, the scheme leaves out cos^4 b of the speed
-    right = solution.thickness(x[here] + reach) * math.cos(SLOPE) ** (4.0 / 3.0)
-    assert thickness[0, here] == pytest.approx(right, rel=0.005)
+    # in plan view the scheme omits a factor cos^4 b of the speed
+    expected = solution.thickness(x[here] + reach) * math.cos(SLOPE) ** (4.0 / 3.0)
+    assert thickness[0, here] == pytest.approx(expected, rel=0.005)
     assert temperature[0, here] == pytest.approx(solution.temperature(x[here] + reach), abs=0.5)
 
 
-def test_finite_volumes_spread_alike_in_all_directions():
-    """On level ground a round source makes a flow that is its own mirror image and transpose."""
+def test_finite_volumes_are_symmetric():
     x = np.arange(-20.0, 20.0, 2.0) + 1.0
     source = np.where(np.hypot(x, x[:, None]) < 5.0, 0.02, 0.0)
     thickness, temperature = exact.cooling_flow(
@@ -96,8 +90,7 @@ def test_finite_volumes_spread_alike_in_all_directions():
         assert field == pytest.approx(field[::-1], rel=1e-9)
 
 
-def test_reference_of_the_plane_is_the_finest_of_the_table():
-    """The numbers are those of the script, whose coarser rows differ by less and less."""
+def test_reference_of_the_plane_is_the_finest_row_of_a_converging_table():
     with TABLE.open(encoding='utf-8') as file:
         rows = {float(row.pop('cell')): row for row in csv.DictReader(file)}
     counts = {

@@ -1,8 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
-"""Exact solutions of heat: each against its equation, integrated numerically, and its limits."""
+"""Exact solutions of heat against numerical integration and limits."""
 
 from dataclasses import replace
 from functools import partial
@@ -22,15 +21,12 @@ LAVA = Lava(density=2500.0, specific_heat=1150.0)
 
 
 def column_on_ground(thickness):
-    """The temperature by time of a column of lava at 1400 K on ground at 300 K."""
+    """Return the temperature, by time, of a column at 1400 K on ground at 300 K."""
     lava = replace(LAVA, ground_conductivity=2.0, ground_diffusivity=7e-7)
-    return partial(
-        exact.column_on_ground, lava, initial=1400.0, ground=300.0, thickness=thickness
-    )
+    return partial(exact.column_on_ground, lava, initial=1400.0, ground=300.0, thickness=thickness)
 
 
 def test_column_on_ground_obeys_duhamels_integral():
-    """The column's rho c h T' is minus the flux that the ground takes for the history of T."""
     column = column_on_ground(1.0)
     time = 1e6
     rate = 2.0 / math.sqrt(7e-7) / CAPACITY
@@ -50,8 +46,7 @@ def test_column_on_ground_obeys_duhamels_integral():
     assert CAPACITY * fall == pytest.approx(flux, rel=1e-4)
 
 
-def test_heat_into_ground_is_what_a_thick_column_loses():
-    """Early, the mixed column loses what a constant temperature would."""
+def test_thick_column_loses_heat_as_at_constant_temperature():
     column = column_on_ground(1000.0)
     lost = CAPACITY * 1000.0 * (1400.0 - column(3600.0))
     # the flux kg dT / sqrt(pi a t) of a surface of constant temperature, integrated
@@ -59,9 +54,7 @@ def test_heat_into_ground_is_what_a_thick_column_loses():
     assert lost == pytest.approx(taken, rel=1e-3)
 
 
-def test_convecting_slab_has_its_limits():
-    """The modes sum to the start; a slab that conducts well is mixed; a stiff film is cold."""
-
+def test_convecting_slab_limits():
     def slab(conductivity, convection, time):
         lava = replace(LAVA, conductivity=conductivity, convection=convection)
         return exact.convecting_slab(lava, time, initial=1400.0, ambient=300.0, thickness=2.0)
@@ -73,12 +66,9 @@ def test_convecting_slab_has_its_limits():
     assert slab(2.0, 1e5, 1e4) == pytest.approx(300.0 + 1100.0 * early, rel=1e-4)
 
 
-def test_crystallising_sheet_conserves_heat():
-    """The flux integrated over time is the fall of the heat content."""
+def test_crystallizing_sheet_conserves_heat():
     lava = replace(LAVA, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0)
-    sheet = partial(
-        exact.crystallising_sheet, lava, initial=1423.0, ambient=300.0, thickness=2.0
-    )
+    sheet = partial(exact.crystallising_sheet, lava, initial=1423.0, ambient=300.0, thickness=2.0)
     for time in (1e3, 3e4, 1e5):
         flux = quad(lambda t: 50.0 * (sheet(t) - 300.0), 0.0, time, limit=500)[0]
         end = sheet(time)
@@ -87,8 +77,8 @@ def test_crystallising_sheet_conserves_heat():
         assert content == pytest.approx(flux, rel=1e-6)
 
 
-def test_radiating_sheet():
-    """The closed form is the solution of rho c h T' = -eps sigma (T^4 - Ta^4)."""
+def test_radiating_sheet_solves_its_equation():
+    """Rho c h T' = -eps sigma (T^4 - Ta^4)."""
     rate = 0.9 * 5.670374419e-8 / (CAPACITY * 2.0)
     times = 3600.0 * np.array([1.0, 10.0, 24.0])
     solved = solve_ivp(
@@ -105,22 +95,20 @@ def test_radiating_sheet():
     assert values == pytest.approx([1312.1159, 916.3931, 725.8872], abs=1e-3)
 
 
-def test_freezing_lens():
-    """The frozen share is that of the columns which have cooled to the solidus by then."""
+def test_solidified_fraction_of_a_freezing_lens():
     lava = Lava(density=3000.0, specific_heat=1000.0, convection=25.0, solidus=1300.0)
     lens = exact.FreezingLens(lava, depth=3.0, radius=60.0, first=1423.0, ambient=300.0)
     r = 60.0 * np.sqrt((np.arange(100000) + 0.5) / 100000)
     h = lens.thickness(r)
-    for share in (0.2, 0.5, 0.9):
-        time = share * lens.end
+    for fraction in (0.2, 0.5, 0.9):
+        time = fraction * lens.end
         temperature = 300.0 + 1123.0 * np.exp(-25.0 * time / (3e6 * h))
         frozen = h[temperature < 1300.0].sum() / h.sum()
         assert lens.frozen_share(time) == pytest.approx(frozen, abs=1e-4)
     assert lens.frozen_share(2.0 * lens.end) == 1.0
 
 
-def test_temperature_step_is_the_error_function_and_descent_warms():
-    """Half way between at the step; a kilometre is worth 8.5 K."""
+def test_temperature_step_and_warming_by_descent():
     x = np.array([-3.0, 0.0, 1.0])
     found = exact.temperature_step(x, 100.0, low=1000.0, high=1400.0, diffusivity=0.01)
     assert found == pytest.approx(1200.0 + 200.0 * erf(x / 2.0))
@@ -128,8 +116,8 @@ def test_temperature_step_is_the_error_function_and_descent_warms():
     assert warming == pytest.approx(8.53, abs=0.01)
 
 
-def test_cooling_current_obeys_its_balance():
-    """T falls by rho c Q dT/dr = -2 pi r F(T), and all of the heat leaves through the surface."""
+def test_cooling_current_solves_its_heat_balance():
+    """Rho c Q dT/dr = -2 pi r F(T)."""
     options = {'initial': 1423.0, 'ambient': 300.0, 'discharge': 2.0}
     lava = replace(LAVA, emissivity=0.9, convection=50.0)
     current = exact.CoolingCurrent(lava, **options)
@@ -152,15 +140,14 @@ def test_cooling_current_obeys_its_balance():
     )
 
 
-def test_cooling_spread_keeps_its_heat():
-    """What the source supplies is lost or still there, and the middle is the steady current."""
+def test_cooling_spread_conserves_heat():
     discharge, loss, capacity = 2.2e-8, 7.8, 954.0 * 1500.0
     spread = exact.ConstantFluxSpread(discharge, 3.56e-3, 9.81)
     cooling = exact.CoolingSpread(spread, loss=loss, capacity=capacity)
     radius = math.sqrt(capacity * discharge / (math.pi * loss))
 
     def heat(time):
-        """What is still there, over rho c Q and the source's difference [s]."""
+        """Return the stored heat over rho c Q and the source's temperature difference [s]."""
         r = np.linspace(0.0, spread.radius(time), 20_001)
         held = cooling.difference(r, time) * spread.thickness(r, time) * 2.0 * math.pi * r
         return 0.5 * float(np.diff(r) @ (held[1:] + held[:-1])) / discharge
@@ -180,8 +167,7 @@ def test_cooling_spread_keeps_its_heat():
     )
 
 
-def test_silicone_oil_may_lose_heat_linearly():
-    """By T^4 the current is as by the case's one figure, within what the article leaves open."""
+def test_linear_heat_loss_of_silicone_oil_is_within_the_uncertainty():
     places = np.array([0.5, 1.0, 1.5]) * 0.0358
     curves = []
     for convection in silicone.CONVECTION:

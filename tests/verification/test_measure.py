@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The settings of a report, how they are measured, and the rows that come of it."""
+"""Settings of a report, their measurement, and the resulting rows."""
 
 from dataclasses import replace
 import json
@@ -22,8 +22,7 @@ from lava_ros.verification.measure import all_pairs, all_settings, measure, name
 from lava_ros.verification.rows import as_plain, pareto_front, Point, points, read_csv, write_csv
 
 
-def test_rows_hold_the_median_and_the_range(fake_case, measured):
-    """A short run is timed as often as asked, one longer than the limit once."""
+def test_rows_have_the_median_and_range_of_repetitions(fake_case, measured):
     case = fake_case()
     rows = measured([case], [Setting('a', Accuracy(refinement=2.0))], repetitions=3)
     assert [item.refinement for item in case.accuracies] == [2.0, 2.0, 2.0]
@@ -39,8 +38,7 @@ def test_rows_hold_the_median_and_the_range(fake_case, measured):
     assert {row.repetitions for row in rows} == {1}
 
 
-def test_what_takes_too_long_is_left_out(fake_case, measured):
-    """A run eight times as dear as one of 10 s is not tried within 60 s, a preset is."""
+def test_settings_that_would_take_too_long_are_omitted_except_presets(fake_case, measured):
     settings = [
         Setting('coarse', Accuracy(refinement=0.5)),
         Setting('fine', Accuracy(refinement=1.0)),
@@ -52,8 +50,7 @@ def test_what_takes_too_long_is_left_out(fake_case, measured):
     assert {row.setting for row in rows} == {'coarse', 'chosen'}
 
 
-def test_a_case_without_time_has_no_cost(fake_case, measured):
-    """A look at the velocity alone simulates nothing: no cost for an hour, and no front."""
+def test_case_without_simulated_time_has_no_cost(fake_case, measured):
     case = fake_case()
     run = case.run
     case.run = lambda accuracy, device: replace(run(accuracy, device), simulated_time=0.0)
@@ -62,11 +59,7 @@ def test_a_case_without_time_has_no_cost(fake_case, measured):
     assert pareto_front(points(rows)) == []
 
 
-def test_a_case_is_handed_out_before_the_next_begins(fake_case):
-    """Who is interrupted in the second case has the rows of the first; progress goes to all.
-
-    Cases that share a name are measured together, each at its own setting.
-    """
+def test_rows_of_a_case_are_yielded_before_the_next_case_runs(fake_case):
     shares = []
     one, two = fake_case('one'), fake_case('two')
     cases = [(one, 'a'), (two, 'a'), (fake_case('two'), 'b')]
@@ -82,8 +75,7 @@ def test_a_case_is_handed_out_before_the_next_begins(fake_case):
     assert shares[0] == 0.0 and shares[-1] == 1.0 and sorted(shares) == shares
 
 
-def test_machine_names_no_host():
-    """The CPU is named by its model and the cores that are used."""
+def test_machine_name_has_cores_but_no_host():
     name = measuring.machine_name('cpu')
     assert re.search(r'\d+ cores? used of \d+$', name)
     assert platform.node() not in name
@@ -91,8 +83,7 @@ def test_machine_names_no_host():
 
 
 @pytest.mark.parametrize('quick', [False, True])
-def test_settings_are_distinct(quick):
-    """No two settings share a name or an accuracy, and the presets are among them."""
+def test_settings_are_distinct_and_include_the_presets(quick):
     found = all_settings(quick=quick)
     assert len({item.name for item in found}) == len(found)
     assert len({item.accuracy for item in found}) == len(found)
@@ -112,17 +103,12 @@ def test_settings_are_distinct(quick):
         (lambda: measuring.gradients().values(), measuring.GRADIENT_CASES),
     ],
 )
-def test_what_is_studied_is_run(study, cases):
-    """Every setting of a study is measured in its cases, once."""
+def test_every_setting_of_a_study_is_measured_once(study, cases):
     pairs = [(case.name, item.accuracy) for case, item in all_pairs()]
     assert all(pairs.count((case, accuracy)) == 1 for accuracy in study() for case in cases)
 
 
-def test_a_setting_may_be_for_some_cases_only():
-    """Even layers are run at presets alone; the paper's 20,000 steps are taken in one case.
-
-    A misspelt case would silently never run, or always.
-    """
+def test_settings_may_apply_to_some_cases():
     assert set(measuring.EVEN_CASES) <= set(CASES)
     assert all(set(item.cases or ()) <= set(CASES) for item in all_settings())
     swept = {case.name for case, item in all_pairs() if not item.preset}
@@ -131,8 +117,8 @@ def test_a_setting_may_be_for_some_cases_only():
     assert paper == set(measuring.KNOB_CASES)
 
 
-def test_the_papers_radius_is_a_metre():
-    """The fixed volume ends as a disc of 130 m; the particles' distance times 1.84 is 1 m."""
+def test_radius_of_the_paper_is_1_m():
+    """The fixed volume ends as a disc with a radius of 130 m."""
     literal = measuring.from_paper()['l = 1 m, as in table 3.1']
     count = 8000.0 * literal.refinement**2
     spacing = math.sqrt(math.pi * 130.0**2 / count)
@@ -140,8 +126,7 @@ def test_the_papers_radius_is_a_metre():
     assert literal.fixed_step == PRESETS['as-published'].accuracy.fixed_step
 
 
-def test_names_say_what_is_not_usual():
-    """Resolution always; knobs by name and value, words by themselves."""
+def test_name_of_a_setting_has_its_differences_from_the_default():
     accuracy = Accuracy(
         ratio=3.5, kernel='poly6', courant_number=0.25, gradient='difference', deterministic=True
     )
@@ -150,8 +135,7 @@ def test_names_say_what_is_not_usual():
     )
 
 
-def test_the_lateral_experiments_are_run():
-    """All of them, and in a quick report every form at two radii; each at the default preset."""
+def test_all_lateral_experiments_are_measured_at_the_default_preset():
     names = list(EXPERIMENTS)
     found = [item for case, item in all_pairs() if case.name == LATERAL]
     assert [item.name for item in found] == names
@@ -162,7 +146,6 @@ def test_the_lateral_experiments_are_run():
 
 
 def test_csv_round_trip(tmp_path, fake_case, measured):
-    """What was written is read back, to six digits."""
     rows = measured([fake_case()])
     path = tmp_path / 'a.csv'
     write_csv(rows, path)
@@ -181,23 +164,20 @@ def test_csv_round_trip(tmp_path, fake_case, measured):
 
 
 @pytest.mark.parametrize('text', ['case,error\n', 'case,error\na,1\n'])
-def test_other_files_are_refused(tmp_path, text):
-    """A file with other columns is named in the error."""
+def test_rejects_a_file_with_other_columns(tmp_path, text):
     (tmp_path / 'a.csv').write_text(text)
     with pytest.raises(LavaError, match='case,setting,preset'):
         read_csv(tmp_path / 'a.csv')
 
 
-def test_json(row):
-    """The JSON holds the same rows, and null for what is not a number."""
+def test_json_has_null_for_nan(row):
     data = as_plain([row(wall_s=0.123456789), row(error=math.nan)])
     assert json.loads(json.dumps(data, allow_nan=False)) == data
     assert data[0]['wall_s'] == 0.123456789
     assert [item['error'] for item in data] == [0.01, None]
 
 
-def test_front_is_what_nothing_beats():
-    """A point is on the front unless another is both cheaper and better."""
+def test_pareto_front_has_no_dominated_point():
     random = np.random.default_rng(3)
     candidates = [
         Point('case', str(index), '', *random.uniform(0.1, 1.0, 2), particles=1, least=1.0)
@@ -213,11 +193,7 @@ def test_front_is_what_nothing_beats():
     assert [item.cost for item in front] == sorted(item.cost for item in front)
 
 
-def test_a_point_has_the_worst_error_of_its_quantities(fake_case, measured, row):
-    """What is good in one quantity only is not good.
-
-    NaN is on no front, whatever it costs; what is known of the error is kept.
-    """
+def test_point_has_the_largest_error_of_its_quantities(fake_case, measured, row):
     found = points(measured([fake_case()]))
     assert [item.error for item in found] == pytest.approx([1e-2 / 1.5, 1e-2 / 3.0, 1e-2 / 6.0])
     assert [item.least for item in found] == [item.error for item in found]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page that puts other lava codes beside this one says what the CSV files say."""
+"""The page that compares lava codes agrees with its CSV files."""
 
 import csv
 import importlib
@@ -14,20 +14,17 @@ BENCHMARKS = Path(__file__).parents[2] / 'docs/benchmarks'
 
 
 def lines_of(path: Path) -> list[dict[str, str]]:
-    """The lines of a CSV file."""
     with path.open(newline='', encoding='utf-8') as file:
         return list(csv.DictReader(file))
 
 
 @pytest.fixture
 def scripts(monkeypatch):
-    """Import a script of docs/benchmarks by its name."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     return importlib.import_module
 
 
-def test_page_says_what_the_measurements_say(scripts):
-    """The page's tables are the CSV files': python docs/benchmarks/other_codes.py writes them."""
+def test_tables_of_the_page_are_up_to_date(scripts):
     script = scripts('other_codes')
     page = script.PAGE.read_text(encoding='utf-8')
     assert script.written(page, script.TABLES) == page
@@ -35,8 +32,7 @@ def test_page_says_what_the_measurements_say(scripts):
 
 @pytest.mark.skipif(shutil.which('cc') is None, reason='no C compiler')
 @pytest.mark.parametrize('case', ['constant_flux', 'valley'])
-def test_the_plain_scheme_scores_what_its_rows_say(case, scripts):
-    """codes.csv is of the finite_volumes.c and the scores that are there now."""
+def test_plain_scheme_has_the_committed_scores(case, scripts):
     codes = scripts('codes')
     flow = codes.FLOWS[case]
     thickness = codes.plain(flow, 10.0, 1).thickness
@@ -50,8 +46,7 @@ def test_the_plain_scheme_scores_what_its_rows_say(case, scripts):
     assert found == pytest.approx(rows, rel=1e-3)
 
 
-def test_the_plain_scheme_is_closer_than_the_presets():
-    """What the page says below its three tables."""
+def test_plain_scheme_is_more_accurate_than_the_presets():
     rows = [row for row in lines_of(BENCHMARKS / 'codes.csv') if row['quantity'] == 'profile']
     for case in ('constant_flux', 'valley', 'hill'):
         runs = {row['code']: row for row in rows if (row['case'], row['cell_m']) == (case, '5')}

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report as Markdown, its sections that compare a few settings, and its chart."""
+"""The accuracy report as Markdown, its studies, and its chart."""
 
 from dataclasses import replace
 import math
@@ -19,8 +19,7 @@ from lava_ros.verification.report import markdown, studies
 from lava_ros.verification.rows import points, presets_of
 
 
-def test_presets_and_front_are_named(fake_case, measured):
-    """The table of presets has their error and cost; settings on the front are bold."""
+def test_report_names_presets_and_the_front(fake_case, measured):
     tried = [
         Setting('coarse', Accuracy(refinement=0.5)),
         Setting('chosen', Accuracy(refinement=1.0), preset='standard'),
@@ -32,35 +31,32 @@ def test_presets_and_front_are_named(fake_case, measured):
     assert text.endswith('|\n')
 
 
-def test_no_result_is_said(row):
-    """NaN is named, and never bold."""
+def test_setting_without_a_result_is_named_but_not_on_the_front(row):
     text = markdown([row(setting='broken', error=math.nan), row()], {}, stem='cpu')
     assert '| broken | none |' in text
     assert '| **a** | 1 % |' in text
 
 
-def test_cases_without_presets_are_not_among_them(row):
-    """The table of presets has no empty lines, and is left out when it would be empty."""
+def test_table_of_presets_omits_cases_without_presets(row):
     text = markdown([row(preset='draft'), row(case='other')], {}, stem='cpu')
     assert text.split('## fixed_volume')[0].count('other') == 0
     assert '## Presets' not in markdown([row(case='other')], {}, stem='cpu')
 
 
-def test_presets_come_from_cheap_to_dear(row):
-    """Their order is that of the ladder, whatever the rows' is."""
+def test_presets_are_in_order_of_cost(row):
     rows = [row(setting=name, preset=name) for name in ('fine', '', 'draft')]
     assert presets_of(points(rows)) == ['draft', 'fine']
 
 
 def section(rows, title):
-    """Lines of a section, without its title; None when there is none."""
+    """Return the lines of a section without its title, or None."""
     text = '\n'.join(studies(rows, {'pond': 'A pond'}))
     parts = {part.split('\n')[0]: part.split('\n')[1:] for part in text.split('## ')[1:]}
     return parts.get(title)
 
 
 def table(rows, title):
-    """Cells of a section's table, the head first."""
+    """Return the cells of a section's table, header first."""
     lines = [line for line in section(rows, title) if line.startswith('|')]
     del lines[1]
     return [[cell.strip() for cell in line.strip('|').split('|')] for line in lines]
@@ -68,7 +64,7 @@ def table(rows, title):
 
 @pytest.fixture
 def converging(row):
-    """Errors that fall as the distance, and as its square."""
+    """Return rows whose errors fall as the spacing and as its square."""
     return [
         row(
             setting=name_of(accuracy), quantity=quantity,
@@ -80,8 +76,7 @@ def converging(row):
     ]
 
 
-def test_orders_of_convergence(converging):
-    """An error like the distance has order 1, one like its square 2, at every doubling."""
+def test_convergence_has_the_order_at_every_doubling(converging):
     head, first, *others, last = table(converging, 'Convergence')
     assert head == ['particles', 'radius', 'order', 'profile', 'order', 'a run took']
     assert first[:5] == ['2,000', '2 %', '', '4 %', '']
@@ -94,7 +89,7 @@ def test_orders_of_convergence(converging):
 
 @pytest.fixture
 def stepped(row):
-    """Euler with 400 evaluations at 8,000 particles, the others with 100 and half the error."""
+    """Return rows with 400 evaluations of Euler, and 100 of the others at half the error."""
     return [
         row(
             setting=name_of(accuracy), quantity=quantity,
@@ -107,8 +102,7 @@ def stepped(row):
     ]
 
 
-def test_super_time_stepping_is_held_against_euler(stepped):
-    """The ratio of evaluations, and the errors that are larger by more than rounding."""
+def test_super_time_stepping_is_compared_with_euler(stepped):
     head, euler, *others = table(stepped, 'Super-time-stepping')
     column = {name: index for index, name in enumerate(head)}
     assert euler[column['integrator']] == 'Euler'
@@ -127,7 +121,7 @@ def test_super_time_stepping_is_held_against_euler(stepped):
 
 @pytest.fixture
 def corrected(row):
-    """The way from the paper's settings, errors falling by a half at each step."""
+    """Return rows from the paper's settings to the default, each with half the error."""
     return [
         row(
             setting=name_of(accuracy), preset={0: 'as-published', 7: 'standard'}.get(index, ''),
@@ -138,11 +132,7 @@ def corrected(row):
     ]
 
 
-def test_the_way_from_the_paper(corrected, row):
-    """One correction a line, from the paper's settings to the default.
-
-    What is better and dearer than the paper's settings does not count.
-    """
+def test_corrections_lead_from_the_paper_to_the_default(corrected, row):
     title = "From the paper's settings to ours"
     head, *lines = table(corrected, title)
     assert head[:3] == ['setting', 'radius', 'scatter']
@@ -151,14 +141,13 @@ def test_the_way_from_the_paper(corrected, row):
     text = '\n'.join(section(corrected, title))
     assert 'is standard: its largest error is 1 %, in 93 s instead of 100 s' in text
     assert 'is 128 % (scatter), so the ratio of the errors is 0.0078.' in text
-    dear = row(setting='dear', error=1e-6, wall_s_per_simulated_hour=101.0)
+    expensive = row(setting='expensive', error=1e-6, wall_s_per_simulated_hour=101.0)
     cheap = row(setting='cheap', error=1e-5, wall_s_per_simulated_hour=99.0)
-    assert section([*corrected, dear], title) == section(corrected, title)
-    assert 'is cheap: its' in '\n'.join(section([*corrected, dear, cheap], title))
+    assert section([*corrected, expensive], title) == section(corrected, title)
+    assert 'is cheap: its' in '\n'.join(section([*corrected, expensive, cheap], title))
 
 
-def test_gradients_are_compared_by_case(row):
-    """A column for each form, a line for each quantity, where both were run."""
+def test_gradient_forms_are_compared_by_case(row):
     forms = measure.gradients()
     rows = [
         row(case=case, setting=name_of(accuracy), quantity=quantity, error=error)
@@ -177,8 +166,7 @@ def test_gradients_are_compared_by_case(row):
     assert section(rows[:2], 'Gradient forms') is None
 
 
-def test_kinds_of_lateral_stress_stand_side_by_side(row):
-    """A line for each quantity and radius, and the time: 2 s for 100 evaluations of 8,000."""
+def test_lateral_stress_is_compared_by_form_and_radius(row):
     rows = [
         row(
             case='lateral', setting=f'{kind}, l = {radius:g} h',
@@ -197,7 +185,7 @@ def test_kinds_of_lateral_stress_stand_side_by_side(row):
     assert [line[1] for line in lines] == ['1', '2', '10'] * 3
     assert lines[6] == ['time per particle and evaluation', '1', '2,500 ns', '5,000 ns']
     assert section([row()], 'Lateral stress') is None
-    # the names that the experiments have are those that the section takes apart
+    # the section parses the names of the experiments
     rows = [row(case='lateral', setting=name) for name in EXPERIMENTS]
     head, *lines = table(rows, 'Lateral stress')
     assert head[2:] == list(FORMS)
@@ -206,8 +194,7 @@ def test_kinds_of_lateral_stress_stand_side_by_side(row):
 
 
 @pytest.mark.parametrize('count', [1, 4])
-def test_chart_is_drawn(tmp_path, count, fake_case, measured):
-    """A picture with as many panels as cases, which is not blank."""
+def test_chart_is_not_blank(tmp_path, count, fake_case, measured):
     cases = [fake_case(f'case{index}') for index in range(count)]
     rows = measured(cases, all_settings(quick=True))
     draw(rows, {case.name: case.title for case in cases}, tmp_path / 'a.png')
@@ -218,7 +205,7 @@ def test_chart_is_drawn(tmp_path, count, fake_case, measured):
 
 @pytest.fixture
 def panels(monkeypatch):
-    """Catch the panels as they are drawn."""
+    """Return a function that draws rows and returns the axes."""
     from matplotlib.figure import Figure
 
     drawn = []
@@ -231,15 +218,13 @@ def panels(monkeypatch):
     return axes
 
 
-def test_only_what_takes_time_is_charted(tmp_path, row, panels):
-    """A case that looks at the velocity alone has no panel, nor has a report of it alone."""
+def test_chart_omits_cases_without_cost(tmp_path, row, panels):
     still = row(case='lateral', wall_s_per_simulated_hour=math.nan)
     assert len(panels([row(), still], tmp_path / 'a.png')) == 1
     assert len(panels([still], tmp_path / 'a.png')) == 0
 
 
-def test_a_preset_without_a_result_is_shown_where_it_is_at_least(tmp_path, row, panels):
-    """A NaN in one quantity does not hide the preset; other settings are left out."""
+def test_chart_shows_a_preset_with_nan_at_its_known_error(tmp_path, row, panels):
     rows = [
         row(setting='p', preset='as-published', error=2.5),
         row(setting='p', preset='as-published', quantity='edge', error=math.nan),
@@ -252,7 +237,6 @@ def test_a_preset_without_a_result_is_shown_where_it_is_at_least(tmp_path, row, 
     assert [place[1] for place in preset] == [2.5]
 
 
-def test_a_picture_that_cannot_be_written(tmp_path, row):
-    """A folder that is not there is an error that names the file."""
+def test_unwritable_chart_is_an_error_that_names_the_file(tmp_path, row):
     with pytest.raises(LavaError, match=r'none/a\.png'):
         draw([row()], {}, tmp_path / 'none/a.png')

@@ -27,7 +27,7 @@ EFFECT = Effect(
     threshold=0.3,
     admits='0.17 spacings that hot lava reaches into cold: 3 % of a flow 11 spacings wide',
     cost=0.03,
-    source='two half-spaces: heat that passes between them, sqrt(a t / pi) of what one has',
+    source='two half-spaces: heat exchanged, sqrt(a t / pi) of the heat of one',
     exists=lambda lava: lava.conductivity > 0.0,
     arrays={
         # rate at which each ordered particle exchanges heat [1/s], its temperature before [K]

@@ -9,7 +9,7 @@ from lava_ros.effects.scales import FREEZES
 EFFECT = Effect(
     rank=170,
     title='columns that freeze become ground',
-    symbol='share of the way to the solidus',
+    symbol='fraction of the way to the solidus',
     number=lambda scales: scales.freezing,
     threshold=FREEZES,
     fraction=1.0,

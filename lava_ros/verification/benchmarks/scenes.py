@@ -153,17 +153,17 @@ def ground(
 
 
 def _plane(slope: float) -> Surface:
-    """A plane that falls towards -x."""
+    """Return a plane that falls towards -x."""
     return lambda x, y: slope * x + 0.0 * y
 
 
 def _valley(slope: float, sides: float) -> Surface:
-    """A valley that falls towards -x, its floor 10 m round."""
+    """Return a valley that falls towards -x, with a rounded floor of 10 m."""
     return lambda x, y: slope * x + sides * np.hypot(y, 10.0)
 
 
 def _gully(slope: float, walls: float, width: float) -> Surface:
-    """A gully that falls towards -x, level across between walls, smooth at their feet."""
+    """Return a gully that falls towards -x, level across, with walls that have smooth feet."""
 
     def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         beyond = np.abs(y) - 0.5 * width
@@ -173,17 +173,17 @@ def _gully(slope: float, walls: float, width: float) -> Surface:
 
 
 def _ridge(flanks: float, radius: float) -> Surface:
-    """A ridge along y, its crest as round as a radius [m]."""
+    """Return a ridge along y with a radius of the crest [m]."""
     return lambda x, y: -flanks * np.hypot(x, radius) + 0.0 * y
 
 
 def _crater(radius: float, depth: float) -> Surface:
-    """A bowl with a rim, level outside."""
+    """Return a bowl with a rim, level outside."""
     return lambda x, y: depth * np.minimum((x**2 + y**2) / radius**2, 1.0)
 
 
 def _rough(slope: float, height: float) -> Surface:
-    """A plane that falls towards -x with bumps of a root mean square height [m]."""
+    """Return a plane that falls towards -x, with bumps of a root mean square height [m]."""
     random = np.random.default_rng(1)
     lengths = random.uniform(30.0, 120.0, 24)
     angles, phases = random.uniform(0.0, 2.0 * np.pi, (2, 24))

@@ -69,8 +69,8 @@ def measure(
     parts = len(particles) + 2
     for index, number in enumerate(particles):
 
-        def show(name: str, share: float, index: int = index, number: int = number) -> None:
-            on_progress(f'{name}: {number} particles', (index + share) / parts)
+        def show(name: str, fraction: float, index: int = index, number: int = number) -> None:
+            on_progress(f'{name}: {number} particles', (index + fraction) / parts)
 
         yield from _steps(number, device, repetitions, show)
     for index, cells in enumerate(GRIDS):
@@ -168,8 +168,8 @@ def _starts(device: str, repetitions: int) -> list[float]:
             subprocess.run(command, check=True, capture_output=True, timeout=_PATIENCE, text=True)
         except subprocess.SubprocessError as error:
             output = getattr(error, 'stderr', None) or str(error)
-            right = f'a device on which a new process takes a snapshot ({output[-500:]})'
-            raise LavaError('--device', device, right) from error
+            expected = f'a device on which a new process takes a snapshot ({output[-500:]})'
+            raise LavaError('--device', device, expected) from error
         times.append(wall_clock.perf_counter() - start)
     return times[1:]
 

@@ -12,7 +12,7 @@ __all__ = [
     'CASES', 'EFFECT_CASES', 'TITLES', 'Case', 'Measurement', 'Run', 'spread_of_fixed_volume',
 ]
 
-#: Cases of what lava does beside flowing and spreading: they have a chart of their own.
+#: Cases of effects other than flow and spreading, which have a separate chart.
 EFFECT_CASES = frozenset(
     case.name for case in (*heat.CASES, *cooling.CASES, *rheology.CASES, *inertia.CASES)
 )

@@ -109,12 +109,12 @@ class Field:
 
     @property
     def x(self) -> np.ndarray:
-        """Coordinates of the middles of the columns [m]."""
+        """Coordinates of the centres of the columns [m]."""
         return self.origin[0] + (np.arange(self.thickness.shape[1]) + 0.5) * self.cell
 
     @property
     def y(self) -> np.ndarray:
-        """Coordinates of the middles of the rows [m]."""
+        """Coordinates of the centres of the rows [m]."""
         return self.origin[1] + (np.arange(self.thickness.shape[0]) + 0.5) * self.cell
 
     def at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -157,8 +157,8 @@ def front(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
     if len(above) == 0 or above[-1] + 1 == len(place):
         return math.nan
     i = above[-1]
-    share = (thickness[i] - threshold) / (thickness[i] - thickness[i + 1])
-    return float(place[i] + share * (place[i + 1] - place[i]))
+    fraction = (thickness[i] - threshold) / (thickness[i] - thickness[i + 1])
+    return float(place[i] + fraction * (place[i + 1] - place[i]))
 
 
 def half_width(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
@@ -292,10 +292,10 @@ def layer(
     lava: Lava, effects: Effects, accuracy: Accuracy, device: str, *, thickness: float,
     spacing: float = 2.0, side: float = 120.0, slope: float = 0.0, temperature: float = 1400.0,
 ) -> Trial:
-    """A square layer of uniform vertical thickness [m] around (0, 0) on an even slope [rad].
+    """Return a square layer of uniform vertical thickness [m] around (0, 0) on a slope [rad].
 
-    ``side`` is that of the layer [m]; the ground's is twice as long. The spacing [m] is that at a
-    refinement of 1. The temperature is in kelvin.
+    ``side`` is that of the layer [m]; that of the ground is twice as long. The spacing [m] is that
+    at a refinement of 1. The temperature is in kelvin.
     """
     spacing /= accuracy.refinement
     # keeps the middle of a coarse layer away from its edge
@@ -309,7 +309,7 @@ def layer(
 
 
 def plane(window: Window, cell: float, slope: float = 0.0) -> Terrain:
-    """An even slope that falls towards +x by an angle ``slope`` [rad], on cells of ``cell`` [m].
+    """Return a plane that falls towards +x at an angle ``slope`` [rad], on cells of ``cell`` [m].
 
     It covers at least the window.
     """
@@ -330,7 +330,7 @@ def strip(width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     return (index + 0.5) / count, (turn - 0.5) * width
 
 
-def distributed(share: np.ndarray, place: np.ndarray, density: np.ndarray) -> np.ndarray:
+def distributed(fraction: np.ndarray, place: np.ndarray, density: np.ndarray) -> np.ndarray:
     """Return the places below which given fractions of a distribution lie, by trapezoids."""
     held = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-    return np.interp(share, held / held[-1], place)
+    return np.interp(fraction, held / held[-1], place)

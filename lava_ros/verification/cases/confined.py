@@ -75,8 +75,9 @@ def channel_velocity(
     sample = trial.sample()
     inside = (np.abs(sample.position) < (0.5 * MIDDLE, 0.5 * width)).all(axis=1)
     local = exact.sheet_velocity(1.0, math.asin(SLOPE), NU, GRAVITY)
-    mean, right = float(sample.velocity[inside, 0].mean()), exact.channel_mean_velocity(width, 1.0)
-    return trial, case.Measurement(f'{effect} W/h {width:g}', mean / local, right, '1')
+    mean = float(sample.velocity[inside, 0].mean())
+    expected = exact.channel_mean_velocity(width, 1.0)
+    return trial, case.Measurement(f'{effect} W/h {width:g}', mean / local, expected, '1')
 
 
 def _run_channel(accuracy: Accuracy, device: str) -> case.Run:

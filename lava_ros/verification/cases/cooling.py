@@ -84,10 +84,10 @@ def _steady(
     profile = solution.thickness(place + REACH)
     section = float(np.trapezoid(profile, place))
     mean = section / (LENGTH + REACH)
-    share, y = case.strip(
+    fraction, y = case.strip(
         WIDTH, round((LENGTH + REACH) * WIDTH * (accuracy.refinement / SPACING) ** 2)
     )
-    x = case.distributed(share, place, profile)
+    x = case.distributed(fraction, place, profile)
     particles = Particles(
         np.column_stack([x, y]), section * WIDTH / len(x), solution.temperature(x + REACH)
     )
@@ -115,8 +115,8 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
         for moment in MOMENTS:
             trial.advance(moment)
             grid = trial.field((first, -half, last, half))
-            line, right = grid.along_x(half), solution.thickness(grid.x + REACH)
-            thicknesses.append([_in_bands(grid.x, values, edges) for values in (line, right)])
+            line, expected = grid.along_x(half), solution.thickness(grid.x + REACH)
+            thicknesses.append([_in_bands(grid.x, values, edges) for values in (line, expected)])
             sample = trial.sample()
             x, y = sample.position.T
             middle = np.abs(y) < half
@@ -147,10 +147,10 @@ def _run_front(accuracy: Accuracy, device: str) -> case.Run:
         gravity=GRAVITY,
     )
     grid = trial.field((-REACH, -30.0, 210.0, 30.0))
-    line, right = grid.along_x(30.0), np.interp(grid.x, x, thickness[0])
-    found, wanted = (case.front(grid.x, values, FRONT) for values in (line, right))
+    line, expected = grid.along_x(30.0), np.interp(grid.x, x, thickness[0])
+    found, wanted = (case.front(grid.x, values, FRONT) for values in (line, expected))
     trial.compare('front', found, wanted, 'm')
-    trial.compare_mean(line, right)
+    trial.compare_mean(line, expected)
     return trial.run()
 
 
@@ -167,12 +167,12 @@ def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
     thickness = np.nan_to_num(trial.simulation.snapshot().thickness)
     wet = thickness > FRONT
     rows, columns = (np.arange(count) for count in wet.shape)
-    beside = np.abs(rows - 0.5 * (len(rows) - 1))
+    offset = np.abs(rows - 0.5 * (len(rows) - 1))
     first = round((exact.PLANE_FIRST - WINDOW[0]) / MAP - 0.5)
     counts = np.zeros(len(columns))
     counts[first : first + len(exact.PLANE_CELLS)] = exact.PLANE_CELLS
-    right = beside[:, None] < counts
-    apart = 1.0 - (wet & right).sum() / (wet | right).sum()
+    reference = offset[:, None] < counts
+    apart = 1.0 - (wet & reference).sum() / (wet | reference).sum()
     trial.compare('footprint', apart, 0.0, '', scale=1.0)
     grid = trial.field((200.0, -60.0, 330.0, 60.0))
     front = case.front(grid.x, grid.thickness.max(axis=0), FRONT)

@@ -76,10 +76,10 @@ def _sheet(
         )
         for hour in hours:
             trial.advance(3600.0 * hour)
-            right = solution(lava, 3600.0 * hour, initial=HOT, thickness=THICKNESS)
+            expected = solution(lava, 3600.0 * hour, initial=HOT, thickness=THICKNESS)
             found = trial.middle('temperature', 16.0).mean()
-            scale = HOT - right if is_of_loss else None
-            trial.compare(f'temperature after {hour:g} h', found, right, 'K', scale)
+            scale = HOT - expected if is_of_loss else None
+            trial.compare(f'temperature after {hour:g} h', found, expected, 'K', scale)
         return trial.run()
 
     return case.Case(name, title, source, measure)
@@ -136,8 +136,8 @@ def _run_conduction(accuracy: Accuracy, device: str) -> case.Run:
     sample = trial.sample()
     x, y = sample.position.T
     middle = (np.abs(y) < 0.2 * width) & (np.abs(x) < 0.4 * length)
-    right = exact.temperature_step(x, time, low=1000.0, high=1400.0, diffusivity=diffusivity)
-    apart = np.abs(sample.temperature - right)[middle].max()
+    expected = exact.temperature_step(x, time, low=1000.0, high=1400.0, diffusivity=diffusivity)
+    apart = np.abs(sample.temperature - expected)[middle].max()
     trial.compare('profile', apart, 0.0, 'K', scale=400.0)
     mean = sample.volume @ sample.temperature / sample.volume.sum()
     trial.compare('heat', mean, first.mean(), 'K')
@@ -160,11 +160,12 @@ def _run_current(accuracy: Accuracy, device: str) -> case.Run:
     trial.advance((4.0 * solution.thermal_radius / spread.coefficient) ** 2)
     sample = trial.sample()
     distance = np.hypot(*sample.position.T)
-    for share in (0.5, 1.0):
-        ring = np.abs(distance / solution.thermal_radius - share) < 0.1
-        right = solution.temperature(distance[ring]).mean()
+    for fraction in (0.5, 1.0):
+        ring = np.abs(distance / solution.thermal_radius - fraction) < 0.1
+        expected = solution.temperature(distance[ring]).mean()
         found = sample.temperature[ring].mean()
-        trial.compare(f'temperature at {share:g} thermal radii', found, right, 'K', HOT - COLD)
+        name = f'temperature at {fraction:g} thermal radii'
+        trial.compare(name, found, expected, 'K', HOT - COLD)
     loss = solution.flux(sample.temperature) @ (sample.volume / sample.thickness)
     trial.compare('power of the surface', loss, solution.power, 'W')
     return trial.run()
@@ -189,10 +190,10 @@ def _run_freezing(accuracy: Accuracy, device: str) -> case.Run:
         budget = trial.simulation.budget()
         return budget.frozen / budget.emitted
 
-    for share in SHARES:
-        trial.advance(share * lens.end)
-        right = lens.frozen_share(share * lens.end)
-        trial.compare(f'frozen after {share:g} of the time', frozen(), right, '', scale=1.0)
+    for fraction in SHARES:
+        trial.advance(fraction * lens.end)
+        expected = lens.frozen_share(fraction * lens.end)
+        trial.compare(f'frozen after {fraction:g} of the time', frozen(), expected, '', scale=1.0)
     trial.advance(1.2 * lens.end)
     trial.compare('frozen in the end', frozen(), 1.0, '')
     x0, y0 = terrain.origin
@@ -243,10 +244,10 @@ def _run_oil(accuracy: Accuracy, device: str) -> case.Run:
         power = LOSS * difference @ (sample.volume / sample.thickness) / (capacity * DISCHARGE)
         trial.compare(f'power at {radius:g} thermal radii', power, solution.power(time), '1')
     distance = np.hypot(*sample.position.T)
-    for share in (0.5, 1.0, 1.5):
-        ring = np.abs(distance / thermal - share) < 0.1
+    for fraction in (0.5, 1.0, 1.5):
+        ring = np.abs(distance / thermal - fraction) < 0.1
         expected = solution.difference(distance[ring], time).mean()
-        what, found = f'temperature at {share:g} thermal radii', difference[ring].mean()
+        what, found = f'temperature at {fraction:g} thermal radii', difference[ring].mean()
         trial.compare(what, found, expected, '1', scale=1.0)
     least = 0.5e-3
     front = trial.field(window).mean_radius(least, half)

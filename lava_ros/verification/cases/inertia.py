@@ -95,8 +95,8 @@ def _broken_dams(
     position, volumes = [], []
     for start, end, thickness, fineness in parts:
         count = max(2, round((end - start) * 2.0 * side * (fineness / spacing) ** 2))
-        share, y = case.strip(2.0 * side, count)
-        position.append(np.column_stack([start + share * (end - start), y]))
+        fraction, y = case.strip(2.0 * side, count)
+        position.append(np.column_stack([start + fraction * (end - start), y]))
         volumes.append(np.full(count, thickness * (end - start) * 2.0 * side / count))
     far = max(outer, half + 2.2 * REACH)
     trial = case.Trial(
@@ -211,8 +211,8 @@ def swing(
         trial.advance(time - instant)
         trial.advance(time)
         sample = trial.sample()
-        share = sample.volume / sample.volume.sum()
-        spread.append(float(share @ (sample.position**2).sum(axis=1)))
+        weight = sample.volume / sample.volume.sum()
+        spread.append(float(weight @ (sample.position**2).sum(axis=1)))
         ground = ground_at(trial.simulation.scene.terrain, sample.position)
         head = GRAVITY * (0.5 * sample.thickness + ground)
         kinetic = 0.5 * (sample.velocity**2).sum(axis=1)

@@ -81,18 +81,18 @@ def _run_critical(accuracy: Accuracy, device: str) -> case.Run:
     for degrees in (3.0, 10.0, 25.0):
         slope = math.radians(degrees)
         strength = WEIGHT * math.sin(slope)
-        right = exact.critical_thickness(
+        expected = exact.critical_thickness(
             strength, slope, density=ISOTHERMAL.density, gravity=GRAVITY
         )
-        low, high = 0.97 * right, 1.03 * right
+        low, high = 0.97 * expected, 1.03 * expected
         trial = sheet(high, slope)
         if not moves(trial) or moves(sheet(low, slope)):
             low = high = math.nan
-        while high - low > 1e-4 * right:
+        while high - low > 1e-4 * expected:
             thickness = 0.5 * (low + high)
             trial = sheet(thickness, slope)
             low, high = (low, thickness) if moves(trial) else (thickness, high)
-        trial.compare(f'thickness at {degrees:g} degrees', 0.5 * (low + high), right, 'm')
+        trial.compare(f'thickness at {degrees:g} degrees', 0.5 * (low + high), expected, 'm')
         runs.append(trial.run())
     trial = sheet(0.99, SLOPE)
     start = np.sort(trial.middle('position', MIDDLE)[:, 0])
@@ -146,9 +146,9 @@ def _run_ridge(accuracy: Accuracy, device: str) -> case.Run:
     length = 12.0 * half
     held = solution.section / math.cos(slope)
     spacing = half / 14.0 / accuracy.refinement
-    share, x = case.strip(length, max(20, round(2.0 * half * length / spacing**2)))
+    fraction, x = case.strip(length, max(20, round(2.0 * half * length / spacing**2)))
     place = np.linspace(-half, half, 20001)
-    y = SQUEEZE * case.distributed(share, place, solution.thickness(np.abs(place)))
+    y = SQUEEZE * case.distributed(fraction, place, solution.thickness(np.abs(place)))
     window = (-0.6 * length, -2.0 * half, 0.7 * length, 2.0 * half)
     trial = case.Trial(
         Scene(case.plane(window, half / 8.0, slope), lava=lava), accuracy, device,
@@ -163,8 +163,8 @@ def _run_ridge(accuracy: Accuracy, device: str) -> case.Run:
     grid = trial.field((-0.15 * length, -2.0 * half, 0.15 * length, 2.0 * half))
     thin = 0.1 * solution.critical
     width = case.half_width(grid.y, grid.thickness.mean(axis=1), thin)
-    right = solution.distance_of_thickness(thin * math.cos(slope))
-    trial.compare('half-width', width, right, 'm')
+    expected_width = solution.distance_of_thickness(thin * math.cos(slope))
+    trial.compare('half-width', width, expected_width, 'm')
     trial.compare_mean(sample.thickness[middle], expected)
     return trial.run()
 

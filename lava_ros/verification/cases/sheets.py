@@ -81,7 +81,7 @@ def sheet_speed(
     ``viscosity`` [Pa s], by default the lava's own, and ``strength`` [Pa] are those at the
     temperature [K]. A ``duration`` [s] of None is the time to move by one thickness.
     """
-    right = exact.herschel_bulkley_velocity(
+    expected = exact.herschel_bulkley_velocity(
         1.0, slope, density=lava.density, consistency=viscosity or lava.viscosity,
         strength=strength, index=lava.flow_index, gravity=GRAVITY,
     )
@@ -90,10 +90,10 @@ def sheet_speed(
         thickness=1.0 / math.cos(slope), slope=slope, temperature=temperature,
     )
     speeds = []
-    for time in (0.0, duration or 1.0 / right):
+    for time in (0.0, duration or 1.0 / expected):
         trial.advance(time)
         speeds.append(trial.middle('velocity', MIDDLE)[:, 0].mean())
-    trial.compare(quantity, float(np.mean(speeds)) / math.cos(slope), right, 'm/s')
+    trial.compare(quantity, float(np.mean(speeds)) / math.cos(slope), expected, 'm/s')
     return trial.run()
 
 
@@ -144,11 +144,11 @@ def response(
         )
         for name in (form, 'local')
     )
-    share = amplitude(simulation) / amplitude(local)
-    right = exact.wave_response(q, 1.0)
+    ratio = amplitude(simulation) / amplitude(local)
+    expected = exact.wave_response(q, 1.0)
     return case.Run(
         case='',
-        measurements=(case.Measurement(f'response at {wavelength:g} h', share, right, '1'),),
+        measurements=(case.Measurement(f'response at {wavelength:g} h', ratio, expected, '1'),),
         particles=simulation.particle_count, steps=0, evaluations=EVALUATIONS, simulated_time=0.0,
         wall_time=EVALUATIONS * _evaluation_time(simulation),
     )

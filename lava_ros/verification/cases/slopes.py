@@ -43,13 +43,13 @@ def _run_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
     width = 24.0 * run_out
     spacing = 0.45 * run_out / accuracy.refinement
     mean = area / last / COSINE
-    share, y = case.strip(width, round(area * width / (mean * spacing**2)))
-    x = solution.length(start) * share ** (2.0 / 3.0) * COSINE
+    fraction, y = case.strip(width, round(area * width / (mean * spacing**2)))
+    x = solution.length(start) * fraction ** (2.0 / 3.0) * COSINE
     window = (-8.0 * run_out, -width, (last + 8.0 * run_out) * COSINE, width)
     trial = case.Trial(
         Scene(case.plane(window, 1.5 * run_out, SLOPE), lava=ISOTHERMAL), accuracy, device,
         # a plan area holds as much as the slope's: h_vertical dx_plan = h dx
-        particles=Particles(np.column_stack([x, y]), area * width / len(share), 1400.0),
+        particles=Particles(np.column_stack([x, y]), area * width / len(fraction), 1400.0),
         effects=SLOPING, spacing=spacing, thickness=mean,
     )
     trial.advance(end - start)

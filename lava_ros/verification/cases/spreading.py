@@ -93,11 +93,11 @@ def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
     window = (-1.3 * length, -2.6 * length, 1.3 * length, 2.6 * length)
     spacing = length / 33.0 / accuracy.refinement
     thickness = area / length
-    share, y = case.strip(width, round(2.0 * area * width / (thickness * spacing**2)))
+    fraction, y = case.strip(width, round(2.0 * area * width / (thickness * spacing**2)))
     # from one front to the other
     place = np.linspace(-1.0, 1.0, 20001)
-    x = first * case.distributed(share, place, np.cbrt(1.0 - place**2))
-    volume = 2.0 * area * width / len(share)
+    x = first * case.distributed(fraction, place, np.cbrt(1.0 - place**2))
+    volume = 2.0 * area * width / len(fraction)
     trial = case.Trial(
         Scene(case.plane(window, 0.05 * length), lava=ISOTHERMAL), accuracy, device,
         particles=Particles(np.column_stack([x, y]), volume, 1400.0),
@@ -124,10 +124,10 @@ def _run_dam_break(accuracy: Accuracy, device: str) -> case.Run:
     solution = exact.DamBreak(height, NU, GRAVITY)
     end = solution.time_of_reach(reach)
     spacing = 1.0 / accuracy.refinement
-    share, y = case.strip(2.0 * half, round((2.0 * half / spacing) ** 2))
-    x = (2.0 * share - 1.0) * half
+    fraction, y = case.strip(2.0 * half, round((2.0 * half / spacing) ** 2))
+    x = (2.0 * fraction - 1.0) * half
     window = case.square(half + reach)
-    volume = height * (2.0 * half) ** 2 / len(share)
+    volume = height * (2.0 * half) ** 2 / len(fraction)
     trial = case.Trial(
         Scene(case.plane(window, 3.0), lava=ISOTHERMAL), accuracy, device,
         particles=Particles(np.column_stack([x, y]), volume, 1400.0),

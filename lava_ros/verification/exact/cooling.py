@@ -77,7 +77,7 @@ class CoolingSheet:
         return viscosity, self._lava.yield_strength * math.exp(self._lava.yield_rate * cooler)
 
     def _slope(self, x: float, thickness: float) -> float:
-        """The slope of the surface that drives the flux through a thickness [m].
+        """Return the slope of the surface that drives the flux through a thickness [m].
 
         With a = tau_y / (rho g d), s - 3 a / 2 + a^3 / (2 s^2) is the slope that lava without
         strength needs. Newton's method comes down to the root from above.

@@ -36,7 +36,7 @@ def column_on_ground(
 def convecting_slab(
     lava: Lava, time: float, *, initial: float, ambient: float, thickness: float
 ) -> float:
-    """Mean T [K] of a slab that conducts heat to its top, which convects; its base is insulated.
+    """Return the mean T [K] of a slab with conduction, convection on top and an insulated base.
 
     T_t = kappa T_zz with k T_z = -lambda (T - Ta) on top. Its modes cos(beta z / h) have
     beta tan(beta) = Bi = lambda h / k, and the mean over the thickness h [m] is
@@ -189,8 +189,8 @@ class CoolingSpread:
 
     def difference(self, distance: np.ndarray, time: float) -> np.ndarray:
         """Return T - Ta over that of the source, at distances [m] and a time [s]."""
-        share = np.asarray(distance) / self._spread.radius(time)
-        ages = np.interp(share, self._shares, self._ages)
+        scaled = np.asarray(distance) / self._spread.radius(time)
+        ages = np.interp(scaled, self._shares, self._ages)
         falls = np.interp(ages, self._ages, self._falls)
         return np.exp(-self._rate * time / ages * falls)
 
@@ -219,9 +219,9 @@ class FreezingLens:
 
         integral over 0..s of D (1 - s') pi R^2 ds' = pi R^2 D (s - s^2 / 2),
 
-    which is the share 2 s - s^2 of the total, pi R^2 D / 2. So the share (1 - s)^2 = (t / t(D))^2
-    is frozen. ``lava`` has rho, c, lambda and Ts; lengths are in metres, T0 (``first``) and Ta in
-    kelvin.
+    which is the fraction 2 s - s^2 of the total, pi R^2 D / 2. So the fraction (1 - s)^2, which is
+    (t / t(D))^2, is frozen. ``lava`` has rho, c, lambda and Ts; lengths are in metres, T0
+    (``first``) and Ta in kelvin.
     """
 
     lava: Lava

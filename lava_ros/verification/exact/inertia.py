@@ -120,7 +120,7 @@ class OscillatingBowl:
         return 2.0 * math.pi * self.radius / math.sqrt(8.0 * self.gravity * self.depth)
 
     def narrowness(self, time: float) -> float:
-        """The middle's thickness over that at rest, q = (a / radius)^2."""
+        """Return the thickness in the middle over that at rest, q = (a / radius)^2."""
         phase = 2.0 * math.pi * time / self.period
         return math.sqrt(1.0 - self.swing**2) / (1.0 - self.swing * math.cos(phase))
 

@@ -18,7 +18,7 @@ def herschel_bulkley_velocity(
     thickness: float, slope: float, *, density: float, consistency: float, strength: float,
     index: float, gravity: float,
 ) -> float:
-    """Depth-averaged speed along the slope of a uniform sheet [m/s].
+    """Return the depth-averaged speed along the slope of a uniform sheet [m/s].
 
     K (du/dz)^n = rho g s (Y - z) below Y = h - tau_y / (rho g s), s = sin b, and 0 above. Twice
     integrated from no slip, the flux is
@@ -36,7 +36,7 @@ def herschel_bulkley_velocity(
 
 
 def critical_thickness(strength: float, slope: float, *, density: float, gravity: float) -> float:
-    """Largest thickness at which a sheet stays at rest, tau_y / (rho g sin b) [m].
+    """Return the maximum thickness of a sheet at rest, tau_y / (rho g sin b) [m].
 
     It is normal to the slope b [rad]; tau_y is ``strength`` [Pa], rho ``density`` [kg/m3] and g
     ``gravity`` [m/s2].
@@ -45,7 +45,7 @@ def critical_thickness(strength: float, slope: float, *, density: float, gravity
 
 
 def vft_viscosity(temperature: float, a: float, b: float, c: float) -> float:
-    """10^(A + B / (T - C)) [Pa s] (Giordano, Russell & Dingwell 2008)."""
+    """Return 10^(A + B / (T - C)) [Pa s] (Giordano, Russell & Dingwell 2008)."""
     return math.pow(10.0, a + b / (temperature - c))
 
 
@@ -87,8 +87,8 @@ class BinghamDome:
         """
         u = np.linspace(0.0, 1.0, 20001)
         beyond = 0.5 * u**1.5 * (5.0 - 3.0 * u)
-        share = 1.0 - (np.arange(count) + 0.5) / count
-        return spiral(radius * (1.0 - np.interp(share, beyond, u)))
+        outside = 1.0 - (np.arange(count) + 0.5) / count
+        return spiral(radius * (1.0 - np.interp(outside, beyond, u)))
 
 
 class Ridge:
@@ -114,8 +114,8 @@ class Ridge:
         self._tan, angle = math.tan(slope), math.asin(fullness)
         self.critical = strength / (weight * math.sin(slope))
         self.half_width = self.critical * (1.0 - math.cos(angle)) / self._tan
-        share = angle - math.sin(angle) * math.cos(angle)
-        self.section = self.critical**2 * share / self._tan
+        segment = angle - math.sin(angle) * math.cos(angle)
+        self.section = self.critical**2 * segment / self._tan
 
     def thickness(self, distance: np.ndarray) -> np.ndarray:
         """Return the thickness normal to the slope [m] at distances from the middle [m]."""

@@ -133,7 +133,7 @@ LISTER_REFERENCE: dict[float, tuple[float, float]] = {
 
 
 def bisection(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
-    """Find where ``is_below`` turns from true to false between two numbers, or two arrays."""
+    """Find where ``is_below`` changes from true to false between two numbers, or two arrays."""
     for _ in range(100):
         middle = 0.5 * (low + high)
         below = is_below(middle)
@@ -142,17 +142,17 @@ def bisection(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
 
 
 def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) -> float:
-    """Depth-averaged speed along the slope of a uniform sheet, g h^2 sin(b) / (3 nu) [m/s].
+    """Return the depth-averaged speed of a uniform sheet, g h^2 sin(b) / (3 nu) [m/s].
 
-    It follows from the balance of weight and drag, mu d2u/dz2 = -rho g sin(b), without slip below
-    and without stress on top. h [m] is normal to the slope b [rad]; nu is the kinematic viscosity
+    It follows from the balance of weight and drag, mu d2u/dz2 = -rho g sin(b), along the slope, no
+    slip below and no stress on top. h [m] is normal to the slope b [rad]; nu is the viscosity
     [m2/s] and g ``gravity`` [m/s2].
     """
     return gravity * thickness**2 * math.sin(slope) / (3.0 * nu)
 
 
 def wave_response(wave_number: float, thickness: float) -> float:
-    """Depth-averaged Stokes flow over local velocity under a driving force sin(q y) along x.
+    """Return depth-averaged Stokes flow over local velocity for a force sin(q y) along x.
 
     A layer of thickness h without slip below and without stress on top has u = U(z) sin(q y) with
     mu (U'' - q^2 U) = -F, so U = F / (mu q^2) (1 - cosh(q (h - z)) / cosh(q h)). Its mean over
@@ -171,7 +171,7 @@ def wave_response(wave_number: float, thickness: float) -> float:
 
 
 def channel_mean_velocity(width: float, thickness: float) -> float:
-    """Mean Stokes flow in an open channel with no-slip walls, over that of a wide sheet.
+    """Return the mean Stokes flow in an open channel, with no-slip walls, over that of a sheet.
 
     A channel of width W and thickness h is half of a duct of width W and height 2 h, whose series
     (Boussinesq 1868; White 1991, Viscous Fluid Flow) gives, with the odd n,

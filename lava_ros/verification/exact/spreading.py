@@ -95,8 +95,8 @@ class FixedVolumeSpread:
         The radius that holds a fraction s of the volume is R sqrt(1 - (1 - s)^(3/4)); the angles
         follow the golden angle.
         """
-        share = (np.arange(count) + 0.5) / count
-        return spiral(self.radius(time) * np.sqrt(1.0 - (1.0 - share) ** 0.75))
+        inside = (np.arange(count) + 0.5) / count
+        return spiral(self.radius(time) * np.sqrt(1.0 - (1.0 - inside) ** 0.75))
 
 
 class ConstantFluxSpread:
@@ -148,7 +148,7 @@ class ConstantFluxSpread:
 
     @cached_property
     def _profile(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rising eta / eta_N, f and -2 pi eta f^3 f' there, integrated inwards."""
+        """Increasing eta / eta_N, f and -2 pi eta f^3 f' there, integrated inwards."""
         behind = np.concatenate(
             [np.geomspace(1e-6, 0.5, 1000), 1.0 - np.geomspace(0.5, self.INNERMOST, 1000)[1:]]
         )
@@ -191,7 +191,7 @@ class PlaneFixedArea:
         return (length / self.LENGTH) ** 5 / self._scale
 
     def centre(self, time: float) -> float:
-        """Thickness in the middle h0 [m]."""
+        """Return the thickness in the middle h0 [m]."""
         return self.area / (self.SHAPE * self.length(time))
 
     def thickness(self, distance: np.ndarray, time: float) -> np.ndarray:
@@ -222,7 +222,7 @@ class DamBreak:
         self._diffusivity = gravity * height**3 / (3.0 * nu)
 
     def time_of_reach(self, reach: float) -> float:
-        """Time [s] at which the diffusive length sqrt(alpha h0^3 t) has a value [m]."""
+        """Return the time [s] at which the diffusive length sqrt(alpha h0^3 t) has a value [m]."""
         return reach**2 / self._diffusivity
 
     def front_of_thickness(self, thickness: float, time: float) -> float:
@@ -231,5 +231,5 @@ class DamBreak:
         return (self.FRONT - behind) * math.sqrt(self._diffusivity * time)
 
     def passed(self, time: float) -> float:
-        """Area that has passed the dam [m2]."""
+        """Return the area that has passed the dam [m2]."""
         return self.PASSED * self.height * math.sqrt(self._diffusivity * time)

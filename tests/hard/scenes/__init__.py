@@ -11,6 +11,4 @@ FAMILIES: dict[str, tuple[HardScene, ...]] = {
     'vents': lava.VENTS, 'particles': lava.PARTICLES, 'heat': lava.HEAT, 'long': terrain.LONG,
 }
 
-SCENES: dict[str, HardScene] = {
-    item.name: item for family in FAMILIES.values() for item in family
-}
+SCENES: dict[str, HardScene] = {item.name: item for family in FAMILIES.values() for item in family}

@@ -299,7 +299,7 @@ VENTS = (
               mirrored=True),
     HardScene('vent_flickers', 'a vent that is on each other second',
               scene(plane(0.05), (vent(0.0, 30.0, FLICKER),)), 40.0, mirrored=True),
-    HardScene('vents_strong_and_weak', '1e-3 beside 1e3 m3/s',
+    HardScene('vents_strong_and_weak', '1e-3 and 1e3 m3/s next to each other',
               scene(plane(0.05), (vent(0.0, 40.0, 1e-3), vent(0.0, 0.0, 1e3))), 10.0,
               mirrored=True),
     HardScene('fissure_from_border_to_border', 'a fissure across the whole map',

@@ -170,18 +170,15 @@ def _far_map() -> Terrain:
 
 
 def _raise_a_dam(simulation: Simulation) -> None:
-    """Raise a dam of 50 m in the middle of the flow."""
     simulation.set_terrain(terrain(lambda x, y: 0.1 * y + np.where(np.abs(y) < 5.0, 50.0, 0.0)))
 
 
 def _drop_the_ground(simulation: Simulation) -> None:
-    """Lower the ground under the flow by 100 m in random cells."""
     drop = np.random.default_rng(4).uniform(0.0, 100.0, (32, 32))
     simulation.set_terrain(terrain(lambda x, y: 0.1 * y - drop))
 
 
 def _tilt(simulation: Simulation) -> None:
-    """Reverse the slope."""
     simulation.set_terrain(terrain(plane(0.1, towards=(0.0, 1.0))))
 
 
@@ -190,7 +187,6 @@ def _tilt_back(simulation: Simulation) -> None:
 
 
 def _coarser_and_shifted(simulation: Simulation) -> None:
-    """Use cells twice as large, with half of the flow off the new map."""
     simulation.set_terrain(
         terrain(lambda x, y: 0.1 * (y - 40.0), cell=10.0, side=16, origin=(-80.0, -40.0))
     )

@@ -1,10 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of the simulation in a running node, and overload by other nodes.
-
-Each fault is reported and survived, and never shown as a map.
-"""
+"""Faults of the simulation in a running node, and overload by other nodes."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +28,7 @@ NO_MEMORY = "Failed to allocate 1342177280 bytes on device 'cpu'"
 MAX_GROWTH = 64.0
 
 #: A subscriber that keeps all messages and never reads them.
-DEAF = """
+NEVER_READS = """
 import sys, time
 from nav_msgs.msg import OccupancyGrid
 import rclpy
@@ -44,7 +41,7 @@ node = rclpy.create_node('deaf_listener')
 ears = [node.create_subscription(OccupancyGrid, i, print, everything) for i in sys.argv[1:]]
 while not all(node.count_publishers(topic) for topic in sys.argv[1:]):
     time.sleep(0.1)
-print('deaf', flush=True)
+print('never_reads', flush=True)
 time.sleep(600.0)
 """
 
@@ -56,8 +53,6 @@ def node(flowing):
 
 
 def lose_device(patch):
-    """Make a step of the simulation raise an error."""
-
     def fail(*_, **__):
         raise RuntimeError('device lost')
 
@@ -65,12 +60,10 @@ def lose_device(patch):
 
 
 def refuse_memory(*_):
-    """Fail to allocate particles."""
     raise RuntimeError(NO_MEMORY)
 
 
 def want_memory(patch):
-    """Make a step require more particles, without memory for them."""
     advance = Simulation.advance
 
     def grow(simulation, *arguments, **options):
@@ -82,7 +75,6 @@ def want_memory(patch):
 
 
 def break_position(patch):
-    """Make a particle's position NaN before the next step."""
     advance = Simulation.advance
 
     def spoil(simulation, *arguments, **options):
@@ -95,7 +87,6 @@ def break_position(patch):
 
 
 def break_map(patch):
-    """Set a cell of the simulation's maps to NaN."""
     result = PendingSnapshot.result
 
     def spoil(pending):
@@ -119,7 +110,9 @@ def fail(node):
 
 def recover(node):
     """Reset, and wait until there is lava."""
-    assert node.call('reset')['success']
+    answer = node.call('reset')
+    assert answer['success'] and answer['message'].startswith('starting again at time 0')
+    assert 'reset: starting again at time 0' in node.log
     node.run_commands()
     status = node.status_now('simulation', lambda status: status['state'] == 'running')
     assert status['level'] != ERROR
@@ -127,8 +120,7 @@ def recover(node):
     node.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
 
 
-def goes_on(node):
-    """Check that time advances and a map with lava is published."""
+def check_advance(node):
     before, now = node.worker.eruption.time, node.now
     node.run(2.0)
     assert node.worker.eruption.time > before
@@ -153,8 +145,7 @@ def memory(process='self'):
         (break_map, ['thickness is not a number of metres in 1 cell']),
     ],
 )
-def test_a_fault_is_told_and_the_last_maps_stay(node, monkeypatch, fault, words):
-    """The status has the reason, late subscribers get the last maps, and a reset works."""
+def test_fault_is_reported_and_the_last_maps_remain(node, monkeypatch, fault, words):
     with monkeypatch.context() as patch:
         fault(patch)
         status = fail(node)
@@ -163,7 +154,7 @@ def test_a_fault_is_told_and_the_last_maps_stay(node, monkeypatch, fault, words)
     (error,) = [line for line in node.log.splitlines() if '[ERROR]' in line]
     assert all(word in error for word in words), error
     assert '~/reset' in error
-    # no new map is published, and the last one remains valid, also for a late subscriber
+    # no new map is published, and the last one remains valid
     last = node.at_rest(*GRIDS)
     assert last['height']['wet'] > 0
     assert last['height']['min'] == 0
@@ -172,8 +163,7 @@ def test_a_fault_is_told_and_the_last_maps_stay(node, monkeypatch, fault, words)
     recover(node)
 
 
-def test_no_memory_to_start_again(node, monkeypatch):
-    """A reset without memory reports that, and works once memory is available."""
+def test_reset_without_memory_is_reported(node, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(State, '_allocate', refuse_memory)
         assert node.call('reset')['success']
@@ -182,12 +172,10 @@ def test_no_memory_to_start_again(node, monkeypatch):
     recover(node)
 
 
-def test_the_limit_of_particles(node):
-    """Above max_particles the simulation stops with the reason; a higher limit continues it."""
+def test_simulation_stops_above_max_particles(node):
     assert not node.set(max_particles=0)['success']
     assert node.set(max_particles=5)['success']
     status = fail(node)
-    # the last map shows the state at the stop
     count = int(status['particles'])
     assert f'{count} particles, expected at most 5 (max_particles)' in status['message']
     assert count > 5
@@ -195,8 +183,7 @@ def test_the_limit_of_particles(node):
     recover(node)
 
 
-def test_a_step_that_does_not_end_is_told(node, monkeypatch):
-    """Diagnostics, one log line and responses of services report it; then all continues."""
+def test_step_that_does_not_end_is_reported(node, monkeypatch):
     may_end, advance = threading.Event(), Simulation.advance
 
     def advance_slowly(*arguments, **options):
@@ -218,8 +205,8 @@ def test_a_step_that_does_not_end_is_told(node, monkeypatch):
             assert answer['message'].startswith(words)
             status = node.status_now('simulation')
             assert 'waiting for it: ' in status['message'] and 'reset' in status['message']
-            said = [line for line in node.log.splitlines() if 'a step takes' in line]
-            assert len(said) == 1 and '[WARN]' in said[0], said
+            warnings = [line for line in node.log.splitlines() if 'a step takes' in line]
+            assert len(warnings) == 1 and '[WARN]' in warnings[0], warnings
         finally:
             may_end.set()
     recover(node)
@@ -237,29 +224,27 @@ TOO_LARGE = {
 }
 
 
-def test_what_is_too_large_is_refused(node):
-    """Each input that is too large is reported and counted, and maps continue."""
+def test_rejects_inputs_that_are_too_large(node):
     before = memory()
     for count, (case, words) in enumerate(TOO_LARGE.items(), 1):
         node.publish(case)
         assert words in node.log
         status = node.status_now('inputs')
         assert (status['rejected'], status['level']) == (str(count), 2)
-    goes_on(node)
+    check_advance(node)
     assert memory() - before < MAX_GROWTH
 
 
-def test_new_terrain_under_a_moving_flow(node):
-    """The flow continues on a terrain of another size; one without the vents is refused."""
+def test_flow_continues_on_new_terrain(node):
     for size, names in ((48, ('higher', 'higher_info')), (40, ('terrain', 'terrain_info'))) * 2:
         node.publish(*names)
         node.run_commands()
-        goes_on(node)
+        check_advance(node)
         assert node.newest('height')['height']['shape'] == [30, size]
     node.publish('away', 'terrain')
     status = node.status_now('inputs', lambda status: status['rejected'] == '1')
     assert 'position' in status['last_error']
-    goes_on(node)
+    check_advance(node)
     assert node.newest('height')['height']['origin'] == [0.0, 0.0]
 
 
@@ -274,8 +259,8 @@ def served(graph):
     graph.close()
 
 
-def test_a_flood_of_vents(served):
-    """At 1,000 messages a second, the node works, memory is bounded and the last one is used."""
+def test_flood_of_vents_is_bounded(served):
+    """The node receives 1,000 messages per second, and uses the last one."""
     node, publisher, listener = served
     before = memory(node.child.pid)
     # twice the middleware's queue at a time
@@ -303,18 +288,17 @@ def test_a_flood_of_vents(served):
     assert memory(node.child.pid) - before < MAX_GROWTH
 
 
-def test_subscribers_that_never_read(graph, served):
-    """Other subscribers get maps despite one that never reads and one that is stopped."""
+def test_subscribers_that_never_read_do_not_affect_others(graph, served):
     _, _, listener = served
-    deaf = graph.process('-c', DEAF, *GRIDS)
+    never_reads = graph.process('-c', NEVER_READS, *GRIDS)
     stopped = graph.listener(*GRIDS)
-    assert deaf.line(PATIENCE) == 'deaf'
+    assert never_reads.line(PATIENCE) == 'never_reads'
     stopped.wait_for_topic('height')
     stopped.child.send_signal(signal.SIGSTOP)
     listener.hear()
     for topic in (*['height'] * 11, *['diagnostics'] * 2):
         listener.wait_for_topic(topic)
     stopped.child.send_signal(signal.SIGCONT)
-    heard = len(stopped.seen)
-    stopped.wait(lambda _: len(stopped.seen) > heard + 3)
-    deaf.end(signal.SIGKILL)
+    count = len(stopped.seen)
+    stopped.wait(lambda _: len(stopped.seen) > count + 3)
+    never_reads.end(signal.SIGKILL)

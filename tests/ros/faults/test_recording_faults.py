@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings of a killed process or on a full disk: written data survive."""
+"""Recordings of a killed process or on a full disk keep the written data."""
 
 from hashlib import sha256
 import os
@@ -26,8 +26,8 @@ pytestmark = pytest.mark.usefixtures('alone')
 def wait_for_messages(listener):
     """Wait until a bag has some frames and diagnostics, flushed with the next frame."""
     listener.status_now('recorder', lambda status: int(status['messages']) > 30)
-    told = listener.seen[-1]['stamp_ns']
-    listener.wait_for_topic('height', lambda grid: grid['stamp_ns'] > told)
+    stamp_ns = listener.seen[-1]['stamp_ns']
+    listener.wait_for_topic('height', lambda grid: grid['stamp_ns'] > stamp_ns)
     listener.wait_for_topic('height')
 
 
@@ -53,12 +53,11 @@ def recovered(graph, bag):
         (item.topic.removeprefix('/'), item.publish_ns, sha256(item.data).hexdigest())
         for item in reader.messages()
     ]
-    said = [process.line(5.0) for _ in range(2 + len(reader.topics))]
-    return said, messages
+    lines = [process.line(5.0) for _ in range(2 + len(reader.topics))]
+    return lines, messages
 
 
-def heard_of(listener):
-    """Return the grids that a listener has received."""
+def received_grids(listener):
     listener.hear()
     return [
         (item['topic'], item['stamp_ns'], item['sha256'])
@@ -71,17 +70,17 @@ def check_kill(graph, node, listener, bag):
     """Kill a node that records; the bag lacks at most the current frame."""
     node.end(signal.SIGKILL)
     time.sleep(1.0)
-    heard = heard_of(listener)
+    received = received_grids(listener)
     assert BagReader(bag).recovered
-    said, saved = recovered(graph, bag)
-    assert said[0].startswith(f'{len(saved)} messages'), said
+    lines, saved = recovered(graph, bag)
+    assert lines[0].startswith(f'{len(saved)} messages'), lines
     heights = sum(topic == 'height' for topic, *_ in saved)
-    assert any(line.split() == [str(heights), '/height'] for line in said), said
-    assert said[-1].endswith('the bag had been cut off')
-    # Messages before the recording are not part of it.
+    assert any(line.split() == [str(heights), '/height'] for line in lines), lines
+    assert lines[-1].endswith('the bag had been cut off')
+    # messages before the recording are not part of it
     first = min(stamp for _, stamp, _ in saved)
-    lost = [item for item in heard if item[1] >= first and item not in set(saved)]
-    last = max(stamp for _, stamp, _ in heard)
+    lost = [item for item in received if item[1] >= first and item not in set(saved)]
+    last = max(stamp for _, stamp, _ in received)
     assert {stamp for _, stamp, _ in lost} <= {last}
     topics = [topic for topic, *_ in saved]
     assert topics[:3] == ['terrain', 'terrain_info', 'vents']
@@ -89,8 +88,7 @@ def check_kill(graph, node, listener, bag):
 
 
 @pytest.mark.parametrize('index', range(1, KILLS))
-def test_a_killed_recording_is_recovered(graph, tmp_path, index, trial):
-    """A recording is recovered at any time of the kill, also after a full disk."""
+def test_killed_recording_is_recovered(graph, tmp_path, index, trial):
     with trial('kills'):
         node, _, listener = start(graph, tmp_path / 'bag')
         time.sleep(0.5 + 0.01 * index)
@@ -99,15 +97,11 @@ def test_a_killed_recording_is_recovered(graph, tmp_path, index, trial):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize('limit', ['any file', *['the file'] * (KILLS > 1)])
-def test_a_full_disk(graph, tmp_path, limit, trial):
-    """The node logs a full disk once and runs without recording; the bag is recovered.
-
-    A limit on the size of files replaces a small disk, which would need privileges.
-    """
+def test_full_disk_stops_only_the_recording(graph, tmp_path, limit, trial):
     bag = tmp_path / 'bag'
     node, publisher, listener = start(graph, bag)
     (file,) = bag.glob('*.mcap')
-    # A metadata.yaml has more than 1000 bytes, so it cannot be written either.
+    # metadata.yaml has more than 1000 bytes, so it cannot be written either
     most = file.stat().st_size + 2000 if limit == 'the file' else 1000
     resource.prlimit(node.child.pid, resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
     status = listener.wait_for_status('recorder', lambda status: status['level'] == 2)
@@ -126,15 +120,13 @@ def test_a_full_disk(graph, tmp_path, limit, trial):
     )
     # a lag on a busy machine is a warning
     assert status['state'] == 'running' and status['level'] < 2, status
-    heard = heard_of(listener)
+    received = received_grids(listener)
     _, saved = recovered(graph, bag)
     assert {*GRIDS, 'terrain', 'diagnostics'} <= {topic for topic, *_ in saved}
-    # All frames without a gap up to the truncation.
     end = max(stamp for topic, stamp, _ in saved if topic in GRIDS)
     first = min(stamp for topic, stamp, _ in saved)
-    assert {item for item in heard if first <= item[1] < end} <= set(saved)
+    assert {item for item in received if first <= item[1] < end} <= set(saved)
 
-    # With free space the next recording works; the old bag is unchanged.
     endless = resource.RLIM_INFINITY
     resource.prlimit(node.child.pid, resource.RLIMIT_FSIZE, (endless, endless))
     for name in ('next', 'last'):

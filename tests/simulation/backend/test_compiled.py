@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compiled code of a stage's kernels, checked without a GPU; most tests in ``make nightly``.
+"""PTX of a stage's kernels, checked without a GPU; most tests run in ``make nightly``.
 
-An access that is no longer 16 bytes wide, an array that no longer fits the registers or a division
-that is no longer the hardware's changes no result, and takes up to twice the time.
+Narrow memory accesses, spilled arrays and exact division change no result but may double the time.
 """
 
 from collections import Counter
@@ -17,11 +16,10 @@ from types import SimpleNamespace
 import pytest
 import warp as wp
 
-from lava_ros.effects.green import device as green
-from lava_ros.simulation import cells, flow, neighbors, Simulation
+from lava_ros.simulation import flow, neighbors, Simulation
 from lava_ros.simulation import stage as stages
 from lava_ros.simulation.backend.batched_launches import BLOCK
-from lava_ros.simulation.backend.compiled import FEW_THREADS, quick_kernel
+from lava_ros.simulation.backend.compiled import FEW_THREADS
 from lava_ros.simulation.fused_stage import BOUNDS
 from lava_ros.simulation.state import State
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
@@ -32,11 +30,11 @@ GREEN_SETS = tuple(
 )
 SETS = ('bare', *GREEN_SETS)
 
-#: Kernels that sum over neighbours in every step, and kernels that only move data of particles.
+#: Kernels that sum over neighbours in every step, and kernels that only move particle data.
 SUMS = ('thickness_and_velocity', 'elevate', 'velocity_of_differences', 'green_motion')
 CARRIERS = ('order_particles', 'move', 'green_motion')
 
-#: The latter in a stage.
+#: Number of carriers in a stage.
 CARRIED_BY = 2
 
 #: Maximum number of loads per neighbour.
@@ -45,7 +43,7 @@ MAX_LOADS = 3
 #: Stack of a thread in the first block of the motion of many particles [B].
 DIRECTORS_STACK, MEMBERS_STACK = 80, 256
 
-#: Registers for loading four neighbours at once, with everything else in use.
+#: Minimum number of registers of a kernel that loads four neighbours at once.
 FOUR_AT_ONCE = 40
 
 #: Attributes in a cubin's .nv.info: a kernel's minimum stack, and its registers.
@@ -56,14 +54,12 @@ class Code:
     """A kernel as compiled for an architecture, with the properties that tests check."""
 
     def __init__(self, kernel, arch, folder):
-        """Store the kernel."""
         self.name = kernel.key.rpartition('__')[2]
         options = {'arch': arch, 'module_dir': folder}
         self._compile = partial(wp.compile_aot_module, kernel.module, **options)
 
     @cached_property
     def text(self):
-        """PTX of the kernel."""
         ptx = self._compile(use_ptx=True)[0].read_text(encoding='latin-1')
         return ptx[ptx.index('.entry') :]
 
@@ -80,7 +76,6 @@ class Code:
 
 
 def opcodes(text):
-    """Count the opcodes of some PTX, ignoring .ftz."""
     found = re.findall(r'^\s*(?:@\S+\s+)?([a-z][a-z0-9_]*\.[a-z0-9_.:]+)\s', text, re.MULTILINE)
     return Counter(opcode.replace('.ftz', '') for opcode in found)
 
@@ -108,7 +103,7 @@ def needs_of(cubin):
 
 
 def launched(name, lanes=1, integrator='euler', is_short=None, directs=None, parts=None):
-    """Return the kernels that a stage launches, unlaunched; with lanes those for few particles.
+    """Return the kernels that a stage would launch; with several lanes those for few particles.
 
     Sums have as many parts as there are lanes, except for members of a batch: one lane, four
     parts.
@@ -158,7 +153,6 @@ def compiled(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def stage(compiled):
-    """Return the kernels of a stage, compiled once for sm_90 for each set."""
     return lru_cache(lambda name: compiled(launched(name)))
 
 
@@ -212,8 +206,7 @@ def check_wait(code):
 
 
 @pytest.mark.parametrize('name', SETS)
-def test_neighbours_are_read_at_once(stage, name):
-    """Every sum over neighbours reads them by few loads."""
+def test_sums_read_neighbours_with_few_wide_loads(stage, name):
     sums = [code for code in stage(name) if code.name in SUMS]
     assert len(sums) == 1 + ('green' in name)
     for code in sums:
@@ -221,8 +214,7 @@ def test_neighbours_are_read_at_once(stage, name):
 
 
 @pytest.mark.parametrize('name', SETS)
-def test_particles_are_carried_at_once(stage, name):
-    """The order and the motion read and write 16 bytes."""
+def test_particles_move_16_bytes_at_a_time(stage, name):
     carriers = [code for code in stage(name) if code.name in CARRIERS]
     assert len(carriers) == CARRIED_BY
     for code in carriers:
@@ -230,8 +222,7 @@ def test_particles_are_carried_at_once(stage, name):
 
 
 @pytest.mark.nightly
-def test_stages_are_carried_at_once(compiled):
-    """Start and displacement of a step of several stages are also accessed 16 bytes at a time."""
+def test_multistage_steps_move_16_bytes_at_a_time(compiled):
     codes = compiled(launched('bare', integrator='rkl2'), CARRIERS)
     assert len(codes) == CARRIED_BY
     for code in codes:
@@ -243,15 +234,13 @@ def test_stages_are_carried_at_once(compiled):
 @pytest.mark.nightly
 @pytest.mark.parametrize('name', SETS)
 @pytest.mark.parametrize('check', [check_local, check_arithmetic, check_wait])
-def test_every_kernel_of_a_stage(stage, name, check):
-    """No kernel spills registers, divides slowly, or reads before its predecessors end."""
+def test_kernels_do_not_spill_divide_slowly_or_read_early(stage, name, check):
     for code in stage(name):
         check(code)
 
 
 @pytest.mark.parametrize('name', GREEN_SETS)
-def test_k0_is_one_logarithm_and_power(stage, name):
-    """A neighbour costs one logarithm and one power of two, and no root."""
+def test_k0_takes_one_logarithm_and_one_power(stage, name):
     (code,) = [code for code in stage(name) if code.name == 'green_motion']
     (loop,) = code.loops
     counts = opcodes(loop)
@@ -266,8 +255,7 @@ def test_k0_is_one_logarithm_and_power(stage, name):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(('arch', 'lanes'), [(80, 1), (80, 4), (90, 4)])
-def test_sums_on_other_hardware_and_shared(compiled, arch, lanes):
-    """The same holds for the previous architecture, and for threads that share a particle."""
+def test_sums_are_efficient_on_sm80_and_with_shared_particles(compiled, arch, lanes):
     codes = compiled(launched('green', lanes=lanes), SUMS, arch)
     assert len(codes) == 2
     for code in codes:
@@ -278,8 +266,7 @@ def test_sums_on_other_hardware_and_shared(compiled, arch, lanes):
 
 
 @pytest.mark.nightly
-def test_sums_of_differences(compiled):
-    """Both sums of the other gradient are as efficient."""
+def test_sums_of_the_balanced_gradient_are_efficient(compiled):
     effects = effect_sets()['everything with green']
     for code in compiled(flow.flow_kernels(wp.float32, 'wendland', 3.0, 'balanced', effects)):
         check_sum(code)
@@ -288,8 +275,7 @@ def test_sums_of_differences(compiled):
 
 
 @pytest.mark.nightly
-def test_deterministic_order(compiled):
-    """Kernels of deterministic runs on a GPU are as efficient."""
+def test_deterministic_order_is_efficient(compiled):
     kernels = neighbors._kernels(wp.float32, True, False, True, False, True)
     order, members = compiled(kernels, ('order_particles', 'list_members'))
     check_local(order)
@@ -300,8 +286,7 @@ def test_deterministic_order(compiled):
 @pytest.mark.nightly
 @pytest.mark.parametrize('lanes', [1, 4])
 @pytest.mark.parametrize('name', SETS)
-def test_few_particles_are_loaded_at_once(compiled, name, lanes):
-    """With few particles the compiler uses many registers, and does not wait for each load."""
+def test_few_particles_use_many_registers(compiled, name, lanes):
     codes = compiled(launched(name, lanes=lanes, is_short=True), (*SUMS, 'move'))
     assert len(codes) == 2
     for code in codes:
@@ -312,7 +297,6 @@ def test_few_particles_are_loaded_at_once(compiled, name, lanes):
 @pytest.mark.nightly
 @pytest.mark.parametrize('name', SETS)
 def test_members_of_a_batch_fill_a_processor(compiled, name):
-    """Blocks have enough registers; only the first block uses memory: more blocks are slower."""
     for kernel in launched(name, parts=4, directs='green' in name):
         what = kernel.key.rpartition('__')[2]
         if what in (*SUMS, 'move'):
@@ -327,8 +311,7 @@ def test_members_of_a_batch_fill_a_processor(compiled, name):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize('name', ['green', 'everything with green'])
-def test_what_directs_takes_no_registers_of_others(compiled, name):
-    """Only the first block keeps numbers in memory: without it, the registers suffice."""
+def test_control_block_takes_no_registers_of_others(compiled, name):
     motions = [
         next(kernel for kernel in kernels if kernel.key.endswith('green_motion'))
         for kernels in (launched(name), launched(name, directs=True))
@@ -345,7 +328,6 @@ def test_what_directs_takes_no_registers_of_others(compiled, name):
 @pytest.mark.nightly
 @pytest.mark.parametrize('is_short', [False, True])
 def test_effects_compile_without_local_memory(compiled, is_short):
-    """No effect, alone or with others, makes a kernel spill, even with the fewest registers."""
     kernels = {
         kernel.module.name: kernel
         for name in effect_sets()
@@ -370,61 +352,8 @@ def indexed_at_run_time(values: wp.array(dtype=float)):
     values[0] = kept[values.shape[0] % 64]
 
 
-def test_checks_see_local_memory(compiled):
-    """An array that is indexed at run time is in local memory."""
+def test_checks_detect_local_memory(compiled):
     (code,) = compiled([indexed_at_run_time])
     assert code.needs[0] > 0
     with pytest.raises(AssertionError):
         check_local(code)
-
-
-def plain_load(width):
-    """Read as Warp does, number by number."""
-
-    def load_of(real):
-        kind = wp.types.vector(width, real) if width > 1 else real
-
-        @wp.func
-        def load(values: wp.array(dtype=kind), i: int):
-            return values[i]
-
-        return load
-
-    return load_of
-
-
-@pytest.mark.nightly
-def test_checks_see_plain_reads(compiled, monkeypatch):
-    """Without the loads of compiled.py no sum passes."""
-    for module in (cells, flow, green):
-        for width in (1, 2, 4):
-            if hasattr(module, f'load{width}'):
-                monkeypatch.setattr(module, f'load{width}', plain_load(width))
-    # none that was compiled with the other loads
-    monkeypatch.setattr(flow, 'sums_function', cells.sums_function.__wrapped__)
-    monkeypatch.setattr(green, '_sums_function', green._sums_function.__wrapped__)
-    monkeypatch.setattr(green, '_velocity_function', green._velocity_function.__wrapped__)
-    kernels = [
-        flow.flow_kernels.__wrapped__(
-            wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green']
-        ).flow,
-        green._velocity_kernel.__wrapped__(
-            wp.float32, lanes=1, parts=1, is_short=False, is_wide=False
-        ),
-    ]
-    for code in compiled(kernels):
-        with pytest.raises(AssertionError):
-            check_sum(code)
-
-
-@pytest.mark.nightly
-def test_checks_see_slow_arithmetic(compiled, monkeypatch):
-    """Without the hardware's own arithmetic the flow does not pass."""
-    assert flow.quick_kernel is quick_kernel
-    monkeypatch.setattr(flow, 'quick_kernel', partial(quick_kernel, fast_math=False))
-    kernels = flow.flow_kernels.__wrapped__(
-        wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare']
-    )
-    (code,) = compiled([kernels.flow])
-    with pytest.raises(AssertionError):
-        check_arithmetic(code)

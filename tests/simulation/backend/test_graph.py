@@ -1,10 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Repeated launches: packed once, and only with their own arguments.
-
-On a GPU they are a graph, whose kernels begin before those they come after have ended.
-"""
+"""Repeated launches, which are packed once; on a GPU, graphs whose kernels may start early."""
 
 import ctypes
 from dataclasses import replace
@@ -31,29 +28,25 @@ ALL = 'everything with green'
 
 @quick_kernel
 def add(i: int, by: float, values: wp.array(dtype=float)):
-    """Add to the first values."""
     values[i] += by
 
 
 def zeros(count=6):
-    """Return values to which nothing has been added."""
     return wp.zeros(count, dtype=float, device='cpu')
 
 
 def and_nightly(*names):
-    """Return a set of effects for every run, and others for nightly ones."""
+    """Parametrize `name` over one set of effects in every run, and others nightly."""
     nightly = (pytest.param(name, marks=pytest.mark.nightly) for name in names if name != ALL)
     return pytest.mark.parametrize('name', [ALL, *nightly])
 
 
 @pytest.fixture
 def launches():
-    """Return the launches of the CPU."""
     return Launches(wp.get_device('cpu'))
 
 
-def test_each_launch_has_its_own_arguments(launches):
-    """Launches with other arrays, numbers and sizes are distinguished."""
+def test_launches_are_distinguished_by_their_arguments(launches):
     one, other = zeros(), zeros()
     for array, by, dim in (
         (one, 1.0, 6), (one, 1.0, 2), (other, 1.0, 3), (one, 10.0, 1), (one, 1.0, 6), (one, 1.0, 0)
@@ -64,8 +57,7 @@ def test_each_launch_has_its_own_arguments(launches):
 
 
 @pytest.mark.parametrize('captures', [False, True])
-def test_arrays_are_kept_until_they_are_forgotten(launches, captures):
-    """A new array at the address of an old one is not used by launches with the old one."""
+def test_launches_keep_their_arrays_until_forgotten(launches, captures):
     arrays = [zeros()]
     gone = weakref.ref(arrays[0])
 
@@ -84,8 +76,7 @@ def test_arrays_are_kept_until_they_are_forgotten(launches, captures):
     assert gone() is None and not launches.can_replay(0)
 
 
-def test_launches_that_never_come_again_do_not_pile_up(launches):
-    """Their arrays are freed, and launches that are repeated still work."""
+def test_launches_that_do_not_repeat_are_freed(launches):
     kept, gone = zeros(), []
     for _ in range(2 * MOST):
         array = zeros()
@@ -98,8 +89,7 @@ def test_launches_that_never_come_again_do_not_pile_up(launches):
 
 
 @and_nightly('helmholtz', 'everything with inertia')
-def test_a_step_packs_nothing_anew(monkeypatch, name):
-    """Every argument of a stage is the same object as before, as long as nothing changes."""
+def test_unchanged_step_packs_no_arguments(monkeypatch, name):
     simulation = lava_field(100, effect_sets()[name], 'cpu')
     simulation.advance(20.0 * STEP)
     packed = []
@@ -121,8 +111,7 @@ def test_a_step_packs_nothing_anew(monkeypatch, name):
     assert not packed
 
 
-def test_a_terrain_that_is_replaced_is_given_back():
-    """However often it is replaced: a large terrain would soon fill the memory."""
+def test_replaced_terrain_is_freed():
     simulation = lava_field(100, effect_sets()['solidification'], 'cpu')
     simulation.advance(5.0 * STEP)
     for _ in range(3):
@@ -136,7 +125,6 @@ def test_a_terrain_that_is_replaced_is_given_back():
 
 
 def test_captured_launches_wait_for_their_replay(launches):
-    """Launches are not made while they are recorded, and all together at each replay."""
     one, other = zeros(), zeros()
 
     def launch():
@@ -157,8 +145,7 @@ def test_captured_launches_wait_for_their_replay(launches):
     np.testing.assert_array_equal(other.numpy(), [3.0, 2.0, 2.0, 0.0, 0.0, 0.0])
 
 
-def test_a_capture_that_fails_leaves_nothing(launches):
-    """Launches are made directly again."""
+def test_launches_are_direct_after_a_failed_capture(launches):
     values = zeros()
 
     def launch():
@@ -172,8 +159,8 @@ def test_a_capture_that_fails_leaves_nothing(launches):
     assert values.numpy().sum() == 1.0
 
 
-def test_the_compiled_functions_are_called_at_once(monkeypatch, launches):
-    """Attributes of a launch are not public: without them, in another Warp, a replay is slower."""
+def test_replay_calls_the_compiled_functions(monkeypatch, launches):
+    """Without Warp's private attributes of a launch, replays still work but are slower."""
     values = zeros()
 
     def capture():
@@ -194,8 +181,7 @@ def test_the_compiled_functions_are_called_at_once(monkeypatch, launches):
 
 @pytest.mark.parametrize('is_deterministic', [False, True])
 @and_nightly(*effect_sets())
-def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
-    """A replayed stage gives bitwise identical results: nothing bypasses the recording."""
+def test_replayed_stage_is_bitwise_identical(monkeypatch, name, is_deterministic):
     ends = []
     for is_alone in (True, False):
         monkeypatch.setattr(simulation_module, 'is_alone', lambda _, value=is_alone: value)
@@ -214,12 +200,11 @@ def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
 
 KERNEL, COPY = 0, 1
 
-#: Errors of the driver for a graph that cannot be changed, and for an edge that it rejects.
+#: Error codes of the driver for a graph that cannot be changed, and for a rejected edge.
 NOT_SUPPORTED, INVALID = 801, 1
 
 
 def named(name):
-    """A kernel with a name."""
     return SimpleNamespace(get_mangled_name=lambda: name)
 
 
@@ -227,41 +212,34 @@ class Driver:
     """A fake driver with one graph of numbered nodes and the functions that are used."""
 
     def __init__(self, nodes, edges):
-        """Store kinds and names of the nodes, and the edges with their types."""
         self.nodes, self.edges = nodes, dict(edges)
         self.refuses_to_remove = self.refuses_to_add = False
 
     def cuGraphGetEdges_v2(self, graph, before, after, data, count):  # noqa: N802
-        """Return the number of edges, or the edges."""
         count._obj.value = len(self.edges)
         for n, ((one, other), kind) in enumerate(self.edges.items() if before else ()):
             before[n], after[n], data[n].type = one, other, kind
         return 0
 
     def cuGraphNodeGetType(self, node, kind):  # noqa: N802
-        """Return the kind of a node."""
         kind._obj.value = self.nodes[node.value][0]
         return 0
 
     def cuGraphKernelNodeGetParams_v2(self, node, params):  # noqa: N802
-        """Return the function that a node launches: here the node itself."""
         params._obj.function = node.value
         return 0
 
     def cuFuncGetName(self, name, function):  # noqa: N802
-        """Return the name of a function."""
         name._obj.value = f'{self.nodes[function.value][1]}_cuda_kernel_forward'.encode()
         return 0
 
     def cuGraphRemoveDependencies_v2(self, graph, before, after, data, count):  # noqa: N802
-        """Remove an edge."""
         if self.refuses_to_remove:
             return NOT_SUPPORTED
         assert self.edges.pop((before[0], after[0])) == data._obj.type
         return 0
 
     def cuGraphAddDependencies_v2(self, graph, before, after, data, count):  # noqa: N802
-        """Add an edge."""
         edge = data._obj
         if self.refuses_to_add and edge.type:
             return INVALID
@@ -278,26 +256,22 @@ WAITING = [named('first'), named('second')]
 
 @pytest.fixture
 def driver(monkeypatch):
-    """Replace CUDA's driver."""
     driver = Driver(NODES, EDGES)
     monkeypatch.setattr(programmatic_launch, '_driver', lambda: driver)
     return driver
 
 
 def graph(arch=90):
-    """A graph of a GPU."""
     return SimpleNamespace(graph=ctypes.c_void_p(7), device=SimpleNamespace(arch=arch))
 
 
 def test_kernels_that_wait_may_begin_early(driver):
-    """Kernels that cannot wait, and nodes after a copy, start after all predecessors."""
     assert overlap(graph(), WAITING) == 2
     assert driver.edges == {(1, 2): 1, (3, 1): 1, (2, 3): 0, (4, 2): 0, (2, 4): 0}
     assert overlap(graph(), WAITING) == 0
 
 
-def test_where_it_is_unknown_the_graph_stays(driver, monkeypatch):
-    """With an older GPU or driver, an unchangeable graph or a rejected edge, nothing changes."""
+def test_graph_is_unchanged_without_support_by_gpu_or_driver(driver, monkeypatch):
     assert overlap(graph(arch=80), WAITING) == 0
     driver.refuses_to_remove = True
     assert overlap(graph(), WAITING) == 0
@@ -308,16 +282,15 @@ def test_where_it_is_unknown_the_graph_stays(driver, monkeypatch):
     assert overlap(graph(), WAITING) == 0
 
 
-def test_an_edge_that_is_lost_is_said(driver, monkeypatch):
-    """An error is raised: a graph without an edge would give wrong results."""
+def test_lost_graph_edge_raises(driver, monkeypatch):
     monkeypatch.setattr(driver, 'cuGraphAddDependencies_v2', lambda *_: INVALID)
     with pytest.raises(RuntimeError, match='an edge of a CUDA graph is lost'):
         overlap(graph(), WAITING)
 
 
 @pytest.mark.parametrize('name', ['bare', 'green', 'everything with green'])
-def test_a_run_with_it_is_one_without(device, name, monkeypatch):
-    """Values read too early would be those of the previous step."""
+def test_early_kernels_do_not_change_the_run(device, name, monkeypatch):
+    """A kernel that reads too early gets the values of the previous step."""
     found = []
     # a CPU has no graph in which a kernel could start early
     particles, steps = (3000, 400) if wp.get_device(device).is_cuda else (100, 4)

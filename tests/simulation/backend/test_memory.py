@@ -13,14 +13,13 @@ from lava_ros.scene import Lava, Vent
 from lava_ros.simulation.state import SPARE
 from solver import incline, only, simulated
 
-#: More particles than fit on any GPU: an array of them takes up to 34 GB, and there are ten.
+#: More particles than fit on any GPU: each of ten arrays would take up to 34 GB.
 TOO_MANY = 2**31 - 1 - SPARE
 
 NO_ROOM = f'room for {TOO_MANY} particles: Failed to allocate'
 
 
 def flow(device):
-    """Return lava that has flowed a little way down a plane."""
     ground, vent = incline(0.2, 30, 40, 10.0, top=500.0), Vent((60.0, 155.0), 20.0)
     knobs = {'spacing': 5.0, 'deterministic': True}
     simulation = simulated(ground, Lava(), vent, effects=only('inertia'), device=device, **knobs)
@@ -30,7 +29,7 @@ def flow(device):
 
 @contextmanager
 def scarce(simulation):
-    """Leave no memory: on a GPU really, on the CPU with an allocation that fails like Warp's."""
+    """Make allocations fail: on a GPU by their size, on the CPU with an error like Warp's."""
     state, zeros, given = simulation._state, wp.zeros, []
 
     def refuse(shape, *arguments, **options):
@@ -45,8 +44,7 @@ def scarce(simulation):
         yield
 
 
-def test_a_device_without_memory_keeps_its_lava(device):
-    """The error names the requested capacity; afterwards the flow continues unaffected."""
+def test_failed_growth_leaves_the_simulation_unchanged(device):
     simulation, other = flow(device), flow(device)
     before, capacity = simulation.checkpoint().to_bytes(), simulation._state.capacity
     with scarce(simulation), pytest.raises(RuntimeError, match=NO_ROOM) as caught:
@@ -61,8 +59,7 @@ def test_a_device_without_memory_keeps_its_lava(device):
     assert simulation.checkpoint().to_bytes() == other.checkpoint().to_bytes()
 
 
-def test_a_new_simulation_after_an_allocation_that_failed(device):
-    """The error that a GPU keeps of a failed allocation is cleared."""
+def test_new_simulation_runs_after_a_failed_allocation(device):
     simulation = flow(device)
     if simulation._state.device.is_cuda:
         blocks = []

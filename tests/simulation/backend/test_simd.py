@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sums over eight neighbours at a time on a CPU, compared with single ones; and a scan."""
+"""Sums over eight neighbours at a time on a CPU, compared with plain sums; and the scan."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ HELMHOLTZ = (
 
 
 def kernel_of(name, sums):
-    """Return a kernel of some sums around one place; to green, lava is half as thick as wide."""
+    """Return a kernel that evaluates some sums at one place."""
     powers_of = k0_within(wp.float32).powers_of
 
     @wp.kernel(module='unique')
@@ -75,7 +75,7 @@ KERNELS = {
 def sums_of(kernel, sizes, seed=0, outside=np.nan, room=0):
     """Return the sums of a kernel over cells with given numbers of particles.
 
-    All others have one value, and there is room for some of them behind the last.
+    Particles outside the box, and `room` more after the last, have the value `outside`.
     """
     random = np.random.default_rng(seed)
     starts = np.concatenate([[0], np.cumsum(sizes.ravel())]).astype(np.int32)
@@ -113,7 +113,7 @@ def sums_of(kernel, sizes, seed=0, outside=np.nan, room=0):
 
 
 def plain_sums(kernels, sizes, seed=0):
-    """Return the sums without vectors, which take any numbers from outside times 0."""
+    """Return the sums without vectors."""
     first, *others = (sums_of(one, sizes, seed, outside=7.0, room=SPARE) for one in kernels)
     for other in others:
         assert other == pytest.approx(first, abs=1e-5 * max(float(np.abs(first).max()), 1.0))
@@ -122,8 +122,7 @@ def plain_sums(kernels, sizes, seed=0):
 
 @pytest.mark.parametrize('name', KERNELS)
 @pytest.mark.parametrize('most', [1, 2, 3, 5, 40])
-def test_wide_sums_are_those_of_one_after_the_other(name, most):
-    """Values outside the box do not count, whatever they are and wherever the box is."""
+def test_wide_sums_equal_plain_sums(name, most):
     random = np.random.default_rng(most)
     *plain, wide = KERNELS[name]
     for seed in range(20):
@@ -138,8 +137,7 @@ def test_wide_sums_are_those_of_one_after_the_other(name, most):
 
 
 @pytest.mark.parametrize('name', KERNELS)
-def test_wide_sums_over_nothing(name):
-    """The box is empty, or the array has no more items than are read at a time."""
+def test_wide_sums_over_few_particles_or_none(name):
     *plain, wide = KERNELS[name]
     sizes = np.zeros((ROWS, COLUMNS), int)
     assert (sums_of(wide, sizes) == 0.0).all()
@@ -150,8 +148,7 @@ def test_wide_sums_over_nothing(name):
 
 
 @pytest.mark.parametrize('length', [4, 4096, 4100, 100_000, 600_000, 3_000_000])
-def test_what_is_before_each_item(device, length):
-    """The scan is correct for one tile and for many, and again with the same words."""
+def test_scan_sums_the_preceding_items(device, length):
     rng = np.random.default_rng(length)
     starts = wp.full(length, -1, dtype=wp.int32, device=device)
     scan, launches = Scan(length, wp.get_device(device)), Launches(wp.get_device(device))

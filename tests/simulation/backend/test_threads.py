@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""CPU launches in parts: bitwise identical results, no lost part; number of cores."""
+"""CPU launches in several threads; the number of usable cores."""
 
 import os
 import subprocess
@@ -24,7 +24,7 @@ from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, ST
 #: Sets of effects that together use every kernel that is launched in parts.
 SETS = ('green', 'helmholtz', 'inertia', 'solidification', 'everything with green')
 
-#: Program: launches with helpers, in the process and in a fork of it, which end while they wait.
+#: Program that launches with helper threads, in its own process and in a fork.
 ENDS = """
 import os, sys
 import numpy as np, warp as wp
@@ -45,7 +45,6 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 @pytest.fixture(autouse=True)
 def as_before():
-    """Restore the number of threads after each test."""
     before = threads._asked
     yield
     threads.use_threads(before)
@@ -61,19 +60,17 @@ def count_visits(
     visits: wp.array(dtype=wp.int32),
     most: wp.array(dtype=wp.float32),
 ):
-    """Count how often each item is visited, and find the largest value."""
     visits[i] += 1
     raised(most, 0, values[i])
 
 
 def state_of(count):
-    """The parts of a state that a launch reads."""
     device = wp.get_device('cpu')
     return SimpleNamespace(device=device, extent=count, launches=Launches(device))
 
 
 def visited(count, parts, least=1):
-    """Visit every item with some threads; return the visits and the largest value."""
+    """Visit every item with some threads; return the visits, the found and the true maximum."""
     threads.use_threads(parts)
     values = wp.array(np.random.default_rng(1).random(count), dtype=wp.float32, device='cpu')
     visits = wp.zeros(count, dtype=wp.int32, device='cpu')
@@ -85,15 +82,13 @@ def visited(count, parts, least=1):
 @pytest.mark.parametrize('count', [1, 2, 7, 1000])
 @pytest.mark.parametrize('parts', [1, 2, 5])
 def test_every_item_is_visited_once(count, parts):
-    """However many threads there are, and items per thread."""
     visits, most, largest = visited(count, parts)
     assert (visits == 1).all()
     assert most == largest
 
 
 @pytest.mark.parametrize('name', SETS)
-def test_threads_change_no_bit(monkeypatch, name):
-    """Particles, volumes and grids are identical with one thread and with three."""
+def test_threads_do_not_change_the_result(monkeypatch, name):
     for module in (motion, neighbors):
         monkeypatch.setattr(module, 'LEAST_MOVES', 100)
 
@@ -111,8 +106,7 @@ def test_threads_change_no_bit(monkeypatch, name):
         np.testing.assert_array_equal(values, together[key], err_msg=key)
 
 
-def test_few_items_are_launched_in_one_go(monkeypatch):
-    """No helper is called for work that one thread finishes before a helper would start."""
+def test_few_items_start_no_helper(monkeypatch):
     monkeypatch.setattr(threads, '_helpers', lambda: pytest.fail('a helper was called'))
     visits, *_ = visited(1000, 4, least=501)
     assert (visits == 1).all()
@@ -122,23 +116,19 @@ class Recorded:
     """Fake of a recorded launch: each part calls a function with its first item."""
 
     def __init__(self, function):
-        """Store the function."""
         self.function, self.params, self.fwd_args = function, [], [0]
 
     def set_dim(self, dim):
-        """Accept any number of items."""
+        pass
 
     def set_param_at_index(self, index, value):
-        """Store the first item."""
         self.first = value
 
     def launch(self):
-        """Call the function."""
         self.function(self.first)
 
 
-def test_what_a_helper_raises_reaches_the_caller():
-    """The caller returns only when the helper is done; then both can continue."""
+def test_helper_exception_reaches_the_caller():
     caller, entered, done = threading.get_ident(), threading.Event(), threading.Event()
 
     def part(first):
@@ -157,8 +147,7 @@ def test_what_a_helper_raises_reaches_the_caller():
     assert (visited(1000, 2)[0] == 1).all()
 
 
-def test_what_the_caller_raises_ends_the_job():
-    """No helper starts another part of it."""
+def test_caller_exception_cancels_the_other_parts():
     job = threads._Job(lambda: Recorded(lambda _: 1 / 0), [(0, 1), (1, 2)])
     with pytest.raises(ZeroDivisionError):
         job.compute(0)
@@ -166,24 +155,21 @@ def test_what_the_caller_raises_ends_the_job():
     assert not job._parts
 
 
-def test_a_launch_that_cannot_be_recorded():
-    """Called helpers find no work, and the next launch is unaffected."""
+def test_failed_recording_does_not_affect_the_next_launch():
     threads.use_threads(2)
     with pytest.raises(RuntimeError, match='requires 4'):
         threads.launch_over(state_of(1000), count_visits, [], least=1)
     assert (visited(1000, 2)[0] == 1).all()
 
 
-def test_a_process_ends_with_helpers_and_forks():
-    """Helpers do not keep a process from ending, and a fork has its own."""
+def test_process_with_helpers_can_fork_and_exit():
     run = subprocess.run(
         [sys.executable, '-c', ENDS], capture_output=True, text=True, timeout=120, check=False
     )
     assert run.returncode == 0, run.stderr
 
 
-def test_the_number_of_threads(monkeypatch):
-    """It is the number of usable cores, or that set by the environment or the program."""
+def test_number_of_threads_comes_from_cores_environment_or_program(monkeypatch):
     threads.use_threads(None)
     monkeypatch.delenv(threads.VARIABLE, raising=False)
     assert threads.threads() == usable_cores()
@@ -194,8 +180,7 @@ def test_the_number_of_threads(monkeypatch):
 
 
 @pytest.mark.parametrize('text', ['0', '-1', 'two', '1.5'])
-def test_a_number_of_threads_that_is_none(monkeypatch, text):
-    """The error names the variable."""
+def test_rejects_an_invalid_number_of_threads(monkeypatch, text):
     threads.use_threads(None)
     monkeypatch.setenv(threads.VARIABLE, text)
     with pytest.raises(LavaError, match=threads.VARIABLE):
@@ -204,18 +189,17 @@ def test_a_number_of_threads_that_is_none(monkeypatch, text):
         threads.use_threads(0)
 
 
-def test_here():
-    """It is at least one, and no more than the process is bound to."""
+def test_usable_cores_are_within_the_cpu_affinity():
     assert 1 <= usable_cores() <= len(os.sched_getaffinity(0))
 
 
-def share(quota):
-    """Return a container's files (``docker run --cpus``), which show its group as the top."""
+def container_files(quota):
+    """Return the cgroup v2 files of a container (``docker run --cpus``)."""
     return {'proc/self/cgroup': '0::/\n', f'{GROUPS}/cpu.max': f'{quota} 100000\n'}
 
 
-def first_version(quota):
-    """Return version 1 files: the CPU controller counts; a container's path is its host's."""
+def cgroup_v1_files(quota):
+    """Return cgroup v1 files, where a container's path is that of its host."""
     return {
         'proc/self/cgroup': '5:memory:/docker/1f\n4:cpu,cpuacct:/docker/1f\n0::/\n',
         f'{GROUPS}/cpu,cpuacct/cpu.cfs_quota_us': f'{quota}\n',
@@ -226,7 +210,7 @@ def first_version(quota):
 #: Folder of the control groups.
 GROUPS = 'sys/fs/cgroup'
 
-#: A service in a slice, which has no more than the slice.
+#: A service in a slice with a smaller quota.
 SLICE = {
     'proc/self/cgroup': '0::/lava.slice/node.service\n',
     f'{GROUPS}/lava.slice/cpu.max': '300000 100000\n',
@@ -243,21 +227,20 @@ BYTES = {**HALF, 'proc/self/cgroup': b'\xff\xfe'}
     ('files', 'expected'),
     [
         ({}, 64),
-        (share('max'), 64),
-        (share(200_000), 2),
-        (share(150_000), 2),
-        (share(5000), 1),
-        (share(9_900_000), 64),
-        (share('nonsense'), 64),
+        (container_files('max'), 64),
+        (container_files(200_000), 2),
+        (container_files(150_000), 2),
+        (container_files(5000), 1),
+        (container_files(9_900_000), 64),
+        (container_files('nonsense'), 64),
         (SLICE, 3),
-        (first_version(-1), 64),
-        (first_version(400_000), 4),
+        (cgroup_v1_files(-1), 64),
+        (cgroup_v1_files(400_000), 4),
         (HALF, 64),
         (BYTES, 64),
     ],
 )
-def test_cores_of_control_groups(monkeypatch, tmp_path, files, expected):
-    """The smallest quota of all groups on a host with 64 cores counts; unreadable files do not."""
+def test_smallest_cgroup_quota_limits_the_usable_cores(monkeypatch, tmp_path, files, expected):
     monkeypatch.setattr(os, 'sched_getaffinity', lambda _: set(range(64)), raising=False)
     for name, text in files.items():
         path = tmp_path / name

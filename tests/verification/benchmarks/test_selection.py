@@ -26,16 +26,10 @@ TABLE = Path(__file__).parents[3] / 'docs/benchmarks/choice_cpu.csv'
 
 
 def decisions_of(item):
-    """What is decided about the effects of a scene before its first step."""
     return decide(item.scene, accuracy=ACCURACY, horizon=item.horizon)
 
 
-def test_scenes_differ_in_what_they_call_for():
-    """Every effect is on in a scene and off in another.
-
-    Wind and what has to be asked for are off in all; in all the ground takes more than 1 % of the
-    heat.
-    """
+def test_every_effect_is_on_in_a_scene_and_off_in_another():
     assert len(SCENES) == len(scenes()) == 16
     chosen = [
         {decision.name for decision in decisions_of(item) if decision.is_on}
@@ -47,16 +41,14 @@ def test_scenes_differ_in_what_they_call_for():
         assert switches == ({True} if name == 'ground' else expected), name
 
 
-def test_a_scene_may_last_longer_than_is_assumed():
-    """Its duration is another than its horizon; that of the others is the same."""
+def test_one_scene_lasts_longer_than_its_horizon():
     longer = [name for name, item in SCENES.items() if item.duration != item.horizon]
     assert longer == ['longer']
     assert SCENES['longer'].duration > 2.0 * SCENES['longer'].horizon
 
 
 @pytest.mark.parametrize('item', SCENES.values(), ids=SCENES)
-def test_everything_is_what_the_material_has(item):
-    """Nothing chosen is left out of all effects, and nothing the material lacks is in them."""
+def test_full_set_has_every_effect_of_the_material(item):
     decisions = decisions_of(item)
     forced = choice.everything(decisions)
     full = effects_for(item.scene, forced, accuracy=ACCURACY, horizon=item.horizon)
@@ -78,8 +70,7 @@ def test_everything_is_what_the_material_has(item):
     }
 
 
-def test_each_effect_that_is_off_is_forced_on(monkeypatch):
-    """A row for each, both runs without what it excludes, and one with all effects."""
+def test_comparison_forces_each_effect_that_is_off(monkeypatch):
     item = replace(SCENES['fast'], duration=20.0)
     asked = []
     run = choice.run_copies
@@ -96,7 +87,7 @@ def test_each_effect_that_is_off_is_forced_on(monkeypatch):
         name for name in ('helmholtz', 'viscous_heating', 'conduction') if name not in chosen
     ]
     assert rows[-1]['effect'] == choice.ALL
-    # helmholtz is forced on beside no inertia, and compared with no inertia
+    # helmholtz requires that inertia is off, also in the run that it is compared with
     assert asked[:3] == [{}, {'inertia': False}, {'inertia': False, 'helmholtz': True}]
     assert asked[3:-1] == [{row['effect']: True} for row in rows[1:-1]]
     for row in rows[:-1]:
@@ -109,8 +100,7 @@ def test_each_effect_that_is_off_is_forced_on(monkeypatch):
         assert row['area_m2'] > 100.0 and row['front_m'] > 10.0
 
 
-def test_no_run_has_more_particles_than_are_allowed():
-    """The spacing grows until the whole volume is no more than that many particles."""
+def test_spacing_grows_to_limit_the_number_of_particles():
     item = SCENES['plain']
     free = choice.accuracy_with(item, 'draft', None)
     assert free == resolved_accuracy(preset_accuracy('draft'), item.scene, horizon=item.horizon)
@@ -120,8 +110,7 @@ def test_no_run_has_more_particles_than_are_allowed():
     assert choice.accuracy_with(item, 'draft', 10**9) == free
 
 
-def test_copies_are_the_scene_over_and_over():
-    """Each has the terrain and its own vents, turned and mirrored; series keep their times."""
+def test_copies_rotate_and_mirror_the_scene_on_tiles():
     scene = SCENES['fissure'].scene
     scene = replace(scene, vents=(replace(scene.vents[0], discharge=((0.0, 2.0), (9.0, 0.0))),))
     wide = choice.copies(scene, 5, shift=0.1)
@@ -129,7 +118,7 @@ def test_copies_are_the_scene_over_and_over():
     rows, columns = terrain.elevation.shape
     known = np.isfinite(wide.terrain.elevation)
     assert known.sum() >= 5 * rows * columns
-    # as wide as it is high: two tiles beside each other
+    # tiles are side by side
     tiles = wide.terrain.elevation.shape[1] // (columns + choice.GAP)
     middle = np.reshape(terrain.extent, (2, 2)).mean(axis=0)
     signs = choice.directions(5)
@@ -142,18 +131,17 @@ def test_copies_are_the_scene_over_and_over():
         border = wide.terrain.elevation[row : row + rows, column + columns :][:, : choice.GAP]
         assert np.isnan(border).all()
         offset = (np.array([column, row]) + 0.1 * number) * terrain.resolution
-        for place, former in zip(
+        for place, original in zip(
             (vent.position, vent.end), (scene.vents[0].position, scene.vents[0].end), strict=True
         ):
             there = (np.array(place) - offset - middle) * (x, y) + middle
-            assert there == pytest.approx(np.array(former))
+            assert there == pytest.approx(np.array(original))
         assert [time for time, _ in vent.series] == [0.0, 9.0]
         assert vent.series[0][1] == pytest.approx(2.0 * (1.0 + choice.GAIN * number))
     assert number == 4
 
 
-def test_runs_side_by_side_are_the_runs_one_by_one():
-    """The copy whose vents are where they were covers what a run of its own does."""
+def test_copies_run_together_as_alone():
     item = SCENES['plain']
     accuracy = choice.accuracy_with(item, 'draft', 1000)
     effects = effects_for(item.scene, accuracy=accuracy, horizon=item.horizon)
@@ -169,12 +157,11 @@ def test_runs_side_by_side_are_the_runs_one_by_one():
     thickness = np.nan_to_num(alone.snapshot().thickness)
     cells = choice.refined(thickness) > min(COVERED, choice.THIN * accuracy.thickness)
     assert cells.sum() > 200 * choice.PARTS**2
-    # copies that are turned are turned back
+    # rotated copies are rotated back
     assert all(choice.jaccard(one, cells) > 0.97 for one in both.cells)
 
 
-def test_a_map_is_interpolated_between_cells():
-    """A plane stays one between the middles of the outer cells, and is level beyond them."""
+def test_refined_map_is_interpolated_between_cells():
     row, column = np.indices((3, 4))
     values = choice.refined(2.0 * row + 3.0 * column)
     y, x = (
@@ -185,11 +172,7 @@ def test_a_map_is_interpolated_between_cells():
     assert choice.refined(np.full((1, 1), 7.0)) == pytest.approx(np.full((choice.PARTS,) * 2, 7.0))
 
 
-def test_a_footprint_is_what_most_runs_cover():
-    """Two of three runs decide for each cell; halves take turns.
-
-    Jaccard: cells in both over cells in either; nothing compared to nothing is not a match.
-    """
+def test_area_is_that_of_most_runs():
     runs = np.array([[[1, 1, 0]], [[1, 0, 0]], [[1, 1, 1]]], dtype=bool)
     assert choice.footprint(runs).tolist() == [[True, True, False]]
     assert choice.noise(runs) == pytest.approx(0.5)
@@ -198,8 +181,7 @@ def test_a_footprint_is_what_most_runs_cover():
     assert math.isnan(choice.jaccard(one & ~one, one & ~one))
 
 
-def test_what_is_left_off_changes_no_more_than_is_stated():
-    """In the committed table, but for chance: each effect of 16 scenes, and all of them."""
+def test_committed_changes_are_within_the_stated_errors():
     with TABLE.open(newline='') as file:
         rows = list(csv.DictReader(file))
     assert {row['scene'] for row in rows} == set(SCENES)
@@ -215,11 +197,10 @@ def test_what_is_left_off_changes_no_more_than_is_stated():
             largest = np.fmax(float(row['expected']), float(row['measured']))
             stated = effect.cost * largest / effect.threshold
             assert float(row['stated']) == pytest.approx(stated, rel=1e-4)
-            # what excludes it may be on although its number calls for it
+            # an excluded effect may be off although its number exceeds the threshold
             is_excluded = any(excluded_by(row['effect'], other) for other in chosen)
             assert largest <= effect.threshold or is_excluded
-    over = [
+    assert [
         (row['scene'], row['effect']) for row in rows
         if float(row['changed']) > float(row['stated']) + float(row['chance'])
-    ]
-    assert not over
+    ] == []

@@ -21,13 +21,12 @@ from lava_ros.verification.benchmarks.reference import Reference
 from lava_ros.verification.benchmarks.scenes import scenes
 
 
-def test_the_plain_step_is_the_same_step(device):
-    """After ten steps its particles are where the product's are, and have moved."""
+def test_reference_step_moves_particles_as_the_product(device):
     simulation = lava_field(900, effect_sets()['bare'], device)
     reference = Reference(simulation, STEP)
     start = reference.position
     reference.advance(10)
-    # the reference's particles are in the order of the first sample: find them by their places
+    # particles are in different orders: compare with the nearest
     simulation.advance(10 * STEP)
     moved = np.linalg.norm(reference.position - start, axis=1)
     there = simulation.sample().position
@@ -38,15 +37,14 @@ def test_the_plain_step_is_the_same_step(device):
 
 @pytest.fixture
 def brief(monkeypatch):
-    """Measure a little, and start no process."""
+    """Shorten the measurements, and start no process."""
     little = {'LEAST': 0.0, 'SETS': ('bare', 'green'), 'FEWER_SETS': ('bare',), 'COVERED_BY': 400,
               'GRIDS': (20,), '_starts': lambda device, repetitions: [2.0, 1.0]}
     for name, value in little.items():
         monkeypatch.setattr(steps, name, value)
 
 
-def test_every_measurement_is_a_row(device, brief):
-    """Each set of effects has a step, a rate and its memory for each number of particles."""
+def test_steps_have_a_row_for_every_measurement(device, brief):
     seen = []
     measured = steps.measure(
         device, particles=(100, 400), repetitions=3,
@@ -62,7 +60,7 @@ def test_every_measurement_is_a_row(device, brief):
             assert rate.value * step.value == pytest.approx(particles)
             slow, fast = particles / step.high, particles / step.low
             assert (rate.low, rate.high) == pytest.approx((slow, fast))
-            # position, volume and temperature twice over, in float32, is the least there can be
+            # at least position, volume and temperature in two float32 arrays
             assert table[f'{name}: memory', particles].value > 32.0
     gain = table['reference: step', 400].value / table['bare: step', 400].value
     assert table['bare: gain', 400].value == pytest.approx(gain)
@@ -71,7 +69,6 @@ def test_every_measurement_is_a_row(device, brief):
 
 
 def test_memory_counts_an_array_once(device):
-    """Twice the particles take about twice as much, and a view no more."""
     few, many = (lava_field(n, effect_sets()['bare'], device) for n in (40_000, 160_000))
     one, four = (sum(steps._arrays(field).values()) for field in (few, many))
     assert 3.0 < four / one < 4.5
@@ -79,15 +76,18 @@ def test_memory_counts_an_array_once(device):
     assert steps._arrays([array, array[:5], {'it': array}]) == {array.ptr: array.capacity}
 
 
-def test_a_start_that_fails_says_why(monkeypatch):
-    """The text holds what the process said."""
+def rows_of(path):
+    with path.open(newline='') as file:
+        return list(csv.DictReader(file))
+
+
+def test_failed_start_reports_the_error_of_the_process(monkeypatch):
     monkeypatch.setattr(steps, '_FIRST', 'raise RuntimeError("no such {device}")')
     with pytest.raises(LavaError, match='no such thing'):
         steps._starts('thing', 1)
 
 
-def test_the_command_writes_its_table(tmp_path, capsys, monkeypatch, brief):
-    """Rows in the columns of every benchmark, as CSV, as JSON and on the screen."""
+def test_command_writes_csv_json_and_text(tmp_path, capsys, monkeypatch, brief):
     output, text = tmp_path / 'steps.csv', tmp_path / 'steps.json'
     words = 'bench steps --device cpu --repetitions 2 --particles 100 400'
     assert cli.main([*words.split(), '--output', str(output), '--json', str(text)]) == 0
@@ -99,14 +99,7 @@ def test_the_command_writes_its_table(tmp_path, capsys, monkeypatch, brief):
     assert 'green: rate' in capsys.readouterr().out
 
 
-def rows_of(path):
-    """The rows of a table."""
-    with path.open(newline='') as file:
-        return list(csv.DictReader(file))
-
-
-def test_committed_tables_say_how_they_were_made():
-    """Each row has its unit, machine and command, and a spread around its value."""
+def test_committed_rows_have_unit_machine_command_and_range():
     paths = list((Path(__file__).parents[3] / 'docs/benchmarks').glob('steps_*.csv'))
     assert paths
     for path in paths:
@@ -118,8 +111,7 @@ def test_committed_tables_say_how_they_were_made():
             assert float(row['low']) <= float(row['value']) <= float(row['high'])
 
 
-def test_scenes_are_cases():
-    """Each has a vent on its ground and a time to run."""
+def test_convergence_scenes_have_a_volume():
     found = convergence.scenes()
     names = [case.name for case in found]
     assert names[:5] == ['ridge', 'coarse_ridge', 'hill', 'valley', 'cliff']
@@ -129,8 +121,7 @@ def test_scenes_are_cases():
         assert case.volume == sum(emitted) > 0.0
 
 
-def test_a_scene_at_each_preset(device):
-    """Finer presets have more particles; the finest is what it is compared with."""
+def test_finer_presets_have_more_particles_and_smaller_errors(device):
     x = np.arange(40) * 5.0
     scene = Scene(
         Terrain(np.tile(-0.2 * x, (40, 1)), 5.0), (Vent((40.0, 100.0), 2.0),), Lava(viscosity=1e4)
