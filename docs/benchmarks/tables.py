@@ -48,24 +48,6 @@ def codes() -> Iterator[Line]:
         yield row['code'], flow, row['jaccard'], f'{row["constants"]}; {row["source"]}'
 
 
-def convergence() -> Iterator[Line]:
-    """Yield the agreement of presets on the mapped flows."""
-    yield ('flow, preset', 'spacing', 'Jaccard with `fine`', 'two halves of equal runs',
-           'area, length over those of `fine`', 'a run')
-    for row in lines_of('convergence_h200.csv'):
-        if row['scene'].startswith('etna'):
-            is_last = row['preset'] == 'fine'
-            yield (
-                f'{row["scene"].removeprefix("etna")} `{row["preset"]}`',
-                f'{float(row["spacing_m"]):.2g} m',
-                '' if is_last else f'{float(row["jaccard"]):.2f}',
-                f'{float(row["noise"]):.2f}',
-                '' if is_last else
-                f'{float(row["area_ratio"]):.2f}, {float(row["length_ratio"]):.2f}',
-                f'{float(row["seconds"]):.2g} s',
-            )
-
-
 def chances() -> Iterator[Line]:
     """Yield the scores of probabilities of the largest ensemble of each case."""
     yield ('flow', 'ensemble', 'Brier score', 'skill where lava could come',
@@ -140,9 +122,7 @@ def members() -> Iterator[Line]:
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
-    'VALIDATION.md': {
-        'scores': scores, 'codes': codes, 'convergence': convergence, 'chances': chances,
-    },
+    'VALIDATION.md': {'scores': scores, 'codes': codes, 'chances': chances},
     'PERFORMANCE.md': {'steps': steps, 'members': members},
 }
 
