@@ -263,8 +263,8 @@ class ActiveNode:
     def _check_recorder(self) -> None:
         status = self._recorder.status
         if status.error:
-            right = f'a bag that can be written ({status.error})'
-            raise LavaError('recorder', status.state, right)
+            expected = f'a bag that can be written ({status.error})'
+            raise LavaError('recorder', status.state, expected)
 
     def save(self) -> str:
         """Write the current maps and a checkpoint to a bag and return its name.

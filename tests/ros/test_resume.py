@@ -144,7 +144,7 @@ def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path):
         (graph.node(aside=True, resume=str(tmp_path / name), **parameters), words)
         for name, parameters, words in (
             ('empty', {}, 'this one has none'),
-            ('bag', {'scene': 'a.yaml'}, "scene is 'a.yaml', expected left out beside resume"),
+            ('bag', {'scene': 'a.yaml'}, "scene is 'a.yaml', expected no value with resume"),
             ('bag', {'device': 'cuda:99'}, "cannot resume: device is 'cuda:99'"),
         )
     ]
