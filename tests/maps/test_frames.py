@@ -78,7 +78,7 @@ def test_time(bag, tmp_path):
             Recording(bag).frame_at(asked)
     timeless = Recording(record(tmp_path / 'timeless', clock=False))
     assert timeless.frame_at().time is None
-    with pytest.raises(LavaError, match='does not say its simulated time'):
+    with pytest.raises(LavaError, match='does not contain simulated times'):
         timeless.frame_at(300.0)
 
 
