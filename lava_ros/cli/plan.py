@@ -40,7 +40,7 @@ def plan(args: argparse.Namespace) -> int:
     from lava_ros.cli.scenes import scene_from_arguments
     from lava_ros.forecast.pilots import spacing_at
     from lava_ros.forecast.planning import afford
-    from lava_ros.forecast.sampling import MOST_MEMBERS
+    from lava_ros.forecast.sampling import MAX_MEMBERS
 
     within = seconds_of('--within', args.within)
     horizon = seconds_of('--horizon', args.horizon)
@@ -48,7 +48,7 @@ def plan(args: argparse.Namespace) -> int:
     if args.members != 'auto':
         if not args.members.isdecimal():
             raise LavaError('--members', args.members, 'a whole number at or above 1, or auto')
-        members = validation.whole('--members', args.members, at_least=1, at_most=MOST_MEMBERS)
+        members = validation.whole('--members', args.members, at_least=1, at_most=MAX_MEMBERS)
     scene = scene_from_arguments(args)
 
     def tell(pilot: Pilot) -> None:

@@ -203,9 +203,9 @@ class LiveEnsembles:
         """Cancel the ensemble in progress; finished ones remain."""
         self._ordered = self.at_hand = None
         waiting, self._waiting = self._waiting, []
-        right = 'a scene that does not change until the members have run'
+        expected = 'a scene that does not change until the members have run'
         for number, _ in waiting:
-            self._refuse(number, LavaError('observed_outline', 'not used', right))
+            self._refuse(number, LavaError('observed_outline', 'not used', expected))
 
     def advance(self, wall_limit: float) -> None:
         """Run members for about a wall time [s].
@@ -253,9 +253,9 @@ class LiveEnsembles:
             if known:
                 first = min(item.start for item in known)
                 since = f'after {first:.0f} s, the start of the first'
-            right = f'a time within the horizon of an ensemble ({since})'
+            expected = f'a time within the horizon of an ensemble ({since})'
             told = f'{outline.time:.0f} s of simulated time'
-            self._refuse(number, LavaError('observed_outline.header.stamp', told, right))
+            self._refuse(number, LavaError('observed_outline.header.stamp', told, expected))
 
     def _weigh(self, number: int, outline: Outline, ensemble: LiveEnsemble) -> None:
         found = ensemble.agreement(outline)
