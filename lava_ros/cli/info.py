@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _SHOWN_CHECKPOINTS = 5
 
-#: Parts of the custom data that are shown in words.
+#: Parts of the custom data that are parsed.
 _READ = ('scene', 'effects', 'resumed_from')
 
 
@@ -35,11 +35,11 @@ def info(args: argparse.Namespace) -> int:
 
     bag = BagReader(args.bag)
     refused: list[LavaError] = []
-    told = _as_dict(bag, refused.append)
+    data = _as_dict(bag, refused.append)
     if args.json is None:
-        print('\n'.join(_lines(bag, told, refused)))
+        print('\n'.join(_lines(bag, data, refused)))
     else:
-        write_json(told, args.json)
+        write_json(data, args.json)
     return 0
 
 
@@ -79,14 +79,14 @@ def _as_dict(bag: BagReader, on_refused: Callable[[LavaError], object]) -> dict[
 
 
 def _simulation(bag: BagReader) -> dict[str, Any] | None:
-    """The last diagnostics: simulated time [s], volumes [m3], their error, and warnings."""
+    """Return simulated time [s], volumes [m3] and warnings of the last diagnostics."""
     from lava_ros.bag.decoding import Decoder, last_moment
     from lava_ros.simulation.budget import VolumeBudget
 
     try:
         moment = last_moment(bag, Decoder(bag))
     except LavaError:
-        # decoding needs a library that the rest does not
+        # only decoding needs this library
         return None
     if moment is None:
         return None
@@ -155,7 +155,7 @@ def _file_line(file: McapFile, start_ns: int) -> str:
 
 
 def _checkpoint_lines(stored: list[dict[str, Any]], refused: list[LavaError]) -> list[str]:
-    """The newest checkpoints, each a moment that `lava node --resume` can go on from."""
+    """Return lines about the newest checkpoints."""
     lines = [f'  cannot be read: {item}' for item in refused]
     if not stored:
         return ['', 'checkpoints  none that can be read', *lines] if refused else []
@@ -201,7 +201,7 @@ def _size(size: int) -> str:
 
 
 def _moment(time_ns: int) -> str:
-    """Wall time, or seconds when the time is a simulation's that starts near 0."""
+    """Format a date or, for a simulated clock that starts near 0, seconds."""
     seconds = time_ns / 1e9
     if seconds < 1e9:
         return f'{seconds:.3f} s'

@@ -34,8 +34,8 @@ def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Pl
         LavaError: If the case has events, or an argument is not valid.
     """
     if case.events:
-        right = 'none in an ensemble: all members run on the ground before the first event'
-        raise LavaError('case.events', len(case.events), right)
+        expected = 'none in an ensemble: all members run on the ground before the first event'
+        raise LavaError('case.events', len(case.events), expected)
     scene = case.scene
     if scene.uncertainty == Uncertainty():
         uncertainty = published_uncertainty(case)

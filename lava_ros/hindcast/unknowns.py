@@ -90,8 +90,8 @@ def unknowns_of(
         if span is None and name in published:
             span, source = published[name].range, published[name].range_source
         if span is None:
-            right = f'a range ({name}=LOW:HIGH): none has been published for this material'
-            raise LavaError('--unknown', name, right)
+            expected = f'a range ({name}=LOW:HIGH): none has been published for this material'
+            raise LavaError('--unknown', name, expected)
         is_log = name in _LOGARITHMIC
         low = validation.number(f'{name}, lowest', span[0], at_least=0.0)
         high = validation.number(f'{name}, highest', span[1], above=low)
