@@ -105,8 +105,8 @@ class BagReader:
             _LOG.warning('%s', text)
         for item in self.contents:
             if item.rest:
-                said = '%s was cut off: its last %d bytes, an incomplete record, are ignored'
-                _LOG.info(said, item.path, item.rest)
+                message = '%s was cut off: its last %d bytes, an incomplete record, are ignored'
+                _LOG.info(message, item.path, item.rest)
 
     @property
     def duration_ns(self) -> int:

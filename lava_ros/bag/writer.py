@@ -414,8 +414,8 @@ class BagWriter:
             return False
         if self._max_duration_ns and log_time - start_ns >= self._max_duration_ns:
             return True
-        least = max(self._max_size, 2 * self._repeated_size)
-        return bool(self._max_size) and file.size >= least
+        minimum = max(self._max_size, 2 * self._repeated_size)
+        return bool(self._max_size) and file.size >= minimum
 
 
 def _topic(

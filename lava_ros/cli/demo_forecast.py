@@ -28,7 +28,7 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.presets import preset_accuracy
 
 if TYPE_CHECKING:
-    from lava_ros.ros.monitor import ForecastWatch, HeardGrid
+    from lava_ros.ros.monitor import ForecastWatch, ReceivedGrid
 
 #: Horizon of the forecasts [s], and simulated time per wall time [s/s].
 HORIZON, SPEED = 3600.0, 40.0
@@ -151,15 +151,15 @@ def _narrowed(
         running_node(replace(scene, vents=()), settings, domain) as node,
     ):
         wait = partial(_wait, watch, node)
-        wait('to subscribe', lambda: watch.is_heard)
+        wait('to subscribe', lambda: watch.has_subscribers)
         # the first map shows that the process of the forecasts has started
         wait('for a first map', lambda: watch.arrivals)
         opened = watch.open_vents(scene.vents, scene.terrain)
         print('a vent opens', flush=True)
         arrival = wait('for a forecast', lambda: _with_lava(watch.arrivals, opened))
-        _print_progress(arrival.heard - opened, 'a forecast of when lava comes')
+        _print_progress(arrival.received - opened, 'a forecast of when lava comes')
         first = wait('for a forecast', lambda: _with_lava(watch.probabilities, opened))
-        _print_progress(first.heard - opened, 'a first map of how likely')
+        _print_progress(first.received - opened, 'a first map of how likely')
         wait('for all members', lambda: _is_complete(watch, members))
         complete = time.monotonic()
         _print_progress(complete - opened, f'all {members} members')
@@ -177,21 +177,21 @@ def _narrowed(
         wait(
             'to weigh the members',
             lambda: watch.values('ensemble').get('outlines') == '1'
-            and watch.probabilities[-1].heard > shown,
+            and watch.probabilities[-1].received > shown,
         )
         after = next(
-            (item for item in watch.probabilities if item.heard > shown
+            (item for item in watch.probabilities if item.received > shown
              and item.stamp_ns == before.stamp_ns),
             watch.probabilities[-1],
         )
-        _print_progress(after.heard - opened, 'the probabilities are narrower')
+        _print_progress(after.received - opened, 'the probabilities are narrower')
         weighed = watch.values('ensemble')
         truth.run_to(float(status['start_time_s']) + HORIZON)
         result = {
-            'forecast_after_s': round(arrival.heard - opened, 2),
-            'probability_after_s': round(first.heard - opened, 2),
+            'forecast_after_s': round(arrival.received - opened, 2),
+            'probability_after_s': round(first.received - opened, 2),
             'all_members_after_s': round(complete - opened, 2),
-            'narrower_after_s': round(after.heard - shown, 2),
+            'narrower_after_s': round(after.received - shown, 2),
             'is_same_ensemble': after.stamp_ns == before.stamp_ns,
             'members': members,
             'members_effective': float(weighed['members_effective']),
@@ -226,9 +226,9 @@ def _wait(watch: 'ForecastWatch', node: Child, what: str, found: Callable[[], An
     return result
 
 
-def _with_lava(grids: list['HeardGrid'], since: float) -> 'HeardGrid | None':
+def _with_lava(grids: list['ReceivedGrid'], since: float) -> 'ReceivedGrid | None':
     """Return the first grid with lava that was received after a time [s]."""
-    return next((item for item in grids if item.heard > since and item.cells.max() > 0), None)
+    return next((item for item in grids if item.received > since and item.cells.max() > 0), None)
 
 
 def _is_complete(watch: 'ForecastWatch', members: int) -> bool:

@@ -99,7 +99,7 @@ def _simulation(bag: BagReader) -> dict[str, Any] | None:
     }
 
 
-def _lines(bag: BagReader, told: dict[str, Any], refused: list[LavaError]) -> list[str]:
+def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> list[str]:
     from lava_ros.simulation.budget import VolumeBudget
 
     lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {_size(bag.size)}']
@@ -113,11 +113,11 @@ def _lines(bag: BagReader, told: dict[str, Any], refused: list[LavaError]) -> li
     lines.append(f'recording  {state}')
     if bag.start_ns is not None:
         lines.append(f'start      {_moment(bag.start_ns)}')
-        lines.append(f'duration   {told["duration"]:.3f} s')
+        lines.append(f'duration   {data["duration"]:.3f} s')
     lines.append(f'messages   {bag.message_count}')
-    if (resumed := told['resumed_from']) is not None:
+    if (resumed := data['resumed_from']) is not None:
         lines.append(f'resumed    at {resumed["time"]:.3f} s simulated, from {resumed["bag"]}')
-    if (simulation := told['simulation']) is not None:
+    if (simulation := data['simulation']) is not None:
         lines.append(f'simulated  {simulation["time"]:.3f} s')
         budget = VolumeBudget.from_texts(simulation)
         if budget is not None:
@@ -129,18 +129,18 @@ def _lines(bag: BagReader, told: dict[str, Any], refused: list[LavaError]) -> li
             name, count, qos = topic.name, str(topic.count), topic.qos
             rows.append((name, topic.message_type, count, qos.reliability, qos.durability))
         lines += ['', *table_lines(rows, '<<<<<')]
-    lines += _checkpoint_lines(told['checkpoints'], refused)
-    if told['scene'] is not None:
-        lines += ['', 'scene', *_scene_lines(told['scene'])]
-    if told['effects'] is not None:
+    lines += _checkpoint_lines(data['checkpoints'], refused)
+    if data['scene'] is not None:
+        lines += ['', 'scene', *_scene_lines(data['scene'])]
+    if data['effects'] is not None:
         lines += ['', 'effects']
-        for index, entry in enumerate(told['effects']):
+        for index, entry in enumerate(data['effects']):
             lines += [f'  changed at {entry["time"]:.1f} s'] if index else []
             lines += [f'  {name:16} {text}' for name, text in entry['effects'].items()]
     rest = [
         f'  {key}: {_short(item)}'
         for key, item in sorted(bag.custom_data.items())
-        if key not in _READ or told[key] is None
+        if key not in _READ or data[key] is None
     ]
     return [*lines, '', 'custom data', *rest] if rest else lines
 

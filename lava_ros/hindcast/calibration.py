@@ -259,8 +259,8 @@ def _evaluate(
         results = run_together(jobs, settings)
         taken = time.perf_counter() - begun
     except LavaError as error:
-        said = '; '.join(map(str, sets))
-        raise LavaError('the unknowns', said, f'values that can be simulated ({error})') from error
+        text = '; '.join(map(str, sets))
+        raise LavaError('the unknowns', text, f'values that can be simulated ({error})') from error
     # concurrent runs on a GPU each count an equal part of the wall time
     parts, count = iter(results), len(sets) * len(cases)
     return [

@@ -114,14 +114,14 @@ class Monitor(DiagnosticsWatch):
 
 
 @dataclass(frozen=True, eq=False)
-class HeardGrid:
-    """A grid with its stamp [ns], received at the monotonic wall time ``heard`` [s].
+class ReceivedGrid:
+    """A grid with its stamp [ns], received at the monotonic wall time ``received`` [s].
 
     ``cells`` are int8, shape [rows, columns].
     """
 
     stamp_ns: int
-    heard: float
+    received: float
     cells: np.ndarray
 
 
@@ -135,8 +135,8 @@ class ForecastWatch(DiagnosticsWatch):
     def __init__(self, domain_id: int) -> None:
         """Join the graph of a domain."""
         super().__init__('lava_forecast_watch', domain_id)
-        self.arrivals: list[HeardGrid] = []
-        self.probabilities: list[HeardGrid] = []
+        self.arrivals: list[ReceivedGrid] = []
+        self.probabilities: list[ReceivedGrid] = []
         latched, commands = qos.ros_profile(qos.LATCHED), qos.ros_profile(qos.COMMANDS)
         self._vents = self._node.create_publisher(PointCloud2, 'vents', commands)
         self._outline = self._node.create_publisher(OccupancyGrid, 'observed_outline', commands)
@@ -146,7 +146,7 @@ class ForecastWatch(DiagnosticsWatch):
             self._node.create_subscription(OccupancyGrid, topic, take, latched)
 
     @property
-    def is_heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """True if both topics have a subscriber."""
         publishers = self._vents, self._outline
         return all(publisher.get_subscription_count() for publisher in publishers)
@@ -170,10 +170,10 @@ class ForecastWatch(DiagnosticsWatch):
         return time.monotonic()
 
     @staticmethod
-    def _on_grid(grids: list[HeardGrid], grid: OccupancyGrid) -> None:
+    def _on_grid(grids: list[ReceivedGrid], grid: OccupancyGrid) -> None:
         cells = np.asarray(grid.data, dtype=np.int8).reshape(grid.info.height, grid.info.width)
         stamp_ns = codec.nanoseconds(grid.header.stamp)
-        grids.append(HeardGrid(stamp_ns, time.monotonic(), cells))
+        grids.append(ReceivedGrid(stamp_ns, time.monotonic(), cells))
 
 
 class SceneFeed(Node):

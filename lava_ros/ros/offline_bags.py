@@ -135,6 +135,6 @@ def write_snapshots(
                 if layer.source != ARRIVED or snapshot.arrived is not None:
                     bag.put_layer(layer, snapshot, stamp)
             values = diagnostics.snapshot_values(snapshot, stamp)
-            told = diagnostics.status('lava: simulation', DiagnosticStatus.OK, 'finished', values)
-            message = DiagnosticArray(header=codec.header('', stamp), status=[told])
+            state = diagnostics.status('lava: simulation', DiagnosticStatus.OK, 'finished', values)
+            message = DiagnosticArray(header=codec.header('', stamp), status=[state])
             bag.put('diagnostics', message, stamp)
