@@ -305,7 +305,6 @@ def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
 
 
 def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
-    """Read all records, and list the damaged ones."""
     is_finished = records.has_end(data) or records.footer_of(data) is not None
     result = McapFile(path, finished=is_finished)
     if summary is not None:

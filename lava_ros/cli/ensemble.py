@@ -363,7 +363,6 @@ def _report(
 
 
 def _agreement(done: Ensemble, observation: str) -> dict[str, Any]:
-    """Return the agreement of the members with the observed lava."""
     weights = done.weights
     assert weights is not None
     return {

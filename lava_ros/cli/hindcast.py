@@ -138,7 +138,6 @@ def _vents(
 
 
 def _prepare(output: Path) -> None:
-    """Create the folder; raise LavaError if it contains other files."""
     from lava_ros.hindcast.run import UNFINISHED
 
     names = {item.name for item in output.iterdir()} if output.is_dir() else set()
@@ -182,7 +181,6 @@ def _write_bag(
 def _as_dict(
     case: Case, settings: Settings, result: Result, judged: Score, expected: ExpectedError
 ) -> dict[str, Any]:
-    """Return a hindcast as plain data."""
     from lava_ros.simulation.selection import decision_as_dict
 
     snapshot, budget = result.snapshot, result.snapshot.budget

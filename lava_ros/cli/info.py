@@ -155,7 +155,6 @@ def _file_line(file: McapFile, start_ns: int) -> str:
 
 
 def _checkpoint_lines(stored: list[dict[str, Any]], refused: list[LavaError]) -> list[str]:
-    """Return lines about the newest checkpoints."""
     lines = [f'  cannot be read: {item}' for item in refused]
     if not stored:
         return ['', 'checkpoints  none that can be read', *lines] if refused else []

@@ -49,7 +49,6 @@ def materials(args: argparse.Namespace) -> int:
 
 
 def _cited(constant: Constant, sources: dict[str, int]) -> str:
-    """Return the reference numbers of a constant and of its range."""
     text = f'[{sources.setdefault(constant.source, len(sources) + 1)}]'
     if constant.range is not None:
         number = sources.setdefault(constant.range_source, len(sources) + 1)

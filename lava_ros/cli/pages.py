@@ -70,7 +70,6 @@ def _extent(values: list[float]) -> list[float]:
 
 
 def _scale(text: str) -> float:
-    """Return the N of 1:N, or of N alone."""
     from lava_ros.maps.sheet import MAX_SCALE, MIN_SCALE
 
     return validation.number(

@@ -46,7 +46,6 @@ def vent_arguments(of: str) -> tuple[Argument, ...]:
 
 
 def _rate(text: str) -> float | str:
-    """Return a rate, or the name of a table."""
     try:
         return float(text)
     except ValueError:

@@ -179,7 +179,6 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
 
 
 def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return emplaced flows and events of the arguments in the form of a scene file."""
     changes: dict[str, Any] = {}
     shared = {'thickness': args.emplaced_thickness, 'as': args.emplaced_as}
     shared = {name: value for name, value in shared.items() if value is not None}
@@ -198,7 +197,6 @@ def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
-    """Read the table of effusion rates that the arguments name, if any."""
     given = {name: getattr(args, name) for name in RATE_OPTIONS if getattr(args, name) is not None}
     if isinstance(args.discharge, str):
         given['start'] = given.pop('eruption_start', None)
@@ -279,7 +277,6 @@ def _described(vent: VentRow, terrain: Terrain) -> dict[str, Any]:
 
 
 def _summit(terrain: Terrain) -> tuple[float, float]:
-    """Return the map position of the highest cell away from the borders."""
     ground = np.where(terrain.has_data, terrain.elevation, -np.inf)
     rows, columns = terrain.shape
     inner = np.full_like(ground, -np.inf)

@@ -354,7 +354,7 @@ class MemberRun(Looking):
             simulation,
             [
                 *(start + look * plan.interval for look in range(1, plan.looks)),
-                # exactly, without a rounding error
+                # exactly the horizon, without a rounding error
                 start + plan.horizon,
             ],
             threshold=plan.threshold,
@@ -384,7 +384,6 @@ class MemberRun(Looking):
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':
-    """Return a member's simulation at the plan's start."""
     # the solver loads Warp, which drawing and merging members do not need
     from lava_ros.simulation.simulation import Simulation
 

@@ -205,8 +205,6 @@ class _Choice:
 
 @dataclass
 class _Search:
-    """A search for a plan by pilots."""
-
     scene: Scene
     within: float
     horizon: float
@@ -367,8 +365,6 @@ class _Search:
 
     @cached_property
     def _bands(self) -> list[tuple[float, Effects]]:
-        """Return the effects that the scene calls for, with the lowest refinement of each."""
-
         def at(refinement: float) -> Effects:
             accuracy = accuracy_at(self.scene, refinement, self.horizon)
             return effects_for(self.scene, {}, accuracy=accuracy, horizon=self.horizon)

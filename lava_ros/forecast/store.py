@@ -259,7 +259,6 @@ def _member_path(folder: Path, index: int) -> Path:
 
 
 def _switched_on(manifest: Any) -> tuple[CalledEffect, ...]:
-    """Return the effects that sentinels have switched on; empty without a valid list."""
     try:
         return tuple(map(CalledEffect.from_dict, manifest['plan']['switched_on']))
     except (KeyError, TypeError, ValueError):

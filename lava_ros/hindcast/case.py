@@ -233,7 +233,6 @@ def load_case(
 
 
 def _onset(first: str | None, start: float) -> Onset | None:
-    """Return the date of a simulation's start [s] from that of time 0."""
     if first is None:
         return None
     zero = datetime.fromisoformat(first.strip().upper().replace('Z', '+00:00'))
@@ -242,7 +241,6 @@ def _onset(first: str | None, start: float) -> Onset | None:
 
 
 def _options(folder: Path) -> dict[str, Any]:
-    """Read ``case.yaml``; return an empty mapping without one."""
     path = folder / 'case.yaml'
     data = read_yaml('case', path) if path.exists() else None
     known = [*KEYS, 'material']

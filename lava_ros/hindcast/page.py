@@ -112,7 +112,6 @@ def warnings(case: Case, result: Result) -> list[str]:
 
 
 def _constants(case: Case, material: Material) -> tuple[list[tuple[str, ...]], list[str]]:
-    """Return rows of the constants in use, and the list of their sources."""
     usual, units = asdict(Lava()), constant_units()
     rows: list[tuple[str, ...]] = []
     used: dict[str, list[Any]] = {

@@ -141,7 +141,6 @@ def published_uncertainty(case: Case) -> Uncertainty:
 
 
 def _published(case: Case) -> dict[str, Constant]:
-    """Return the published constants of a case that have a range."""
     assert case.material is not None
     known = {**case.material.constants, 'vent_temperature': case.material.vent_temperature}
     known['discharge'] = DISCHARGE

@@ -324,8 +324,6 @@ class ActiveNode:
         if not resume_future.cancelled():
             self.failure = resume_future.exception()
 
-    # outputs
-
     def _mark_due(self, rate: float) -> None:
         if not self.is_active:
             return
@@ -354,7 +352,6 @@ class ActiveNode:
         self._log.recorder(self._recorder)
 
     def _publish_places(self, *, repeat: bool = False) -> None:
-        """Publish the arrival times at places according to the newest maps."""
         snapshot = self._layers.shown
         if snapshot is not None and self.is_active:
             self._places.publish(
@@ -413,8 +410,6 @@ class ActiveNode:
         self._report_checkpoint(self._checkpoints.poll(period, stamp_ns, changes=changes))
         self._log.recorder(self._recorder)
 
-    # recording
-
     def _arm_recorder(self) -> None:
         new = self._settings
         directory = self._bag_folder.path(new.bag_directory)
@@ -436,5 +431,4 @@ class ActiveNode:
 
 
 def _effect_settings(settings: Settings) -> tuple[Mapping[str, bool], float]:
-    """Return the settings that the choice of effects depends on."""
     return settings.forced, settings.horizon

@@ -41,8 +41,6 @@ _MAX_MESSAGES = 50
 
 
 class _Packed:
-    """A compressed layer of one frame."""
-
     def __init__(self, shown: LayerFrame) -> None:
         self._layer, self._is_saturated = shown.layer, shown.is_saturated
         self.shape = shown.values.shape

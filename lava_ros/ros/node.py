@@ -114,8 +114,6 @@ class LavaNode(LifecycleNode):
         else:
             self.get_logger().error(f'{type(error).__name__}: {error}')
 
-    # transitions
-
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files, and join the graph."""
         return self._transition('configure', 'configured', self._configure)
@@ -203,8 +201,6 @@ class LavaNode(LifecycleNode):
                 return response
 
         change.callback = answer
-
-    # parameters
 
     def _declare_parameters(self, sources: Sources) -> parameters.Settings:
         constants = constants_of(sources.scene)

@@ -35,8 +35,6 @@ _FRAME = 'map'
 
 
 class _Bag(BagWriter):
-    """A bag that is written without a node."""
-
     def __init__(self, path: Path, namespace: str, scene: Scene, data: Mapping[str, str]) -> None:
         described = {
             'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),

@@ -92,7 +92,6 @@ def relief_message(terrain: Terrain, *, frame_id: str, stamp_ns: int) -> Occupan
 # cached: 25 million cells take a second, and publisher and bag need the same cells
 @lru_cache(maxsize=1)
 def _shade(terrain: Terrain) -> np.ndarray:
-    """Compute the cells of the hillshade, int8, shape [rows, columns]."""
     north, east = np.gradient(terrain.elevation, terrain.resolution)
     facing = 0.5 * (east - north) + math.sqrt(0.5)
     shade = 100.0 * (1.0 - np.clip(facing / np.sqrt(1.0 + east**2 + north**2), 0.0, 1.0))

@@ -420,7 +420,6 @@ def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
 
 
 def _is_empty(value: Any) -> bool:
-    """Return True if a value stands for an empty list of strings."""
     if value is None or isinstance(value, str):
         return value in _EMPTY_LISTS
     return hasattr(value, '__len__') and len(value) == 0

@@ -289,7 +289,6 @@ class SimulationWorker:
             )
 
     def _advance(self) -> None:
-        """Advance simulated time by one slice towards the clock."""
         if not self._is_moving():
             return
         before = self.eruption.time

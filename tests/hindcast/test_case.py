@@ -201,7 +201,6 @@ def _rates(*rows: str) -> Change:
 
 
 def _as_areas(folder: Path) -> None:
-    """Write the footprint to a GeoJSON file in degrees."""
     from rasterio.features import shapes
     from rasterio.transform import from_origin
     from rasterio.warp import transform_geom
