@@ -42,7 +42,6 @@ def effects_on(description: Mapping[str, Any]) -> tuple[str, ...] | None:
 
 
 def _has(value: object, **types: Any) -> bool:
-    """Return True if a value is a mapping with items of these types."""
     return isinstance(value, dict) and all(
         isinstance(value.get(name), of) for name, of in types.items()
     )

@@ -100,11 +100,7 @@ class McapFile:
         return sum(self.counts.values())
 
     def messages(self, channel_ids: Collection[int], start_ns: int = 0) -> Iterator[Message]:
-        """Yield messages of some channels in the order of log time, then of the file.
-
-        Args:
-            channel_ids: IDs of the channels.
-            start_ns: Earliest log time [ns].
+        """Yield messages logged at or after ``start_ns`` [ns] by log time, then in file order.
 
         Raises:
             LavaError: If the file is damaged or unreadable, or more than ``MAX_HELD`` bytes of
@@ -347,7 +343,6 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
 
 
 def _sentence(contents: McapFile, start: int, end: int, what: str) -> str:
-    """Describe a damaged part and its gap in the log times."""
     first = contents.start_ns or 0
     before = [block.end_ns for block in contents.blocks if block.offset < start]
     after = [block.start_ns for block in contents.blocks if block.offset >= end]

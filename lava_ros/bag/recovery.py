@@ -21,14 +21,9 @@ def recover(
 ) -> int:
     """Copy every readable message, with its definition, QoS and times, into a new bag.
 
-    The new bag has the same files and the readable attachments. Damaged parts, which
-    ``source.damage`` lists, are left out.
-
-    Args:
-        source: The bag.
-        directory: Directory of the new bag.
-        on_progress: Called with the name of the activity and the copied fraction of the recorded
-            time.
+    The new bag has the same files and the readable attachments, without the damaged parts that
+    ``source.damage`` lists. ``on_progress`` is called with the name of the activity and the copied
+    fraction of the recorded time.
 
     Returns:
         The number of messages copied.

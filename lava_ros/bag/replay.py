@@ -40,11 +40,8 @@ def schedule(
     With a start offset, earlier messages are skipped, except the newest one of each latched
     (transient_local) topic, which is due immediately: a map that was published early still holds.
 
-    Args:
-        bag: The bag.
-        rate: Bag time per wall time [s/s].
-        loop: Whether to start again at ``start_offset`` after the end, without limit.
-        start_offset: Bag time of the start after the first message [s].
+    ``rate`` is bag time per wall time [s/s], ``start_offset`` is bag time after the first message
+    [s]. A ``loop`` starts again at the offset after the end, without limit.
 
     Raises:
         LavaError: If an argument is out of range, or the bag is empty.
@@ -87,14 +84,8 @@ def pace(
     """Yield each message of a schedule when it is due, and clock ticks while waiting for it.
 
     The clock follows wall time times ``rate``, but not beyond the next message, so that a late
-    message does not set it back.
-
-    Args:
-        dues: Schedule.
-        rate: Bag time per wall time [s/s].
-        now: Returns monotonic wall time [s].
-        wait: Sleeps for at most a time [s]; returns True to stop the replay.
-        tick: Time between clock ticks [s], None for none.
+    message does not set it back. ``now`` returns monotonic wall time [s]. ``wait`` sleeps for at
+    most a time [s], and returns True to stop. ``tick`` is the time between clock ticks [s].
     """
     start = now()
     next_tick = math.inf if tick is None else start + tick

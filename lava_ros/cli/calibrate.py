@@ -132,7 +132,6 @@ def calibrate(args: argparse.Namespace) -> int:
 
 
 def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
-    """Return the names of unknowns, and the ranges that the texts give."""
     names, ranges = [], {}
     for text in texts:
         name, has_range, span = text.partition('=')

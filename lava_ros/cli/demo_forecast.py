@@ -227,7 +227,6 @@ def _wait(watch: 'ForecastWatch', node: Child, what: str, found: Callable[[], An
 
 
 def _with_lava(grids: list['ReceivedGrid'], since: float) -> 'ReceivedGrid | None':
-    """Return the first grid with lava that was received after a time [s]."""
     return next((item for item in grids if item.received > since and item.cells.max() > 0), None)
 
 

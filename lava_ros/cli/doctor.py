@@ -77,7 +77,6 @@ def _check_layers(name: str) -> Said:
 
 
 def _printer() -> Callable[[Finding], None]:
-    """Return a function that prints a finding, in a terminal with colours if rich is installed."""
     from lava_ros.doctor import FAIL, OK, WARN
 
     try:

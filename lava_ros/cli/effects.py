@@ -76,7 +76,6 @@ def _measured(
     scene: Scene, forced: Mapping[str, bool], accuracy: Accuracy, horizon: float,
     device: str | None,
 ) -> tuple[Decision, ...]:
-    """Simulate a scene up to a horizon [s], and return the decisions with measured numbers."""
     from lava_ros.effects import EFFECTS
     from lava_ros.maps.plot import duration
 

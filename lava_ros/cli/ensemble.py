@@ -227,7 +227,6 @@ def ensemble(args: argparse.Namespace) -> int:
 
 
 def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
-    """Read the barriers that the arguments name, and print the volume of each."""
     from lava_ros.maps.places import places_on
     from lava_ros.scene.features import read_features
     from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers

@@ -29,10 +29,7 @@ _ROS_ARGS = '--ros-args'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command.
-
-    Args:
-        argv: Arguments without the program's name; None for those of the process.
+    """Run the command of arguments without the program's name; None for those of the process.
 
     Returns:
         The exit status: 0 for success, 1 if part of a bag was damaged or missing without
@@ -85,7 +82,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _complete() -> None:
-    """Print the completions of a command line for a shell, and exit."""
     import argcomplete
 
     argcomplete.autocomplete(command_line_parser())

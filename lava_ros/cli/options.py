@@ -47,14 +47,9 @@ def argument(
     names: str, metavar: str | tuple[str, ...] | None, text: str | None, usual: Any = None,
     **options: Any,
 ) -> Argument:
-    """Declare an argument of a command.
+    """Declare an argument of a command; ``names`` are separated by spaces, ``text`` is its help.
 
-    Args:
-        names: Names, separated by spaces.
-        metavar: Placeholder of its value.
-        text: Help text.
-        usual: Default value, which is added to the text, or the type of a value without default.
-        **options: Further options of ``add_argument``.
+    ``usual`` is the default value, which is added to the text, or the type of a value without one.
     """
     if isinstance(usual, type):
         options['type'] = usual

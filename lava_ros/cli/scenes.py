@@ -88,7 +88,6 @@ def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
 
 
 def _vents_of(path: str, rate: float | str | None, terrain: Terrain) -> Iterator[VentRow]:
-    """Yield the vents of a file, each with its own effusion rate or that of the command."""
     for vent in read_vents('--vents', path, terrain):
         if vent.discharge is not None and rate is not None:
             expected = f'no --effusion-rate, since {path} has its own'
@@ -256,7 +255,6 @@ def _log_scene(scene: Scene) -> None:
 
 
 def _usual_vent(terrain: Terrain, **known: Any) -> dict[str, Any]:
-    """Return a vent in the form of a scene file, with defaults for unknown properties."""
     radius = min(2.0 * terrain.resolution, SUMMIT_RADIUS)
     return {'discharge': SUMMIT_DISCHARGE, 'radius': radius} | known
 

@@ -301,7 +301,6 @@ class _Search:
         return cost if math.isfinite(cost) else self.cost(refinement, self.pilots[-1].effects)
 
     def _near(self, refinement: float, by: float, effects: Effects | None = None) -> list[Pilot]:
-        """Return the runs within a factor of a refinement, with given effects or with any."""
         return [
             run
             for run in self.runs

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Calibration: a search for constants with which hindcasts match mapped flow fields.
 
 The constants are the same for all cases, and the score is the mean of the cases' scores. The

@@ -76,11 +76,9 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """An eruption and its mapped flow field.
+    """An eruption and its mapped flow field; ``name`` is that of the folder.
 
     Attributes:
-        name: Name of the folder.
-        title: Title, by default the name.
         source: Source of the data; may be empty.
         scene: Terrain, vents and lava. The map frame's origin is the grid's lower-left corner.
         material: Material of the lava; None without one.
@@ -88,7 +86,6 @@ class Case:
         start: Start of the simulation [s].
         end: End of the simulation [s].
         volume: Volume erupted during the simulation [m3].
-        events: Changes of the terrain, in the order of time.
         low_pass: Width of the filter applied to the terrain [m]; 0: none.
         rate_error: Distribution of a factor on all effusion rates, None without errors in the
             table.

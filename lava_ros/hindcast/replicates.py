@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Replicates: several rotated and mirrored runs of a case, and their agreement.
 
 Where decimetres decide at a fork of a flow, its path depends on rounding errors. The cells that

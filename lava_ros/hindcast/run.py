@@ -103,7 +103,6 @@ class Result:
         accuracy: The accuracy, without automatic values.
         resolution: Measured resolution; the expected one if the flow is too small.
         decisions: Reasons why each effect is on or off.
-        device: Name of the device.
     """
 
     snapshot: Snapshot

@@ -156,7 +156,6 @@ def check_discharge(vents: Sequence[Series], area: float) -> None:
 
 
 def _distance(cells: Sequence[tuple[int, int]], footprint: np.ndarray) -> float:
-    """Return the distance of the nearest vent from the outline, in cells."""
     covered = np.argwhere(footprint)
     return min(float(np.hypot(*(covered - cell).T).min()) for cell in cells)
 

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Parameters that a calibration may change, with published ranges."""
 
 from collections.abc import Mapping

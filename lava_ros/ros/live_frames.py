@@ -58,14 +58,10 @@ class LiveFrames(Watcher):
     """
 
     def __init__(self, namespace: str = '', domain_id: int | None = None) -> None:
-        """Join the ROS graph of a domain, and subscribe.
-
-        Args:
-            namespace: Namespace of the node's topics, such as ``/etna``.
-            domain_id: ROS domain; None for that of the environment.
+        """Subscribe in a ROS domain, None for that of the environment.
 
         Raises:
-            LavaError: If the namespace is not valid in ROS.
+            LavaError: If ``namespace`` is not a ROS namespace, such as ``/etna``.
         """
         self._namespace = namespace.strip('/')
         try:

@@ -47,8 +47,6 @@ class ParameterSpec:
     """A parameter. Its type is that of its default; a list contains strings.
 
     Attributes:
-        name: Name in ROS.
-        default: Default value.
         description: Meaning and unit.
         limits: Smallest and largest value of a number.
         read_only: Whether it is fixed while the node is configured.

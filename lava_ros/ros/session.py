@@ -62,7 +62,7 @@ class Fork(NamedTuple):
 class Eruption:
     """A scene that changes while it is simulated.
 
-    A refused change raises LavaError and leaves scene and simulation unchanged.
+    A refused change or request raises LavaError and leaves scene and simulation unchanged.
 
     Attributes:
         simulation: The simulation, None without a terrain or after a failure.
@@ -149,11 +149,7 @@ class Eruption:
         self._note_change()
 
     def checkpoint(self) -> Checkpoint:
-        """Copy the state to a checkpoint.
-
-        Raises:
-            LavaError: If there is no simulation.
-        """
+        """Copy the state to a checkpoint."""
         if self.simulation is None:
             raise LavaError('checkpoint', 'no simulation', 'one that has started and not failed')
         return self.simulation.checkpoint()
@@ -190,7 +186,6 @@ class Eruption:
         return reached
 
     def _follow_events(self) -> None:
-        """Update the terrain of the scene if an event has changed that of the simulation."""
         assert self.simulation is not None and self.scene is not None
         current = self.simulation.scene
         if len(current.events) < len(self.scene.events):
@@ -248,11 +243,7 @@ class Eruption:
             self._note_change()
 
     def reset(self) -> None:
-        """Start the scene again at time 0, also after a failure.
-
-        Raises:
-            LavaError: If there is no scene.
-        """
+        """Start the scene again at time 0, also after a failure."""
         if self.scene is None:
             raise LavaError('reset', 'no terrain yet', 'a simulation that has started')
         scene = self.scene

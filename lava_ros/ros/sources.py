@@ -147,7 +147,6 @@ def _resumed(node: Node, bag: str) -> Sources:
 
 
 def _vents_of(description: Mapping[str, str], terrain: Terrain) -> tuple[Vent, ...]:
-    """Return the vents in the description of a bag, empty if they are not valid."""
     try:
         scene = parse_yaml('scene', description.get('scene', ''))
         listed = scene['vents'] if isinstance(scene, Mapping) else []

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Calibration with scores that are known in advance."""
 
 from collections.abc import Mapping, Sequence
