@@ -239,7 +239,7 @@ class BagWriter:
         try:
             self._directory = _Directory(self.directory)
         except FileExistsError:
-            expected = 'a directory that does not exist; choose another name or remove it first'
+            expected = 'a directory that does not exist yet; choose another name or remove it'
             raise LavaError('bag', str(directory), expected) from None
         except OSError as error:
             expected = f'a directory that can be created ({error})'

@@ -280,7 +280,7 @@ def test_parameters_that_contradict_are_refused(name, value):
     assert known[name] != value
     changed = adopted(one, {**known, name: value}, known, is_restart=True)
     assert changed[name] != value
-    with pytest.raises(LavaError, match=f'^{name} is .* as in the checkpoint, or left out'):
+    with pytest.raises(LavaError, match=f'^{name} is .* as in the checkpoint, or no value'):
         adopted(one, {**known, name: value}, known)
 
 
