@@ -100,7 +100,7 @@ class McapFile:
         return sum(self.counts.values())
 
     def messages(self, channel_ids: Collection[int], start_ns: int = 0) -> Iterator[Message]:
-        """Yield messages logged at or after ``start_ns`` [ns] by log time, then in file order.
+        """Yield messages since ``start_ns`` [ns] in the order of log time, then of the file.
 
         Raises:
             LavaError: If the file is damaged or unreadable, or more than ``MAX_HELD`` bytes of
