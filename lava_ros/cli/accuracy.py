@@ -99,7 +99,6 @@ def accuracy(args: argparse.Namespace) -> int:
 
 
 def _print_presets(rows: Sequence[Row]) -> None:
-    """Print the presets' errors and costs, one line for each case."""
     from lava_ros.verification import cases
     from lava_ros.verification.rows import points, presets_of
 

@@ -33,7 +33,7 @@ WARP_CACHE_PATH the folder of the compiled kernels.
 
 
 class _Parser(argparse.ArgumentParser):
-    """Prints an error in one line, without the usage, which may take twenty."""
+    """Prints an error in one line, without the usage."""
 
     def error(self, message: str) -> NoReturn:
         text = one_line(message, LONGEST_EXPECTED)
@@ -67,5 +67,5 @@ def command_line_parser() -> argparse.ArgumentParser:
 
 
 def parse_command_line(words: list[str]) -> argparse.Namespace:
-    """Parse a command line without ROS arguments; exit with status 2 where a word is wrong."""
+    """Parse a command line without ROS arguments; exit with status 2 if it is not valid."""
     return command_line_parser().parse_args(words)

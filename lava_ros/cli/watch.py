@@ -43,7 +43,7 @@ def watch(args: argparse.Namespace) -> int:
 
     was_bad = False
 
-    def tell() -> None:
+    def report() -> None:
         """Print when the source of the frames fails, and when it works again."""
         nonlocal was_bad
         level, words = frames.status
@@ -51,7 +51,7 @@ def watch(args: argparse.Namespace) -> int:
             was_bad = not was_bad
             print(f'lava watch: {words}', file=sys.stderr, flush=True)
 
-    server = serve(frames, args.address, args.port, on_poll=tell)
+    server = serve(frames, args.address, args.port, on_poll=report)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(
             number, lambda *_: server.io_loop.add_callback_from_signal(server.io_loop.stop)

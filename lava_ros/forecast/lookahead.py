@@ -117,8 +117,8 @@ class Looking:
 
     def _check_size(self, count: int) -> None:
         if self._max_particles is not None and count > self._max_particles:
-            right = f'at most {self._max_particles} (max_particles)'
-            raise LavaError(f'particles{self._of}', count, right)
+            expected = f'at most {self._max_particles} (max_particles)'
+            raise LavaError(f'particles{self._of}', count, expected)
 
     def _check_flow(self, flaw: str) -> None:
         if flaw:

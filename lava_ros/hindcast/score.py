@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Agreement of the inundated area of a simulated flow with a mapped flow field.
 
 All numbers are invariant if both are rotated by 90 degrees or mirrored.

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Parameters that a calibration may change, with published ranges."""
 
 from collections.abc import Mapping
@@ -90,8 +89,8 @@ def unknowns_of(
         if span is None and name in published:
             span, source = published[name].range, published[name].range_source
         if span is None:
-            right = f'a range ({name}=LOW:HIGH): none has been published for this material'
-            raise LavaError('--unknown', name, right)
+            expected = f'a range ({name}=LOW:HIGH): none has been published for this material'
+            raise LavaError('--unknown', name, expected)
         is_log = name in _LOGARITHMIC
         low = validation.number(f'{name}, lowest', span[0], at_least=0.0)
         high = validation.number(f'{name}, highest', span[1], above=low)
@@ -141,7 +140,6 @@ def published_uncertainty(case: Case) -> Uncertainty:
 
 
 def _published(case: Case) -> dict[str, Constant]:
-    """Return the published constants of a case that have a range."""
     assert case.material is not None
     known = {**case.material.constants, 'vent_temperature': case.material.vent_temperature}
     known['discharge'] = DISCHARGE

@@ -35,8 +35,6 @@ _FRAME = 'map'
 
 
 class _Bag(BagWriter):
-    """A bag that is written without a node."""
-
     def __init__(self, path: Path, namespace: str, scene: Scene, data: Mapping[str, str]) -> None:
         described = {
             'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),
@@ -135,6 +133,6 @@ def write_snapshots(
                 if layer.source != ARRIVED or snapshot.arrived is not None:
                     bag.put_layer(layer, snapshot, stamp)
             values = diagnostics.snapshot_values(snapshot, stamp)
-            told = diagnostics.status('lava: simulation', DiagnosticStatus.OK, 'finished', values)
-            message = DiagnosticArray(header=codec.header('', stamp), status=[told])
+            state = diagnostics.status('lava: simulation', DiagnosticStatus.OK, 'finished', values)
+            message = DiagnosticArray(header=codec.header('', stamp), status=[state])
             bag.put('diagnostics', message, stamp)

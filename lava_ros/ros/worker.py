@@ -235,7 +235,6 @@ class SimulationWorker:
         self.eruption.fail()
 
     def _run_commands(self) -> None:
-        """Run the queued commands; wait for one if there is nothing else to do."""
         time.sleep(max(0.0, self._last_turn + TURN_WALL_TIME - time.monotonic()))
         is_behind = self._target > self.eruption.time
         wait = (0.0 if is_behind else IDLE_WALL_TIME) if self._is_moving() else None
@@ -289,7 +288,6 @@ class SimulationWorker:
             )
 
     def _advance(self) -> None:
-        """Advance simulated time by one slice towards the clock."""
         if not self._is_moving():
             return
         before = self.eruption.time

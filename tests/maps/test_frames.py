@@ -75,7 +75,7 @@ def test_reads_the_newest_frame_up_to_a_time(bag, tmp_path):
             Recording(bag).frame_at(asked)
     timeless = Recording(record(tmp_path / 'timeless', clock=False))
     assert timeless.frame_at().time is None
-    with pytest.raises(LavaError, match='does not say its simulated time'):
+    with pytest.raises(LavaError, match='does not contain simulated times'):
         timeless.frame_at(300.0)
 
 
