@@ -63,7 +63,8 @@ def write_case_in_degrees(folder: Path, *, hours: float = 3.0) -> tuple[Path, tu
     from rasterio.transform import from_bounds, from_origin
     from rasterio.warp import reproject, transform, transform_bounds
 
-    folder = write_case(folder, hours=hours)
+    # lava that its coarse cells resolve
+    folder = write_case(folder, hours=hours, yaml='lava: {viscosity: 1.0e+5}\n')
     rows, columns = SHAPE
     north = CORNER[1] + rows * CELL
     there = from_bounds(

@@ -41,8 +41,8 @@ from lava_ros.simulation import Simulation
 #: Runny lava that drains, and solidifies in part within the hour. No effect is switched on during
 #: the flow, because ensemble members would have it from the start.
 LAVA = (
-    'epsg: 32633\nlava: {viscosity: 6.0e+2, yield_strength: 0, solidus: 1250.0, '
-    'convection: 260.0, arrhenius: 0.01}\nvent_temperature: 1360.0\n'
+    'epsg: 32633\nlava: {viscosity: 6.0e+2, yield_strength: 0, crust_strength: 0, '
+    'solidus: 1250.0, convection: 260.0, arrhenius: 0.01}\nvent_temperature: 1360.0\n'
     'effusion_rate: {start: 2021-09-19T14:10:00Z}\n'
     'uncertainty: {temperature: {distribution: uniform, low: 0.0, high: 1.0e-9}}\n'
 )

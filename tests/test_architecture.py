@@ -19,13 +19,11 @@ MODULES = {
 
 
 def imports_of(module: str) -> set[str]:
-    """Return the modules of the package that a module imports, at once or later."""
+    """Return the modules of the package that a module imports, at once, later or for types."""
     found = set()
     waiting: list[ast.AST] = [ast.parse(MODULES[module].read_text(encoding='utf-8'))]
     while waiting:
         node = waiting.pop()
-        if isinstance(node, ast.If) and 'TYPE_CHECKING' in ast.unparse(node.test):
-            continue
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:

@@ -10,7 +10,7 @@ on. ``wp`` is Warp, or its substitute on the host (``laws.HOST``), ``real`` the 
 
     viscosity(wp, real, law)                  mu(T)                          laws.py
     stiffening(wp, real, law, viscosity)      mu(T) with suspended solids    laws.py
-    strength(wp, real, law)                   tau_y(T)                       laws.py
+    strength(wp, real, law)                   tau_y(T, thickness, age)       laws.py
     speed(wp, real, law, viscosity, strength) u of thickness and slope       laws.py
     terms(wp, real, constants)                heat gained and lost           simulation/heat.py
     relaxed(wp, real, constants, relaxation)  temperature after a step       simulation/heat.py
@@ -36,13 +36,11 @@ from types import MappingProxyType, ModuleType
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.effects.effect import Array, Effect, flag, join_names, with_fields
+from lava_ros.effects.protocols import Lava, Scene
 from lava_ros.errors import LavaError
 
-if TYPE_CHECKING:
-    from lava_ros.scene import Lava, Scene
-
 #: Files in this folder that are not effects.
-_OTHERS = ('effect', 'laws', 'scales')
+_OTHERS = ('bingham', 'effect', 'laws', 'protocols', 'scales')
 
 
 def _read() -> dict[str, ModuleType]:

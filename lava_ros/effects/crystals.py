@@ -10,16 +10,14 @@ phi = phi_m, the law is infinite: 1 - phi / phi_m is limited to at least ``LEAST
 """
 
 from functools import lru_cache
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from lava_ros.effects.effect import choice, Effect, footprint_change, number
+from lava_ros.effects.effect import choice, Effect, number
+from lava_ros.effects.protocols import Lava
+from lava_ros.effects.scales import footprint_change, Scales
 from lava_ros.errors import LavaError
-
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
-    from lava_ros.scene import Lava
 
 #: The exponent e of each law.
 EXPONENTS = {'none': 0.0, 'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
@@ -28,19 +26,19 @@ EXPONENTS = {'none': 0.0, 'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
 LEAST_ROOM = 1e-3
 
 
-def fraction(lava: 'Lava', temperature: np.ndarray | float) -> np.ndarray | float:
+def fraction(lava: Lava, temperature: np.ndarray | float) -> np.ndarray | float:
     """Return the volume fraction of crystals at temperatures [K], 0 at the liquidus."""
     return np.interp(temperature, [lava.solidus, lava.liquidus], [lava.crystals, 0.0])
 
 
-def _stiffening(scales: 'Scales') -> np.ndarray:
+def _stiffening(scales: Scales) -> np.ndarray:
     """Return the logarithm of the viscosity factor of crystals at the horizon, by column."""
     lava = scales.lava
     room = np.maximum(1.0 - fraction(lava, scales.rest_temperature) / lava.packing, LEAST_ROOM)
     return EXPONENTS[lava.crystal_law] * np.log(1.0 / room)
 
 
-def _check(lava: 'Lava') -> None:
+def _check(lava: Lava) -> None:
     if lava.crystal_law != 'none' and not lava.solidus:
         raise LavaError('lava.solidus', lava.solidus, 'above 0 K with lava.crystal_law')
 
@@ -55,6 +53,7 @@ EFFECT = Effect(
     cost=footprint_change(0.03),
     source='speed is as 1 / mu',
     exists=lambda lava: lava.crystal_law != 'none' and lava.crystals > 0.0,
+    stiffens=True,
     constants={
         'crystal_law': choice('none', 'What crystals do to viscosity', EXPONENTS),
         'crystals': number(

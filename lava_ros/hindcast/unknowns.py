@@ -32,7 +32,7 @@ UNITS = {
     'vent_temperature': 'K',
 }
 
-_LOGARITHMIC = ('viscosity', 'yield_strength')
+_LOGARITHMIC = ('viscosity', 'yield_strength', 'crust_strength')
 
 
 @dataclass(frozen=True)

@@ -111,10 +111,13 @@ def cell_functions(real: Any) -> CellFunctions:
 
 
 @lru_cache
-def sums_function(real: Any, kernel: SmoothingKernel, parts: int, is_short: bool) -> Any:
+def sums_function(
+    real: Any, kernel: SmoothingKernel, parts: int, is_short: bool, has_heat: bool = False
+) -> Any:
     """Return the device function that sums thickness and its gradient over the neighbours.
 
-    Its first argument is the index of a part; part k takes every ``parts``-th row of cells.
+    Its first argument is the index of a part; part k takes every ``parts``-th row of cells. With
+    ``has_heat`` it returns a fourth sum: thickness times the excess temperature of the neighbour.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
@@ -122,6 +125,7 @@ def sums_function(real: Any, kernel: SmoothingKernel, parts: int, is_short: bool
     range_in = cell_functions(real).range_in
     load = load4(real)
     at_once = NEIGHBORS_AT_ONCE[is_short]
+    sums_type = vec4 if has_heat else vec3
 
     @wp.func
     def added(sums: vec3, p: vec4, other: vec4, inverse: real) -> vec3:
@@ -131,11 +135,23 @@ def sums_function(real: Any, kernel: SmoothingKernel, parts: int, is_short: bool
         return vec3(sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy)
 
     @wp.func
+    def added_with_heat(sums: vec4, p: vec4, other: vec4, inverse: real) -> vec4:
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
+        return vec4(
+            sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy,
+            sums[3] + part[0] * (other[3] - p[3]),
+        )
+
+    add = added_with_heat if has_heat else added
+
+    @wp.func
     def sums_around(
         part: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
         inverse: real,
-    ) -> vec3:
-        sums = vec3()
+    ) -> sums_type:
+        sums = sums_type()
         near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
         for r in range(box[0] + part, box[1], parts):
             following = near
@@ -150,7 +166,7 @@ def sums_function(real: Any, kernel: SmoothingKernel, parts: int, is_short: bool
                     if j + n >= near[1]:
                         # it belongs to the next row, or is past the end
                         other[2] = real(0.0)
-                    sums = added(sums, p, other, inverse)
+                    sums = add(sums, p, other, inverse)
                 j += at_once * unseen_one()
             near = following
         return sums
@@ -159,8 +175,10 @@ def sums_function(real: Any, kernel: SmoothingKernel, parts: int, is_short: bool
 
 
 @lru_cache
-def wide_sums_function(wide_terms: str) -> Any:
+def wide_sums_function(wide_terms: str, has_heat: bool = False) -> Any:
     """Return the float32 device function of the same sums for a CPU."""
+    heat = 'sum_3 += shapes * (is_in ? other_3 - p[3] : none);' if has_heat else ''
+    sums_type = wp.vec4 if has_heat else wp.vec3
 
     @wp.func_native(
         over_neighbors(f"""
@@ -172,11 +190,12 @@ def wide_sums_function(wide_terms: str) -> Any:
             sum_0 += shapes;
             sum_1 += slopes * dx;
             sum_2 += slopes * dy;
-        """)
+            {heat}
+        """, 4 if has_heat else 3)
     )
     def sums_around(
         part: int, values: wp.array(dtype=wp.vec4), cells: cell_frame(wp.float32), box: wp.vec4i,
         p: wp.vec4, inverse: wp.float32,
-    ) -> wp.vec3: ...
+    ) -> sums_type: ...
 
     return sums_around

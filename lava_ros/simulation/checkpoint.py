@@ -3,20 +3,20 @@
 
 """Checkpoint of a simulation between two steps, as plain data and as bytes.
 
-``take`` copies a running simulation, and ``restore`` resumes it as if it had never stopped.
+``restart.py`` copies a simulation to it, and continues one from it as if it had never stopped.
 
 The bytes are a prefix, a JSON header and a body: the arrays, compressed with zstd. The prefix has
 the version of the format, the lengths of header and body, and a checksum of everything, so that
 damaged, truncated and later formats are detected first. The format contains no code and no paths.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 import hashlib
 import json
 import math
 import struct
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,10 +31,6 @@ from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.reshaping import Barrier
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
-from lava_ros.simulation.inundation import standing_cells
-
-if TYPE_CHECKING:
-    from lava_ros.simulation.simulation import Simulation
 
 #: Version of the format; a reader also supports earlier versions.
 VERSION = 1
@@ -359,87 +355,3 @@ def _digest(*parts: bytes | memoryview) -> bytes:
     for part in parts:
         digest.update(part)
     return digest.digest()
-
-
-def take(simulation: 'Simulation') -> Checkpoint:
-    """Copy the state of a simulation between two steps.
-
-    A GPU captures the next stages again, as in a resumed simulation, so that both execute the same
-    number of idle stages after the next target.
-    """
-    simulation._state.launches.forget()
-    arrays = {f'state.{name}': array for name, array in simulation._state.save().items()}
-    arrays |= {f'vents.{name}': array for name, array in simulation._vents.save().items()}
-    vents, counted = simulation._counted
-    is_counted = [vents is simulation._vents and n in counted for n in range(len(vents.vents))]
-    arrays['vents.counted'] = np.array(is_counted, dtype=np.int32)
-    arrays['arrived.times'] = simulation._state.arrived.numpy().copy()
-    for effect, step in simulation._after_step.items():
-        if hasattr(step, 'save'):
-            arrays |= {f'{effect}.{name}': array for name, array in step.save().items()}
-    return Checkpoint(
-        time=simulation.time,
-        scene=simulation.scene,
-        effects=simulation.effects,
-        forced=simulation._forced,
-        horizon=simulation._horizon,
-        switched_on=dict(simulation._review.since),
-        measured=dict(simulation._review.largest),
-        accuracy=simulation.accuracy,
-        emitted=simulation._emitted_before,
-        since=simulation._vents.since,
-        capacity=simulation._state.capacity,
-        arrays=arrays,
-    )
-
-
-def restore(simulation: 'Simulation', checkpoint: Checkpoint) -> 'Simulation':
-    """Load a checkpoint into a new simulation of its scene, effects and accuracy, and return it.
-
-    Raises:
-        LavaError: If an array is missing, or does not fit the scene and the effects.
-    """
-    parts: dict[str, dict[str, np.ndarray]] = {}
-    for name, array in checkpoint.arrays.items():
-        owner, _, own_name = name.partition('.')
-        parts.setdefault(owner, {})[own_name] = array
-    state = parts.pop('state', {})
-    # old checkpoints have no bound
-    state.setdefault('top', np.full_like(simulation._state.top.numpy(), FAR))
-    # old checkpoints do not distinguish border and holes
-    if np.shape(state.get('left')) == (1,):
-        state['left'] = np.append(state['left'], 0.0)
-    simulation._state.load(state, checkpoint.capacity)
-    vents = parts.pop('vents', {})
-    simulation._load_vents(vents, since=checkpoint.since)
-    # the bound in the state already has these vents, on the ground at their opening
-    counted: Iterable[int] = simulation._vents.giving(checkpoint.time, others_than=())
-    if 'counted' in vents:
-        shape = (len(checkpoint.scene.vents),)
-        is_counted = fitting('vents.counted', vents['counted'], shape, np.int32)
-        counted = np.flatnonzero(is_counted).tolist()
-    simulation._counted = simulation._vents, set(counted)
-    for effect, step in simulation._after_step.items():
-        if hasattr(step, 'load'):
-            step.load(parts.pop(effect, {}))
-    target = simulation._state.arrived
-    if 'arrived' in parts:
-        times = parts.pop('arrived').get('times')
-        target.assign(fitting('arrived.times', times, target.shape, np.float32))
-    elif 'solidification' in simulation._after_step:
-        # old checkpoints have no arrival times: flowing lava gets those of the next step
-        frozen = standing_cells(simulation._after_step['solidification'].thickness())
-        target.assign(np.where(frozen, np.float32(checkpoint.time), np.float32(-1.0)))
-    if parts:
-        raise LavaError('checkpoint.arrays', sorted(parts), 'those of the effects that are on')
-    if simulation.time != checkpoint.time:
-        expected = f'that of the clock, {simulation.time:g} s'
-        raise LavaError('checkpoint.time', checkpoint.time, expected)
-    simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
-    simulation._review.since.update(checkpoint.switched_on)
-    simulation._review.largest.update(checkpoint.measured)
-    simulation._watch()
-    simulation._emitted_before = checkpoint.emitted
-    # the window of the new simulation covers only the vents
-    simulation._cover()
-    return simulation

@@ -16,6 +16,14 @@ depth-averaged velocity is u = -rho g h^2 grad S / (3 mu). The surface gradient 
   surface is nearly level, and 0 where d is. The energy never grows either: where r is limited,
   e . (d + r) >= |d|^2 - (1 + |d| / |e - d|) |d| |e - d| + |d| |e - d| = 0.
 
+Viscosity and yield strength follow the mean temperature of the lava around a particle:
+
+    T = T_i + max(0, 1 - l |grad h| / (3 h)) sum_j V_j W_ij (T_j - T_i) / sum_j V_j W_ij.
+
+The velocity of a depth-averaged flow is a function of the place. By their own temperatures hot
+particles would overtake cold ones in the same place. At an edge the mean is one-sided: it has no
+weight there, where l |grad h| is 3 h. Particles exchange no heat by it.
+
 The balance has no inertia, so nothing bounds its speed: at a wall, or where lava is thin as water,
 it could exceed any free fall. The speed is therefore limited by the energy of the fall. A particle
 on ground of height H has fallen from at most the highest ground that lava came from,
@@ -51,8 +59,11 @@ from lava_ros.simulation.cells import (
 )
 from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.motion_arguments import arguments_type
-from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
+from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, STAGE, State
 from lava_ros.simulation.terrain import terrain_functions
+
+#: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
+_EDGE = 3.0
 
 
 class FlowKernels(NamedTuple):
@@ -84,6 +95,39 @@ def fall_function(real: Any) -> Any:
 
 
 @lru_cache
+def _mean_function(real: Any) -> Any:
+    """Return the device function of the temperature that a particle's speed follows."""
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func
+    def mean_temperature(own: real, warmer: real, rise: vec2, height: real, radius: real) -> real:
+        beside = wp.length(rise) * radius / (real(_EDGE) * height)
+        return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
+
+    return mean_temperature
+
+
+def _whole_function(real: Any, sums_around: Any, lanes: int, parts: int) -> Any:
+    """Return the device function of the sums over all the neighbours that a thread has."""
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def sums_of(
+        lane: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
+        inverse: real,
+    ):
+        sums = sums_around(lane, ordered, cells, box, p, inverse)
+        if wp.static(parts > lanes):
+            # in the order in which threads would add up theirs
+            odd = sums_around(1, ordered, cells, box, p, inverse)
+            sums += sums_around(2, ordered, cells, box, p, inverse)
+            sums += odd + sums_around(3, ordered, cells, box, p, inverse)
+        return sums
+
+    return sums_of
+
+
+@lru_cache
 def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     """Return the device function from a surface gradient to velocity, drive and rates."""
     vec2 = wp.types.vector(2, real)
@@ -96,19 +140,20 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     steep = load_effect('steep').factor(real) if 'steep' in effects else None
     along = load_effect('steep').along(real) if 'steep' in effects else None
     speed = speed_function(wp, real, law_type(real), effects)
+    has_age = effects.any('needs_age')
     raised = raise_to(real)
     fallen, bend_at = fall_function(real), terrain_functions(real).bend_at
 
     @wp.func
     def balance(
-        i: int, p: vec4, height: real, surface: vec2, ground: vec2, m: arguments_type(real),
-        fills_flow: bool,
+        i: int, p: vec4, temperature: real, height: real, surface: vec2, ground: vec2,
+        m: arguments_type(real), fills_flow: bool,
     ):
         place = vec2(p[0], p[1])
         bend = bend_at(m.ground, p[0], p[1])
         weight = m.constants.weight
         if wp.static(speed is None):
-            mobility = weight * height * height / (real(3.0) * viscosity(m.law, p[3]))
+            mobility = weight * height * height / (real(3.0) * viscosity(m.law, temperature))
             if wp.static('steep' in effects):
                 mobility *= steep(ground)
             largest = mobility
@@ -119,7 +164,10 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 layer = along(height, surface, ground)
                 depth = layer[0]
                 fall = layer[1]
-            response = speed(m.law, weight, depth, fall, p[3])
+            age = real(0.0)
+            if wp.static(has_age):
+                age = m.ordered_age[i]
+            response = speed(m.law, weight, depth, fall, temperature, age)
             mobility = response[0]
             largest = response[1]
         velocity = -mobility * surface
@@ -175,25 +223,35 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
 @lru_cache
 def flow_kernels(
     real: Any, kernel_name: str, ratio: float, gradient: str, effects: Effects, lanes: int = 1,
-    parts: int = 1, is_short: bool = False, is_wide: bool = False,
+    parts: int = 1, is_short: bool = False, is_wide: bool = False, has_means: bool = True,
 ) -> FlowKernels:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
 
     ``parts`` is the number of parts in which a particle's neighbours are summed, ``lanes`` the
     number of threads per particle: as many, or one. ``is_short``: latency dominates the launch.
     ``is_wide``: a CPU processes several neighbours at a time (simd.py).
+    Without ``has_means`` each particle moves by its own temperature.
     """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    vec8 = wp.types.vector(8, real)
+    vec10 = wp.types.vector(10, real)
+    has_heat = has_means and effects.any('stiffens')
+    mean_temperature = _mean_function(real)
     mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
     shape_factor, slope_factor = kernel.factors
-    sums_around = sums_function(real, kernel, parts, is_short)
-    if is_wide and kernel.wide_terms:
-        sums_around = wide_sums_function(kernel.wide_terms)
+    sums_around, sums_with_heat = (
+        _whole_function(
+            real,
+            wide_sums_function(kernel.wide_terms, heat)
+            if is_wide and kernel.wide_terms
+            else sums_function(real, kernel, parts, is_short, heat),
+            lanes, parts,
+        )
+        for heat in (False, True)
+    )
     gradient_at, _, height_at, *_ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     load, load_pair = load4(real), load2(real)
@@ -219,11 +277,16 @@ def flow_kernels(
     def differences_around(
         part: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
         cells: cell_frame(real), box: wp.vec4i, p: vec4, own: real, inverse: real,
-    ) -> vec8:
-        """Sum differences, their second moments, and V grad W over the neighbours' areas."""
+    ) -> vec10:
+        """Sum differences, their second moments, and V grad W over the neighbours' areas.
+
+        The last two sums are of thickness, and of thickness times the excess temperature.
+        """
         rise = vec2()
         moment = mat22()
         push = vec2()
+        weight = real(0.0)
+        warmth = real(0.0)
         for r in range(box[0] + part, box[1], parts):
             near = range_in(cells, r, box)
             for j in range(near[0], near[1]):
@@ -233,10 +296,15 @@ def flow_kernels(
                 pull = slope(wp.length(d)) * d
                 rise += there[1] * (there[0] - own) * pull
                 moment -= there[1] * wp.outer(d, pull)
-                if wp.static(gradient == 'balanced'):
+                if wp.static(gradient == 'balanced' or has_heat):
                     push += other[2] * pull
-        return vec8(
-            rise.x, rise.y, moment[0, 0], moment[0, 1], moment[1, 0], moment[1, 1], push.x, push.y
+                if wp.static(has_heat):
+                    held = other[2] * shape(wp.length(d))
+                    weight += held
+                    warmth += held * (other[3] - p[3])
+        return vec10(
+            rise.x, rise.y, moment[0, 0], moment[0, 1], moment[1, 0], moment[1, 1], push.x, push.y,
+            weight, warmth,
         )
 
     @quick_kernel(bounds=FEW_THREADS if is_short else None)
@@ -249,23 +317,37 @@ def flow_kernels(
         radius = m.constants.radius
         inverse = real(1.0) / radius
         box = cells_around(m.cells, p[0], p[1], radius)
-        sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
-        if wp.static(parts > lanes):
-            # in the order in which threads would add their sums
-            odd = sums_around(1, m.ordered, m.cells, box, p, inverse)
-            sums += sums_around(2, m.ordered, m.cells, box, p, inverse)
-            sums += odd + sums_around(3, m.ordered, m.cells, box, p, inverse)
+        sums = vec3()
+        mean = p[3]
+        warmer = real(0.0)
+        if wp.static(has_heat):
+            # in the course of a step it stays with the particle
+            if m.counts[STAGE] == 0:
+                more = sums_with_heat(lane, m.ordered, m.cells, box, p, inverse)
+                sums = vec3(more[0], more[1], more[2])
+                warmer = total(more[3])
+            else:
+                sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
+        else:
+            sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
         height = total(sums[0]) * real(shape_factor)
         rise_x = total(sums[1]) * inverse * real(slope_factor)
         rise_y = total(sums[2]) * inverse * real(slope_factor)
+        warmer *= real(shape_factor) / height
         if lane > 0:
             return
         scale = real(wp.static(norm)) * inverse * inverse
         height *= scale
         height *= real(1.0) - excess(p[2] * inverse * inverse / height)
         ground = gradient_at(m.ground, p[0], p[1])
-        surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
-        balance(i, p, height, surface, ground, m, fills_flow)
+        rise = vec2(rise_x, rise_y) * (scale * inverse)
+        if wp.static(has_heat):
+            if m.counts[STAGE] == 0:
+                mean = mean_temperature(p[3], warmer, rise, height, radius)
+                m.ordered_mean_temperature[i] = mean
+            else:
+                mean = m.ordered_mean_temperature[i]
+        balance(i, p, mean, height, rise + ground, ground, m, fills_flow)
 
     @quick_kernel
     def elevate(thread: int, m: arguments_type(real)):
@@ -310,6 +392,9 @@ def flow_kernels(
         rise = vec2(total(sums[0]), total(sums[1]))
         moment = mat22(total(sums[2]), total(sums[3]), total(sums[4]), total(sums[5]))
         push = vec2(total(sums[6]), total(sums[7]))
+        mean = p[3]
+        if wp.static(has_heat):
+            warmer = total(sums[9]) / total(sums[8])
         if lane > 0:
             return
         scale = real(wp.static(norm)) * inverse * inverse
@@ -326,7 +411,10 @@ def flow_kernels(
             if size > most:
                 rest *= most / size
             rise += rest
-        balance(i, p, m.flow[i][0], rise, ground, m, fills_flow)
+        height = m.flow[i][0]
+        if wp.static(has_heat):
+            mean = mean_temperature(p[3], warmer, push * (scale * inverse), height, radius)
+        balance(i, p, mean, height, rise, ground, m, fills_flow)
 
     if gradient == 'energy':
         return FlowKernels(None, thickness_and_velocity)

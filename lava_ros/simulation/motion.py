@@ -99,6 +99,7 @@ def motion_function(
     heats = temperature_after is not None
     note = note_function(real, False)
     has_age = effects.any('needs_age')
+    has_mean = effects.any('stiffens')
     falls = 'viscous_heating' in effects
 
     @wp.func
@@ -138,11 +139,15 @@ def motion_function(
         if wp.static(is_staged):
             store(m.base, i, vec4(x, y, before[0], before[1]))
             store(m.drift, i, vec4(dx, dy, start[0], start[1]))
+            if wp.static(has_mean):
+                m.mean_temperature[i] = m.ordered_mean_temperature[i]
         temperature = p[3]
         time_out = real(0.0)
         if wp.static(has_age):
             time_out = m.ordered_age[i]
             m.age[i] = time_out
+            if m.counts[at.IS_LAST] == 1:
+                m.age[i] = time_out + real(m.clock[at.STEP])
         if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
             if m.counts[at.IS_LAST] == 1:
                 step = real(m.clock[at.STEP])
@@ -161,8 +166,6 @@ def motion_function(
                 temperature = temperature_after(
                     m.heat, f[0], temperature, time_out, drop, speed, step
                 )
-                if wp.static(has_age):
-                    m.age[i] = time_out + step
         if wp.static('solidification' in effects):  # noqa: SIM102, the static test decides
             if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
                 m.cold[0] = 1

@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.effects import EFFECTS
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.effects.effect import join_names
 from lava_ros.effects.laws import heat_type, law_type
 from lava_ros.scene import Scene
@@ -87,6 +87,28 @@ def arguments_type(real: Any) -> Any:
             types[f'ordered_{name}'] = types[name]
     members = {'__annotations__': types, '__module__': __name__}
     return wp.struct(type('MotionArguments', (), members))
+
+
+@lru_cache
+def law_arguments_function(real: Any, effects: Effects) -> Any:
+    """Return the device function for what laws of flow depend on: temperature [K] and age [s].
+
+    The temperature is the mean around a particle, once ``mean_temperature`` has been computed.
+    """
+    vec2 = wp.types.vector(2, real)
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def law_arguments(i: int, p: vec4, m: arguments_type(real)) -> vec2:
+        temperature = p[3]
+        if wp.static(effects.any('stiffens')):
+            temperature = m.ordered_mean_temperature[i]
+        age = real(0.0)
+        if wp.static(effects.any('needs_age')):
+            age = m.ordered_age[i]
+        return vec2(temperature, age)
+
+    return law_arguments
 
 
 def motion_arguments(state: State, ground: Any, cells: Any, **constants: Any) -> Any:

@@ -110,8 +110,8 @@ def _loss_function(real: Any) -> Any:
 
 @lru_cache
 def _kernels(
-    real: Any, is_staged: bool, has_velocity: bool, has_age: bool, has_empty: bool,
-    is_ranked_again: bool,
+    real: Any, is_staged: bool, has_velocity: bool, has_age: bool, has_mean: bool,
+    has_empty: bool, is_ranked_again: bool,
 ) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
     load, store = compiled.load4(real), compiled.store4(real)
@@ -193,14 +193,16 @@ def _kernels(
             if m.counts[at.STAGE] > 0:
                 store(m.ordered_base, place, load(m.base, i))
                 store(m.ordered_drift, place, load(m.drift, i))
+                if wp.static(has_mean):
+                    m.ordered_mean_temperature[place] = m.mean_temperature[i]
 
     return bin_particles, order_particles, rank_particles, list_members
 
 
 def _kernels_of(state: State) -> tuple[Any, ...]:
     return _kernels(
-        state.real, state.is_staged, state.has_velocity, state.has_age, state.has_empty,
-        state.is_ranked_again,
+        state.real, state.is_staged, state.has_velocity, state.has_age, state.has_mean,
+        state.has_empty, state.is_ranked_again,
     )
 
 

@@ -99,7 +99,10 @@ class Stage:
     def compute_flow(self, *, fills_flow: bool = True) -> None:
         """Compute thickness and local velocity of the ordered particles."""
         state = self._state
-        kernels = self._flow_kernels(state.lanes, state.parts, state.is_short, state.is_wide)
+        kernels = self._flow_kernels(
+            state.lanes, state.parts, state.is_short, state.is_wide,
+            self._accuracy.formulation != 'as-published',
+        )
         compute_flow(state, self._arguments(), kernels, fills_flow=fills_flow)
 
     def compute_velocity(self) -> None:

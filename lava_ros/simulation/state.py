@@ -81,6 +81,7 @@ ARRAYS = {
     'ordered': Array('vec4'),
     'base': Array('vec4', is_carried=True),
     'drift': Array('vec4', is_carried=True),
+    'mean_temperature': Array('real', is_carried=True),
     'counts': Array('int32', 11),
     'chosen': Array('int32', 1),
     'cell': Array('int32'),
@@ -118,6 +119,8 @@ class State:
             of each particle; absent with the Euler integrator.
         drift: Displacement one stage ago [m] and velocity at the start of the step [m/s]; absent
             with the Euler integrator.
+        mean_temperature: Only if the speed depends on temperature: mean temperature around each
+            particle at the start of the step [K].
         flow: Thickness [m], velocity x and y [m/s], of each ordered particle.
         share: Contribution of each ordered particle to a map: to a cell of unit weight, before the
             kernel's weight [m^(1/2)], or to the single cell in ``home`` [m].
@@ -166,6 +169,7 @@ class State:
         # a step of fixed length is not limited
         self.is_guarded = accuracy.fixed_step is None
         self.has_velocity = 'inertia' in effects
+        self.has_mean = effects.any('stiffens')
         self.has_age = effects.any('needs_age')
         # particles that have frozen or merged into another have no volume and are dropped
         self.has_empty = effects.any('leaves_empty')
@@ -192,6 +196,7 @@ class State:
             'surface': self.has_surface,
             'base': self.is_staged,
             'drift': self.is_staged,
+            'mean_temperature': self.has_mean,
             'members': self.is_ranked_again,
         }
         own = {name: array for name, array in ARRAYS.items() if is_needed.get(name, True)}
@@ -313,7 +318,8 @@ class State:
     @property
     def _of_step(self) -> tuple[str, ...]:
         """Names of the arrays that particles carry from stage to stage of a step."""
-        return ('base', 'drift') if self.is_staged else ()
+        names = ('base', 'drift') if self.is_staged else ()
+        return (*names, 'mean_temperature') if self.has_mean else names
 
     def _put(self, name: str, values: np.ndarray) -> None:
         """Replace the first items of an array."""

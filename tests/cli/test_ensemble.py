@@ -208,7 +208,7 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path):
 def test_effects_switched_on_by_the_flow_are_reported(scene, tmp_path):
     described = yaml.safe_load(scene.read_text())
     described['vents'][0]['discharge'] = [[0, 10], [300, 0]]
-    described['lava']['yield_strength'] = 12.0
+    described['lava'] |= {'yield_strength': 12.0, 'crust_strength': 0.0}
     scene.write_text(yaml.safe_dump(described))
     out, report = tmp_path / 'out', tmp_path / 'report.json'
     words = ['ensemble', scene, '-o', out, '--horizon', '15min', '--workers', '1']

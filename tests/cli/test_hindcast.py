@@ -66,7 +66,7 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
 
     # the page has the score and the sources of constants, and escapes markup
     text = (out / 'hindcast.html').read_text()
-    for part in ('A valley &lt;b&gt;', 'case.yaml, in place of 100000', 'SCIARA-fv2',
+    for part in ('A valley &lt;b&gt;', 'case.yaml, in place of 300000', 'SCIARA-fv2',
                  f'{score["jaccard"]:.3f}', 'data:image/png;base64,'):
         assert part in text
     assert '<b>' not in text
@@ -75,7 +75,7 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert row is not None
     cells = re.findall('<td class="(.*?)">(.*?)</td>', row[1])
     assert cells[:2] == [('number', '20000'), ('number', 'Pa s')]
-    assert re.fullmatch(r'1000 to 100000 \[\d\]', cells[2][1])
+    assert re.fullmatch(r'35000 to 560000 \[\d\]', cells[2][1])
     assert '.number { white-space: nowrap;' in text
     assert (out / 'comparison.png').stat().st_size > 10_000
 
@@ -172,7 +172,7 @@ def test_calibration_reports_near_best_sets(valley, tmp_path):
     assert 'sets are within' in output
     # five sets are too few for that
     assert 'does not depend' not in output
-    assert 'viscosity: 1000 to 100000 Pa s, given by the user' in output
+    assert 'viscosity: 35000 to 560000 Pa s, given by the user' in output
     table = (tmp_path / 'out/runs.csv').read_text()
     assert len(table.splitlines()) == 6
     result = json.loads((tmp_path / 'out/calibration.json').read_text())

@@ -199,12 +199,12 @@ def pace(moment: Moment) -> float:
     """Return the evaluations per second that the current lava requires, with maximum steps."""
     simulation, sample = moment.simulation, moment.lava
     accuracy, scene = simulation.accuracy, simulation.scene
-    vents, reach = simulation._vents, simulation._stage.constants.reach
+    vents, reach = simulation.solver.vents, simulation.solver.stage.constants.reach
     longest = longest_step(scene, accuracy, simulation.effects, vents, reach)
     if not len(sample.volume):
         return 3.0 / longest
     lava = scene.lava
-    kernel = smoothing_kernel(accuracy.kernel, simulation._state.real, accuracy.ratio)
+    kernel = smoothing_kernel(accuracy.kernel, simulation.solver.state.real, accuracy.ratio)
     thickness = sample.thickness.astype(np.float64)
     reach = accuracy.courant_number * min(simulation.radius, scene.terrain.resolution)
     advection = float(np.linalg.norm(sample.velocity, axis=1).max()) / reach
@@ -216,7 +216,7 @@ def pace(moment: Moment) -> float:
         waves = scene.gravity * float(stiffness.max()) / accuracy.diffusion_number
         return max(1.0 / longest, math.sqrt(waves) + advection)
     if simulation.effects.power_law:
-        explicit = float(simulation._state.rates.numpy()[0])
+        explicit = float(simulation.solver.state.rates.numpy()[0])
     else:
         viscosity = np.array([lava.viscosity_at(float(value)) for value in sample.temperature])
         if not (simulation.effects.arrhenius or simulation.effects.vft):

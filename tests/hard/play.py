@@ -172,9 +172,9 @@ def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Si
         item.scene, effects=effects, accuracy=replace(accuracy, spacing=spacing), device=device,
         particles=item.lava(spacing) if item.lava else None,
     )
-    clock = simulation._state.clock.numpy()
+    clock = simulation.solver.state.clock.numpy()
     clock[TIME] = item.since
-    simulation._state.clock.assign(clock)
+    simulation.solver.state.clock.assign(clock)
     return simulation
 
 

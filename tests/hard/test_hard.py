@@ -63,7 +63,7 @@ def test_rejects_a_million_particles_in_a_cell(device):
 def test_rejects_lava_that_piles_up_at_its_vent(device):
     simulation = _in_a_cell(30_000, device)
     more = np.random.default_rng(2).uniform(0.0, 4.9, (5_000, 2))
-    simulation._append([(*place, 1e-3, 1423.0) for place in more])
+    simulation.solver.add_particles([(*place, 1e-3, 1423.0) for place in more])
     with pytest.raises(LavaError, match='35000 in'):
         simulation.snapshot()
 
@@ -87,9 +87,9 @@ def test_watch_detects_an_invalid_particle(column, value, invariant):
     simulation = _film()
     watch = Watch(simulation)
     watch.check()
-    rows = simulation._state.read_particles()
+    rows = simulation.solver.state.read_particles()
     rows[0, column] = value
-    simulation._state.write_particles(rows)
+    simulation.solver.state.write_particles(rows)
     simulation.advance(1e-3)
     with pytest.raises(InvariantError, match=invariant):
         watch.check()

@@ -130,7 +130,7 @@ def test_members_fill_the_published_ranges(valley: Case) -> None:
     for name, (low, high) in {**known, 'discharge': (0.5, 1.5)}.items():
         values = np.array(found[name])
         assert low * (1 - 1e-6) <= values.min() <= values.max() <= high * (1 + 1e-6), name
-        middle = np.sqrt(low * high) if high > 20.0 * low else (low + high) / 2.0
+        middle = np.sqrt(low * high) if high > 10.0 * low else (low + high) / 2.0
         assert 10 <= (values < middle).sum() <= 22 or name == 'crust_cover_decay', name
     assert len({tuple(values) for values in found.values()}) == len(found)
 

@@ -25,7 +25,7 @@ from solver import incline
 
 TERRAIN = incline(0.2, 30, 40, 5.0)
 SCENE = Scene(TERRAIN, (Vent((40.0, 75.0), 20.0),), lava=Lava())
-END = 60.0
+END = 90.0
 
 
 def strip(front, rows=1, columns=12, thickness=2.0):

@@ -68,9 +68,10 @@ def test_step_length_follows_the_reduced_speed():
         effects=only('helmholtz'), spacing=1.0, thickness=50.0,
     )
     speed = np.linalg.norm(simulation.sample().velocity, axis=1).max()
-    reach = simulation._stage.constants.reach
+    reach = simulation.solver.stage.constants.reach
     simulation.advance(1e-3)
-    assert simulation._state.rates.numpy()[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
+    rates = simulation.solver.state.rates.numpy()
+    assert rates[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])

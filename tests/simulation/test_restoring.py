@@ -150,7 +150,7 @@ def test_resumes_a_checkpoint_with_one_sum_of_lost_lava():
     arrays = {**checkpoint.arrays, 'state.left': left.sum(keepdims=True)}
     del arrays['state.top']
     resumed = Simulation.resume(replace(checkpoint, arrays=arrays), device='cpu')
-    assert resumed._state.top.numpy()[0] == np.float32(FAR)
+    assert resumed.solver.state.top.numpy()[0] == np.float32(FAR)
     budget = resumed.budget()
     assert (budget.over_border, budget.in_holes) == (left.sum(), 0.0)
     assert run.budget().left >= left.sum()

@@ -45,7 +45,7 @@ def test_solidification_is_switched_on_beyond_the_horizon(simulation: Simulation
     (decision,) = (item for item in simulation.decisions() if item.name == 'solidification')
     assert decision.is_on and 0.0 < decision.since < 6.0 * HOUR
     assert decision.measured > decision.effect.threshold >= decision.value
-    assert f'from {decision.since:.0f} s on' in decision.reason
+    assert f'since {decision.since:.0f} s' in decision.reason
     budget = simulation.budget()
     assert budget.frozen > 0.95 * budget.emitted
     assert budget.error < 1e-5

@@ -118,7 +118,9 @@ def test_curvature_is_the_largest_eigenvalue_or_zero(device):
 
 def ordered(device, real, cell, rank, *, again):
     """Return the volumes of particles numbered 1, 2, ... in their new order, and their count."""
-    *_, order_particles, _, list_members = _kernels(real, False, False, False, False, again)
+    *_, order_particles, _, list_members = _kernels(
+        real, False, False, False, False, False, again
+    )
     count = len(cell)
     sizes = np.bincount(cell, minlength=CELLS + 1)
     starts = np.concatenate([[0], np.cumsum(sizes)])

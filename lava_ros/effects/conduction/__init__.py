@@ -4,15 +4,12 @@
 """Lateral conduction of heat, the declaration. See ``device.py`` for the equations."""
 
 import math
-from typing import TYPE_CHECKING
 
 from lava_ros.effects.effect import Array, Effect
-
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
+from lava_ros.effects.scales import Scales
 
 
-def _reach(scales: 'Scales') -> float:
+def _reach(scales: Scales) -> float:
     """Return the distance that heat diffuses up to the horizon over the particle spacing."""
     lava = scales.lava
     diffusivity = lava.conductivity / (lava.density * lava.specific_heat)

@@ -3,7 +3,8 @@
 
 """Lateral viscous stress by solving an equation, the declaration. See ``device.py``."""
 
-from lava_ros.effects.effect import Array, Effect, footprint_change
+from lava_ros.effects.effect import Array, Effect
+from lava_ros.effects.scales import footprint_change
 
 EFFECT = Effect(
     rank=90,

@@ -3,17 +3,14 @@
 
 """Inertia, the declaration. See ``device.py`` for the equations."""
 
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from lava_ros.effects.effect import Array, Effect
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from lava_ros.effects.scales import Scales
+from lava_ros.effects.scales import Scales
 
 
-def _relaxation(scales: 'Scales') -> 'np.ndarray':
+def _relaxation(scales: Scales) -> 'np.ndarray':
     """Return the relaxation time rho h^2 / (3 mu) over the time to cover h / slope at speed u."""
     columns = scales.columns
     momentum = scales.lava.density * columns.speed * columns.thickness

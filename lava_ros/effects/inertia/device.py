@@ -46,7 +46,7 @@ from lava_ros.simulation.backend.compiled import load4, quick_kernel, raise_to
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.motion_arguments import arguments_type
+from lava_ros.simulation.motion_arguments import arguments_type, law_arguments_function
 from lava_ros.simulation.state import (
     ADVECTION,
     CURRENT,
@@ -82,7 +82,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
         velocity: vec2,
         fall: real,
         height: real,
-        temperature: real,
+        column: vec2,
         ground: vec2,
         m: arguments_type(real),
     ) -> vec2:
@@ -97,15 +97,15 @@ def _drag_function(real: Any, effects: Effects) -> Any:
             if wp.dot(velocity, ground) > real(0.0):
                 layer = up(height, velocity / pace, ground)
         if wp.static(speed is None):
-            mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(m.law, temperature))
+            mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(m.law, column[0]))
         else:
             # Newton's method from above: the bound of du/ds keeps it above
             slope = pace / fall
-            response = speed(m.law, weight, layer[0], layer[1] * slope, temperature)
+            response = speed(m.law, weight, layer[0], layer[1] * slope, column[0], column[1])
             for _ in range(_ITERATIONS):
                 change = (slope * (response[0] + fall) - pace) / (response[1] + fall)
                 slope -= change
-                response = speed(m.law, weight, layer[0], layer[1] * slope, temperature)
+                response = speed(m.law, weight, layer[0], layer[1] * slope, column[0], column[1])
                 if change <= real(_CHANGE) * slope:
                     break
             mobility = response[0]
@@ -125,6 +125,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
     load = load4(real)
+    law_arguments = law_arguments_function(real, effects)
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     is_newtonian = speed_function(wp, real, law_type(real), effects) is None
     slowed = _drag_function(real, effects)
@@ -154,12 +155,13 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
             return
         p = load(m.ordered, i)
         height = m.flow[i][0]
+        column = law_arguments(i, p, m)
         ground = gradient_at(m.ground, p[0], p[1])
         g = m.constants.gravity * share_of(ground)
         fall = -g * vec2(m.flow[i][1], m.flow[i][2])
         m.kick[i] = fall
         half = real(wp.float64(0.5) * m.clock[STEP])
-        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, p[3], ground, m)
+        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, column, ground, m)
         m.flow[i] = vec3(height, u[0], u[1])
         # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
         square = g * height * m.constants.stiffness
@@ -167,7 +169,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         mobility = real(1.0)
         drag = real(0.0)
         if wp.static(is_newtonian):
-            mobility = m.constants.weight * height * height / (real(3.0) * viscosity(m.law, p[3]))
+            mobility = m.constants.weight * height * height
+            mobility /= real(3.0) * viscosity(m.law, column[0])
             drag = g
         root = wp.sqrt(drag * drag + real(4.0) * number * square * mobility * mobility)
         advection = wp.length(u) / m.constants.reach
@@ -216,7 +219,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         old = m.ordered_velocity[i]
         free = old + time * (m.kick[i] + lift) + step * scale * push
         fall = time * g * share_of(ground)
-        new = slowed(free, fall, f[0], p[3], ground, m)
+        column = law_arguments(i, p, m)
+        new = slowed(free, fall, f[0], column, ground, m)
         m.velocity[i] = new
         if wp.static(heats):
             # the slope that balances the drag: its work is the heat, not that of the weight

@@ -67,7 +67,7 @@ def want_memory(patch):
     advance = Simulation.advance
 
     def grow(simulation, *arguments, **options):
-        simulation._state.grow(2 * simulation._state.capacity)
+        simulation.solver.state.grow(2 * simulation.solver.state.capacity)
         return advance(simulation, *arguments, **options)
 
     patch.setattr(State, '_allocate', refuse_memory)
@@ -78,9 +78,9 @@ def break_position(patch):
     advance = Simulation.advance
 
     def spoil(simulation, *arguments, **options):
-        rows = simulation._state.particle.numpy()
+        rows = simulation.solver.state.particle.numpy()
         rows[0, 0] = np.nan
-        simulation._state.particle.assign(rows)
+        simulation.solver.state.particle.assign(rows)
         return advance(simulation, *arguments, **options)
 
     patch.setattr(Simulation, 'advance', spoil)

@@ -135,7 +135,7 @@ def launched(name, lanes=1, integrator='euler', is_short=None, directs=None, par
                 simulation.scene, effects=simulation.effects, accuracy=accuracy, device='cpu'
             )
         kernels.clear()
-        simulation._stage.take(simulation.scene, simulation._vents)
+        simulation.solver.stage.take(simulation.scene, simulation.solver.vents)
     return kernels
 
 
@@ -276,7 +276,7 @@ def test_sums_of_the_balanced_gradient_are_efficient(compiled):
 
 @pytest.mark.nightly
 def test_deterministic_order_is_efficient(compiled):
-    kernels = neighbors._kernels(wp.float32, True, False, True, False, True)
+    kernels = neighbors._kernels(wp.float32, True, False, True, True, False, True)
     order, members = compiled(kernels, ('order_particles', 'list_members'))
     check_local(order)
     check_local(members)

@@ -30,6 +30,11 @@ FLOW = (
     sums_function(wp.float32, WENDLAND, 1, True),
     wide_sums_function(WENDLAND.wide_terms),
 )
+HEAT = (
+    sums_function(wp.float32, WENDLAND, 1, False, has_heat=True),
+    sums_function(wp.float32, WENDLAND, 1, True, has_heat=True),
+    wide_sums_function(WENDLAND.wide_terms, has_heat=True),
+)
 GREEN = (
     green._sums_function(wp.float32, 1, False),
     green._sums_function(wp.float32, 1, True),
@@ -53,22 +58,29 @@ def kernel_of(name, sums):
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
         p: wp.vec4,
-        result: wp.array(dtype=wp.vec3),
+        result: wp.array(dtype=wp.vec4),
     ):
         inverse = wp.static(1.0 / RADIUS)
-        if wp.static(name == 'flow'):
+        if wp.static(name == 'heat'):
             result[0] = sums(0, values, cells, box, p, inverse)
+            return
+        found = wp.vec3()
+        if wp.static(name == 'flow'):
+            found = sums(0, values, cells, box, p, inverse)
         if wp.static(name == 'green'):
-            result[0] = sums(0, values, area, cells, box, p, powers_of(2.0), 0.2)
+            found = sums(0, values, area, cells, box, p, powers_of(2.0), 0.2)
         if wp.static(name == 'helmholtz'):
-            result[0] = sums(0, values, pairs, cells, box, p, wp.vec2(0.3, -0.4), inverse)
+            found = sums(0, values, pairs, cells, box, p, wp.vec2(0.3, -0.4), inverse)
+        result[0] = wp.vec4(found[0], found[1], found[2], 0.0)
 
     return sum_up
 
 
 KERNELS = {
     name: [kernel_of(name, sums) for sums in every]
-    for name, every in (('flow', FLOW), ('green', GREEN), ('helmholtz', HELMHOLTZ))
+    for name, every in (
+        ('flow', FLOW), ('heat', HEAT), ('green', GREEN), ('helmholtz', HELMHOLTZ)
+    )
 }
 
 
@@ -94,7 +106,7 @@ def sums_of(kernel, sizes, seed=0, outside=np.nan, room=0):
     cells = cell_frame(wp.float32)()
     cells.rows, cells.columns = ROWS, COLUMNS
     cells.starts = wp.array(starts, dtype=wp.int32, device='cpu')
-    result = wp.zeros(1, dtype=wp.vec3, device='cpu')
+    result = wp.zeros(1, dtype=wp.vec4, device='cpu')
     wp.launch(
         kernel,
         dim=1,

@@ -97,7 +97,7 @@ def test_threads_do_not_change_the_result(monkeypatch, name):
         simulation = lava_field(2500, effect_sets()[name], 'cpu')
         simulation.advance(3 * STEP)
         snapshot = simulation.snapshot()
-        arrays = simulation._state.save()
+        arrays = simulation.solver.state.save()
         return arrays | {'h': snapshot.thickness, 't': snapshot.temperature}
 
     alone, together = run(1), run(3)
