@@ -20,8 +20,8 @@ from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.ros import codec, outputs
 from lava_ros.scene import Lava, Scene, scene_to_dict, Terrain, Vent
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.snapshot import Snapshot, StepReport
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 
 SECOND = 1_000_000_000
 

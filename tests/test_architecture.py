@@ -37,10 +37,8 @@ IMPORTS = {module: imports_of(module) for module in MODULES}
 
 
 def room_of(module: str) -> str:
-    """Return the room of a module; device code of effects belongs to the solver."""
+    """Return the room of a module."""
     parts = module.split('.')
-    if parts[1:2] == ['effects'] and parts[-1] == 'device':
-        return 'simulation'
     return parts[1] if len(parts) > 1 else 'errors'
 
 

@@ -13,8 +13,14 @@ import pytest
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.checkpoint import Checkpoint, from_bytes, PREFIX_SIZE, summary_of, VERSION
+from lava_ros.simulation.output.checkpoint import (
+    Checkpoint,
+    from_bytes,
+    PREFIX_SIZE,
+    summary_of,
+    VERSION,
+)
+from lava_ros.simulation.setup.accuracy import Accuracy
 
 
 def checkpoint(count=1000, **changes):
@@ -137,7 +143,7 @@ def test_refuses_an_invalid_header_with_a_valid_checksum(monkeypatch):
         with monkeypatch.context() as patch:
             encode = json.JSONEncoder(allow_nan=False).encode
             patch.setattr(
-                'lava_ros.simulation.checkpoint.json.dumps',
+                'lava_ros.simulation.output.checkpoint.json.dumps',
                 lambda data, **_: encode({**data, name: value}),  # noqa: B023
             )
             data = one.to_bytes()

@@ -23,7 +23,7 @@ from lava_ros.bag.records import FRAME, MAGIC
 from lava_ros.bag.replay import schedule
 from lava_ros.cli.parser import COMMANDS
 from lava_ros.errors import LavaError
-from lava_ros.simulation.checkpoint import MEDIA_TYPE
+from lava_ros.simulation.output.checkpoint import MEDIA_TYPE
 from recording import record
 from small_checkpoint import small_checkpoint
 

@@ -16,7 +16,7 @@ import tempfile
 
 from lava_ros.bag import BagWriter
 from lava_ros.bag.checkpoints import NAME
-from lava_ros.simulation.checkpoint import from_bytes, MEDIA_TYPE
+from lava_ros.simulation.output.checkpoint import from_bytes, MEDIA_TYPE
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, timed
 
 REPETITIONS = 5

@@ -22,7 +22,7 @@ from lava_ros.bag.reader import mcap_files
 from lava_ros.bag.records import BROKEN, FRAME, is_whole, iter_records, MAX_RECORD_SIZE, TRUNCATED
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
-from lava_ros.simulation.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, summary_of
+from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, summary_of
 
 Parsed = TypeVar('Parsed')
 

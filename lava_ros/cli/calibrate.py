@@ -70,7 +70,7 @@ def calibrate(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.replicates import MAX_REPLICATES
     from lava_ros.hindcast.run import Settings
     from lava_ros.hindcast.unknowns import unknowns_of
-    from lava_ros.simulation.defaults import device_of
+    from lava_ros.simulation.setup.defaults import device_of
 
     runs = validation.whole('--runs', args.runs, at_least=4, at_most=10**6)
     workers = validation.whole('--workers', args.workers, at_least=1, at_most=64)

@@ -201,7 +201,7 @@ def _flow(
 
 
 def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
-    from lava_ros.simulation.budget import VolumeBudget
+    from lava_ros.simulation.output.budget import VolumeBudget
 
     values = seen.values
     speed = float(values['mean_speed'])

@@ -81,7 +81,7 @@ def _as_dict(bag: BagReader, on_refused: Callable[[LavaError], object]) -> dict[
 def _simulation(bag: BagReader) -> dict[str, Any] | None:
     """Return simulated time [s], volumes [m3] and warnings of the last diagnostics."""
     from lava_ros.bag.decoding import Decoder, last_moment
-    from lava_ros.simulation.budget import VolumeBudget
+    from lava_ros.simulation.output.budget import VolumeBudget
 
     try:
         moment = last_moment(bag, Decoder(bag))
@@ -100,7 +100,7 @@ def _simulation(bag: BagReader) -> dict[str, Any] | None:
 
 
 def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> list[str]:
-    from lava_ros.simulation.budget import VolumeBudget
+    from lava_ros.simulation.output.budget import VolumeBudget
 
     lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {_size(bag.size)}']
     if len(bag.files) > 1:

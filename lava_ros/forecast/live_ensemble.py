@@ -24,7 +24,7 @@ from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, T
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint
 
 #: Number of members in the first maps of a scene; new maps follow at each doubling.
 FIRST_MAPS = 4

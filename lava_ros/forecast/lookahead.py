@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import Forecast
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint
 
 if TYPE_CHECKING:
-    from lava_ros.simulation.looks import Seen
+    from lava_ros.simulation.output.looks import Seen
     from lava_ros.simulation.simulation import Simulation
 
 #: Number of observations within a horizon, from which peaks are taken. Arrival times are those of

@@ -27,10 +27,10 @@ from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.uncertainty import Distribution
 from lava_ros.scene.vents import erupting
-from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.checkpoint import Checkpoint
-from lava_ros.simulation.resolution import resolved_accuracy
-from lava_ros.simulation.selection import effects_for
+from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.setup.resolution import resolved_accuracy
+from lava_ros.simulation.setup.selection import effects_for
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
@@ -249,7 +249,7 @@ def check_members(scene: Scene, members: Sequence[Member]) -> None:
 def batch_of(plan: Plan, device: str | None) -> int:
     """Return the number of members that run as one batch on a Warp device."""
     from lava_ros.simulation.batch import AT_ONCE
-    from lava_ros.simulation.defaults import device_of
+    from lava_ros.simulation.setup.defaults import device_of
 
     if not device_of(device).is_cuda:
         return 1
@@ -310,7 +310,7 @@ def running(
     """
     # the solver loads Warp, which drawing and merging members do not need
     from lava_ros.simulation.batch import side_by_side
-    from lava_ros.simulation.defaults import device_of
+    from lava_ros.simulation.setup.defaults import device_of
 
     done: list[MemberFields] = []
 

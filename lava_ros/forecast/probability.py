@@ -18,8 +18,8 @@ from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.forecast import HazardMaps, PlaceForecast, QUANTILES
 from lava_ros.maps.places import Places
 from lava_ros.scene import MAX_ELEVATION
-from lava_ros.simulation.budget import GONE
-from lava_ros.simulation.inundation import inundated_cells
+from lava_ros.simulation.output.budget import GONE
+from lava_ros.simulation.output.inundation import inundated_cells
 
 #: Stands for the observation ("look") in a cell without lava.
 NEVER = np.iinfo(np.uint16).max

@@ -33,7 +33,7 @@ from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.live_ensemble import Answer, LiveEnsembles
 from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.forecast.sampling import prepare_sampling
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint
 
 #: Niceness of this process: it gets a tenth of a core that it shares with another process.
 NICENESS = 10

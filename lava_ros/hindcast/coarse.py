@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: The maps of a snapshot.
 GRIDS = ('thickness', 'temperature', 'frozen', 'arrived')

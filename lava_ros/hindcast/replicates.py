@@ -25,8 +25,8 @@ from lava_ros.hindcast.run import Result, Run, Settings
 from lava_ros.hindcast.score import judge, Score
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.batch import side_by_side
-from lava_ros.simulation.defaults import device_of
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
+from lava_ros.simulation.setup.defaults import device_of
 
 #: Maximum number of replicates.
 MAX_REPLICATES = 64

@@ -14,7 +14,7 @@ import numpy as np
 
 from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
-from lava_ros.simulation.inundation import standing_cells
+from lava_ros.simulation.output.inundation import standing_cells
 
 #: Steps of a path to 16 neighbours: its length then has an error of at most 2.7 %.
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))

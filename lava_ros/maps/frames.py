@@ -21,7 +21,7 @@ from lava_ros.files.yaml import parse_yaml
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, IMAGE, Layer
 from lava_ros.scene import MAX_COORDINATE, Terrain
-from lava_ros.simulation.inundation import inundated_cells, standing_cells
+from lava_ros.simulation.output.inundation import inundated_cells, standing_cells
 
 #: Called with the name of the activity and its completed fraction, 0 to 1.
 Progress = Callable[[str, float], None]

@@ -12,11 +12,11 @@ import numpy as np
 from lava_ros.bag.qos import LATCHED, QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, occupancy, UNKNOWN
-from lava_ros.simulation.inundation import inundated_cells, standing_cells
+from lava_ros.simulation.output.inundation import inundated_cells, standing_cells
 
 if TYPE_CHECKING:
     # importing the solver loads Warp, which is not needed here
-    from lava_ros.simulation.snapshot import Snapshot
+    from lava_ros.simulation.output.snapshot import Snapshot
 
     #: The current flow, or its maxima within the horizon of a forecast.
     Flow = Snapshot | Forecast

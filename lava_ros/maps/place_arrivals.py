@@ -19,11 +19,11 @@ import numpy as np
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, QUANTILES
 from lava_ros.maps.places import front_distances, Places
 from lava_ros.maps.plot import area_words, duration
-from lava_ros.simulation.inundation import inundated_cells
+from lava_ros.simulation.output.inundation import inundated_cells
 
 if TYPE_CHECKING:
     # importing the solver loads Warp, which is not needed here
-    from lava_ros.simulation.snapshot import Snapshot
+    from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Measure of a kind of place, and its unit.
 _MEASURES = {'line': ('length', 'm'), 'area': ('area', 'm2')}

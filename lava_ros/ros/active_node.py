@@ -29,7 +29,7 @@ from lava_ros.ros.sources import resumed_simulation, SimulationMaker, Sources
 from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Maximum wait for the simulation thread when closing [s]. It may be in a time step, or compiling.
 STOP_TIMEOUT = 4.0

@@ -23,9 +23,9 @@ from lava_ros.ros.session import Eruption, is_on
 from lava_ros.ros.sources import DeadlineChoice
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import temperature_doubts, Terrain
-from lava_ros.simulation.inundation import inundated_cells
-from lava_ros.simulation.resolution import Resolution
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.inundation import inundated_cells
+from lava_ros.simulation.output.snapshot import Snapshot
+from lava_ros.simulation.setup.resolution import Resolution
 
 #: Levels of a status.
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR

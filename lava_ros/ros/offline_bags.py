@@ -23,7 +23,7 @@ from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.layers import ARRIVED, Layer
 from lava_ros.ros import codec, diagnostics, outputs
 from lava_ros.scene import Scene, scene_to_dict, Terrain
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Namespace of the topics of an ensemble's bag.
 NAMESPACE = '/lava'

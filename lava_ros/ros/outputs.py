@@ -20,7 +20,7 @@ from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec
 from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 
 def message_class(layer: Layer) -> Any:

@@ -17,7 +17,7 @@ from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.spinning import Entities
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature, load_features
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Relative name of the topic.
 TOPIC = 'place_arrivals'

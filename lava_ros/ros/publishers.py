@@ -26,7 +26,7 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.spinning import Entities
 from lava_ros.scene import Scene
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: A snapshot, forecast or ensemble that layers show.
 Shown = TypeVar('Shown', Snapshot, Forecast, EnsembleForecast)

@@ -20,8 +20,8 @@ from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.session import Eruption, is_on, Origin
 from lava_ros.scene import Scene, scene_to_dict, Terrain
-from lava_ros.simulation.checkpoint import MEDIA_TYPE, summary_of
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.checkpoint import MEDIA_TYPE, summary_of
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: ROS time after which terrain and vents are written again [ns], because a player that starts in
 #: the middle of a bag skips earlier latched messages.

@@ -17,10 +17,10 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.vents import are_alike, schedule
-from lava_ros.simulation.checkpoint import Checkpoint
-from lava_ros.simulation.measurement import measure_resolution
-from lava_ros.simulation.resolution import Resolution
-from lava_ros.simulation.selection import Decision
+from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.measurement import measure_resolution
+from lava_ros.simulation.setup.resolution import Resolution
+from lava_ros.simulation.setup.selection import Decision
 
 if TYPE_CHECKING:
     # the solver loads Warp: done in the worker's thread, not at import

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.simulation import state as at
 from lava_ros.simulation.batch import at_work, Batch
+from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles.state import count_in
 from lava_ros.simulation.solver import Solver
-from lava_ros.simulation.state import count_in
 
 #: Launches in flight, by whether the device is a GPU, while the target is far enough away.
 _IN_FLIGHT = {True: 2, False: 1}

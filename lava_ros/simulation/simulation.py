@@ -17,25 +17,33 @@ from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.scene.vents import match_vents
-from lava_ros.simulation import state as at
-from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.advance import advancing_to
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.batch import at_work
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.checkpoint import Checkpoint
-from lava_ros.simulation.defaults import device_of, formulated
-from lava_ros.simulation.looks import Looks, Seen
-from lava_ros.simulation.measurement import measure_columns
-from lava_ros.simulation.resolution import (
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.looks import Looks, Seen
+from lava_ros.simulation.output.measurement import measure_columns
+from lava_ros.simulation.output.snapshot import (
+    Particles,
+    particles_of,
+    ParticleSample,
+    PendingSnapshot,
+    Snapshot,
+)
+from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles.state import centre_of
+from lava_ros.simulation.restart import arrays_of, restore_arrays
+from lava_ros.simulation.setup.accuracy import Accuracy, COVERED
+from lava_ros.simulation.setup.defaults import device_of, formulated
+from lava_ros.simulation.setup.resolution import (
     is_extended,
     Resolution,
     resolution_of,
     resolved_accuracy,
 )
-from lava_ros.simulation.restart import arrays_of, restore_arrays
-from lava_ros.simulation.review import next_review, Review, watched_effects
-from lava_ros.simulation.selection import (
+from lava_ros.simulation.setup.review import next_review, Review, watched_effects
+from lava_ros.simulation.setup.selection import (
     decide,
     decide_by,
     Decision,
@@ -44,16 +52,8 @@ from lava_ros.simulation.selection import (
     noted,
     scales_of,
 )
-from lava_ros.simulation.snapshot import (
-    Particles,
-    particles_of,
-    ParticleSample,
-    PendingSnapshot,
-    Snapshot,
-)
 from lava_ros.simulation.solver import Solver
-from lava_ros.simulation.state import centre_of
-from lava_ros.simulation.vents import check_rates, Emission
+from lava_ros.simulation.step.vents import check_rates, Emission
 
 
 class Simulation:

@@ -17,21 +17,22 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene, Terrain
-from lava_ros.simulation import state as at
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import read, Reader
 from lava_ros.simulation.backend.threads import is_alone
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.diagnostics import FlowDiagnostics, moment_of, snapshot_of
-from lava_ros.simulation.looks import Looks
-from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.rasterization import Raster
-from lava_ros.simulation.snapshot import Particles, PendingSnapshot, rows_of
-from lava_ros.simulation.stage import Stage
-from lava_ros.simulation.state import centre_of, room_for, State
-from lava_ros.simulation.terrain import sampled, StaggeredTerrain
-from lava_ros.simulation.vents import check_rates, Emission, VentSet
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of, snapshot_of
+from lava_ros.simulation.output.looks import Looks
+from lava_ros.simulation.output.rasterization import Raster
+from lava_ros.simulation.output.snapshot import Particles, PendingSnapshot, rows_of
+from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles.neighbors import NeighborGrid
+from lava_ros.simulation.particles.state import centre_of, room_for, State
+from lava_ros.simulation.particles.terrain import sampled, StaggeredTerrain
+from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.step.effects import device_part
+from lava_ros.simulation.step.stage import Stage
+from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
 
 #: Initial capacity, in particles.
 _FIRST_CAPACITY = 4096
@@ -142,8 +143,9 @@ class Solver:
         self._keep_arrival(terrain)
         former = self.after_step
         self.after_step = {
-            name: module.AfterStep(self.scene, accuracy, self.terrain, self.state)
-            for name, module in self.effects.having('AfterStep').items()
+            name: part.AfterStep(self.scene, accuracy, self.terrain, self.state)
+            for name in self.effects
+            if hasattr(part := device_part(name), 'AfterStep')
         }
         if 'solidification' in former:
             self.after_step['solidification'].take_over(former['solidification'], self.state)

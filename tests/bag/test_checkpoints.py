@@ -24,7 +24,7 @@ from lava_ros.bag.checkpoints import (
 from lava_ros.bag.records import MAX_RECORD_SIZE
 from lava_ros.bag.recovery import recover
 from lava_ros.errors import LavaError
-from lava_ros.simulation.checkpoint import MEDIA_TYPE
+from lava_ros.simulation.output.checkpoint import MEDIA_TYPE
 from small_checkpoint import small_checkpoint
 
 WRITTEN = {'first': b'lava ' * 8, 'second': bytes(range(50))}

@@ -14,8 +14,8 @@ import pytest
 from cli.calls import done, refused
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.checkpoint import MEDIA_TYPE
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.checkpoint import MEDIA_TYPE
 import recording
 from small_checkpoint import small_checkpoint
 

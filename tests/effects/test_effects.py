@@ -75,7 +75,7 @@ for left_out in sys.argv[1:]:
     assert left_out not in EFFECTS and len(EFFECTS) > 10
     from lava_ros.scene import Scene, Terrain, Vent, scene_from_dict, scene_to_dict
     from lava_ros.scene.materials import materials
-    from lava_ros.simulation.selection import effects_for
+    from lava_ros.simulation.setup.selection import effects_for
     ground = Terrain(np.add.outer(np.arange(20.0), np.zeros(20)), 10.0)
     for material in materials().values():
         vent = Vent((100.0, 100.0), 5.0, temperature=material.vent_temperature.value)
@@ -148,10 +148,12 @@ def test_effect_allocates_and_launches_only_its_own(launched, name):
 @pytest.mark.parametrize('names', [(), ('cooling', 'arrhenius', 'steep')])
 def test_flow_is_bitwise_identical_with_other_effects_deleted(tmp_path, names):
     shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
-    deleted = [tmp_path / 'lava_ros/effects' / name for name in EFFECTS if name not in names]
+    deleted = [name for name in EFFECTS if name not in names]
     assert len(deleted) > 10
-    for path in deleted:
-        shutil.rmtree(path) if path.is_dir() else path.with_suffix('.py').unlink()
+    for name in deleted:
+        (tmp_path / 'lava_ros/effects' / f'{name}.py').unlink()
+        path = tmp_path / 'lava_ros/simulation/step/effects' / f'{name}.py'
+        path.unlink(missing_ok=True)
     found, expected = output_of(DIGEST, names, tmp_path), output_of(DIGEST, names)
     assert found[-2:] == [str(tmp_path / 'lava_ros'), expected[-1]]
 

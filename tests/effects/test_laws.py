@@ -49,7 +49,7 @@ def scattered(effects, *, slope=0.1, precision='float64', device='cpu', longest_
 
 
 def mean_temperatures(sample, radius):
-    """What viscosity and strength follow (simulation/flow.py), by sums over all pairs [K]."""
+    """What viscosity and strength follow (simulation/step/flow.py), by sums over all pairs [K]."""
     apart = sample.position[:, None] - sample.position[None]
     q = np.minimum(np.linalg.norm(apart, axis=-1) / radius, 1.0)
     norm = 7.0 / (math.pi * radius**2)

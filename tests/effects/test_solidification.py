@@ -10,7 +10,7 @@ import pytest
 
 from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation import Particles
-from lava_ros.simulation.inundation import inundated_cells
+from lava_ros.simulation.output.inundation import inundated_cells
 from solver import incline, only, simulated
 
 #: Lava that does not cool; particles below 1200 K solidify in the first step.

@@ -20,7 +20,7 @@ from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.score import distances, Score, score
 from lava_ros.scene.materials import material_named
-from lava_ros.simulation.inundation import standing_cells
+from lava_ros.simulation.output.inundation import standing_cells
 from scripts import load_script
 
 FOOTPRINT = np.zeros((40, 30), bool)

@@ -17,7 +17,7 @@ from lava_ros.maps.place_arrivals import arrivals, ArrivalTable, COLUMNS, live_a
 from lava_ros.maps.places import front_distances, Places, places_on
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 from recording import snapshot_at
 
 ROWS, COLUMNS_, CELL = 8, 10, 10.0

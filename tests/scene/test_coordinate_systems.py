@@ -25,7 +25,7 @@ from lava_ros.scene.features import read_features
 from lava_ros.scene.on_terrain import raster_on
 from lava_ros.scene.projection import coordinate_system, projected, system_name
 from lava_ros.scene.terrain_files import load_terrain
-from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.output.checkpoint import from_bytes
 from recording import record, TERRAIN
 from small_checkpoint import small_checkpoint
 

@@ -19,7 +19,7 @@ from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.features import load_features, read_features
 from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier
 from lava_ros.scene.terrain_files import barrier_tags, load_terrain
-from lava_ros.simulation.terrain import ringed_heights
+from lava_ros.simulation.particles.terrain import ringed_heights
 
 #: A square kilometre on the central meridian of UTM zone 33.
 TERRAIN = Terrain(np.zeros((50, 50)), 20.0, epsg=32633, offset=(500_000.0, 4_180_000.0))

@@ -10,11 +10,11 @@ import pytest
 import warp as wp
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.cells import cell_frame
-from lava_ros.simulation.motion_arguments import arguments_type
-from lava_ros.simulation.neighbors import _kernels
-from lava_ros.simulation.state import PARTICLES, REAL, SPARE
-from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
+from lava_ros.simulation.particles.cells import cell_frame
+from lava_ros.simulation.particles.motion_arguments import arguments_type
+from lava_ros.simulation.particles.neighbors import _kernels
+from lava_ros.simulation.particles.state import PARTICLES, REAL, SPARE
+from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain, terrain_functions
 
 #: Number of cells, of particles in them, and of particles that have left.
 CELLS, COUNT, LEFT = 12, 40, 5

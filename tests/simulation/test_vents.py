@@ -15,10 +15,10 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import advance, Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.setup.accuracy import Accuracy
 import lava_ros.simulation.solver as solver_module
 from lava_ros.simulation.solver import Solver
-from lava_ros.simulation.vents import Emission, MOST_A_SECOND, VentSet
+from lava_ros.simulation.step.vents import Emission, MOST_A_SECOND, VentSet
 
 VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
 

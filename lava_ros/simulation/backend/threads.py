@@ -29,7 +29,7 @@ from typing import Any, TYPE_CHECKING
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
-    from lava_ros.simulation.state import State
+    from lava_ros.simulation.particles.state import State
 
 #: Environment variable with the number of computing threads.
 VARIABLE = 'LAVA_THREADS'

@@ -14,8 +14,8 @@ import pytest
 
 from lava_ros.ros import worker_status
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.snapshot import PendingSnapshot
-from lava_ros.simulation.state import State
+from lava_ros.simulation.output.snapshot import PendingSnapshot
+from lava_ros.simulation.particles.state import State
 from ros.graph_publisher import PATIENCE, vents
 
 GRIDS = ('height', 'temperature', 'hazard')

@@ -16,12 +16,14 @@ from types import SimpleNamespace
 import pytest
 import warp as wp
 
-from lava_ros.simulation import flow, neighbors, Simulation
-from lava_ros.simulation import stage as stages
+from lava_ros.simulation import Simulation
 from lava_ros.simulation.backend.batched_launches import BLOCK
 from lava_ros.simulation.backend.compiled import FEW_THREADS
-from lava_ros.simulation.fused_stage import BOUNDS
-from lava_ros.simulation.state import State
+from lava_ros.simulation.particles import neighbors
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.step import flow
+from lava_ros.simulation.step import stage as stages
+from lava_ros.simulation.step.fused_stage import BOUNDS
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
 #: Sets of effects, by their names in the benchmark: one in every run, all of them nightly.

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import warp as wp
 
-from lava_ros.effects.green import device as green
-from lava_ros.effects.helmholtz import device as helmholtz
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.backend.simd import WIDTH
-from lava_ros.simulation.cells import cell_frame, sums_function, wide_sums_function
-from lava_ros.simulation.kernels import k0_within, smoothing_kernel
-from lava_ros.simulation.state import SPARE
+from lava_ros.simulation.particles.cells import cell_frame, sums_function, wide_sums_function
+from lava_ros.simulation.particles.kernels import k0_within, smoothing_kernel
+from lava_ros.simulation.particles.state import SPARE
+from lava_ros.simulation.step.effects import green as green
+from lava_ros.simulation.step.effects import helmholtz as helmholtz
 
 #: Rows and columns of cells in the grid: before, in and after the box.
 ROWS, COLUMNS = 5, 9

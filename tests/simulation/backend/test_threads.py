@@ -14,11 +14,12 @@ import pytest
 import warp as wp
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation import motion, neighbors
 from lava_ros.simulation.backend import threads
 from lava_ros.simulation.backend.compiled import quick_kernel, raise_to
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.threads import usable_cores
+from lava_ros.simulation.particles import neighbors
+from lava_ros.simulation.step import motion
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
 #: Sets of effects that together use every kernel that is launched in parts.

@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Settings that trade accuracy for computing time."""
+
+from dataclasses import dataclass, fields
+import math
+
+from lava_ros import validation
+from lava_ros.effects.effect import check_fields, choice, flag, number
+from lava_ros.scene import Scene
+
+#: Smoothing kernels by name: equations 3.6 to 3.8 of the paper, and Wendland C2.
+KERNELS = ('wendland', 'poly6', 'spiky', 'visc')
+
+#: Minimum thickness of lava that inundates ground [m]: ``inundation.py`` defines both sets of
+#: cells that are counted by it.
+COVERED = 0.1
+
+#: Minimum expected thickness of a flow [m].
+MIN_THICKNESS = 1e-6
+
+#: Maximum thickness [m]: lava that is too strong to flow has no thickness of its own.
+MAX_THICKNESS = 1e5
+
+FORMULATIONS = ('corrected', 'as-published')
+
+INTEGRATORS = ('rkl2', 'euler')
+
+PRECISIONS = ('float32', 'float64')
+
+GRADIENTS = ('energy', 'difference', 'balanced')
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Resolution of a simulation in space and time; each field has its own description."""
+
+    spacing: float | None = number(
+        None, 'Distance between neighbouring particles where the flow has its expected thickness; '
+        'None: from the width of the flow (resolution.py)', 1e-6, 1e7, 'm',
+    )
+    refinement: float = number(
+        1.0, 'Particles across the flow over those of preset standard; an explicit spacing is '
+        'taken as it is', 0.05, 20.0,
+    )
+    thickness: float | None = number(
+        None, 'Expected thickness of the flow, which sets the volume of a particle with the '
+        'spacing; None: that of the expected course of the flow (course.py)', 1e-9, MAX_THICKNESS,
+        'm',
+    )
+    ratio: float = number(
+        3.0, 'Kernel radius over spacing: 3 to 6 gives 28 to 113 neighbours', 1.5, 12.0
+    )
+    kernel: str = choice('wendland', 'Smoothing kernel', KERNELS)
+    raster_ratio: float = number(
+        1.2, "Kernel radius of the output grid over the particles' kernel radius; at least one "
+        'and a half cells are always covered', 1e-3, 2.0,
+    )
+    diffusion_number: float = number(
+        1.6, 'Rate of the fastest decaying thickness wave times the step: explicit steps are '
+        'stable up to 2', 1e-4, 2.0,
+    )
+    courant_number: float = number(
+        0.5, 'Largest displacement in a step over the smaller of kernel radius and terrain cell',
+        1e-4, 1.0,
+    )
+    longest_step: float = number(60.0, 'Longest step', 1e-6, 1e9, 's')
+    fixed_step: float | None = number(
+        None, 'Step that overrides all limits, as 0.01 s in the paper; None: the limits decide',
+        1e-9, 1e9, 's',
+    )
+    # energy: gradient of the particles' potential energy. difference: differences between
+    # particles, 0 on a level surface. balanced: the energy form as far as the difference form
+    # allows; equally accurate, at rest when level, for one more pass over the neighbours
+    # (simulation/step/flow.py). With inertia it is always energy, which conserves momentum.
+    gradient: str = choice('energy', "Form of the surface's gradient", GRADIENTS)
+    formulation: str = choice(
+        'corrected', 'Equations of the velocity; as-published: 3.36 to 3.44 as they are printed, '
+        'for comparison only', FORMULATIONS,
+    )
+    deterministic: bool = flag(
+        False, 'Make runs on a GPU bitwise identical; on the CPU they always are'
+    )
+    # a mirrored scene, or one rotated by 90 degrees, then gives the mirrored or rotated flow;
+    # otherwise particles are emitted one by one
+    symmetric: bool = flag(
+        False, 'Let vents emit particles eight at a time (fissures four), in places that have '
+        "the grid's symmetries",
+    )
+    integrator: str = choice(
+        'rkl2', 'Time integration: second-order super-time-stepping, or the reference',
+        INTEGRATORS,
+    )
+    precision: str = choice('float32', 'Precision; float64 is the reference', PRECISIONS)
+
+    def __post_init__(self) -> None:
+        """Validate every field.
+
+        Raises:
+            LavaError: If a field is not valid.
+        """
+        check_fields('accuracy', self)
+
+
+def accuracy_from_dict(data: object) -> Accuracy:
+    """Build an ``Accuracy`` from the plain data of a YAML file.
+
+    Raises:
+        LavaError: If a key is unknown or a value is not valid.
+    """
+    names = [item.name for item in fields(Accuracy)]
+    return Accuracy(**validation.keys('accuracy', data, allowed=names))
+
+
+def expected_thickness(scene: Scene) -> float:
+    """Return the thickness scale of a flow at its vent, (3 mu Q / (rho g))^(1/4) [m].
+
+    At this thickness spreading balances effusion, on a plane (Huppert 1982) as on a slope
+    (Lister 1992). Q is the largest discharge of any vent, or 1 m3/s without a vent. mu is the
+    viscosity at the hottest vent.
+    """
+    discharge = max((vent.peak for vent in scene.vents), default=0.0)
+    scale = 3.0 * vent_viscosity(scene) * (discharge or 1.0)
+    scale /= scene.lava.density * scene.gravity
+    return max(math.sqrt(math.sqrt(scale)), MIN_THICKNESS)
+
+
+def vent_viscosity(scene: Scene) -> float:
+    """Return the viscosity at the hottest vent (or the reference temperature) [Pa s]."""
+    reference = scene.lava.reference_temperature
+    hottest = max((vent.temperature for vent in scene.vents), default=reference)
+    return scene.lava.viscosity_at(hottest)

@@ -1,0 +1,323 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The choice of effects: the physics that a scene requires, by dimensionless numbers.
+
+Every effect has a number that measures its influence on the flow, evaluated at the scene's own
+scales, and a threshold below which leaving it out costs less than the stated error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+import math
+from typing import Any
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.effects import EFFECTS, Effects, excluded_by, existing
+from lava_ros.effects.effect import Effect
+from lava_ros.effects.laws import heat_loss
+from lava_ros.effects.scales import Columns, Scales
+from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation.setup.accuracy import Accuracy, expected_thickness
+from lava_ros.simulation.setup.course import course_of
+from lava_ros.simulation.setup.resolution import ACROSS, is_extended, resolution_of
+from lava_ros.simulation.setup.resolution import HORIZON as HORIZON
+
+#: Steps of the cooling of columns at rest, and the first of them as a fraction of the whole.
+_COOLING_STEPS, _FIRST_STEP = 300, 1e-6
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Decision about an effect, with its reason.
+
+    Attributes:
+        name: Name of the effect.
+        effect: Its declaration, with number and threshold.
+        value: The number; NaN if the material has no such effect.
+        is_on: True if the effect is on.
+        is_forced: True if a user has forced the decision.
+        rival: Effect that excludes this one though its number is above the threshold; or empty.
+        measured: Largest number that the reviews of a run have measured; NaN before the first.
+        since: Simulated time at which a run has switched it on [s]; NaN unless it was off at
+            first.
+    """
+
+    name: str
+    effect: Effect
+    value: float
+    is_on: bool
+    is_forced: bool = False
+    rival: str = ''
+    measured: float = math.nan
+    since: float = math.nan
+
+    @property
+    def largest(self) -> float:
+        """Largest number, expected or measured while the effect was off."""
+        return float(np.fmax(self.value, self.measured))
+
+    @property
+    def cost(self) -> float:
+        """Maximum fraction of the inundated area that omitting the effect changes; 0 if it is on.
+
+        It is also 0 if the scene has no such effect, and for effects that are on only by request.
+        """
+        is_left_off = not (self.is_on or math.isnan(self.value))
+        if not is_left_off or self.effect.threshold in (0.0, math.inf):
+            return 0.0
+        return self.effect.cost * self.largest / self.effect.threshold
+
+    @property
+    def reason(self) -> str:
+        """Reason for the decision, in a few words."""
+        if self.is_forced:
+            return 'forced'
+        if math.isnan(self.value):
+            return 'the material has none'
+        if math.isinf(self.effect.threshold):
+            return 'only when asked for'
+        is_switched_on = not math.isnan(self.since)
+        value = self.largest if is_switched_on or self.rival else self.value
+        sign = '>' if value > self.effect.threshold else '<='
+        text = f'{self.effect.symbol} = {value:.2g} {sign} {self.effect.threshold:.2g}'
+        if self.rival:
+            return f'{text}, but excluded by {self.rival}'
+        if is_switched_on:
+            return f'{text} since {self.since:.0f} s, {self.value:.2g} expected'
+        is_known = not (self.is_on or math.isnan(self.measured))
+        return f'{text}, measured {self.measured:.2g}' if is_known else text
+
+
+def expected_scales(
+    scene: Scene, *, accuracy: Accuracy | None = None, horizon: float = HORIZON
+) -> Scales:
+    """Return the scales of a flow before its first step, up to a horizon [s].
+
+    They are those of its expected course (``course_of``). Without a discharge each cell of the
+    terrain counts as a column, of the thickness of the accuracy or that of a flow of 1 m3/s.
+    """
+    accuracy = accuracy or Accuracy()
+    resolution = resolution_of(scene, accuracy, horizon=horizon)
+    course = course_of(scene, horizon=horizon)
+    columns = _still_columns(scene, accuracy) if course is None else course.columns
+    area = math.inf if course is None else float((columns.volume / columns.thickness).sum())
+    # a coarsely resolved flow still counts as extended once it has left its vent
+    distance = float(np.fmin(resolution.spacing, resolution.width / ACROSS))
+    return scales_of(
+        scene,
+        columns,
+        fall=_relief(scene.terrain) if course is None else course.fall,
+        spacing=resolution.spacing,
+        kernel_radius=accuracy.ratio * resolution.spacing,
+        duration=horizon,
+        is_extended=is_extended(area, distance),
+    )
+
+
+def scales_of(scene: Scene, columns: Columns, **others: Any) -> Scales:
+    """Complete the scales of columns of lava; ``others`` are the other fields of ``Scales``."""
+    temperature = max(
+        (vent.temperature for vent in scene.vents), default=scene.lava.reference_temperature
+    )
+    return Scales(
+        scene=scene,
+        columns=columns,
+        vent_temperature=temperature,
+        rest_temperature=_cooled_at_rest(
+            scene, temperature, columns.thickness, others['duration']
+        ),
+        **others,
+    )
+
+
+def _still_columns(scene: Scene, accuracy: Accuracy) -> Columns:
+    """Return columns of lava on every cell of a terrain, for a scene without a discharge."""
+    terrain, lava = scene.terrain, scene.lava
+    thickness = accuracy.thickness or expected_thickness(scene)
+    x0, y0, x1, y1 = terrain.extent
+    ground = slopes_of(terrain)
+    slope = np.maximum(ground, thickness / (0.5 * math.hypot(x1 - x0, y1 - y0)))
+    viscosity = lava.viscosity_at(lava.reference_temperature)
+    one = np.ones_like(slope)
+    return Columns(
+        volume=one,
+        thickness=thickness * one,
+        slope=slope,
+        ground_slope=ground,
+        temperature=lava.reference_temperature * one,
+        speed=lava.density * scene.gravity * thickness**2 * slope / (3.0 * viscosity),
+        width=math.nan * one,
+    )
+
+
+def slopes_of(terrain: Terrain) -> np.ndarray:
+    """Return slopes (rise over run) at the cells whose neighbours have data, shape [cells]."""
+    z = terrain.elevation
+    rise = [np.abs(np.diff(z, axis=axis)) / terrain.resolution for axis in (0, 1)]
+    steep = np.hypot(rise[0][:, :-1], rise[1][:-1])
+    steep = steep[np.isfinite(steep)]
+    return steep if steep.size else np.zeros(1)
+
+
+def _relief(terrain: Terrain) -> float:
+    """Return the highest minus the lowest elevation [m]."""
+    return float(np.nanmax(terrain.elevation) - np.nanmin(terrain.elevation))
+
+
+def _cooled_at_rest(
+    scene: Scene, temperature: float, thickness: np.ndarray, duration: float
+) -> np.ndarray:
+    """Return the temperature [K] of columns at rest after a time [s] of radiation and convection.
+
+    It is a function of the time over the thickness alone.
+    """
+    over = duration / thickness
+    # rounded up to a power of two, so that the curve can be reused
+    longest = 2.0 ** math.ceil(math.log2(over.max()))
+    return np.interp(over, *_cooling_curve(scene, temperature, longest))
+
+
+@lru_cache(maxsize=8)
+def _cooling_curve(
+    scene: Scene, temperature: float, longest: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return times over thickness [s/m] up to the ``longest``, and temperatures [K] after them."""
+    ambient = scene.ambient_temperature
+    capacity, loss = scene.lava.density * scene.lava.specific_heat, heat_loss(scene)
+    marks = np.geomspace(_FIRST_STEP, 1.0, _COOLING_STEPS) * longest
+    reached = [temperature]
+    for step in np.diff(marks, prepend=0.0).tolist():
+        excess = temperature - ambient
+        if excess > 0.0:
+            rate = loss(temperature) / (capacity * excess)
+            temperature = ambient + excess * math.exp(-rate * step)
+        reached.append(temperature)
+    return np.concatenate([[0.0], marks]), np.array(reached)
+
+
+def decide(
+    scene: Scene,
+    overrides: Mapping[str, bool] | None = None,
+    *,
+    accuracy: Accuracy | None = None,
+    horizon: float = HORIZON,
+) -> tuple[Decision, ...]:
+    """Decide about every effect.
+
+    Args:
+        scene: The scene.
+        overrides: Effects to switch on or off regardless of the scene, by name.
+        accuracy: The resolution; automatic if omitted.
+        horizon: Time span to consider [s].
+
+    Raises:
+        LavaError: If an override is not the name of an effect.
+    """
+    forced = validation.keys('effects', overrides or {}, allowed=EFFECTS)
+    horizon = validation.number('horizon', horizon, above=0.0, unit='s')
+    return decide_by(expected_scales(scene, accuracy=accuracy, horizon=horizon), forced)
+
+
+def decide_by(
+    scales: Scales, forced: Mapping[str, bool], *, names: Iterable[str] = EFFECTS
+) -> tuple[Decision, ...]:
+    """Decide about effects by the scales of a flow.
+
+    Args:
+        scales: The scales.
+        forced: Effects to switch on or off regardless of the flow, by name.
+        names: The effects to decide about.
+    """
+    decisions: dict[str, Decision] = {}
+    there, names = existing(scales.scene), set(names)
+    for name, effect in EFFECTS.items():
+        if effect.number is not None and name in names:
+            value = math.nan
+            if name in there and effect.needs_extent and not scales.is_extended:
+                # nothing moves yet, so the number is undefined
+                value = 0.0
+            elif name in there:
+                value = scales.columns.quantile(effect.number(scales), effect.fraction)
+            is_on = bool(forced.get(name, value > effect.threshold))
+            decisions[name] = Decision(name, effect, value, is_on, name in forced)
+    _settle(decisions)
+    return tuple(decisions.values())
+
+
+def noted(decision: Decision, effects: Effects, measured: float, since: float) -> Decision:
+    """Update a decision made before the first step with the results of a run.
+
+    Args:
+        decision: The decision.
+        effects: The effects that are on in the run.
+        measured: Largest number measured while the effect was off; NaN without one.
+        since: Simulated time at which the run has switched it on [s]; NaN unless it was off.
+    """
+    name, rival = decision.name, ''
+    decision = replace(decision, is_on=name in effects, measured=measured, since=since, rival='')
+    if not decision.is_on and decision.largest > decision.effect.threshold:
+        rival = next((other for other in effects if excluded_by(name, other)), '')
+    return replace(decision, rival=rival)
+
+
+def decision_as_dict(decision: Decision) -> dict[str, Any]:
+    """Return a decision as plain data; None for numbers that JSON cannot represent."""
+    effect = decision.effect
+    numbers = {
+        'value': decision.value,
+        'measured': decision.measured,
+        'threshold': effect.threshold,
+        'on_since_s': decision.since,
+    }
+    return {
+        'effect': decision.name,
+        'title': effect.title,
+        'on': decision.is_on,
+        'forced': decision.is_forced,
+        'number': effect.symbol,
+        **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
+        'reason': decision.reason,
+        'without_it': effect.admits,
+        # at the threshold; proportional to the number below it
+        'footprint_without_it': effect.cost,
+        'source': effect.source,
+    }
+
+
+def _settle(decisions: dict[str, Decision]) -> None:
+    """Keep one of the effects that exclude each other: a forced one, or else the first.
+
+    Two laws for the same quantity, one of which replaces the other, depend on the material:
+    forcing the wrong one is an error elsewhere.
+    """
+    on = [item for item in decisions.values() if item.is_on]
+    kept: list[Decision] = []
+    for item in sorted(on, key=lambda item: not item.is_forced):
+        rivals = [
+            other.name
+            for other in kept
+            if excluded_by(item.name, other.name) and item.name not in other.effect.replaces
+        ]
+        if rivals and not item.is_forced:
+            decisions[item.name] = replace(item, is_on=False, rival=rivals[0])
+        else:
+            kept.append(item)
+
+
+def effects_for(
+    scene: Scene,
+    overrides: Mapping[str, bool] | None = None,
+    *,
+    accuracy: Accuracy | None = None,
+    horizon: float = HORIZON,
+) -> Effects:
+    """Return the effects that a scene requires; arguments and errors as for ``decide``."""
+    decisions = decide(scene, overrides, accuracy=accuracy, horizon=horizon)
+    chosen = {item.name: item.is_on for item in decisions}
+    return Effects(**{**dict.fromkeys(EFFECTS, False), **chosen, **(overrides or {})})
