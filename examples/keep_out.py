@@ -28,7 +28,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STEPS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 
 
-def find_way(blocked, near, start, goal):
+def find_path(blocked, near, start, goal):
     """Find the shortest path with A*, across sides and corners of free cells.
 
     Args:
@@ -152,7 +152,7 @@ class KeepOut(Node):
                 problem = f'the goal is nearer than {self.clearance:g} m to lava or unknown ground'
             else:
                 blocked = self.walls if self.near[start] else self.near
-                cells = find_way(blocked, self.near, start, goal)
+                cells = find_path(blocked, self.near, start, goal)
                 problem = '' if cells else 'no way leads around the lava'
         self.plan.publish(self.path(cells))
         if problem and problem != self.reported:

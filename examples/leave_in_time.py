@@ -52,7 +52,7 @@ def deadlines(arrival, clearance):
     return result
 
 
-def find_way(until, start, is_goal, duration):
+def find_path(until, start, is_goal, duration):
     """Find the fastest path on which lava never overtakes the robot, with Dijkstra's algorithm.
 
     Occupied cells never become free, so only the earliest time at each cell matters.
@@ -116,7 +116,7 @@ def way_out(arrival, start, goal, *, duration, clearance, margin):
             only[goal] = True
             places = [only, safe]
         for is_goal in places:
-            way = find_way(until, start, is_goal, duration)
+            way = find_path(until, start, is_goal, duration)
             if way:
                 return way
     return []

@@ -94,7 +94,7 @@ def declare_arguments():
     ]
 
 
-def refuse_unknown(context, file, declared):
+def reject_unknown_arguments(context, file, declared):
     """Raise an error for unknown arguments on the command line; launch would ignore them."""
     if Path(file).name not in [Path(word).name for word in sys.argv]:
         # another launch file includes this one, and the arguments are for that file
@@ -201,5 +201,7 @@ def _start(context):
 def generate_launch_description():
     """Return the launch description."""
     declared = declare_arguments()
-    check = OpaqueFunction(function=lambda context: refuse_unknown(context, __file__, declared))
+    check = OpaqueFunction(
+        function=lambda context: reject_unknown_arguments(context, __file__, declared)
+    )
     return LaunchDescription([*declared, check, OpaqueFunction(function=_start)])

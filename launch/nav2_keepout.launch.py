@@ -132,7 +132,7 @@ def generate_launch_description():
     declared = [*own, *others]
 
     def check(context):
-        return LAVA['refuse_unknown'](context, __file__, declared)
+        return LAVA['reject_unknown_arguments'](context, __file__, declared)
 
     return LaunchDescription(
         [*declared, OpaqueFunction(function=check), OpaqueFunction(function=_start)]

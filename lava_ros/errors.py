@@ -7,13 +7,13 @@ import reprlib
 from typing import Any
 
 #: Maximum length of a value in a message [characters]; the middle of a longer one is left out.
-LONGEST_VALUE = 120
+MAX_VALUE_LENGTH = 120
 
 #: Maximum length of a field name [characters]; the name may contain a path.
-LONGEST_FIELD = 400
+MAX_FIELD_LENGTH = 400
 
 #: Maximum length of an expectation [characters]; it may quote the error of a library.
-LONGEST_EXPECTED = 1000
+MAX_EXPECTED_LENGTH = 1000
 
 #: Maximum size of a printed integer [bits]; Python does not format more than 4,300 digits.
 MAX_INTEGER_BITS = 1024
@@ -36,9 +36,9 @@ class LavaError(ValueError):
         self.field = field
         self.value = value
         self.expected = expected
-        shown = 'missing' if value is None else _cut(_Shown().repr(value), LONGEST_VALUE)
-        phrase = one_line(expected, LONGEST_EXPECTED)
-        super().__init__(f'{one_line(field, LONGEST_FIELD)} is {shown}, expected {phrase}')
+        shown = 'missing' if value is None else _cut(_Shown().repr(value), MAX_VALUE_LENGTH)
+        phrase = one_line(expected, MAX_EXPECTED_LENGTH)
+        super().__init__(f'{one_line(field, MAX_FIELD_LENGTH)} is {shown}, expected {phrase}')
 
     def __reduce__(self) -> tuple[type['LavaError'], tuple[str, object, str]]:
         """Return the arguments from which another process rebuilds the exception."""
@@ -52,7 +52,7 @@ class _Shown(reprlib.Repr):
         super().__init__()
         self.maxlevel = 3
         self.maxlist = self.maxtuple = self.maxset = self.maxfrozenset = self.maxdict = 10
-        self.maxstring = self.maxlong = self.maxother = LONGEST_VALUE
+        self.maxstring = self.maxlong = self.maxother = MAX_VALUE_LENGTH
 
     def repr_int(self, x: int, level: int) -> str:
         if x.bit_length() > MAX_INTEGER_BITS:

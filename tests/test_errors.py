@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lava_ros import validation
-from lava_ros.errors import LavaError, LONGEST_EXPECTED, LONGEST_FIELD, LONGEST_VALUE
+from lava_ros.errors import LavaError, MAX_EXPECTED_LENGTH, MAX_FIELD_LENGTH, MAX_VALUE_LENGTH
 
 
 def test_error_names_field_value_and_expectation():
@@ -21,7 +21,7 @@ def test_error_names_field_value_and_expectation():
 def test_long_values_are_shortened():
     text = str(LavaError('terrain', 'a' + 300 * '/x' + 'z', 'a file'))
     assert "'a/x" in text and "/xz'" in text and '...' in text
-    assert len(text) < LONGEST_VALUE + len('terrain is , expected a file') + 1
+    assert len(text) < MAX_VALUE_LENGTH + len('terrain is , expected a file') + 1
     text = str(LavaError('x', list(range(1000)), 'less'))
     assert text.startswith('x is [0, 1, 2')
     assert text.endswith(', ...], expected less')
@@ -30,14 +30,14 @@ def test_long_values_are_shortened():
         value = [value] * 10
     for shown in (value, {1: value}, (value, value), 1 << 10**6, [[10**5000]], b'x' * 10**6):
         text = str(LavaError('gravity', shown, 'a number'))
-        assert len(text) <= LONGEST_VALUE + len('gravity is , expected a number')
+        assert len(text) <= MAX_VALUE_LENGTH + len('gravity is , expected a number')
 
 
 def test_error_is_one_line():
     text = str(LavaError('scene.\x1b[31m\n' + 'k' * 10**6, 'a\nb', 'one\nof ' + 'x' * 10**6))
     assert text.isprintable()
     words = len(' is , expected ')
-    assert len(text) <= LONGEST_FIELD + LONGEST_VALUE + LONGEST_EXPECTED + words
+    assert len(text) <= MAX_FIELD_LENGTH + MAX_VALUE_LENGTH + MAX_EXPECTED_LENGTH + words
 
 
 def test_pickled_error_keeps_its_parts():

@@ -27,7 +27,7 @@ from lava_ros.hindcast.calibration import leave_one_out, near_best, read_trials
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.replicates import agreement, directions, run_together
 from lava_ros.hindcast.run import Settings
-from lava_ros.hindcast.unknowns import changed, unknowns_of
+from lava_ros.hindcast.unknowns import changed, free_parameters_of
 from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.simulation.setup.presets import PRESETS
 from lava_ros.verification.rows import write_csv
@@ -86,7 +86,7 @@ def sets_of(calibration: Path, cases: list[str]) -> dict[str, tuple[str, Mapping
         header = next(csv.reader(file))
     material = load_case(cases[0], material='etna_basalt')
     names = tuple(header[: header.index('case')])
-    unknowns = unknowns_of(material, names, dict.fromkeys(names, (0.1, 1e9)))
+    unknowns = free_parameters_of(material, names, dict.fromkeys(names, (0.1, 1e9)))
     trials = read_trials(table, unknowns, [Path(case).name for case in cases])
     found = {f'calibrated, {calibration.name}': ('etna_basalt', near_best(trials)[0].values)}
     for item in leave_one_out(trials):

@@ -87,7 +87,7 @@ def measure(checkpoint, device, time_scale, periods):
     )
     forecaster = Forecaster(worker, lambda: rules)
     worker.start()
-    worker.go_on_with(
+    worker.resume_with(
         lambda: Simulation.resume(checkpoint, device=device), checkpoint.scene
     ).result()
     forecaster.start()

@@ -32,7 +32,7 @@ from lava_ros.forecast.sampling import draw_members
 from lava_ros.forecast.scores import brier_parts
 from lava_ros.forecast.store import Store
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
+from lava_ros.hindcast.chances import mapped_on, plan_of, score_probability
 from lava_ros.hindcast.run import Settings
 from lava_ros.verification.rows import write_csv
 
@@ -87,7 +87,7 @@ def twins(plan: Plan, members: list[Footprint]) -> dict[str, float]:
         weights = weigh([jaccard(item, outline) for item in early[others]])
         effective.append(weights.effective_members)
         percent = 100.0 * late[others].mean(axis=0)
-        gaps.append(chances_of(percent, late[truth])['largest_gap'])
+        gaps.append(score_probability(percent, late[truth])['largest_gap'])
         near = late[others].any(axis=0) | late[truth]
         observed.append(late[truth][near])
         for values, given in zip(forecasts, (None, weights.values), strict=True):
@@ -123,7 +123,7 @@ def rows_of(folder: str, args: argparse.Namespace, command: str):
         seconds = seconds + time.monotonic() - started if result.resumed == done else None
         done = size if seconds is not None else -1
         members = list(store.finished(size))
-        found = chances_of(result.maps.probability, mapped)
+        found = score_probability(result.maps.probability, mapped)
         bins = found.pop('reliability')
         found.pop('cells')
         alone = [jaccard(reached_by(item, plan, plan.horizon), outline) for item in members]

@@ -69,7 +69,7 @@ def calibrate(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.replicates import MAX_REPLICATES
     from lava_ros.hindcast.run import Settings
-    from lava_ros.hindcast.unknowns import unknowns_of
+    from lava_ros.hindcast.unknowns import free_parameters_of
     from lava_ros.simulation.setup.defaults import device_of
 
     runs = validation.whole('--runs', args.runs, at_least=4, at_most=10**6)
@@ -83,7 +83,7 @@ def calibrate(args: argparse.Namespace) -> int:
         for folder in args.case
     ]
     names = _names(cases)
-    unknowns = unknowns_of(cases[0], *_chosen(args.unknown))
+    unknowns = free_parameters_of(cases[0], *_chosen(args.unknown))
     settings = Settings(args.preset, args.spacing, args.device)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE

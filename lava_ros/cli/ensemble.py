@@ -103,13 +103,13 @@ def ensemble(args: argparse.Namespace) -> int:
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
     from lava_ros.forecast.members import check_members
-    from lava_ros.forecast.rasters import seen_in_file, write_atlas
+    from lava_ros.forecast.rasters import observed_in_file, write_atlas
     from lava_ros.forecast.sampling import draw_members, Susceptibility
     from lava_ros.forecast.store import Store
-    from lava_ros.hindcast.chances import chances_of, mapped_on
+    from lava_ros.hindcast.chances import mapped_on, score_probability
     from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
     from lava_ros.pages.comparison import compare_ensembles
-    from lava_ros.scene.on_terrain import raster_on
+    from lava_ros.scene.on_terrain import read_raster_on
     from lava_ros.scene.uncertainty import uncertainty_to_dict
 
     if (args.observed is None) != (args.observed_at is None):
@@ -123,12 +123,12 @@ def ensemble(args: argparse.Namespace) -> int:
     require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
     susceptibility = None
     if args.susceptibility is not None:
-        likelihood = raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
+        likelihood = read_raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
         susceptibility = Susceptibility(scene.terrain, likelihood)
     outline, observation = None, 'none'
     if args.observed is not None:
         seen = seconds_of('--observed-at', args.observed_at)
-        outline = Outline(seen, *seen_in_file(args.observed, scene.terrain))
+        outline = Outline(seen, *observed_in_file(args.observed, scene.terrain))
         observation = f'{Path(args.observed).name}, {seen:g} s after the start'
     members = draw_members(
         scene, args.members, seed=args.seed, susceptibility=susceptibility
@@ -178,7 +178,7 @@ def ensemble(args: argparse.Namespace) -> int:
         report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
     if case is not None:
         report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
-        report['score'] = chances_of(done.maps.probability, mapped_on(case, plan))
+        report['score'] = score_probability(done.maps.probability, mapped_on(case, plan))
     files = [*write_maps(done.maps), *_write_bag(output / BAG, plan, done.maps, report)]
     if done.weighted is not None:
         # in a folder of their own, to keep the maps with equal weights
@@ -188,7 +188,7 @@ def ensemble(args: argparse.Namespace) -> int:
         report |= _report(args, plan, done.weighted, done, wall, where)
         report['observed'] = _agreement(done, observation)
         if case is not None:
-            report['score'] = chances_of(done.weighted.probability, mapped_on(case, plan))
+            report['score'] = score_probability(done.weighted.probability, mapped_on(case, plan))
         files += write_maps(done.weighted, folder, observation)
         files += _write_bag(folder / BAG, plan, done.weighted, report)
     if barriers:

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import NoReturn
 
 import lava_ros
-from lava_ros.errors import LONGEST_EXPECTED, one_line
+from lava_ros.errors import MAX_EXPECTED_LENGTH, one_line
 
 #: The commands, each a function in the module of its name.
 COMMANDS = (
@@ -36,7 +36,7 @@ class _Parser(argparse.ArgumentParser):
     """Prints an error in one line, without the usage."""
 
     def error(self, message: str) -> NoReturn:
-        text = one_line(message, LONGEST_EXPECTED)
+        text = one_line(message, MAX_EXPECTED_LENGTH)
         self.exit(2, f"{self.prog}: {text}; '{self.prog} --help' lists the arguments\n")
 
 

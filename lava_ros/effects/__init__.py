@@ -129,14 +129,14 @@ def possible(lava: Lava) -> tuple[str, ...]:
 
 def existing(scene: Scene) -> tuple[str, ...]:
     """Return the names of the effects that a scene has and that no other effect replaces."""
-    return without_replaced(
+    return drop_superseded(
         name
         for name in possible(scene.lava)
         if not (around := EFFECTS[name].environment) or any(getattr(scene, key) for key in around)
     )
 
 
-def without_replaced(names: Iterable[str]) -> tuple[str, ...]:
+def drop_superseded(names: Iterable[str]) -> tuple[str, ...]:
     """Return those of the named effects that no other of them replaces."""
     names = tuple(names)
     replaced = {other for name in names for other in EFFECTS[name].replaces}

@@ -6,7 +6,7 @@
 e = 2.5 by Einstein and Roscoe (Roscoe 1952, Br. J. Appl. Phys. 3; Marsh 1981, Contrib. Mineral.
 Petrol. 78), e = 2 by Maron and Pierce (1956, J. Colloid Sci. 11). The volume fraction of crystals
 phi(T) rises linearly from 0 at the liquidus to ``crystals`` at the solidus. At maximum packing,
-phi = phi_m, the law is infinite: 1 - phi / phi_m is limited to at least ``LEAST_ROOM``.
+phi = phi_m, the law is infinite: 1 - phi / phi_m is limited to at least ``MIN_FREE_FRACTION``.
 """
 
 from functools import lru_cache
@@ -23,7 +23,7 @@ from lava_ros.errors import LavaError
 EXPONENTS = {'none': 0.0, 'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
 
 #: Minimum of 1 - phi / phi_m: a factor of 3e7 (Einstein-Roscoe) or 1e6 (Maron-Pierce).
-LEAST_ROOM = 1e-3
+MIN_FREE_FRACTION = 1e-3
 
 
 def fraction(lava: Lava, temperature: np.ndarray | float) -> np.ndarray | float:
@@ -34,7 +34,8 @@ def fraction(lava: Lava, temperature: np.ndarray | float) -> np.ndarray | float:
 def _stiffening(scales: Scales) -> np.ndarray:
     """Return the logarithm of the viscosity factor of crystals at the horizon, by column."""
     lava = scales.lava
-    room = np.maximum(1.0 - fraction(lava, scales.rest_temperature) / lava.packing, LEAST_ROOM)
+    free = 1.0 - fraction(lava, scales.rest_temperature) / lava.packing
+    room = np.maximum(free, MIN_FREE_FRACTION)
     return EXPONENTS[lava.crystal_law] * np.log(1.0 / room)
 
 
@@ -78,7 +79,7 @@ def stiffening(wp: Any, real: Any, law_type: Any, viscosity: Any) -> Any:
     def stiffened(law: law_type, temperature: real) -> real:
         share = (real(law.liquidus) - temperature) / real(law.liquidus - law.solidus)
         share = wp.clamp(share, real(0.0), real(1.0))
-        room = wp.max(real(1.0) - share * real(law.crystals_over_packing), real(LEAST_ROOM))
+        room = wp.max(real(1.0) - share * real(law.crystals_over_packing), real(MIN_FREE_FRACTION))
         return viscosity(law, temperature) * wp.pow(room, -real(law.crystal_exponent))
 
     return stiffened

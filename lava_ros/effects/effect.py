@@ -160,7 +160,7 @@ class Effect:
         needs_age: True if its terms depend on the age of a column.
         needs_speed: True if its terms depend on the speed of a column.
         arrays: Arrays that it keeps on the device, by name.
-        leaves_empty: True if particles may lose all their volume to it, and are then dropped.
+        removes_particles: True if particles may lose all their volume to it, and are then dropped.
         benchmark: Constants of lava, or of the scene, with which it matters, by name.
     """
 
@@ -189,5 +189,5 @@ class Effect:
     needs_age: bool = False
     needs_speed: bool = False
     arrays: Mapping[str, Array] = field(default_factory=dict)
-    leaves_empty: bool = False
+    removes_particles: bool = False
     benchmark: Mapping[str, Any] = field(default_factory=dict)

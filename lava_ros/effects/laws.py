@@ -14,12 +14,12 @@ from types import SimpleNamespace
 from typing import Any
 
 from lava_ros.effects import (
+    drop_superseded,
     EFFECTS,
     Effects,
     excluded_by,
     existing,
     possible,
-    without_replaced,
 )
 from lava_ros.effects.effect import join_names
 from lava_ros.effects.protocols import Lava, Scene
@@ -157,7 +157,7 @@ def strength_at(lava: Lava, temperature: float) -> float:
 def _all_of(names: Iterable[str]) -> Effects:
     """Return ``Effects`` with the named ones that are not replaced; the first of rivals."""
     on = dict.fromkeys(EFFECTS, False)
-    for name in without_replaced(names):
+    for name in drop_superseded(names):
         on[name] = not any(on[other] and excluded_by(name, other) for other in on)
     return Effects(**on)
 

@@ -16,5 +16,5 @@ EFFECT = Effect(
         # displacement since the last pass, and whether one is due
         'moved': Array('float64', 2, is_saved=True),
     },
-    leaves_empty=True,
+    removes_particles=True,
 )

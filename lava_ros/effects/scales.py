@@ -15,7 +15,7 @@ import numpy as np
 from lava_ros.effects.protocols import Lava, Scene
 
 #: Fraction of the way to the solidus above which lava may solidify.
-FREEZES = 0.9
+FREEZING_THRESHOLD = 0.9
 
 #: Interval of the temperatures at which a law is evaluated [K]; in between its logarithm is
 #: interpolated.

@@ -4,14 +4,14 @@
 """Solidification (equations: simulation/step/effects/solidification.py)."""
 
 from lava_ros.effects.effect import Array, Effect
-from lava_ros.effects.scales import FREEZES
+from lava_ros.effects.scales import FREEZING_THRESHOLD
 
 EFFECT = Effect(
     rank=170,
     title='columns that freeze become ground',
     symbol='fraction of the way to the solidus',
     number=lambda scales: scales.freezing,
-    threshold=FREEZES,
+    threshold=FREEZING_THRESHOLD,
     fraction=1.0,
     admits='nothing freezes',
     source='column at rest',
@@ -22,6 +22,6 @@ EFFECT = Effect(
         # solidified volume [m3]
         'frozen': Array('float64', 1, is_total=True),
     },
-    leaves_empty=True,
+    removes_particles=True,
     benchmark={'solidus': 1100.0},
 )

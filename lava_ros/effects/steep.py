@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros.effects.effect import Effect
-from lava_ros.effects.scales import footprint_change, FREEZES, Scales
+from lava_ros.effects.scales import footprint_change, FREEZING_THRESHOLD, Scales
 
 #: Slope of the side of solidified lava, in thicknesses over kernel radii: a column solidifies into
 #: a quadratic B-spline at least 0.65 / 1.5 of the radius wide, and the step at the end of a layer,
@@ -32,7 +32,7 @@ def _steepness(scales: Scales) -> np.ndarray:
     slope, thickness = scales.columns.ground_slope, scales.columns.thickness
     if scales.lava.solidus <= 0.0:
         return slope
-    side = np.where(scales.freezing > FREEZES, FROZEN_SIDE * thickness, 0.0)
+    side = np.where(scales.freezing > FREEZING_THRESHOLD, FROZEN_SIDE * thickness, 0.0)
     return np.maximum(slope, side / scales.kernel_radius)
 
 

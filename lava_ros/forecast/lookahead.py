@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 LOOKS = 240
 
 #: Number of observations of a scene's first forecast, which takes less than half of the time.
-FIRST_LOOKS = 60
+N_FIRST_SAMPLES = 60
 
 #: Number of observations before the first regular one, each at half the time of the next.
-EARLY_LOOKS = 4
+N_EARLY_SAMPLES = 4
 
 
 class Looking:
@@ -148,7 +148,7 @@ class LookAhead(Looking):
             checkpoint: The state from which to start.
             horizon: Simulated duration of the forecast [s].
             threshold: Thickness at or above which lava has arrived [m].
-            looks: Number of regular observations within the horizon, after ``EARLY_LOOKS``.
+            looks: Number of regular observations within the horizon, after ``N_EARLY_SAMPLES``.
             device: Warp device; None for the first GPU, or the CPU without one.
             max_particles: Maximum number of particles, None for no limit.
 
@@ -208,5 +208,5 @@ class LookAhead(Looking):
 def moments(horizon: float, looks: int) -> list[float]:
     """Return the times of observations after the start [s], the last one at the horizon."""
     interval = horizon / looks
-    early = [interval / 2.0**power for power in range(EARLY_LOOKS, 0, -1)]
+    early = [interval / 2.0**power for power in range(N_EARLY_SAMPLES, 0, -1)]
     return early + [interval * number for number in range(1, looks)] + [horizon]

@@ -31,7 +31,7 @@ from typing import Any
 
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.live_ensemble import Answer, LiveEnsembles
-from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
+from lava_ros.forecast.lookahead import LookAhead, LOOKS, N_FIRST_SAMPLES
 from lava_ros.forecast.sampling import prepare_sampling
 from lava_ros.simulation.output.checkpoint import Checkpoint
 
@@ -98,7 +98,7 @@ class Forecasting:
             self._ensembles.order(checkpoint, number=number, **ensemble, **how)
         with self._guarded():
             # the first forecast should be early rather than precise
-            looks = FIRST_LOOKS if is_first else LOOKS
+            looks = N_FIRST_SAMPLES if is_first else LOOKS
             self._ahead = LookAhead(checkpoint, looks=looks, **how)
 
     def outline(self, number: int, outline: Outline) -> None:

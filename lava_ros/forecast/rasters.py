@@ -14,14 +14,14 @@ from lava_ros.maps import gis
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import ENDINGS
-from lava_ros.scene.on_terrain import areas_on, raster_on
+from lava_ros.scene.on_terrain import read_polygons_on, read_raster_on
 
 
-def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
+def observed_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
     """Read observed lava from a file.
 
-    The file contains areas (``areas_on``), or a raster (``raster_on``) with values above 0 for
-    lava, 0 for no lava, and no data for cells that were not observed.
+    The file contains areas (``read_polygons_on``), or a raster (``read_raster_on``) with values
+    above 0 for lava, 0 for no lava, and no data for cells that were not observed.
 
     Returns:
         Cells with lava and observed cells, each bool, shape [rows, columns] of the terrain.
@@ -32,7 +32,7 @@ def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.nda
     field = '--observed'
     # a .txt file may be a grid
     suffix = Path(path).suffix.lower()
-    read = areas_on if suffix in ENDINGS and suffix != '.txt' else raster_on
+    read = read_polygons_on if suffix in ENDINGS and suffix != '.txt' else read_raster_on
     values = read(terrain, path, field=field).astype(np.float64)
     known = np.isfinite(values) & terrain.has_data
     lava = (values > 0.0) & known

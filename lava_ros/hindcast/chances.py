@@ -60,7 +60,7 @@ def mapped_on(case: Case, plan: Plan) -> np.ndarray:
     return outline_on(plan.scene.terrain, mask, plan.horizon).lava
 
 
-def chances_of(probability: np.ndarray, came: np.ndarray) -> dict[str, Any]:
+def score_probability(probability: np.ndarray, came: np.ndarray) -> dict[str, Any]:
     """Score a map of probability (0 to 100 %, NaN without data) against the inundated cells.
 
     Dry cells with a probability of 0 are easy to forecast, so the skill is given without them,

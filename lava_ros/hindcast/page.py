@@ -22,7 +22,7 @@ from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.raster_layers import NODATA
 from lava_ros.maps.sheet import draw_sheet, Panel
-from lava_ros.pages.report.page import write_still
+from lava_ros.pages.report.page import write_static_page
 from lava_ros.pages.runs import system_words
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
@@ -53,7 +53,7 @@ def write_page(
     assert material is not None
     note = f'{material.name}: {material.title}. Constants that are not listed are off.'
     constants, sources = _constants(case, material)
-    write_still(
+    write_static_page(
         output,
         picture,
         template='hindcast.html',

@@ -63,7 +63,7 @@ class Unknown:
         return (value - self.low) / (self.high - self.low)
 
 
-def unknowns_of(
+def free_parameters_of(
     case: Case,
     names: tuple[str, ...] = (),
     ranges: Mapping[str, tuple[float, float]] | None = None,
@@ -125,7 +125,7 @@ def published_uncertainty(case: Case) -> Uncertainty:
         LavaError: If a constant of the case is outside the range of a factor.
     """
     found: dict[str, Any] = {'constants': {}}
-    for item in unknowns_of(case, tuple(_published(case))):
+    for item in free_parameters_of(case, tuple(_published(case))):
         name, usual, span, place = item.name, item.usual, (item.low, item.high), found
         if name == 'vent_temperature':
             name, span = 'temperature', (item.low - usual, item.high - usual)

@@ -14,7 +14,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.picture import draw_reliability
-from lava_ros.forecast.rasters import seen_in_file
+from lava_ros.forecast.rasters import observed_in_file
 from lava_ros.forecast.scores import brier_parts
 from lava_ros.maps.colours import STYLES
 from lava_ros.maps.onset import Onset
@@ -75,7 +75,7 @@ def draw_runs(
     charts: list[Callable[[Any], None]] = []
     scores = {}
     if observed is not None:
-        masks = {run.name: seen_in_file(observed, run.terrain) for run in runs}
+        masks = {run.name: observed_in_file(observed, run.terrain) for run in runs}
         shown = [
             (run, replace(panel, outlines={'observed lava': masks[run.name][0]}))
             for run, panel in shown

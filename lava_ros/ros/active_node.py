@@ -25,7 +25,7 @@ from lava_ros.ros.publishers import LayerPublishers, published_layers, ScenePubl
 from lava_ros.ros.recorder import BagFolder, Recorder
 from lava_ros.ros.recording import CheckpointRecording, SceneRecording
 from lava_ros.ros.services import create_services
-from lava_ros.ros.sources import resumed_simulation, SimulationMaker, Sources
+from lava_ros.ros.sources import resumed_simulation, SimulationFactory, Sources
 from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
@@ -90,7 +90,7 @@ class ActiveNode:
         )
         self._entities = entities
         snapshot_ready = entities.create('guard_condition', self._publish)
-        maker = SimulationMaker()
+        maker = SimulationFactory()
         self._worker = SimulationWorker(
             lambda scene: maker.make(scene, self._settings),
             clock=lambda: now_ns(node) * 1e-9,
@@ -304,7 +304,7 @@ class ActiveNode:
     def _begin(self, sources: Sources) -> None:
         checkpoint, command = sources.checkpoint, self._inputs.command
         if checkpoint is not None:
-            resume_future = self._worker.go_on_with(
+            resume_future = self._worker.resume_with(
                 lambda: resumed_simulation(checkpoint, self._settings),
                 checkpoint.scene,
                 sources.origin,
@@ -327,8 +327,8 @@ class ActiveNode:
     def _mark_due(self, rate: float) -> None:
         if not self.is_active:
             return
-        self._layers.make_due(rate)
-        self._forecasts.make_due(rate)
+        self._layers.mark_due(rate)
+        self._forecasts.mark_due(rate)
         self._worker.request_snapshot()
         if self._is_at_rest():
             self._publish()
@@ -342,7 +342,7 @@ class ActiveNode:
         stamp_ns = now_ns(self._node)
         if scene is not None:
             self._recording.write(self._worker.eruption, snapshot, stamp_ns)
-            is_heard = self._inputs.has_heard(scene.terrain)
+            is_heard = self._inputs.came_from_topic(scene.terrain)
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
         self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
         self._forecasts.publish(repeat=repeat)

@@ -22,7 +22,7 @@ from lava_ros.ros.recording import LastCheckpoint
 from lava_ros.ros.session import Eruption, is_on
 from lava_ros.ros.sources import DeadlineChoice
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
-from lava_ros.scene import temperature_doubts, Terrain
+from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.simulation.output.inundation import inundated_cells
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.setup.resolution import Resolution
@@ -53,7 +53,7 @@ def simulation_status(
     level, message = _LEVELS.get(state, OK), state.value
     warnings = snapshot.budget.warnings() if snapshot is not None else []
     # the state 'starting' already explains a wait
-    warnings += [*clock.values(), worker.hold_up if state is not WorkerState.STARTING else '']
+    warnings += [*clock.values(), worker.blocked_by if state is not WorkerState.STARTING else '']
     warnings.append('running slower than the clock asks for' if worker.is_behind else '')
     if state is WorkerState.RUNNING and resolution is not None and resolution.is_coarse:
         warnings.append(resolution.text())
@@ -327,7 +327,7 @@ class NodeLog:
         places = [(vent.position, vent.end, vent.radius) for vent in vents]
         self._log_change('vents', places, lambda: f'vents: {len(vents)}, {discharge:g} m3/s')
         # the topics use Celsius
-        doubts = temperature_doubts(scene, is_celsius=True)[:3]
+        doubts = suspicious_temperatures(scene, is_celsius=True)[:3]
         self._log_change('doubts', doubts, lambda: '; '.join(doubts), 'warning')
         names = [name for name, text in effects.items() if is_on(text)]
         self._log_change('effects', names, lambda: f'effects: {", ".join(names) or "none"}')
@@ -356,7 +356,7 @@ class NodeLog:
         # the text contains a duration, so only the kind is compared
         for kind in ('clock', 'ahead', 'back', 'lost'):
             self._log_change(kind, kind in clock, partial(str, clock.get(kind, '')), 'warning')
-        self._log_change('hold-up', bool(worker.hold_up), lambda: worker.hold_up, 'warning')
+        self._log_change('hold-up', bool(worker.blocked_by), lambda: worker.blocked_by, 'warning')
 
     def volumes(self, snapshot: Snapshot) -> None:
         """Log the volume of lava emitted, and where it is."""

@@ -87,10 +87,10 @@ class ForecastTopics:
         """Start or stop making and publishing forecasts."""
         self._forecaster.want(is_active)
 
-    def make_due(self, rate: float) -> None:
+    def mark_due(self, rate: float) -> None:
         """Mark the layers of a rate [Hz] as due with the next forecast."""
         for publishers in self.publishers:
-            publishers.make_due(rate)
+            publishers.mark_due(rate)
         self.publish()
 
     def publish(self, *, repeat: bool = False) -> None:

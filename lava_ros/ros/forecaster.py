@@ -32,7 +32,7 @@ from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 
 #: Minimum wall time between the starts of two forecasts [s].
-LEAST_PERIOD = 1.0
+MIN_PERIOD = 1.0
 
 #: Minimum wall time between two copies of the state, as a multiple of the time that a copy takes:
 #: the thread of the live simulation makes the copies.
@@ -48,10 +48,10 @@ _WATCH_TIME = 0.1
 #: Minimum fraction of a device's time for forecasts, by kind of device. Two busy processes get
 #: half of a GPU each, so the live simulation loses half of this fraction. On a CPU, forecasts have
 #: a low priority and slow the simulation only by their use of caches and memory.
-LEAST_SHARES = {'cpu': 0.25, 'cuda': 0.1}
+MIN_DUTY_CYCLES = {'cpu': 0.25, 'cuda': 0.1}
 
 #: Increase of the fraction per second [1/s] while the live simulation keeps up.
-SHARE_RATE = 0.1
+DUTY_CYCLE_RATE = 0.1
 
 #: First and maximum wall time before the retry after a failure [s]; each failure doubles it.
 _RETRY_TIMES = (2.0, 60.0)
@@ -73,12 +73,12 @@ class Pace:
         if is_behind:
             self._share = 0.0
         elif self._noted is not None:
-            self._share = min(1.0, self._share + SHARE_RATE * (now - self._noted))
+            self._share = min(1.0, self._share + DUTY_CYCLE_RATE * (now - self._noted))
         self._noted = now
 
     def share(self, most: float, device: str) -> float:
         """Return the current fraction on a device, at most ``most``."""
-        least = LEAST_SHARES[device.partition(':')[0]]
+        least = MIN_DUTY_CYCLES[device.partition(':')[0]]
         return min(max(round(self._share, 1), least), most)
 
 
@@ -301,9 +301,9 @@ class Forecaster:
         self._renew_share(rules)
         self._put_status(progress=0.0)
         self._current_fork = fork
-        # a changed scene has no forecast at all, so it need not wait for LEAST_PERIOD
+        # a changed scene has no forecast at all, so it need not wait for MIN_PERIOD
         self._due_after_change = begun + FORK_REST * fork.wall_time
-        self._due = max(begun + LEAST_PERIOD, self._due_after_change)
+        self._due = max(begun + MIN_PERIOD, self._due_after_change)
         self._process.order('share', share=self.status.share)
         self._process.order(
             'fork',

@@ -203,7 +203,7 @@ class InputTopics:
         self._reject(topic, error)
         self.log.forgive(topic)
 
-    def has_heard(self, terrain: Terrain) -> bool:
+    def came_from_topic(self, terrain: Terrain) -> bool:
         """Return True if a terrain was received on ``terrain`` and ``terrain_info``."""
         return id(terrain) in self._heard
 

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lava_ros import validation
-from lava_ros.effects import EFFECTS, Effects, possible, without_replaced
+from lava_ros.effects import drop_superseded, EFFECTS, Effects, possible
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import MAX_MARGIN
 from lava_ros.maps.layers import ZERO_CELSIUS
@@ -525,7 +525,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         if name in names_on:
             raise LavaError('effects_off', name, 'an effect that is not in effects_on as well')
     for name in names_on:
-        if name not in without_replaced(possible(lava)):
+        if name not in drop_superseded(possible(lava)):
             expected = 'an effect that the material has by its constants, lava.*'
             raise LavaError('effects_on', name, expected)
     try:

@@ -124,7 +124,7 @@ class LayerPublishers(Generic[Shown]):
         self.shown: Shown | None = None
         self.shown_stamp_ns = 0
 
-    def make_due(self, rate: float) -> None:
+    def mark_due(self, rate: float) -> None:
         """Mark the layers of a rate [Hz] as due with the next new snapshot."""
         for output in self._outputs:
             output.is_due |= output.layer.rate == rate

@@ -65,8 +65,8 @@ def create_services(
     def commanded(name: str, future: Future[None], text: str) -> str:
         """Return the response to a command, with the reason if it has to wait."""
         inputs.command(name, future)
-        hold_up = worker.status.hold_up
-        return f'{text}, but later: {hold_up}' if hold_up else text
+        blocked_by = worker.status.blocked_by
+        return f'{text}, but later: {blocked_by}' if blocked_by else text
 
     def reset(_: Any) -> str:
         if worker.eruption.scene is None:

@@ -127,9 +127,9 @@ class Eruption:
 
     def start(self, scene: Scene) -> None:
         """Start a scene at time 0 in place of the current simulation."""
-        self.go_on_with(self._make_simulation(scene), scene)
+        self.resume_with(self._make_simulation(scene), scene)
 
-    def go_on_with(
+    def resume_with(
         self,
         simulation: 'Simulation',
         scene: Scene,

@@ -238,7 +238,7 @@ class DeadlineChoice:
     spent: float = 0.0
 
 
-class SimulationMaker:
+class SimulationFactory:
     """Makes simulations of scenes. Called in the worker's thread; any thread may read ``choice``.
 
     ``choice`` is the choice at the last start, None without a deadline or a vent.

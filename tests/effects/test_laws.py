@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 import pytest
 
 from effects.columns import viscosities
-from lava_ros.effects.crystals import LEAST_ROOM
+from lava_ros.effects.crystals import MIN_FREE_FRACTION
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava
 from lava_ros.simulation import Particles
@@ -196,7 +196,7 @@ def test_viscosity_is_finite_at_maximum_packing(device):
     found = viscosities(
         temperatures, only('crystals'), lava=lava, precision='float32', device=device
     )
-    assert found[0] == pytest.approx(50.0 * LEAST_ROOM**-2.0, rel=1e-3)
+    assert found[0] == pytest.approx(50.0 * MIN_FREE_FRACTION**-2.0, rel=1e-3)
     assert found[1] == pytest.approx(found[0])
     assert found[2] == pytest.approx(50.0, rel=1e-4)
 

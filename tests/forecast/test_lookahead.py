@@ -11,7 +11,7 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.lookahead import EARLY_LOOKS, LookAhead, moments
+from lava_ros.forecast.lookahead import LookAhead, moments, N_EARLY_SAMPLES
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.checkpoint import from_bytes
@@ -77,9 +77,9 @@ def test_forecast_equals_the_continued_simulation(device, effects):
 
 def test_looks_are_denser_near_the_start():
     times = moments(60.0, 6)
-    assert len(times) == 6 + EARLY_LOOKS
-    assert times[EARLY_LOOKS:] == pytest.approx([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
-    assert times[:EARLY_LOOKS] == [10.0 / 2.0**power for power in (4, 3, 2, 1)]
+    assert len(times) == 6 + N_EARLY_SAMPLES
+    assert times[N_EARLY_SAMPLES:] == pytest.approx([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
+    assert times[:N_EARLY_SAMPLES] == [10.0 / 2.0**power for power in (4, 3, 2, 1)]
 
 
 def test_names_the_invalid_option():

@@ -15,7 +15,7 @@ from rasterio.transform import Affine, from_origin
 
 from disc_flow import disc_plan, TERRAIN, VENT
 from lava_ros.errors import LavaError
-from lava_ros.forecast.rasters import seen_in_file
+from lava_ros.forecast.rasters import observed_in_file
 from lava_ros.forecast.sampling import (
     draw_members,
     Member,
@@ -24,7 +24,7 @@ from lava_ros.forecast.sampling import (
     Susceptibility,
 )
 from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.scene.on_terrain import raster_on
+from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.scene.uncertainty import Roughness
 
 UNCERTAIN = {
@@ -160,14 +160,14 @@ def write(path: Path, values: np.ndarray, **options: object) -> Path:
 def test_cells_of_a_raster_fill_cells_of_the_terrain(tmp_path: Path) -> None:
     values = np.arange(48.0).reshape(6, 8)
     values[0, 0] = -1.0
-    cells = raster_on(GROUND, write(tmp_path / 'a.tif', values), field='a')
+    cells = read_raster_on(GROUND, write(tmp_path / 'a.tif', values), field='a')
     expected = np.flipud(np.where(values < 0.0, np.nan, values))
     np.testing.assert_array_equal(cells, expected)
     coarse = write(
         tmp_path / 'b.tif', np.array([[1.0, 2.0], [3.0, 4.0]]),
         transform=from_origin(500_000.0, 4_180_120.0, 80.0, 60.0),
     )
-    cells = raster_on(GROUND, coarse, field='b')
+    cells = read_raster_on(GROUND, coarse, field='b')
     np.testing.assert_array_equal(cells, np.kron([[3.0, 4.0], [1.0, 2.0]], np.ones((3, 4))))
 
 
@@ -176,14 +176,14 @@ def test_raster_in_degrees_is_reprojected(tmp_path: Path) -> None:
         tmp_path / 'a.tif', np.ones((1, 1)), crs='EPSG:4326',
         transform=from_origin(14.9, 38.0, 0.1 + 80.0 / 87_900.0, 1.0),
     )
-    cells = raster_on(GROUND, degrees, field='a')
+    cells = read_raster_on(GROUND, degrees, field='a')
     assert (cells[:, :4] == 1.0).all() and np.isnan(cells[:, 4:]).all()
 
 
 def test_outline_is_unknown_where_it_has_no_data(tmp_path: Path) -> None:
     values = np.zeros((6, 8))
     values[0, :3], values[5] = 1.0, -1.0
-    lava, known = seen_in_file(write(tmp_path / 'a.tif', values), GROUND)
+    lava, known = observed_in_file(write(tmp_path / 'a.tif', values), GROUND)
     assert lava[5, :3].all() and lava.sum() == 3
     assert not known[0].any() and known[1:].all()
 
@@ -192,7 +192,7 @@ def test_cell_with_all_the_likelihood_gets_every_vent(tmp_path: Path) -> None:
     values = np.zeros((6, 8))
     values[1, 2] = 0.3
     path = write(tmp_path / 'a.tif', values)
-    places = Susceptibility(GROUND, raster_on(GROUND, path, field='--susceptibility'))
+    places = Susceptibility(GROUND, read_raster_on(GROUND, path, field='--susceptibility'))
     for fraction in (1e-9, 0.5, 1.0 - 1e-9):
         assert GROUND.cell_at(*places.place(fraction, fraction)) == (4, 2)
 
@@ -203,15 +203,15 @@ def test_refuses_unusable_rasters(tmp_path: Path) -> None:
     far = write(tmp_path / 'far.tif', ones, transform=from_origin(0.0, 1000.0, 20.0, 20.0))
     for path in (tmp_path / 'none.tif', tmp_path / 'text.tif', far):
         with pytest.raises(LavaError, match='--observed'):
-            seen_in_file(path, GROUND)
+            observed_in_file(path, GROUND)
     (tmp_path / 'other.tif').write_text('<VRTDataset rasterXSize="8" rasterYSize="6"/>')
     with pytest.raises(LavaError, match='a virtual raster with files of the same folder'):
-        seen_in_file(tmp_path / 'other.tif', GROUND)
+        observed_in_file(tmp_path / 'other.tif', GROUND)
     flat = write(tmp_path / 'flat.tif', ones, transform=Affine(0.0, 0.0, 5e5, 0.0, -20.0, 4.18e6))
     endless = write(tmp_path / 'nan.tif', ones, transform=Affine(20, 0, math.nan, 0, -20, 4.18e6))
     for path in (flat, endless):
         with pytest.raises(LavaError, match='a georeferenced raster'):
-            seen_in_file(path, GROUND)
+            observed_in_file(path, GROUND)
     here = write(tmp_path / 'here.tif', ones)
     with pytest.raises(LavaError, match='coordinate system'):
-        raster_on(Terrain(np.zeros((6, 8)), 20.0), here, field='a')
+        read_raster_on(Terrain(np.zeros((6, 8)), 20.0), here, field='a')

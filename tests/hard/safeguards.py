@@ -54,8 +54,8 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
               'pond_between_walls', 'fine', 'energy'),
     Safeguard(
         'reach', 'lava thrown across the map by a cliff whose edge it creeps over within a step',
-        f'{SOLVER}/step/motion.py', 'if size > most:', 'if size > most + real(1e30):', 'brink', 'fine',
-        'place',
+        f'{SOLVER}/step/motion.py', 'if size > most:', 'if size > most + real(1e30):', 'brink',
+        'fine', 'place',
     ),
     Safeguard('fall', 'lava at a wall that is many times as fast as free fall',
               f'{SOLVER}/step/flow.py',
@@ -69,8 +69,9 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
               'slope_89_degrees', 'draft', 'halving'),
     Safeguard(
         'thickest', 'too long steps for the lateral stress that sweeps leave out in thick lava',
-        f'{SOLVER}/particles/motion_arguments.py', 'constants.thickest = THICKEST * accuracy.thickness',
-        'constants.thickest = math.inf', 'pond_lateral', 'fine', 'climb',
+        f'{SOLVER}/particles/motion_arguments.py',
+        'constants.thickest = THICKEST * accuracy.thickness', 'constants.thickest = math.inf',
+        'pond_lateral', 'fine', 'climb',
     ),
     Safeguard('drag', 'lava that neighbours on level ground push up a wall by lateral stress',
               'lava_ros/simulation/step/effects/helmholtz.py',

@@ -98,8 +98,8 @@ def test_watch_detects_an_invalid_particle(column, value, invariant):
 
 def test_watch_detects_vents_with_overdue_lava(monkeypatch):
     item = SCENES['vents_replaced']
-    monkeypatch.setattr(vents, '_MOST_A_STEP', 1)
-    monkeypatch.setattr(vents, '_LEAST_MOST', 1)
+    monkeypatch.setattr(vents, '_MAX_PARTICLES_PER_STEP', 1)
+    monkeypatch.setattr(vents, '_MIN_PARTICLE_LIMIT', 1)
     monkeypatch.setattr(vents.VentSet, 'longest_step', lambda *_: math.inf)
     simulation = Simulation(item.scene, accuracy=Accuracy(thickness=0.1), device='cpu')
     watch = Watch(simulation)

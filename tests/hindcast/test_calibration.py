@@ -26,7 +26,7 @@ from lava_ros.hindcast.calibration import (
     write_trials,
 )
 from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.unknowns import changed, Unknown, unknowns_of
+from lava_ros.hindcast.unknowns import changed, free_parameters_of, Unknown
 
 UNKNOWNS = (
     Unknown('viscosity', 'Pa s', 1e2, 1e6, 1e5, 'made up', is_log=True),
@@ -125,13 +125,13 @@ def valley(tmp_path: Path) -> Case:
 
 def test_unknowns_have_the_published_ranges(valley: Case) -> None:
     """Ranges given by the user take precedence over those of the material."""
-    unknowns = {item.name: item for item in unknowns_of(valley)}
+    unknowns = {item.name: item for item in free_parameters_of(valley)}
     assert 'discharge' not in unknowns
     assert valley.material is not None
     viscosity, known = unknowns['viscosity'], valley.material.constants['viscosity']
     assert known.range == (viscosity.low, viscosity.high)
     assert viscosity.is_log and viscosity.source == known.range_source
-    (given,) = unknowns_of(valley, ('discharge',), {'discharge': (0.9, 1.1)})
+    (given,) = free_parameters_of(valley, ('discharge',), {'discharge': (0.9, 1.1)})
     assert (given.low, given.high, given.usual) == (0.9, 1.1, 1.0)
     assert given.source == 'given by the user'
 
@@ -166,4 +166,4 @@ def test_raises_for_invalid_unknowns(valley: Case, tmp_path: Path) -> None:
         (bare, ('emissivity',), {}, 'none has been published'),
     ):
         with pytest.raises(LavaError, match=words):
-            unknowns_of(case, names, ranges)
+            free_parameters_of(case, names, ranges)

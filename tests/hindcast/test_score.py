@@ -16,7 +16,7 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.members import member_scene
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.hindcast.case import Case, Event, load_case
-from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
+from lava_ros.hindcast.chances import mapped_on, plan_of, score_probability
 from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.score import distances, Score, score
 from lava_ros.scene.materials import material_named
@@ -174,14 +174,14 @@ def test_probabilities_are_scored_where_lava_could_be() -> None:
     beside[:20] = True
     rate = came.sum() / (came | beside).sum()
     uniform = np.where(came | beside, 100.0 * rate, 0.0)
-    flat = chances_of(uniform, came)
+    flat = score_probability(uniform, came)
     assert flat['brier_skill'] == pytest.approx(0.0, abs=1e-12)
     assert flat['base_rate'] == pytest.approx(rate)
     assert flat['largest_gap'] == pytest.approx(0.0, abs=1e-12)
     assert flat['brier_skill_of_terrain'] > 0.0
-    perfect = chances_of(100.0 * came, came)
+    perfect = score_probability(100.0 * came, came)
     assert (perfect['brier_score'], perfect['cells']) == (0.0, came.sum())
-    wrong = chances_of(np.where(beside, 80.0, 0.0), came)
+    wrong = score_probability(np.where(beside, 80.0, 0.0), came)
     assert wrong['brier_skill'] < 0.0
     # the bin of a probability of 0 includes the missed cells
     assert wrong['largest_gap'] == pytest.approx(0.8)

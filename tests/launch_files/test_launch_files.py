@@ -104,7 +104,7 @@ def test_accepts_further_arguments_of_an_including_file(monkeypatch):
     module = runpy.run_path(str(LAVA))
     monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'robot.launch.py', 'robot:=r1'])
     context = Context({}, ['robot:=r1'])
-    module['refuse_unknown'](context, str(LAVA), module['declare_arguments']())
+    module['reject_unknown_arguments'](context, str(LAVA), module['declare_arguments']())
 
 
 @pytest.mark.parametrize(('arguments', 'respawns'), [

@@ -98,7 +98,7 @@ def test_path_is_the_shortest(seed):
     for goal in [(17, 24), (9, 12), (0, 24), (17, 0), (3, 5)]:
         if blocked[goal]:
             continue
-        way = keep_out.find_way(blocked, near, (0, 0), goal)
+        way = keep_out.find_path(blocked, near, (0, 0), goal)
         if not np.isfinite(lengths[goal]):
             assert way == []
             continue
@@ -196,7 +196,7 @@ def test_path_is_the_fastest_without_lava(seed):
     until[0, 0] = 20.0
     times = _arrivals_by_waves(until, (0, 0), 1.0)
     for is_goal in (np.isinf(until), np.arange(108).reshape(9, 12) == 107):
-        way = leave_in_time.find_way(until, (0, 0), is_goal, 1.0)
+        way = leave_in_time.find_path(until, (0, 0), is_goal, 1.0)
         if not np.isfinite(times[is_goal]).any():
             assert way == []
             continue

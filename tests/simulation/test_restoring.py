@@ -165,7 +165,7 @@ def test_neighbour_grid_of_a_resumed_run_covers_lava_far_from_vents(device, monk
         accuracy=Accuracy(spacing=10.0, thickness=1.0), device=device,
         particles=Particles(places, 100.0, 1400.0),
     )
-    monkeypatch.setattr(neighbors, 'MOST_IN_CELL', 50)
+    monkeypatch.setattr(neighbors, 'MAX_PARTICLES_PER_CELL', 50)
     resumed = Simulation.resume(simulation.checkpoint(), device=device)
     snapshots = [run.snapshot() for run in (simulation, resumed)]
     assert snapshots[0].budget.held == pytest.approx(4e4, rel=1e-6)

@@ -20,7 +20,7 @@ from lava_ros.simulation.setup.presets import PRESETS
 from lava_ros.simulation.setup.resolution import (
     ACROSS,
     EDGES,
-    LEAST_ACROSS,
+    MIN_ACROSS,
     MOST_PARTICLES,
     resolution_of,
     resolved_accuracy,
@@ -47,7 +47,7 @@ def test_spacing_follows_the_width_of_the_flow():
         assert found.limit == 'flow'
         assert found.across == pytest.approx(ACROSS * refinement, rel=5e-3)
         assert found.spacing == pytest.approx(width / found.across)
-        assert found.is_coarse == (found.across < LEAST_ACROSS)
+        assert found.is_coarse == (found.across < MIN_ACROSS)
     assert resolved_accuracy(Accuracy(), valley).spacing == resolution_of(
         valley, Accuracy()
     ).spacing

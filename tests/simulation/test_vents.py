@@ -18,7 +18,7 @@ from lava_ros.simulation import advance, Simulation
 from lava_ros.simulation.setup.accuracy import Accuracy
 import lava_ros.simulation.solver as solver_module
 from lava_ros.simulation.solver import Solver
-from lava_ros.simulation.step.vents import Emission, MOST_A_SECOND, VentSet
+from lava_ros.simulation.step.vents import Emission, MAX_PARTICLES_PER_SECOND, VentSet
 
 VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
 
@@ -81,11 +81,11 @@ def test_rejects_a_discharge_of_too_many_particles(discharges: tuple[float, ...]
 
 
 def test_emission_per_step_is_limited() -> None:
-    simulation = flow(Vent((50.0, 50.0), 0.9 * MOST_A_SECOND, radius=1e5))
+    simulation = flow(Vent((50.0, 50.0), 0.9 * MAX_PARTICLES_PER_SECOND, radius=1e5))
     simulation.advance(2.0)
     budget = simulation.budget()
     assert simulation.steps >= 6
-    assert budget.emitted == pytest.approx(1.8 * MOST_A_SECOND)
+    assert budget.emitted == pytest.approx(1.8 * MAX_PARTICLES_PER_SECOND)
     assert simulation.solver.state.capacity < 2**21
 
 

@@ -160,7 +160,7 @@ def _json(data: Any) -> str:
     return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
 
 
-def write_still(
+def write_static_page(
     output: Path, picture: Path, *, template: str = 'still.html', **content: Any
 ) -> int:
     """Write a self-contained HTML page about a PNG.
@@ -204,7 +204,7 @@ def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -
             for name, scores in drawn['scores'].items()
             for term, value in scores.items()
         }
-        return write_still(
+        return write_static_page(
             output,
             picture,
             title=drawn['title'],

@@ -30,7 +30,7 @@ from lava_ros.scene.projection import system_name
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.setup.accuracy import COVERED
 from lava_ros.simulation.setup.presets import PRESETS
-from lava_ros.simulation.setup.resolution import LEAST_ACROSS
+from lava_ros.simulation.setup.resolution import MIN_ACROSS
 
 
 class Table(NamedTuple):
@@ -61,7 +61,7 @@ def warnings(recording: Recording, survey: Survey) -> list[str]:
     elif budgets:
         found += [f'{text[0].upper()}{text[1:]}.' for text in budgets[-1].warnings()]
     across, width = (run[-1].number(key) for key in ('particles_across', 'flow_width_m'))
-    if across < LEAST_ACROSS:
+    if across < MIN_ACROSS:
         found.append(
             f'The flow is under-resolved: {across:.2g} particles across about {width:.2g} m. '
             'The inundated area would differ in a finer run.'

@@ -27,7 +27,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
-from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.own_ground import cells_function
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
@@ -298,7 +298,7 @@ class Raster:
         maps = [self.thickness, self.temperature]
         way = neighbors.motion_arguments(state)
         inputs = [way, self._terrain.exact_ground, self._radius]
-        launch_over(state, mark, [way, self.temperature], least=LEAST_MOVES)
+        launch_over(state, mark, [way, self.temperature], least=MIN_MOVES)
         launch_over(state, weigh, [*inputs, *maps], count=cells)
         launch_over(state, share_out, [*inputs, self.thickness])
         launch_over(state, gather, [*inputs, *maps], count=cells)

@@ -33,7 +33,7 @@ _OCTAVES = 7.0
 SQUARED_SUPPORT = 2.0 ** (_OCTAVES / 2.0)
 
 #: The square below which distances are not distinguished.
-LEAST_SQUARED = 1.0 / SQUARED_SUPPORT
+MIN_SQUARED_DISTANCE = 1.0 / SQUARED_SUPPORT
 
 #: log2(e^x K0(x)), x = 2 sqrt(s), as a polynomial of log2 s, its highest power first, to 2e-4 for
 #: x from 0.004 to 20.
@@ -274,7 +274,7 @@ class K0Within(NamedTuple):
     Attributes:
         powers: Warp type of the values that depend on k only.
         powers_of: Device function.
-        at: Device function, for squared distances of at least ``LEAST_SQUARED``.
+        at: Device function, for squared distances of at least ``MIN_SQUARED_DISTANCE``.
     """
 
     powers: Any

@@ -24,7 +24,7 @@ from lava_ros.simulation.backend import compiled
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.backend.streams import read
-from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.particles import state as at
 from lava_ros.simulation.particles.cells import cell_frame, cell_functions, cells_to_radius
 from lava_ros.simulation.particles.motion_arguments import arguments_type, motion_arguments
@@ -51,7 +51,7 @@ _NEVER_BELOW, _NEVER_ABOVE = -(2**31), 2**31 - 1
 
 #: Maximum number of particles in a cell; evenly spread lava has one. It bounds the cost of sums
 #: over neighbours relative to that of evenly spread lava.
-MOST_IN_CELL = 2**15
+MAX_PARTICLES_PER_CELL = 2**15
 
 
 @lru_cache
@@ -293,7 +293,7 @@ class NeighborGrid:
     def bin(self, state: State) -> None:
         """Assign each particle to its cell, as a motion that sets ``is_binned`` does."""
         way, (bins, *_) = self.motion_arguments(state), _kernels_of(state)
-        launch_over(state, bins, [way], least=LEAST_MOVES)
+        launch_over(state, bins, [way], least=MIN_MOVES)
         self.is_binned = True
 
     def set_constants(self, **constants: Any) -> None:
@@ -320,19 +320,20 @@ class NeighborGrid:
             state.launches(rank, [way], dim=state.extent)
         self._scan(state.launches, self.cells.sizes, self.cells.starts)
         if state.is_ranked_again:
-            launch_over(state, members, [way], least=LEAST_MOVES)
-        launch_over(state, order, [way], least=LEAST_MOVES)
+            launch_over(state, members, [way], least=MIN_MOVES)
+        launch_over(state, order, [way], least=MIN_MOVES)
 
     def refuse_crowds(self) -> None:
         """Check the number of particles per cell: each particle visits all those around it.
 
         Raises:
-            LavaError: If a cell contains more than ``MOST_IN_CELL`` particles.
+            LavaError: If a cell contains more than ``MAX_PARTICLES_PER_CELL`` particles.
         """
         starts = read(self.cells.starts)[: self.cells.rows * self.cells.columns + 1]
         most = int(np.diff(starts).max())
-        if most > MOST_IN_CELL:
+        if most > MAX_PARTICLES_PER_CELL:
             sides = 1.0 / self.cells.columns_per_metre, 1.0 / self.cells.rows_per_metre
             size = f'{sides[0]:g} by {sides[1]:g} m'
-            expected = f'at most {MOST_IN_CELL} in {size}: give it room, or a larger spacing'
+            most_there = f'at most {MAX_PARTICLES_PER_CELL} in {size}'
+            expected = f'{most_there}: give it room, or a larger spacing'
             raise LavaError('particles', f'{most} in {size}', expected)

@@ -172,7 +172,7 @@ class State:
         self.has_mean = effects.any('stiffens')
         self.has_age = effects.any('needs_age')
         # particles that have frozen or merged into another have no volume and are dropped
-        self.has_empty = effects.any('leaves_empty')
+        self.has_empty = effects.any('removes_particles')
         # without a pass after the motion, the motion itself assigns the particles to cells
         self.bins_in_motion = not self.has_empty
         # with inertia the pairwise energy gradient conserves momentum, which a bore needs

@@ -19,7 +19,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.effects import Effects, without_replaced
+from lava_ros.effects import drop_superseded, Effects
 from lava_ros.effects.laws import heat_loss, heat_type
 from lava_ros.scene import Scene
 
@@ -52,7 +52,7 @@ def temperature_function(real: Any, effects: Effects) -> Any:
     drop of the surface under the column along its way [m], its speed [m/s], and the step [s].
     """
     constants_type, modules = heat_type(real), effects.having('terms')
-    names = without_replaced(modules)
+    names = drop_superseded(modules)
     if not names:
         return None
     balance, *others = (modules[name].terms(wp, real, constants_type) for name in names)

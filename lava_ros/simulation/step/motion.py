@@ -16,7 +16,7 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.simulation.backend import compiled
 from lava_ros.simulation.backend.compiled import quick_kernel
-from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.own_ground import note_function
 from lava_ros.simulation.particles import state as at
 from lava_ros.simulation.particles.motion_arguments import arguments_type
@@ -231,7 +231,7 @@ def move_particles(state: State, neighbors: NeighborGrid, way: Any, choice: Stag
         state,
         _kernel(state.real, motion_of(state), choice.function, choice.bounds),
         [state.flow, choice.pace, choice.outlets, way],
-        least=LEAST_MOVES,
+        least=MIN_MOVES,
         ahead=choice.threads,
     )
     neighbors.is_binned = state.bins_in_motion

@@ -28,7 +28,7 @@ from lava_ros.simulation.step.vents import VentSet
 LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
 
 #: Maximum number of stages of a step: more would lose digits, not save steps.
-MOST_STAGES = 64
+MAX_STAGES = 64
 
 @wp.func
 def _b(j: int) -> wp.float64:
@@ -133,7 +133,7 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
             if diffusion * pace.longest > one:
                 explicit = one / diffusion
             if wp.static(is_staged):
-                most = wp.float64(wp.static(0.25 * (MOST_STAGES**2 + MOST_STAGES - 2)))
+                most = wp.float64(wp.static(0.25 * (MAX_STAGES**2 + MAX_STAGES - 2)))
                 explicit_limit = most * explicit
                 if explicit_limit < step:
                     step = explicit_limit

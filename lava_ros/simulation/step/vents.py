@@ -32,10 +32,10 @@ from lava_ros.simulation.step.emission import (
 from lava_ros.simulation.step.vent_ground import is_open, permitted_places
 
 #: Maximum number of particles that the vents may emit per second: more cannot be computed.
-MOST_A_SECOND = 1e6
+MAX_PARTICLES_PER_SECOND = 1e6
 
 #: Maximum number of particles of all vents in a step, and minimum of that for each vent.
-_MOST_A_STEP, _LEAST_MOST = 2**18, 64
+_MAX_PARTICLES_PER_STEP, _MIN_PARTICLE_LIMIT = 2**18, 64
 
 #: Fraction of a particle that rounding may delay.
 _ROUNDING = 1e-6
@@ -190,7 +190,8 @@ class VentSet:
         self.outlets.shape = parts[0].reshape(shape.shape)
         self.outlets.times, self.outlets.fluxes, self.outlets.volumes = parts[1:]
         self.outlets.particle_volume = particle_volume
-        self.outlets.most = max(_MOST_A_STEP // max(len(self.vents), 1), _LEAST_MOST)
+        share = _MAX_PARTICLES_PER_STEP // max(len(self.vents), 1)
+        self.outlets.most = max(share, _MIN_PARTICLE_LIMIT)
         self.outlets.released, self.outlets.due = self.released, self.due
         self._restrict(terrain, shape[:, 4], spacing if thickness is None else thickness)
         if self.vents:
@@ -288,7 +289,7 @@ class VentSet:
             Rows of (x [m], y [m], volume [m3], temperature [K]).
         """
         vent = self.vents[number]
-        count = max(min(math.ceil(waiting / self._particle_volume), _MOST_A_STEP), 0)
+        count = max(min(math.ceil(waiting / self._particle_volume), _MAX_PARTICLES_PER_STEP), 0)
         if self.is_symmetric and count > 1:
             group = FISSURE_GROUP if vent.end else DISC_GROUP
             count = group * math.ceil(count / group)
@@ -345,7 +346,8 @@ class VentSet:
             strongest, total = max(strongest, vent.peak / area), total + vent.peak
         if strongest <= 0.0:
             return math.inf
-        return min(0.5 * thickness / strongest, _MOST_A_STEP * self._particle_volume / total)
+        most = _MAX_PARTICLES_PER_STEP * self._particle_volume
+        return min(0.5 * thickness / strongest, most / total)
 
 
 def check_rates(vents: Sequence[Vent], particle_volume: float) -> None:
@@ -354,15 +356,15 @@ def check_rates(vents: Sequence[Vent], particle_volume: float) -> None:
     Raises:
         LavaError: If the sum of the peaks is too large; it names the vent that exceeds it.
     """
-    most, total = MOST_A_SECOND * particle_volume, 0.0
+    most, total = MAX_PARTICLES_PER_SECOND * particle_volume, 0.0
     for number, vent in enumerate(vents):
         total += vent.peak
         if total > most:
             raise LavaError(
                 f'vents[{number}].discharge',
                 vent.peak,
-                f'at most {most:.3g} m3/s of all vents together, {MOST_A_SECOND:g} particles of '
-                f'{particle_volume:.3g} m3 in a second',
+                f'at most {most:.3g} m3/s of all vents together, '
+                f'{MAX_PARTICLES_PER_SECOND:g} particles of {particle_volume:.3g} m3 in a second',
             )
 
 

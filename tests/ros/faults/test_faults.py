@@ -191,7 +191,7 @@ def test_step_that_does_not_end_is_reported(node, monkeypatch):
         return advance(*arguments, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(worker_status, 'LONGEST_TURN', 0.1)
+        patch.setattr(worker_status, 'MAX_TASK_DURATION', 0.1)
         patch.setattr(Simulation, 'advance', advance_slowly)
         node.jump(node.now + 0.5)
         try:

@@ -91,7 +91,7 @@ def test_every_item_is_visited_once(count, parts):
 @pytest.mark.parametrize('name', SETS)
 def test_threads_do_not_change_the_result(monkeypatch, name):
     for module in (motion, neighbors):
-        monkeypatch.setattr(module, 'LEAST_MOVES', 100)
+        monkeypatch.setattr(module, 'MIN_MOVES', 100)
 
     def run(count):
         threads.use_threads(count)

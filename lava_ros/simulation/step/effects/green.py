@@ -36,12 +36,12 @@ from lava_ros.simulation.backend.compiled import (
     wait_for,
 )
 from lava_ros.simulation.backend.simd import over_neighbors
-from lava_ros.simulation.backend.threads import launch_over, LEAST_SUMS
+from lava_ros.simulation.backend.threads import launch_over, MIN_SUMS
 from lava_ros.simulation.particles.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
 from lava_ros.simulation.particles.kernels import (
     bessel,
     k0_within,
-    LEAST_SQUARED,
+    MIN_SQUARED_DISTANCE,
     SQUARED_SUPPORT,
     WIDE_K0,
 )
@@ -61,7 +61,7 @@ from lava_ros.simulation.step.timestep import pace_type
 _NEAR = math.exp(-1.0) / math.pi
 
 #: Minimum number of particles per part on the CPU: K0 takes as long as three other kernels.
-_MIN_PARTICLES_PER_PART = LEAST_SUMS // 2
+_MIN_PARTICLES_PER_PART = MIN_SUMS // 2
 
 
 @lru_cache
@@ -186,7 +186,7 @@ def _velocity_function(
         powers = powers_of(k * support)
         # inside the particle's own disc K0 is constant
         unit = real(wp.static(math.sqrt(SQUARED_SUPPORT))) / support
-        least = wp.max(own * real(_NEAR) * unit * unit, real(LEAST_SQUARED))
+        least = wp.max(own * real(_NEAR) * unit * unit, real(MIN_SQUARED_DISTANCE))
         box = cells_around(m.cells, here[0], here[1], support)
         sums = sums_around(lane, m.source, m.area, m.cells, box, p, powers, least)
         if wp.static(parts > lanes):

@@ -37,7 +37,7 @@ from lava_ros.simulation.backend.compiled import (
     sum_over,
 )
 from lava_ros.simulation.backend.simd import over_neighbors
-from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.particles.cells import cell_frame, cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel, SmoothingKernel
 from lava_ros.simulation.particles.motion_arguments import arguments_type, THICKEST
@@ -259,9 +259,9 @@ def solve_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
         state.real, accuracy.kernel, accuracy.ratio, state.lanes, state.parts, state.is_wide,
         'steep' in state.effects,
     )
-    launch_over(state, start, [way], least=LEAST_MOVES)
+    launch_over(state, start, [way], least=MIN_MOVES)
     current, following = state.solution, state.next_solution
     for weights in _schedule(THICKEST * accuracy.thickness, accuracy.ratio * accuracy.spacing):
         launch_over(state, sweep, [way, *weights, current, following], lanes=state.lanes)
         current, following = following, current
-    launch_over(state, finish, [way, current], least=LEAST_MOVES)
+    launch_over(state, finish, [way, current], least=MIN_MOVES)

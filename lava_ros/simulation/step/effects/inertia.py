@@ -42,7 +42,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import law_type, speed_function, viscosity_function
 from lava_ros.simulation.backend.compiled import load4, quick_kernel, raise_to
-from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.motion_arguments import arguments_type, law_arguments_function
@@ -255,11 +255,11 @@ def synchronize(state: State, way: Any, accuracy: Accuracy) -> None:
     """
     kernel = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)[0]
     # 2 at the limit of stability
-    launch_over(state, kernel, [way, accuracy.diffusion_number], least=LEAST_MOVES)
+    launch_over(state, kernel, [way, accuracy.diffusion_number], least=MIN_MOVES)
 
 
 def accelerate(state: State, way: Any, accuracy: Accuracy) -> None:
     """Advance the velocities to the middle of the chosen step."""
     _, kick, adopt = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)
     launch_over(state, kick, [way])
-    launch_over(state, adopt, [way], least=LEAST_MOVES)
+    launch_over(state, adopt, [way], least=MIN_MOVES)
