@@ -159,7 +159,7 @@ def test_member_equals_the_simulation_of_its_scene(device: str) -> None:
     for look in range(11):
         simulation.advance(60.0 * look, limit=600.0)
         simulation.look(looks)
-    flow = simulation.flow(looks, where_wet=True)
+    flow = simulation.seen(looks, where_wet=True)
     assert results[1].corner == flow.corner
     if device == 'cpu':
         np.testing.assert_array_equal(results[1].arrival, flow.arrival.astype(np.float32))
@@ -197,7 +197,7 @@ def test_member_continues_a_running_simulation(device: str) -> None:
     for look in range(6):
         running.advance(300.0 + 60.0 * look, limit=600.0)
         running.look(looks)
-    flow = running.flow(looks, where_wet=True)
+    flow = running.seen(looks, where_wet=True)
     assert same.corner == flow.corner
     np.testing.assert_array_equal(same.peak, flow.thickness)
     np.testing.assert_array_equal(same.arrival, (flow.arrival - 300.0).astype(np.float32))
