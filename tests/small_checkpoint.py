@@ -7,8 +7,8 @@ import numpy as np
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 
 def small_checkpoint(time: float, particles: int) -> Checkpoint:

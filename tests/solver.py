@@ -10,7 +10,7 @@ import numpy as np
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 
 #: Fields of a scene that `simulated` accepts.
 AROUND = ('ambient_temperature', 'gravity', 'wind_speed')

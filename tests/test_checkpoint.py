@@ -13,6 +13,7 @@ import pytest
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import (
     Checkpoint,
     from_bytes,
@@ -20,7 +21,6 @@ from lava_ros.simulation.output.checkpoint import (
     summary_of,
     VERSION,
 )
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 
 def checkpoint(count=1000, **changes):

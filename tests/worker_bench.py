@@ -11,11 +11,11 @@ import numpy as np
 
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import PendingSnapshot, Snapshot, StepReport
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.resolution import resolution_of
-from lava_ros.simulation.setup.selection import decide, effects_for, HORIZON
+from lava_ros.simulation.resolution import resolution_of
+from lava_ros.simulation.selection import decide, effects_for, HORIZON
 
 TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
 VENT = Vent((25.0, 15.0), 2.0, 1360.0, name='one')

@@ -36,7 +36,7 @@ from tables import lines_of
 
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.presets import preset_accuracy
+from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import FLAT, FRONT, GRAVITY, ISOTHERMAL, NU
 from lava_ros.verification.measure import machine_name

@@ -25,7 +25,7 @@ from lava_ros.forecast.sampling import draw_members
 from lava_ros.forecast.scores import brier_parts, brier_score, reliability
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
-from lava_ros.simulation.setup.presets import preset_accuracy
+from lava_ros.simulation.presets import preset_accuracy
 
 matplotlib.use('Agg')
 

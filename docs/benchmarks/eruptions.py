@@ -28,8 +28,8 @@ from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.replicates import agreement, directions, run_together
 from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.unknowns import changed, free_parameters_of
+from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.setup.defaults import device_of
-from lava_ros.simulation.setup.presets import PRESETS
 from lava_ros.verification.rows import write_csv
 
 #: A lava of ``lava materials`` and constants that replace its own, by the name of the set.

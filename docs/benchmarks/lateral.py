@@ -19,9 +19,9 @@ from dataclasses import replace
 from itertools import combinations, product
 import sys
 
-from lava_ros.simulation.setup.presets import DEFAULT, preset_accuracy
-from lava_ros.simulation.setup.resolution import resolved_accuracy
-from lava_ros.simulation.setup.selection import effects_for
+from lava_ros.simulation.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation.resolution import resolved_accuracy
+from lava_ros.simulation.selection import effects_for
 from lava_ros.verification.benchmarks.scenes import scenes
 from lava_ros.verification.benchmarks.selection import footprint, jaccard, noise, run_copies
 from lava_ros.verification.measure import machine_name

@@ -35,7 +35,7 @@ from lava_ros.hindcast.run import FORCED, Settings
 from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.inundation import standing_cells
-from lava_ros.simulation.setup.presets import preset_accuracy
+from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, NU, plane, Trial
 from lava_ros.verification.cases.spreading import FRONT

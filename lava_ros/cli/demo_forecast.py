@@ -25,7 +25,7 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.terrain_files import demo_terrain
 from lava_ros.scene.uncertainty import Displacement, Distribution, Uncertainty
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.presets import preset_accuracy
+from lava_ros.simulation.presets import preset_accuracy
 
 if TYPE_CHECKING:
     from lava_ros.ros.monitor import ForecastWatch, ReceivedGrid

@@ -20,8 +20,8 @@ from lava_ros.maps.numbers import percent
 if TYPE_CHECKING:
     from lava_ros.effects.effect import Effect
     from lava_ros.scene import Scene
-    from lava_ros.simulation.setup.accuracy import Accuracy
-    from lava_ros.simulation.setup.selection import Decision
+    from lava_ros.simulation.accuracy import Accuracy
+    from lava_ros.simulation.selection import Decision
 
 #: Costs of effects, measured by `lava bench effects`.
 COSTS = 'docs/benchmarks/effects_h200.csv'
@@ -43,8 +43,8 @@ def effects(args: argparse.Namespace) -> int:
     leaving it out costs. With --measure it also prints the largest number in a run.
     """
     from lava_ros.cli.scenes import scene_from_arguments
-    from lava_ros.simulation.setup.presets import preset_accuracy
-    from lava_ros.simulation.setup.selection import decide, decision_as_dict
+    from lava_ros.simulation.presets import preset_accuracy
+    from lava_ros.simulation.selection import decide, decision_as_dict
 
     horizon = seconds_of('--horizon', args.horizon)
     scene, forced = scene_from_arguments(args), forced_effects(args)

@@ -276,7 +276,7 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.chances import plan_of
     from lava_ros.hindcast.run import Settings
-    from lava_ros.simulation.setup import presets
+    from lava_ros.simulation import presets
 
     if args.scene is None or not Path(args.scene).is_dir():
         return make_plan(

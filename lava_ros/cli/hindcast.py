@@ -181,7 +181,7 @@ def _write_bag(
 def _as_dict(
     case: Case, settings: Settings, result: Result, judged: Score, expected: ExpectedError
 ) -> dict[str, Any]:
-    from lava_ros.simulation.setup.selection import decision_as_dict
+    from lava_ros.simulation.selection import decision_as_dict
 
     snapshot, budget = result.snapshot, result.snapshot.budget
     return {

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 from lava_ros import validation
 from lava_ros.errors import LavaError
 
-#: Presets and the default one, as in ``simulation.setup.presets``, which is slow to import.
+#: Presets and the default one, as in ``simulation.presets``, which is slow to import.
 PRESETS = ('draft', 'standard', 'fine', 'reference', 'as-published')
 DEFAULT_PRESET = 'standard'
 
-#: Default simulated time of a run, as in ``lava_ros.simulation.setup.resolution``.
+#: Default simulated time of a run, as in ``lava_ros.simulation.resolution``.
 HORIZON = '24h'
 
 #: Maps of `lava export`, and formats of maps and shapes, as in ``lava_ros.maps.export``.

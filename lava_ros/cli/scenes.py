@@ -31,8 +31,8 @@ from lava_ros.scene.projection import in_degrees, projected
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain
 from lava_ros.scene.vent_files import read_vents, VentRow
-from lava_ros.simulation.setup.presets import DEFAULT, preset_accuracy
-from lava_ros.simulation.setup.resolution import resolution_of
+from lava_ros.simulation.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation.resolution import resolution_of
 
 _LOG = logging.getLogger(__name__)
 

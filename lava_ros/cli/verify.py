@@ -33,7 +33,7 @@ def verify(args: argparse.Namespace) -> int:
     The command runs flows whose exact solution is known. It prints the quantity of each that is
     closest to its bound. The exit status is 1 if a quantity is outside its bound.
     """
-    from lava_ros.simulation.setup import presets
+    from lava_ros.simulation import presets
     from lava_ros.verification import cases
 
     validation.choice('--preset', args.preset, BOUNDED_PRESETS)

@@ -27,10 +27,10 @@ from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.uncertainty import Distribution
 from lava_ros.scene.vents import erupting
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.resolution import resolved_accuracy
-from lava_ros.simulation.setup.selection import effects_for
+from lava_ros.simulation.resolution import resolved_accuracy
+from lava_ros.simulation.selection import effects_for
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation

@@ -36,9 +36,9 @@ import numpy as np
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.presets import PRESETS
-from lava_ros.simulation.setup.resolution import resolution_of
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import resolution_of
 
 #: Number of times at which pilots are compared.
 MARKS = 10

@@ -39,8 +39,8 @@ from lava_ros.forecast.pilots import (
     run_at,
 )
 from lava_ros.scene import Scene
-from lava_ros.simulation.setup.resolution import resolution_of
-from lava_ros.simulation.setup.selection import effects_for
+from lava_ros.simulation.resolution import resolution_of
+from lava_ros.simulation.selection import effects_for
 
 #: Refinement of the first pilot, and factors to the next pilot: the larger one if time allows.
 FIRST, FINER, MUCH_FINER = 0.2, 1.4, 2.0

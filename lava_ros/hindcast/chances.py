@@ -17,7 +17,7 @@ from lava_ros.hindcast.coarse import coarsened
 from lava_ros.hindcast.run import FORCED, Settings
 from lava_ros.hindcast.unknowns import published_uncertainty
 from lava_ros.scene.uncertainty import Uncertainty
-from lava_ros.simulation.setup.accuracy import COVERED
+from lava_ros.simulation.accuracy import COVERED
 
 #: Minimum number of cells of a bin of the reliability diagram whose gap counts.
 CELLS = 200

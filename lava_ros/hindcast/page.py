@@ -26,10 +26,10 @@ from lava_ros.pages.report.page import write_static_page
 from lava_ros.pages.runs import system_words
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.inundation import raise_peak
 from lava_ros.simulation.output.snapshot import Snapshot
-from lava_ros.simulation.setup.accuracy import COVERED
-from lava_ros.simulation.setup.selection import Decision
+from lava_ros.simulation.selection import Decision
 
 _DAY = 86400.0
 

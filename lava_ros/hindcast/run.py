@@ -24,14 +24,14 @@ from lava_ros.hindcast.coarse import coarsened, GRIDS, grids_of, refined
 from lava_ros.scene import scene_to_dict, Terrain
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import measure_resolution
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.presets import DEFAULT, preset_accuracy
-from lava_ros.simulation.setup.resolution import Resolution, resolved_accuracy
-from lava_ros.simulation.setup.selection import Decision
+from lava_ros.simulation.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation.resolution import Resolution, resolved_accuracy
+from lava_ros.simulation.selection import Decision
 
 #: Default number of maps of a run.
 MAPS = 24

@@ -10,8 +10,8 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import IMAGE, Layer
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.inundation import standing_cells
-from lava_ros.simulation.setup.accuracy import COVERED
 
 THICKNESS = 'thickness'
 

@@ -24,8 +24,8 @@ from lava_ros.maps.onset import recorded_onset
 from lava_ros.maps.plot import time_note
 from lava_ros.scene import Vent
 from lava_ros.scene.projection import coordinate_system, system_name
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.inundation import inundated_cells, raise_peak
-from lava_ros.simulation.setup.accuracy import COVERED
 
 _LOG = logging.getLogger(__name__)
 

@@ -18,8 +18,8 @@ from lava_ros.maps.place_arrivals import arrivals, ArrivalTable
 from lava_ros.maps.places import front_distances, Places, places_on
 from lava_ros.pages.runs import Members, read_run, Run
 from lava_ros.scene.features import read_features
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.inundation import inundated_cells
-from lava_ros.simulation.setup.accuracy import COVERED
 
 
 def table_of(

@@ -33,8 +33,8 @@ from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.projection import coordinate_system, system_name
+from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.setup.accuracy import Accuracy, COVERED
 
 _LOG = logging.getLogger(__name__)
 

@@ -25,7 +25,7 @@ from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.simulation.output.inundation import inundated_cells
 from lava_ros.simulation.output.snapshot import Snapshot
-from lava_ros.simulation.setup.resolution import Resolution
+from lava_ros.simulation.resolution import Resolution
 
 #: Levels of a status.
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR

@@ -24,9 +24,9 @@ from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.maps.onset import Onset
 from lava_ros.ros.worker import MAX_PARTICLES
 from lava_ros.scene import constants_of, ENVIRONMENT, Lava, Scene, Vent, VENT_TEMPERATURE_RANGE
-from lava_ros.simulation.setup.presets import DEFAULT as DEFAULT_PRESET
-from lava_ros.simulation.setup.presets import PRESETS
-from lava_ros.simulation.setup.selection import HORIZON
+from lava_ros.simulation.presets import DEFAULT as DEFAULT_PRESET
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.selection import HORIZON
 
 #: Prefix of the parameters that are fields of ``Lava``.
 LAVA = 'lava.'

@@ -19,8 +19,8 @@ from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.measurement import measure_resolution
-from lava_ros.simulation.setup.resolution import Resolution
-from lava_ros.simulation.setup.selection import Decision
+from lava_ros.simulation.resolution import Resolution
+from lava_ros.simulation.selection import Decision
 
 if TYPE_CHECKING:
     # the solver loads Warp: done in the worker's thread, not at import

@@ -29,10 +29,10 @@ from lava_ros.ros.recorder import BagFolder
 from lava_ros.ros.session import Origin
 from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
 from lava_ros.scene.terrain_files import load_terrain, terrain_path
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.presets import preset_accuracy, PRESETS
-from lava_ros.simulation.setup.resolution import resolved_accuracy
+from lava_ros.simulation.presets import preset_accuracy, PRESETS
+from lava_ros.simulation.resolution import resolved_accuracy
 
 if TYPE_CHECKING:
     from lava_ros.simulation import Simulation

@@ -17,6 +17,7 @@ from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.scene.vents import match_vents
+from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.advance import advancing_to
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.batch import at_work
@@ -33,17 +34,14 @@ from lava_ros.simulation.output.snapshot import (
 )
 from lava_ros.simulation.particles import state as at
 from lava_ros.simulation.particles.state import centre_of
-from lava_ros.simulation.restart import arrays_of, restore_arrays
-from lava_ros.simulation.setup.accuracy import Accuracy, COVERED
-from lava_ros.simulation.setup.defaults import device_of, formulated
-from lava_ros.simulation.setup.resolution import (
+from lava_ros.simulation.resolution import (
     is_extended,
     Resolution,
     resolution_of,
     resolved_accuracy,
 )
-from lava_ros.simulation.setup.review import next_review, Review, watched_effects
-from lava_ros.simulation.setup.selection import (
+from lava_ros.simulation.restart import arrays_of, restore_arrays
+from lava_ros.simulation.selection import (
     decide,
     decide_by,
     Decision,
@@ -52,6 +50,8 @@ from lava_ros.simulation.setup.selection import (
     noted,
     scales_of,
 )
+from lava_ros.simulation.setup.defaults import device_of, formulated
+from lava_ros.simulation.setup.review import next_review, Review, watched_effects
 from lava_ros.simulation.solver import Solver
 from lava_ros.simulation.step.vents import check_rates, Emission
 

@@ -17,6 +17,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import read, Reader
 from lava_ros.simulation.backend.threads import is_alone
@@ -29,7 +30,6 @@ from lava_ros.simulation.particles import state as at
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.state import centre_of, room_for, State
 from lava_ros.simulation.particles.terrain import sampled, StaggeredTerrain
-from lava_ros.simulation.setup.accuracy import Accuracy
 from lava_ros.simulation.step.effects import device_part
 from lava_ros.simulation.step.stage import Stage
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet

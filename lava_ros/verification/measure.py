@@ -21,9 +21,9 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.accuracy import Accuracy, GRADIENTS
 from lava_ros.simulation.backend.threads import threads
-from lava_ros.simulation.setup.accuracy import Accuracy, GRADIENTS
-from lava_ros.simulation.setup.presets import DEFAULT, PRESETS
+from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification.cases import Case, CASES, Run
 from lava_ros.verification.cases.sheets import EXPERIMENTS
 from lava_ros.verification.rows import Row

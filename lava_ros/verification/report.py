@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from lava_ros.maps.numbers import percent, seconds, table
-from lava_ros.simulation.setup.presets import DEFAULT
+from lava_ros.simulation.presets import DEFAULT
 from lava_ros.verification import measure
 from lava_ros.verification.cases import EFFECT_CASES
 from lava_ros.verification.cases.case import slope_of

@@ -17,7 +17,7 @@ from typing import Any
 from lava_ros.errors import LavaError
 from lava_ros.files import write_output
 from lava_ros.files.csv import read_table
-from lava_ros.simulation.setup.presets import PRESETS
+from lava_ros.simulation.presets import PRESETS
 
 #: Called with the name of the next measurement and the completed fraction of the work, 0 to 1.
 OnProgress = Callable[[str, float], None]

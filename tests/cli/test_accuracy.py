@@ -17,7 +17,7 @@ from cli.calls import done, refused
 from command_line import lava
 from lava_ros.cli.effects import step_costs
 from lava_ros.effects import EFFECTS, Effects
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import bounds, cases, measure
 from lava_ros.verification.benchmarks import effects, members
 from lava_ros.verification.cases import Case, Measurement, Run
@@ -39,7 +39,7 @@ class Absent:
 
 
 sys.meta_path.insert(0, Absent())
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.cli.main import main
 from lava_ros.verification import measure
 

@@ -28,7 +28,7 @@ from lava_ros.maps import export, layers
 from lava_ros.pages import runs
 from lava_ros.scene import effusion_rates, emplaced, materials, Scene
 from lava_ros.scene.materials import material_named
-from lava_ros.simulation.setup import presets, resolution
+from lava_ros.simulation import presets, resolution
 
 ROOT = Path(__file__).parents[2]
 

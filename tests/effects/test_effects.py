@@ -75,7 +75,7 @@ for left_out in sys.argv[1:]:
     assert left_out not in EFFECTS and len(EFFECTS) > 10
     from lava_ros.scene import Scene, Terrain, Vent, scene_from_dict, scene_to_dict
     from lava_ros.scene.materials import materials
-    from lava_ros.simulation.setup.selection import effects_for
+    from lava_ros.simulation.selection import effects_for
     ground = Terrain(np.add.outer(np.arange(20.0), np.zeros(20)), 10.0)
     for material in materials().values():
         vent = Vent((100.0, 100.0), 5.0, temperature=material.vent_temperature.value)

@@ -15,7 +15,7 @@ from lava_ros.effects.wind import TRANSFER
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles
-from lava_ros.simulation.setup.selection import effects_for
+from lava_ros.simulation.selection import effects_for
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import plane
 from solver import flat, lattice, only, simulated

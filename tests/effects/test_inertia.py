@@ -13,7 +13,7 @@ from scipy.integrate import trapezoid
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Vent, vents_from_list
 from lava_ros.simulation import Particles
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.inertia import INERTIAL, swing, THIN
 from solver import flat, incline, lattice, simulated

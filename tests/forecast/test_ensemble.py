@@ -31,7 +31,7 @@ from lava_ros.forecast.sentinels import is_sentinel
 from lava_ros.forecast.store import maps_at, Store
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from slope_scenes import uncertain_scene
 
 PLAN = disc_plan()

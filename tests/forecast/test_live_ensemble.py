@@ -19,8 +19,8 @@ from lava_ros.forecast.sampling import draw_members
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 SCENE = Scene(
     Terrain(np.tile(500.0 - 2.0 * np.arange(30), (20, 1)), 10.0),

@@ -14,8 +14,8 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.lookahead import LookAhead, moments, N_EARLY_SAMPLES
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import from_bytes
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 HORIZON, LOOKS, THRESHOLD = 150.0, 6, 0.1
 

@@ -23,7 +23,7 @@ from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 
 TERRAIN = Terrain(500.0 - 2.0 * np.add.outer(np.arange(30.0), np.zeros(24)), 20.0)
 

@@ -13,8 +13,8 @@ from lava_ros.effects import Effects
 from lava_ros.forecast import pilots
 from lava_ros.forecast.pilots import completed, cost_at, error_law, FLOOR, MARKS, Pilot
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation.resolution import EDGES
 from lava_ros.simulation.setup.course import course_of
-from lava_ros.simulation.setup.resolution import EDGES
 
 SCENE = Scene(Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),), lava=Lava())
 

@@ -29,7 +29,7 @@ from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.sentinels import CalledEffect, is_sentinel, MAX_SENTINELS, REVIEWS
 from lava_ros.forecast.store import Store
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from slope_scenes import uncertain_scene
 
 COUNT = 34

@@ -14,8 +14,8 @@ import numpy as np
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import MAX_VENT_VISCOSITY, Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
-from lava_ros.simulation.setup.accuracy import Accuracy, expected_thickness
-from lava_ros.simulation.setup.presets import preset_accuracy
+from lava_ros.simulation.accuracy import Accuracy, expected_thickness
+from lava_ros.simulation.presets import preset_accuracy
 
 #: Effects that are compiled for every test run.
 COMMON = (

@@ -23,7 +23,7 @@ from lava_ros.scene import Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.setup.selection import decide
+from lava_ros.simulation.selection import decide
 from ros import graph_publisher
 from solver import incline, only, simulated
 

@@ -22,9 +22,9 @@ from lava_ros.ros import parameters
 from lava_ros.scene import constants_of, Scene, Terrain, Vent, vents_from_list
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.terrain_files import load_terrain
-from lava_ros.simulation.setup.accuracy import Accuracy, accuracy_from_dict
-from lava_ros.simulation.setup.presets import preset_accuracy
-from lava_ros.simulation.setup.selection import decide
+from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
+from lava_ros.simulation.presets import preset_accuracy
+from lava_ros.simulation.selection import decide
 
 #: Values that are not finite numbers.
 NOT_NUMBERS = (

@@ -47,9 +47,9 @@ import numpy as np
 from hard.energy import Energy, Temperature
 from hard.ground import along, Bound, distance, head, Moment
 from lava_ros.simulation import Simulation, Snapshot
+from lava_ros.simulation.accuracy import expected_thickness
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.state import EVALUATIONS, STEPS
-from lava_ros.simulation.setup.accuracy import expected_thickness
 from lava_ros.simulation.step.timestep import longest_step, MAX_STAGES
 from lava_ros.verification.bounds import bound
 

@@ -34,9 +34,9 @@ from hard.case import HardScene, PHYSICS
 from hard.invariants import Violation, Watch
 from lava_ros.effects import Effects
 from lava_ros.simulation import Particles, Simulation, Snapshot
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.particles.state import TIME
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.presets import preset_accuracy, PRESETS
+from lava_ros.simulation.presets import preset_accuracy, PRESETS
 
 #: The presets that have to keep the invariants.
 KEPT = ('draft', 'standard', 'fine', 'reference')

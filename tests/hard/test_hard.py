@@ -23,7 +23,7 @@ from hard.scenes import FAMILIES, SCENES
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.step import timestep, vents
 
 #: Scenes by family that violated an invariant, or cost most, in earlier versions of the solver.

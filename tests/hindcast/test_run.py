@@ -20,8 +20,8 @@ from lava_ros.hindcast.score import judge
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
-from lava_ros.simulation.setup.presets import PRESETS
-from lava_ros.simulation.setup.resolution import resolution_of
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import resolution_of
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
 

@@ -20,7 +20,7 @@ from lava_ros.scene.emplaced import EmplacedFlow
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.reshaping import Barrier
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 
 GROUND = Terrain(
     np.tile(100.0 - 0.5 * np.arange(20.0), (16, 1)), 5.0, epsg=32633, offset=(5e5, 4.18e6)

@@ -17,7 +17,7 @@ from lava_ros.effects import Effects
 from lava_ros.forecast.lookahead import LookAhead
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from ros.graph_publisher import PATIENCE
 from scripts import load_script
 

@@ -38,8 +38,8 @@ from lava_ros.ros.sources import SimulationFactory
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.presets import preset_accuracy
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import preset_accuracy
 from ros.graph_publisher import PATIENCE, wait_until
 
 RULES = ForecastRules(

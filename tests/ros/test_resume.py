@@ -24,8 +24,8 @@ from lava_ros.scene import constants_of, Scene, Terrain
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.checkpoint import Checkpoint, MEDIA_TYPE
-from lava_ros.simulation.setup.presets import preset_accuracy
-from lava_ros.simulation.setup.selection import HORIZON
+from lava_ros.simulation.presets import preset_accuracy
+from lava_ros.simulation.selection import HORIZON
 from ros.conftest import QUICK_MODULE
 
 pytestmark = pytest.mark.usefixtures('alone')

@@ -19,7 +19,7 @@ from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import MAX_TASK_DURATION, SpeedMeter, WorkerState
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.selection import decide, effects_for, HORIZON
+from lava_ros.simulation.selection import decide, effects_for, HORIZON
 from worker_bench import OUTSIDE, TERRAIN, VENT
 
 

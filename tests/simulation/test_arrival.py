@@ -16,11 +16,11 @@ import warp as wp
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.inundation import inundated_cells, standing_cells
 from lava_ros.simulation.output.looks import Looks
-from lava_ros.simulation.setup.accuracy import Accuracy
 from solver import incline
 
 TERRAIN = incline(0.2, 30, 40, 5.0)

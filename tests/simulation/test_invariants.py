@@ -11,8 +11,8 @@ import pytest
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.presets import preset_accuracy
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.verification.cases.confined import ground_at, LEVEL, pond, rough_bowl, stillness
 from solver import incline, only, simulated
 

@@ -10,13 +10,13 @@ import pytest
 from scipy import special
 import warp as wp
 
+from lava_ros.simulation.accuracy import KERNELS
 from lava_ros.simulation.particles.kernels import (
     bessel,
     k0_within,
     smoothing_kernel,
     SQUARED_SUPPORT,
 )
-from lava_ros.simulation.setup.accuracy import KERNELS
 
 
 def evaluate(function, values):

@@ -12,8 +12,8 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation.setup.accuracy import Accuracy, accuracy_from_dict, expected_thickness
-from lava_ros.simulation.setup.presets import DEFAULT, preset_accuracy, PRESETS
+from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict, expected_thickness
+from lava_ros.simulation.presets import DEFAULT, preset_accuracy, PRESETS
 from lava_ros.verification.rows import points, read_csv
 
 #: The measurements behind the presets, their command, and the case that compares presets.

@@ -10,7 +10,7 @@ import pytest
 
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.setup.presets import PRESETS
+from lava_ros.simulation.presets import PRESETS
 from lava_ros.verification.exact import FixedVolumeSpread
 from solver import flat, only, simulated
 

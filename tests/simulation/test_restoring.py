@@ -13,11 +13,11 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.particles import neighbors
 from lava_ros.simulation.particles.state import FAR
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 #: Times of the checkpoint and of the end [s].
 STOP, END = 200.0, 400.0

@@ -12,11 +12,11 @@ import pytest
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import measure_resolution, measure_widths
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.selection import decide
 from lava_ros.simulation.setup.review import LONGEST, next_review
-from lava_ros.simulation.setup.selection import decide
 from slope_scenes import ground, HOUR, LAVA, scene
 
 #: A vent whose lava solidifies once it is at rest: its discharge falls to 0.

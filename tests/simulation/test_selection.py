@@ -14,10 +14,9 @@ from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.course import course_of
-from lava_ros.simulation.setup.presets import PRESETS
-from lava_ros.simulation.setup.resolution import (
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import (
     ACROSS,
     EDGES,
     MIN_ACROSS,
@@ -25,13 +24,14 @@ from lava_ros.simulation.setup.resolution import (
     resolution_of,
     resolved_accuracy,
 )
-from lava_ros.simulation.setup.selection import (
+from lava_ros.simulation.selection import (
     decide,
     effects_for,
     expected_scales,
     HORIZON,
     slopes_of,
 )
+from lava_ros.simulation.setup.course import course_of
 from slope_scenes import ground, HOUR, LAVA, scene
 from solver import incline
 

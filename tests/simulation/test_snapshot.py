@@ -13,11 +13,11 @@ import warp as wp
 
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import advance, Simulation, solver
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
-from lava_ros.simulation.setup.accuracy import Accuracy
 from solver import incline, only, simulated
 
 #: Budget after a hole has taken most of an eruption.

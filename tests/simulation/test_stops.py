@@ -16,10 +16,10 @@ from lava_ros.hindcast.case import Case, Event
 from lava_ros.hindcast.run import Run, Settings
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.batch import Batch
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.particles import state as at
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 END, OUTPUTS = 400.0, (1, 4, 7, 24)
 

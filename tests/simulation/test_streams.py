@@ -14,7 +14,7 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.checkpoint import from_bytes
-from lava_ros.simulation.setup.presets import preset_accuracy
+from lava_ros.simulation.presets import preset_accuracy
 
 #: A slope towards +x of cells of 5 m.
 GROUND = Terrain(np.tile(-0.5 * np.arange(140.0), (180, 1)), 5.0)

@@ -15,7 +15,7 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import advance, Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 import lava_ros.simulation.solver as solver_module
 from lava_ros.simulation.solver import Solver
 from lava_ros.simulation.step.vents import Emission, MAX_PARTICLES_PER_SECOND, VentSet

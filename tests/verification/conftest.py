@@ -5,7 +5,7 @@
 
 import pytest
 
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.cases import Measurement, Run
 from lava_ros.verification.measure import measure, Setting
 from lava_ros.verification.rows import Row

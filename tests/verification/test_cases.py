@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.presets import PRESETS
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import PRESETS
 from lava_ros.verification.bounds import bound, BOUNDED_PRESETS, BOUNDS
 from lava_ros.verification.cases import CASES, Measurement, spread_of_fixed_volume
 from lava_ros.verification.cases.case import Field, front, slope_of

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.setup.accuracy import Accuracy
-from lava_ros.simulation.setup.presets import DEFAULT, PRESETS
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification import measure as measuring
 from lava_ros.verification.cases import CASES
 from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, LATERAL

@@ -10,7 +10,7 @@ from matplotlib.image import imread
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import measure
 from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, RADII
 from lava_ros.verification.chart import draw

@@ -27,10 +27,10 @@ from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.survey import Survey
 from lava_ros.scene.projection import system_name
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.setup.accuracy import COVERED
-from lava_ros.simulation.setup.presets import PRESETS
-from lava_ros.simulation.setup.resolution import MIN_ACROSS
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import MIN_ACROSS
 
 
 class Table(NamedTuple):

@@ -20,7 +20,7 @@ from lava_ros.maps.colours import STYLES
 from lava_ros.maps.frames import Frame, Progress, Recording, silent
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID, SOURCES
 from lava_ros.maps.plot import shaded_ground
-from lava_ros.simulation.setup.accuracy import COVERED
+from lava_ros.simulation.accuracy import COVERED
 
 #: Maximum number of frames on a page, and of cells in a frame.
 MAX_FRAMES, MAX_CELLS = 120, 90_000

@@ -30,7 +30,7 @@ from lava_ros.scene.emplaced import EmplacedFlow
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.reshaping import Barrier
 from lava_ros.scene.uncertainty import uncertainty_from_dict
-from lava_ros.simulation.setup.accuracy import Accuracy, accuracy_from_dict
+from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
 
 #: Version of the format; a reader also supports earlier versions.
 VERSION = 1

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from lava_ros.simulation.setup.accuracy import COVERED
+from lava_ros.simulation.accuracy import COVERED
 
 #: Maximum relative rounding error of a thickness in a map.
 _ROUNDING = 1e-5

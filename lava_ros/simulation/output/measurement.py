@@ -9,11 +9,11 @@ import numpy as np
 
 from lava_ros.effects.scales import Columns, volume_quantile
 from lava_ros.scene import Terrain
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.resolution import is_extended, Resolution
 from lava_ros.simulation.setup.course import NARROW
-from lava_ros.simulation.setup.resolution import is_extended, Resolution
 
 #: Maximum number of particles that are measured; of more, every n-th is.
 MAX_COLUMNS = 4096

@@ -14,10 +14,10 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.particles import state as at
 from lava_ros.simulation.particles.motion_arguments import arguments_type
 from lava_ros.simulation.particles.terrain import ground_type
-from lava_ros.simulation.setup.accuracy import COVERED
 
 
 @lru_cache

@@ -26,6 +26,7 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.own_ground import cells_function
@@ -35,7 +36,6 @@ from lava_ros.simulation.particles.motion_arguments import arguments_type
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.state import PARTICLES, State
 from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain
-from lava_ros.simulation.setup.accuracy import COVERED
 
 #: Fraction of a cell at or above which it holds lava.
 COVER_THRESHOLD = 0.5

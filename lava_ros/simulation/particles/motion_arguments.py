@@ -13,11 +13,11 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.effects.effect import join_names
 from lava_ros.effects.laws import heat_type, law_type
 from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.particles.cells import cell_frame
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.state import ARRAYS, kinds_of, State
 from lava_ros.simulation.particles.terrain import ground_type
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 #: Thickness over the expected thickness up to which the Helmholtz solve converges fully.
 THICKEST = 2.0

@@ -14,12 +14,12 @@ from lava_ros.effects import Effects
 from lava_ros.effects.effect import Array
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import forget_failure, zeros
 from lava_ros.simulation.backend.streams import read, Readback
 from lava_ros.simulation.output.checkpoint import FAR as FAR
 from lava_ros.simulation.output.checkpoint import fitting
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 # Indices into State.clock.
 TIME, STEP, TARGET, FULL_STEP, FORMER_STEP = range(5)

@@ -14,7 +14,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 
 _LOG = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ import math
 
 from lava_ros.effects import EFFECTS, Effects, excluded_by, existing
 from lava_ros.scene import Scene
-from lava_ros.simulation.setup.selection import Decision
+from lava_ros.simulation.selection import Decision
 
 #: Time of the first review, and longest time between two, as fractions of the horizon.
 FIRST, LONGEST = 1.0 / 200.0, 1.0 / 8.0

@@ -9,10 +9,10 @@ from typing import Any
 
 from lava_ros.effects.laws import heat_of, law_of
 from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.particles.motion_arguments import flow_constants
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.setup.accuracy import Accuracy
 from lava_ros.simulation.step import motion, timestep
 from lava_ros.simulation.step.effects import device_part
 from lava_ros.simulation.step.flow import compute_flow, flow_kernels, publish_velocity

@@ -18,9 +18,9 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.particles import state as at
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.setup.accuracy import Accuracy
 from lava_ros.simulation.step.heat import freezing_step
 from lava_ros.simulation.step.vents import VentSet
 

@@ -15,10 +15,10 @@ import warp as wp
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain, Vent
 from lava_ros.scene.vents import distances, extents
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.output.checkpoint import fitting
 from lava_ros.simulation.particles.state import centre_of, State
-from lava_ros.simulation.setup.accuracy import Accuracy
 from lava_ros.simulation.step.emission import (
     DISC_GROUP,
     emission_function,

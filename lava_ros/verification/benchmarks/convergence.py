@@ -29,8 +29,8 @@ from lava_ros.scene import Scene, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import ridge_terrain
-from lava_ros.simulation.setup.presets import PRESETS
-from lava_ros.simulation.setup.resolution import resolution_of
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import resolution_of
 from lava_ros.verification.benchmarks.scenes import ground
 from lava_ros.verification.benchmarks.scenes import scenes as scenes_of_effects
 from lava_ros.verification.benchmarks.selection import jaccard, noise

@@ -20,7 +20,7 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.rows import OnProgress, row_of
 
 #: Default number of particles: on a GPU, which fewer do not fill, and on a CPU.

@@ -30,10 +30,10 @@ import numpy as np
 from lava_ros.effects import Effects, excluded_by
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy, COVERED
-from lava_ros.simulation.setup.presets import preset_accuracy
-from lava_ros.simulation.setup.resolution import resolved_accuracy
-from lava_ros.simulation.setup.selection import Decision
+from lava_ros.simulation.accuracy import Accuracy, COVERED
+from lava_ros.simulation.presets import preset_accuracy
+from lava_ros.simulation.resolution import resolved_accuracy
+from lava_ros.simulation.selection import Decision
 from lava_ros.verification.benchmarks.effects import timed
 from lava_ros.verification.benchmarks.scenes import BenchScene, scenes
 from lava_ros.verification.rows import OnProgress

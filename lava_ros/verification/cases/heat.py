@@ -16,7 +16,7 @@ import numpy as np
 
 from lava_ros.scene import Lava, Scene, Vent
 from lava_ros.simulation import Particles
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases import case
 from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, NU, SLOPING

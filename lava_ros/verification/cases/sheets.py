@@ -30,7 +30,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.benchmarks.effects import timed
 from lava_ros.verification.cases import case

@@ -13,10 +13,10 @@ import pytest
 
 from lava_ros.effects import EFFECTS, Effects, excluded_by
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.setup.accuracy import COVERED
-from lava_ros.simulation.setup.presets import DEFAULT, preset_accuracy
-from lava_ros.simulation.setup.resolution import resolved_accuracy
-from lava_ros.simulation.setup.selection import decide, effects_for
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation.resolution import resolved_accuracy
+from lava_ros.simulation.selection import decide, effects_for
 from lava_ros.verification.benchmarks import selection as choice
 from lava_ros.verification.benchmarks.scenes import scenes
 

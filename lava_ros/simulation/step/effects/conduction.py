@@ -33,13 +33,13 @@ from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import heat_type
 from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.motion_arguments import arguments_type
 from lava_ros.simulation.particles.state import IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 #: Maximum exchange rate of a particle, over kappa / l^2, for the number of sweeps: an even layer
 #: has 28 with Wendland C2, the integral of F.

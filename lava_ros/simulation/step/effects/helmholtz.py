@@ -27,6 +27,7 @@ import warp as wp
 
 from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import LATERAL_DRAG
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
     FEW_THREADS,
     load2,
@@ -43,7 +44,6 @@ from lava_ros.simulation.particles.kernels import smoothing_kernel, SmoothingKer
 from lava_ros.simulation.particles.motion_arguments import arguments_type, THICKEST
 from lava_ros.simulation.particles.state import ADVECTION, PARTICLES, State
 from lava_ros.simulation.particles.terrain import terrain_functions
-from lava_ros.simulation.setup.accuracy import Accuracy
 from lava_ros.simulation.step.flow import fall_function
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.

@@ -41,6 +41,7 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import law_type, speed_function, viscosity_function
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import load4, quick_kernel, raise_to
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.particles.cells import cell_functions
@@ -56,7 +57,6 @@ from lava_ros.simulation.particles.state import (
     STEP,
 )
 from lava_ros.simulation.particles.terrain import terrain_functions
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 #: Wave speed of the dissipation over the speed of approach, limited by c.
 STRENGTH = 3.0

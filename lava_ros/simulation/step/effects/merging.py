@@ -21,13 +21,13 @@ import numpy as np
 import warp as wp
 
 from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.motion_arguments import arguments_type
 from lava_ros.simulation.particles.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 #: Displacement of the fastest particle between two passes, over the largest in one step.
 EVERY = 1.5

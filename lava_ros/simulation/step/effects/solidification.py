@@ -33,6 +33,7 @@ import numpy as np
 import warp as wp
 
 from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over
@@ -40,7 +41,6 @@ from lava_ros.simulation.output.checkpoint import fitting
 from lava_ros.simulation.particles.motion_arguments import arguments_type
 from lava_ros.simulation.particles.state import BORDER, HOLES, PARTICLES, State
 from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain, terrain_functions
-from lava_ros.simulation.setup.accuracy import Accuracy
 
 #: Minimum width over the maximum: wider ones smooth the deposit by more than the bounds of its
 #: verification case allow; with narrower ones, runs that differ in rounding diverge sooner.

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from lava_ros import validation
-from lava_ros.simulation.setup.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import math
 
 from lava_ros.scene import Scene
-from lava_ros.simulation.setup.accuracy import Accuracy, expected_thickness, MAX_THICKNESS
+from lava_ros.simulation.accuracy import Accuracy, expected_thickness, MAX_THICKNESS
 from lava_ros.simulation.setup.course import course_of
 
 #: Default time span for the choice of spacing and effects [s].
