@@ -172,7 +172,7 @@ def test_calibration_reports_near_best_sets(valley, tmp_path):
     assert 'sets are within' in output
     # five sets are too few for that
     assert 'does not depend' not in output
-    assert 'viscosity: 35000 to 560000 Pa s, given by the user' in output
+    assert 'viscosity: 1000 to 100000 Pa s, given by the user' in output
     table = (tmp_path / 'out/runs.csv').read_text()
     assert len(table.splitlines()) == 6
     result = json.loads((tmp_path / 'out/calibration.json').read_text())
