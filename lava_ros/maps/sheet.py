@@ -293,16 +293,20 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system
             return
         ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
         digits = max(0, math.ceil(-math.log10(ticks[1] - ticks[0]) - 1e-9))
-        for value in ticks:
-            along = float(np.interp(value, degrees, steps, left=-1.0, right=2.0))
-            # keeps the corner of the north arrow free, and labels away from the ends
-            if 0.1 < along < 1.0 - max(_DEGREES_ROOM / inches[axis], 0.07):
-                letter = ('WE', 'SN')[axis][int(value >= 0.0)]
-                words = f'{abs(value):.{digits}f}° {letter}'
-                place = (along, 1.0) if axis == 0 else (1.0, along)
-                inward = ((0, -3), (-3, 0))[axis]
-                axes.annotate(
-                    words, place, inward, xycoords='axes fraction', textcoords='offset points',
-                    fontsize=6.5, color=INK, path_effects=halo(), rotation=-90.0 * axis,
-                    ha='right' if axis else 'center', va='center' if axis else 'top',
-                )
+        places = np.interp(ticks, degrees, steps, left=-1.0, right=2.0)
+        # keeps the corner of the north arrow free, and labels away from the ends
+        is_inside = (places > 0.1) & (places < 1.0 - max(_DEGREES_ROOM / inches[axis], 0.07))
+        ticks, places = ticks[is_inside], places[is_inside]
+        # a label needs 0.8 inches
+        gap = inches[axis] * float(np.diff(places).min(initial=1.0))
+        every = math.ceil(0.8 / gap)
+        for value, along in zip(ticks[::every], places[::every], strict=True):
+            letter = ('WE', 'SN')[axis][int(value >= 0.0)]
+            words = f'{abs(value):.{digits}f}° {letter}'
+            place = (along, 1.0) if axis == 0 else (1.0, along)
+            inward = ((0, -3), (-3, 0))[axis]
+            axes.annotate(
+                words, place, inward, xycoords='axes fraction', textcoords='offset points',
+                fontsize=6.5, color=INK, path_effects=halo(), rotation=-90.0 * axis,
+                ha='right' if axis else 'center', va='center' if axis else 'top',
+            )
