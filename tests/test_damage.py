@@ -232,7 +232,7 @@ def test_messages_that_metadata_list_and_files_lack_are_named(
     """Every command exits with 1, and with 0 for --incomplete; both name what is missing."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr('lava_ros.ros.player.play', lambda bag, **_: 0)
-    monkeypatch.setattr('lava_ros.watch.page.serve', lambda *_, **__: Mock(port=1))
+    monkeypatch.setattr('lava_ros.watch.server.Server', Mock())
     monkeypatch.setattr('signal.signal', lambda *_: None)
     (tmp_path / 'huts.csv').write_text('name,x,y\nhut,300,300\n')
     path = bag / 'bag_0.mcap'

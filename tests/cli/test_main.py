@@ -328,8 +328,8 @@ def test_wrong_usage_is_one_line(words, sentence):
 
 #: What `lava COMMAND --help` must not import, because each takes long.
 HEAVY = {
-    'bokeh', 'dask', 'distributed', 'matplotlib', 'mcap', 'numpy', 'pyogrio', 'rasterio', 'rclpy',
-    'rich', 'scipy', 'tornado', 'warp', 'yaml',
+    'dask', 'distributed', 'matplotlib', 'mcap', 'numpy', 'pyogrio', 'rasterio', 'rclpy', 'rich',
+    'scipy', 'trimesh', 'viser', 'warp', 'yaml',
 }
 
 #: Prints, for each command, what its help has imported so far.
