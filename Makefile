@@ -7,12 +7,12 @@ ARGS ?=
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test coverage docs look hard hard-published safeguards nightly audit soak lint types clean
 
-help:  ## Say what can be made
+help:  ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
 
 setup: $(STAMP)  ## Create .venv and install everything into it
 
-# Installs again when what is installed has changed; the stamp says that it went through.
+# Installs again after a change of an installed file; the stamp marks a successful installation.
 $(STAMP): setup.py pyproject.toml package.xml constraints.txt $(wildcard launch/* libexec/* params/* rviz/*)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 	  || { echo 'lava_ros needs Python 3.10 or newer; choose one: make PYTHON=python3.12 $(MAKECMDGOALS)' >&2; exit 1; }
@@ -23,16 +23,16 @@ $(STAMP): setup.py pyproject.toml package.xml constraints.txt $(wildcard launch/
 demo: $(STAMP)  ## Simulate a flow on a mountain, live in ROS 2 (ARGS='--forecast' narrows a forecast; ARGS='--help' lists the options)
 	$(VENV)/bin/lava demo $(ARGS)
 
-test: $(STAMP)  ## Run every test but those marked nightly, three at a time (ARGS='-k bag' selects)
+test: $(STAMP)  ## Run all tests except those marked nightly, three at a time (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest --numprocesses 3 --dist loadfile $(ARGS)
 
 hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minutes on 2 cores (ARGS='--scene cliff')
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run $(ARGS)
 
-hard-published: $(STAMP)  ## Run the hard scenes at the paper's settings, 10 s each: what breaks there
+hard-published: $(STAMP)  ## Run the hard scenes at the paper's settings, 10 s each, and list the failures
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run --published $(ARGS)
 
-nightly: $(STAMP)  ## Try 2,000 random scenes, messages, files and command lines, change parts of 1,000 files of each kind, kill 20 recordings, flip 1,500 bits of bags, run the tests marked nightly, install the node elsewhere, run the Dockerfile's steps, look up weaknesses; a table at the end (ARGS='--hypothesis-seed=1')
+nightly: $(STAMP)  ## Try 2,000 random scenes, messages, files and command lines, change parts of 1,000 files of each kind, kill 20 recordings, flip 1,500 bits of bags, run the tests marked nightly, install the node in another folder, run the Dockerfile's steps, look up vulnerabilities, and print a table (ARGS='--hypothesis-seed=1')
 	@mkdir -p build
 	@rm -f build/fuzz.json
 	@failed=; export LAVA_FUZZ_FIGURES=build/fuzz.json; \
@@ -47,41 +47,41 @@ nightly: $(STAMP)  ## Try 2,000 random scenes, messages, files and command lines
 	$(VENV)/bin/python tests/fuzz/table.py build/fuzz.json || failed="$$failed table"; \
 	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
 
-audit:  ## Look up known weaknesses of what constraints.txt names; fails where one cannot be looked up
+audit:  ## Look up known vulnerabilities of the packages in constraints.txt; fails if a package cannot be looked up
 	$(PYTHON) -m venv build/audit
 	build/audit/bin/python -m pip install --quiet --disable-pip-version-check 'pip-audit==2.10.1'
 	build/audit/bin/pip-audit --strict --no-deps --disable-pip --requirement constraints.txt
 
-soak: $(STAMP)  ## Keep a node busy for 30 minutes and judge memory, deadlines and bag (ARGS='--minutes 5')
+soak: $(STAMP)  ## Run a node under load for 30 minutes, and check memory, deadlines and bag (ARGS='--minutes 5')
 	PYTHONPATH=tests $(VENV)/bin/python -m soak.soak $(ARGS)
 
-look: $(STAMP)  ## Drive reports and the live view in a browser and encode films, with wheels of Chromium and ffmpeg (900 MB)
+look: $(STAMP)  ## Test reports and the live view in a browser, and MP4 files, with wheels of Chromium and ffmpeg (900 MB)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[look]'
 	$(VENV)/bin/python -m pytest tests/pages/report/test_browser.py tests/watch/test_watch_browser.py tests/maps/test_animation.py $(ARGS)
 
-safeguards: $(STAMP)  ## Take out each safeguard in a copy of the package and see its test fail
+safeguards: $(STAMP)  ## Remove each safeguard in a copy of the package, and check that its test fails
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.safeguards $(ARGS)
 
-docs: $(STAMP)  ## Build the pages of docs/, API reference included, into build/docs
+docs: $(STAMP)  ## Build the pages of docs/ and the API reference in build/docs
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --requirement docs/requirements.txt
 	$(VENV)/bin/python -m sphinx -W --keep-going --quiet --builder html docs build/docs
 
-coverage: $(STAMP)  ## Run every test and list the lines that none of them runs
+coverage: $(STAMP)  ## Run all tests, and list the lines that no test runs
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'coverage==7.17.3'
 	$(VENV)/bin/python -m coverage erase
 	$(VENV)/bin/python -m coverage run -m pytest --numprocesses 3 --dist loadfile $(ARGS)
 	$(VENV)/bin/python -m coverage combine --quiet
 	$(VENV)/bin/python -m coverage report
 
-lint: types  ## Check style, types and licences, as the hooks of pre-commit do
+lint: types  ## Check style, types and licences, like the hooks of pre-commit
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'ruff==0.17.5' 'reuse==6.2.0'
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/reuse lint --quiet
 
-types: $(STAMP)  ## Check types alone
+types: $(STAMP)  ## Check only types
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'mypy==2.4.1'
 	$(VENV)/bin/mypy
 
-clean:  ## Remove what make made: .venv, the demo's bag and caches
+clean:  ## Remove the files of make: .venv, the demo's bag and caches
 	rm -rf $(VENV) bags/demo build install log dist *.egg-info .pytest_cache
 	find lava_ros tests -name __pycache__ -type d -exec rm -rf {} +

@@ -3,7 +3,7 @@
 
 """Data files that ROS expects below share/ and lib/, which pyproject.toml cannot list.
 
-colcon needs this file.
+colcon requires this file.
 """
 
 from pathlib import Path
@@ -13,26 +13,26 @@ from setuptools.config.pyprojecttoml import apply_configuration
 
 NAME = 'lava_ros'
 
-# colcon runs a link to this file elsewhere.
+# colcon runs a link to this file in another folder.
 ROOT = Path(__file__).resolve().parent
 
 
 class LavaDistribution(Distribution):
-    """Reads pyproject.toml wherever setup.py runs, and installs data files in every mode."""
+    """Distribution that finds pyproject.toml, and installs data files in every mode."""
 
     def parse_config_files(self, *args: object, **options: object) -> None:
-        """Read the metadata in this file's folder, also where colcon linked this file alone."""
+        """Read the metadata in the folder of this file, also if colcon runs a link to it."""
         super().parse_config_files(*args, **options)
         if not Path('pyproject.toml').exists():
             apply_configuration(self, ROOT / 'pyproject.toml')
 
     def has_data(self) -> bool:
-        """Return True if there are data files; editable installs call this name."""
+        """Return True if there are data files; editable installs call this method."""
         return bool(self.has_data_files())
 
 
 def files_in(folder: str) -> list[str]:
-    """List the files of a folder, relative to this file's."""
+    """List the files of a folder, relative to the folder of this file."""
     return sorted(f'{folder}/{path.name}' for path in (ROOT / folder).glob('*') if path.is_file())
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the pages are built: `make docs` writes build/docs/index.html."""
+"""Configuration of Sphinx: `make docs` writes build/docs/index.html."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from lava_ros.verification.rows import read_csv
 
 project = 'lava_ros'
 author = 'lava_ros contributors'
-copyright = '2026, lava_ros contributors'  # noqa: A001 (the name that Sphinx reads)
+copyright = '2026, lava_ros contributors'  # noqa: A001 (Sphinx reads this name)
 version = release = lava_ros.__version__
 
 extensions = [
@@ -29,10 +29,10 @@ html_title = f'lava_ros {release}'
 
 myst_enable_extensions = ['colon_fence', 'dollarmath']
 myst_heading_anchors = 3
-# Links to files of the repository are no pages.
+# Links to files of the repository are not pages.
 suppress_warnings = ['myst.xref_missing']
 
-# The pages are built without ROS as well.
+# The pages can be built without ROS.
 autodoc_mock_imports = [
     'builtin_interfaces',
     'diagnostic_msgs',
@@ -50,7 +50,7 @@ autodoc_member_order = 'bysource'
 autodoc_typehints = 'description'
 napoleon_use_ivar = True
 
-# The pages of the measurements are not kept in the repository: they follow from the tables.
+# The pages of measurements are not in the repository: they are generated from the tables.
 for table in Path(__file__).parent.glob('accuracy/[ch]*.csv'):
     page = markdown(read_csv(table), TITLES, stem=table.stem)
     table.with_suffix('.md').write_text(page, encoding='utf-8')

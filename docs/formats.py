@@ -12,14 +12,14 @@ from lava_ros.scene import effusion_rates, features, reshaping, vent_files
 
 PAGE = Path(__file__).with_name('FORMATS.md')
 
-#: What a column means, in its unit without another one in the header.
+#: Meaning of each column, in its unit unless the header states another.
 MEANINGS = {
     'x': 'easting [m] in the coordinate system of the terrain',
     'y': 'northing [m]',
     'x_end': 'easting of the other end of a line [m]',
     'y_end': 'northing of the other end of a line [m]',
     'lon': 'longitude: degrees, or degrees, minutes and seconds',
-    'lat': 'latitude, likewise',
+    'lat': 'latitude, in the same notation',
     'lon_end': 'longitude of the other end of a line',
     'lat_end': 'latitude of the other end of a line',
     'name': 'name',
@@ -40,7 +40,7 @@ MEANINGS = {
 
 
 def raster_rows() -> Iterator[tuple[str, ...]]:
-    """Each raster format: what it is, and what reads and writes it."""
+    """Yield a row for each raster format."""
     yield ('format', 'file names', 'read by GDAL driver', 'limits', 'written')
     for item in rasters.FORMATS:
         names = ', '.join(f'`{suffix}`' for suffix in item.suffixes)
@@ -50,12 +50,12 @@ def raster_rows() -> Iterator[tuple[str, ...]]:
 
 
 def vector_rows() -> Iterator[tuple[str, ...]]:
-    """Each vector format: what it is, and what it is read and written as."""
+    """Yield a row for each vector format."""
     yield ('format', 'read', '`--formats`', 'coordinates')
     for ending, known in vectors.FORMATS.items():
         names = [ending, *(other for other, own in vectors.ALIASES.items() if own == ending)]
         names += [other for other, own in vectors.ARCHIVES.items() if ending in own]
-        # a zip that is written has a Shapefile
+        # a written zip contains a Shapefile
         written = [
             name for name in names
             if name in vectors.WRITTEN and (name != 'zip' or ending == 'shp')
@@ -77,7 +77,7 @@ def _endings(names: list[str], dot: str = '.') -> str:
 
 
 def column_rows() -> Iterator[tuple[str, ...]]:
-    """Each column of a table and attribute of a feature, with its other names."""
+    """Yield a row for each column of a table or attribute of a feature."""
     ends = ('', '_end')
     places = [f'{name}{end}' for pair in features.PLACES for name in pair for end in ends]
     uses = {
@@ -92,18 +92,18 @@ def column_rows() -> Iterator[tuple[str, ...]]:
         yield (f'`{name}`', MEANINGS[name], where, _endings(list(known[1:]), ''))
 
 
-#: Tables by the name of their section.
+#: Rows of tables, by the name of their section.
 TABLES = {'rasters': raster_rows, 'vectors': vector_rows, 'columns': column_rows}
 
 
 def table(rows: Iterator[tuple[str, ...]]) -> str:
-    """Return a table in Markdown; the first row is its head."""
+    """Return a Markdown table; the first row is its head."""
     lines = [f'| {" | ".join(row)} |'.replace('  |', ' |') for row in rows]
     return '\n'.join([lines[0], f'|{"---|" * (lines[0].count("|") - 1)}', *lines[1:], ''])
 
 
 def page(text: str) -> str:
-    """Return the page with its tables as they should be."""
+    """Return the page with its tables up to date."""
     for name, rows in TABLES.items():
         begin, end = f'<!-- {name}: begin -->\n', f'<!-- {name}: end -->\n'
         before, _, rest = text.partition(begin)

@@ -22,7 +22,7 @@ HEAD = '| parameter | type | default | range | unit | may change | meaning |'
 #: The file from which lava.launch.py declares its arguments.
 LAUNCH = PAGE.parents[1] / 'launch/lava_parameters.yaml'
 
-#: Part of the description of a parameter that is read again at each reset.
+#: Part of the descriptions of parameters that are read at each reset.
 LATER = 'from the next start or reset on'
 
 
@@ -36,7 +36,7 @@ def launch_arguments() -> str:
 
 
 def specs() -> Iterator[parameters.ParameterSpec]:
-    """Every parameter that the node declares."""
+    """Yield all parameters of the node."""
     yield from parameters.LIFECYCLE
     yield from parameters.SOURCES
     yield from parameters.PARAMETERS
@@ -45,7 +45,7 @@ def specs() -> Iterator[parameters.ParameterSpec]:
 
 def default(spec: parameters.ParameterSpec) -> str:
     """Return the default of a parameter as YAML."""
-    # ROS's tools read 7e-07 as a string
+    # ROS tools read 7e-07 as a string
     return re.sub(r'^(-?\d+)e', r'\1.0e', json.dumps(spec.default))
 
 
@@ -55,7 +55,7 @@ def change(spec: parameters.ParameterSpec) -> str:
 
 
 def row(spec: parameters.ParameterSpec) -> str:
-    """A parameter's row of the table."""
+    """Return the row of a parameter in the table."""
     unit = re.search(r'\[([^\]]+)\]', spec.description)
     cells = (
         f'`{spec.name}`',
@@ -70,13 +70,13 @@ def row(spec: parameters.ParameterSpec) -> str:
 
 
 def table() -> str:
-    """The table."""
+    """Return the table."""
     rule = '|'.join(['---'] * (HEAD.count('|') - 1))
     return '\n'.join([HEAD, f'|{rule}|', *map(row, specs()), ''])
 
 
 def page(old: str) -> str:
-    """The page with the table as it should be."""
+    """Return the page with its table up to date."""
     before, _, rest = old.partition(BEGIN)
     return f'{before}{BEGIN}\n{table()}\n{END}{rest.partition(END)[2]}'
 

@@ -3,8 +3,8 @@
 
 """Write the JSON Schemas of our YAML files into schemas/: `python docs/schemas.py`.
 
-Names, limits and choices are those that the parsers check. Limits that depend on other values of a
-file, such as a solidus below the liquidus, are in no schema.
+Names, limits and choices are those of the parsers. Limits that depend on other values of a file,
+such as a solidus below the liquidus, are not in the schemas.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -42,17 +42,17 @@ Schema = dict[str, Any]
 TEXT: Schema = {'type': 'string'}
 FLAG: Schema = {'type': 'boolean'}
 
-#: What editors show beside a key, where the code has no text for it.
+#: Descriptions of keys in editors, for keys without a description in the code.
 MEANINGS = {
     'terrain': 'Elevation file and how to read it',
     'file': 'File, relative to this one',
-    'epsg': 'EPSG code of the coordinates of the file, in place of what it states',
+    'epsg': 'EPSG code of the coordinates; replaces the one in the file',
     'resolution': 'Side of the cells to make [m]',
     'offset': 'Easting and northing of the origin of the map frame [m]',
     'window': 'Part to keep: smallest easting and northing, largest easting and northing [m]',
     'fill_holes': 'Fill cells without data that data surround',
-    'nodata': 'Value of cells without data that the file does not declare; none: there are none',
-    'vents': 'Where lava comes out',
+    'nodata': 'Value of cells without data that the file does not declare; none: all have data',
+    'vents': 'Points and lines at which lava is emitted',
     'name': 'Name in logs, messages and tables',
     'position': 'Position [x, y] in the map frame [m]',
     'projected': 'Position [easting, northing] in the coordinate system of the terrain [m]',
@@ -62,24 +62,24 @@ MEANINGS = {
     'effusion_rate': 'Effusion rate [m3/s]: a number, [time [s], rate] pairs, or a table',
     'temperature': 'Temperature of the erupting lava [K]',
     'radius': 'Radius of the disc, or half the width of the fissure [m]',
-    'velocity': 'Velocity [vx, vy] with which lava comes out [m/s]',
+    'velocity': 'Velocity [vx, vy] of the emitted lava [m/s]',
     'lava': 'Material, and constants in place of its own',
-    'uncertainty': 'What differs between the members of an ensemble',
+    'uncertainty': 'Quantities that differ between the members of an ensemble',
     'vent_temperature': 'Temperature of the erupting lava [K]',
     'vent_radius': 'Radius of vents without their own [m]',
     'low_pass': 'Standard deviation of a Gaussian filter of the ground [m]; 0: none',
-    'emplaced_flows': 'Flows that are there before the start',
+    'emplaced_flows': 'Flows emplaced before the start',
     'events': 'Changes of the ground during the eruption',
 }
 
-#: The same for the keys of a layer; msg_configs/default.yaml describes them in full.
+#: Descriptions of the keys of a layer; msg_configs/default.yaml has them in full.
 LAYER_MEANINGS = {
     'topic': 'Relative topic name; the name of the layer if left out',
     'source': 'Quantity that the layer shows',
     'message': 'Type of the messages',
     'range': 'Values [low, high] that map to the ends of scale, in the unit of the source',
     'scale': 'Grid values [first, last] at the ends of range; [0, 100] if left out',
-    'step': 'Value of the source from which a cell is 100 and below which it is 0',
+    'step': 'Value of the source at or above which a cell is 100; below it, 0',
     'classes': 'Values of the source at which one class ends and the next begins',
     'margin': 'Clearance around cells with lava [m]; 0 if left out',
     'threshold': 'Thickness below which a cell is dry [m]; 0.1 if left out',
@@ -98,7 +98,7 @@ LIMITS = {'above': 'exclusiveMinimum', 'at_least': 'minimum', 'at_most': 'maximu
 
 
 def of_check(check: Callable[..., Any]) -> Schema:
-    """Return the schema of a value that a check of ``validation`` takes."""
+    """Return the schema of the values that a check of ``validation`` accepts."""
     options = check.keywords if isinstance(check, partial) else {}
     function = check.func if isinstance(check, partial) else check
     if function is validation.flag:
@@ -114,7 +114,7 @@ def of_check(check: Callable[..., Any]) -> Schema:
 
 
 def number(**limits: float | None) -> Schema:
-    """Return the schema of a number within limits, as ``validation.number`` names them."""
+    """Return the schema of a number within the limits of ``validation.number``."""
     return of_check(partial(validation.number, **limits))
 
 
@@ -137,15 +137,15 @@ def mapping(
 
 
 def either(*names: str, optional: bool = False) -> Schema:
-    """Return a condition on a mapping: it has exactly one of some keys, or with them at most."""
-    ways: list[Schema] = [{'required': [name]} for name in names]
+    """Return a condition on a mapping: exactly one of some keys, or at most one if optional."""
+    options: list[Schema] = [{'required': [name]} for name in names]
     if optional:
-        ways.append({'not': {'anyOf': list(ways)}})
-    return {'oneOf': ways}
+        options.append({'not': {'anyOf': list(options)}})
+    return {'oneOf': options}
 
 
 def of_field(item: Field[Any]) -> Schema:
-    """Return the schema of a field that ``effect.number``, ``choice`` or ``flag`` describes."""
+    """Return the schema of a field declared by ``effect.number``, ``choice`` or ``flag``."""
     about = item.metadata
     unit = f' [{about["unit"]}]' if about.get('unit') else ''
     text = {'description': about['text'] + unit}
@@ -163,9 +163,9 @@ def lava() -> Schema:
     return mapping({'material': names, **{item.name: of_field(item) for item in fields(Lava)}})
 
 
-def former_material() -> Schema:
-    """Return the schema of ``material`` at the place where case files had it."""
-    text = 'Deprecated: the place of a material is lava: {material: NAME}'
+def deprecated_material() -> Schema:
+    """Return the schema of ``material`` outside ``lava``."""
+    text = 'Deprecated: use lava: {material: NAME}'
     return {
         'description': text, 'deprecated': True, 'deprecationMessage': text,
         'enum': list(materials()),
@@ -173,12 +173,12 @@ def former_material() -> Schema:
 
 
 def surroundings() -> dict[str, Schema]:
-    """Return the schemas of the numbers of the surroundings, by name."""
+    """Return the schemas of the constants of the surroundings, by name."""
     return {item.name: of_field(item) for item in fields(Scene) if item.name in ENVIRONMENT}
 
 
 def terrain_options() -> dict[str, Schema]:
-    """Return the schemas of the options of reading an elevation file, by name."""
+    """Return the schemas of the options for reading an elevation file, by name."""
     known = {
         'epsg': {'type': 'integer', 'minimum': MIN_EPSG},
         'resolution': of_check(RESOLUTION_CHECK),
@@ -191,7 +191,7 @@ def terrain_options() -> dict[str, Schema]:
 
 
 def rate_options() -> dict[str, Schema]:
-    """Return the schemas of the choices for reading a table of effusion rates, by name."""
+    """Return the schemas of the options for reading a table of effusion rates, by name."""
     known = {
         'start': {
             'description': 'Start of the eruption (ISO 8601), which is time 0',
@@ -248,7 +248,7 @@ def distribution() -> Schema:
 
 
 def uncertainties() -> Schema:
-    """Return the schema of what is uncertain."""
+    """Return the schema of uncertain quantities."""
     one = {'$ref': '#/definitions/distribution'}
     roughness = {
         item.name: of_check(uncertainty.ROUGHNESS_CHECK) for item in fields(uncertainty.Roughness)
@@ -281,13 +281,13 @@ def uncertainties() -> Schema:
 
 
 def emplaced_flow() -> Schema:
-    """Return the schema of a flow that is there before the start."""
+    """Return the schema of a flow emplaced before the start."""
     known = {
         'file': TEXT | {
             'description': 'Raster of thickness [m], or outlines; relative to this file'
         },
         'as': {
-            'description': 'Lava that flows on, or a part of the ground; lava if left out',
+            'description': 'Lava that can flow, or part of the ground; lava if left out',
             'enum': list(emplaced.KINDS),
         },
         'thickness': of_check(emplaced.THICKNESS_CHECK) | {
@@ -334,7 +334,7 @@ def scene() -> Schema:
     }
     known = {name: known[name] for name in SCENE_KEYS}
     return mapping(
-        {**known, 'material': former_material()}, definitions={'distribution': distribution()}
+        {**known, 'material': deprecated_material()}, definitions={'distribution': distribution()}
     )
 
 
@@ -355,19 +355,19 @@ def case_file() -> Schema:
         'events': list_of(event(number())),
         'uncertainty': uncertainties(),
         'effusion_rate': mapping(rate_options()) | {
-            'description': 'Choices for reading effusion_rate.csv'
+            'description': 'Options for reading effusion_rate.csv'
         },
     }
     known = {name: known[name] for name in case.KEYS}
     return mapping(
-        {**known, 'material': former_material()}, definitions={'distribution': distribution()}
+        {**known, 'material': deprecated_material()}, definitions={'distribution': distribution()}
     )
 
 
 def layers() -> Schema:
-    """Return the schema of a file of msg_configs/."""
+    """Return the schema of a layer configuration."""
     checks = {name: of_check(check) for name, check in layer_files.CHECKS.items()}
-    bound, classes = of_check(layer_files.RANGE_CHECK), layer_files.MOST_CLASSES - 1
+    bound, classes = of_check(layer_files.RANGE_CHECK), layer_files.MAX_CLASSES - 1
     known = {
         **checks,
         'topic': {'type': 'string', 'pattern': f'^{layer_files.TOPIC.pattern}$'},
@@ -397,7 +397,7 @@ def of_parameter(spec: parameters.ParameterSpec) -> Schema:
     """Return the schema of a parameter."""
     text = {'description': spec.description}
     if spec.is_list:
-        # a list with one empty text is how ROS writes an empty list of texts
+        # ROS writes an empty list of strings as one empty string
         item = {'enum': ['', *spec.choices]} if spec.choices else TEXT
         return {**text, 'anyOf': [list_of(item), {'enum': ['', None]}]}
     if spec.choices:
@@ -408,9 +408,9 @@ def of_parameter(spec: parameters.ParameterSpec) -> Schema:
 
 
 def parameter_file() -> Schema:
-    """Return the schema of a file of parameters, which may also be for other nodes.
+    """Return the schema of a parameter file.
 
-    The node ignores parameters that it does not have, with a warning, and so does the schema.
+    Unknown parameters and other nodes are valid: the node ignores them, with a warning.
     """
     specs = (*parameters.LIFECYCLE, *parameters.SOURCES, *parameters.PARAMETERS)
     specs += parameters.constant_parameters(constants_of(None))
@@ -428,11 +428,11 @@ def parameter_file() -> Schema:
     }
 
 
-#: Schema of each kind of file, by its name, and what the file is.
+#: Title and function of the schema of each kind of file.
 KINDS: Mapping[str, tuple[str, Callable[[], Schema]]] = {
     'scene': ('Scene of lava_ros: terrain, vents, lava', scene),
-    'case': ('case.yaml of an eruption that has been mapped', case_file),
-    'layers': ('Layers that the node publishes', layers),
+    'case': ('case.yaml of a mapped eruption', case_file),
+    'layers': ('Published layers of the node', layers),
     'parameters': ('Parameters of the node', parameter_file),
 }
 
@@ -444,12 +444,12 @@ def schema(kind: str) -> Schema:
 
 
 def path(kind: str) -> Path:
-    """Return the file of a schema."""
+    """Return the path of a schema file."""
     return FOLDER / f'{kind}.schema.json'
 
 
 def text(kind: str) -> str:
-    """Return the text of the file of a schema."""
+    """Return the text of a schema file."""
     return json.dumps(schema(kind), indent=1) + '\n'
 
 

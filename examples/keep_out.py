@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot that stays out of the lava: a path to the goal around the hazard, or none at all.
+"""Planner that keeps a robot out of lava: a path to the goal around the hazard, or no path.
 
-Give it where the robot is (/pose) and where it shall go (/goal_pose, RViz's 2D Goal Pose):
+It needs the pose of the robot (/pose) and its goal (/goal_pose, RViz's 2D Goal Pose):
 
     python3 keep_out.py --ros-args -p clearance:=30.0
 
-It publishes the way as /plan and plans again whenever the hazard map, the goal or the robot has
-changed. A plan without poses says stop: no way, a goal that it refuses, or no map to trust.
-Unknown ground (-1) is not passable. A robot that the lava has come near to is led away from it.
+It publishes the path as /plan, and plans again after each change of the hazard map, the goal or
+the robot's cell. A plan without poses means stop: no path exists, the goal is not valid, or there
+is no current map. Unknown ground (-1) is not passable. Near lava, the path leads away from it.
 """
 
 from heapq import heappop, heappush
@@ -28,21 +28,21 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STEPS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 
 
-def find_way(blocked, near, start, goal):
-    """Find the shortest way by A*, over sides and corners of cells that are free.
+def find_path(blocked, near, start, goal):
+    """Find the shortest path with A*, across sides and corners of free cells.
 
     Args:
         blocked: Cells not to enter, bool, shape [rows, columns].
-        near: Cells that are better left: a step into one counts as ten.
+        near: Cells to avoid: a step into one counts as ten.
         start: First cell (row, column).
         goal: Last cell.
 
     Returns:
-        The cells of the way, both ends among them; empty when there is none.
+        The cells of the path, including both ends; empty if no path exists.
     """
 
     def left(cell):
-        """The shortest way there could be from a cell."""
+        """Return the minimum length of a path from a cell to the goal."""
         rows, columns = abs(cell[0] - goal[0]), abs(cell[1] - goal[1])
         return max(rows, columns) + (sqrt(2.0) - 1.0) * min(rows, columns)
 
@@ -64,7 +64,7 @@ def find_way(blocked, near, start, goal):
         done.add(cell)
         for dr, dc in STEPS:
             other = cell[0] + dr, cell[1] + dc
-            # Not diagonally past a corner that is blocked.
+            # no diagonal step past a blocked corner
             sides = (cell[0], other[1]), (other[0], cell[1])
             if not all(is_free(*item) for item in (other, *sides)):
                 continue
@@ -76,16 +76,16 @@ def find_way(blocked, near, start, goal):
 
 
 class KeepOut(Node):
-    """Plans around the hazard."""
+    """Node that plans a path around the hazard."""
 
     def __init__(self):
-        """Join the graph."""
+        """Declare parameters and create publishers, subscriptions and a timer."""
         super().__init__('keep_out')
-        #: Largest hazard to drive through; 0: none.
+        #: Maximum hazard of a passable cell.
         self.max_hazard = self.declare_parameter('max_hazard', 0).value
-        #: Distance to keep from lava and from the unknown [m].
+        #: Minimum distance from lava and from unknown ground [m].
         self.clearance = self.declare_parameter('clearance', 20.0).value
-        self.grid = self.pose = self.goal = self.said = None
+        self.grid = self.pose = self.goal = self.reported = None
         self.plan = self.create_publisher(Path, 'plan', LATCHED)
         self.create_subscription(OccupancyGrid, 'hazard', self.on_hazard, LATCHED)
         self.create_subscription(PoseStamped, 'pose', self.on_pose, 10)
@@ -93,7 +93,7 @@ class KeepOut(Node):
         self.create_timer(1.0, self.watch)
 
     def on_hazard(self, grid):
-        """Take the new map, and plan around what is on it now."""
+        """Store the new map and plan again."""
         self.grid = grid
         values = np.array(grid.data, dtype=np.int8).reshape(grid.info.height, grid.info.width)
         self.values, self.walls = values, (values > self.max_hazard) | (values < 0)
@@ -101,24 +101,24 @@ class KeepOut(Node):
         self.replan()
 
     def on_pose(self, pose):
-        """Note where the robot is; plan when it has come to another cell."""
+        """Store the pose of the robot, and plan again if its cell has changed."""
         before, self.pose = self.pose, pose
         if before is None or (self.grid and self.cell(before) != self.cell(pose)):
             self.replan()
 
     def on_goal(self, goal):
-        """Go somewhere else."""
+        """Store the new goal and plan again."""
         self.goal = goal
         self.replan()
 
     def watch(self):
-        """Trust a map only as long as there is somebody who keeps it."""
+        """Discard the map if it has no publisher."""
         if self.grid is not None and self.count_publishers('hazard') == 0:
             self.grid = None
             self.replan()
 
     def cell(self, pose):
-        """The cell of a pose (row, column), None beyond the map."""
+        """Return the cell of a pose (row, column), None outside the map."""
         info, point = self.grid.info, pose.pose.position
         row = (point.y - info.origin.position.y) // info.resolution
         column = (point.x - info.origin.position.x) // info.resolution
@@ -126,7 +126,7 @@ class KeepOut(Node):
         return (int(row), int(column)) if inside else None
 
     def refusal(self, what, pose):
-        """Why a pose cannot be an end of the way, empty when it can."""
+        """Return the reason why a pose cannot be an end of the path, or an empty text."""
         if pose.header.frame_id != self.grid.header.frame_id:
             frames = f'{pose.header.frame_id!r}, the map in {self.grid.header.frame_id!r}'
             return f'{what} is in frame {frames}'
@@ -138,7 +138,7 @@ class KeepOut(Node):
         return f'{what} is in lava: hazard {self.values[cell]}' if self.walls[cell] else ''
 
     def replan(self):
-        """Publish the way as it is now, or a plan without poses."""
+        """Publish the new path, or a plan without poses."""
         cells, problem = [], ''
         if self.goal is None or self.pose is None:
             return
@@ -152,15 +152,15 @@ class KeepOut(Node):
                 problem = f'the goal is nearer than {self.clearance:g} m to lava or unknown ground'
             else:
                 blocked = self.walls if self.near[start] else self.near
-                cells = find_way(blocked, self.near, start, goal)
+                cells = find_path(blocked, self.near, start, goal)
                 problem = '' if cells else 'no way leads around the lava'
         self.plan.publish(self.path(cells))
-        if problem and problem != self.said:
+        if problem and problem != self.reported:
             self.get_logger().warning(f'stop: {problem}')
-        self.said = problem
+        self.reported = problem
 
     def path(self, cells):
-        """The message of a way through the centres of cells."""
+        """Return the message of a path through the centres of cells."""
         path = Path()
         path.header.frame_id = self.grid.header.frame_id if self.grid else 'map'
         path.header.stamp = self.get_clock().now().to_msg()

@@ -1,17 +1,17 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot that leaves in time: the quickest way to where the lava will not come.
+"""Planner with which a robot leaves in time: the fastest path to a place that lava will not reach.
 
-Tell it where it is (/pose), and how fast it drives:
+It needs the pose of the robot (/pose) and its speed:
 
     python3 leave_in_time.py --ros-args -p speed:=1.5 -p margin:=60.0
 
-It takes the node's forecast (arrival, arrival_time), enters a cell only if it has left it `margin`
-seconds before the lava comes, and publishes the way as /plan: to /goal_pose where that can be had
-in time and is safe, else to the place that it reaches first of those that stay free for all of the
-forecast. It plans again with every forecast and every pose. A plan without poses says that no way
-is left, or that there is no forecast to trust.
+It uses the node's forecast (arrival, arrival_time) and publishes the path as /plan. The robot
+leaves each cell at least `margin` seconds before lava arrives. The path leads to /goal_pose if the
+goal is safe and can be reached in time, otherwise to the nearest place that stays free throughout
+the forecast. It plans again after each forecast and each pose. A plan without poses means that no
+path exists, or that there is no current forecast.
 """
 
 from heapq import heappop, heappush
@@ -31,12 +31,12 @@ STEPS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 
 
 def deadlines(arrival, clearance):
-    """Say until when each cell may be in use.
+    """Return the time until which each cell may be occupied.
 
     Args:
-        arrival: Seconds until the lava comes, shape [rows, columns]; NaN for never, below 0 for
-            cells of which nothing is known, which count as lava.
-        clearance: Distance to keep [cells].
+        arrival: Time to arrival [s], shape [rows, columns]; NaN for never, below 0 for unknown
+            cells, which count as lava.
+        clearance: Minimum distance from lava [cells].
 
     Returns:
         The earliest arrival within that distance of each cell [s], inf for never, same shape.
@@ -52,20 +52,19 @@ def deadlines(arrival, clearance):
     return result
 
 
-def find_way(until, start, is_goal, duration):
-    """Find the quickest way that is never overtaken, by Dijkstra's algorithm.
+def find_path(until, start, is_goal, duration):
+    """Find the fastest path on which lava never overtakes the robot, with Dijkstra's algorithm.
 
-    Lava comes and stays: who is early somewhere can be everywhere that a later one can, so the
-    earliest time at each cell is all that counts.
+    Occupied cells never become free, so only the earliest time at each cell matters.
 
     Args:
-        until: Time until which a cell may be in use [s], shape [rows, columns].
+        until: Time until which a cell may be occupied [s], shape [rows, columns].
         start: First cell (row, column).
-        is_goal: Cells to get to, bool, same shape.
-        duration: How long a step to the next cell of a row takes [s].
+        is_goal: Goal cells, bool, same shape.
+        duration: Time of a step to the next cell of a row [s].
 
     Returns:
-        The cells of the way, both ends among them; empty when there is none.
+        The cells of the path, including both ends; empty if no path exists.
     """
 
     def is_free(row, column, time):
@@ -87,7 +86,7 @@ def find_way(until, start, is_goal, duration):
         for dr, dc in STEPS:
             other = cell[0] + dr, cell[1] + dc
             after = time + hypot(dr, dc) * duration
-            # It may be in either cell, and at the corner of two more, until it has arrived.
+            # during a step the robot may touch both cells and two cells at their corner
             passed = (cell, other, (cell[0], other[1]), (other[0], cell[1]))
             if after < times.get(other, np.inf) and all(is_free(*item, after) for item in passed):
                 times[other], came_from[other] = after, cell
@@ -96,18 +95,18 @@ def find_way(until, start, is_goal, duration):
 
 
 def way_out(arrival, start, goal, *, duration, clearance, margin):
-    """Find the quickest way to a goal that stays free, or else to the nearest place that does.
+    """Find the fastest path to a goal that stays free, or to the nearest place that stays free.
 
     Args:
-        arrival: Seconds until the lava comes, as for ``deadlines``.
+        arrival: Time to arrival [s], as for ``deadlines``.
         start: First cell (row, column).
-        goal: Where it would rather go, None for anywhere.
-        duration: How long a step takes [s].
-        clearance: Distance to keep from lava [cells].
-        margin: How long before the lava a cell is left [s].
+        goal: Preferred cell, or None.
+        duration: Time of a step [s].
+        clearance: Minimum distance from lava [cells].
+        margin: Time between leaving a cell and the arrival of lava [s].
 
     Returns:
-        The cells of the way; one that just makes it where none keeps its distance.
+        The cells of the path, without clearance and margin if no path has them.
     """
     for until in (deadlines(arrival, clearance) - margin, deadlines(arrival, 0.0)):
         safe = np.isinf(until) & (until > 0.0)
@@ -117,28 +116,28 @@ def way_out(arrival, start, goal, *, duration, clearance, margin):
             only[goal] = True
             places = [only, safe]
         for is_goal in places:
-            way = find_way(until, start, is_goal, duration)
+            way = find_path(until, start, is_goal, duration)
             if way:
                 return way
     return []
 
 
 class LeaveInTime(Node):
-    """Plans with the forecast."""
+    """Node that plans a path with the forecast."""
 
     def __init__(self):
-        """Join the graph."""
+        """Declare parameters and create publishers, subscriptions and a timer."""
         super().__init__('leave_in_time')
-        #: How fast it drives [m/s], and by how much it is early everywhere [s].
+        #: Speed of the robot [m/s], and time between leaving a cell and the arrival of lava [s].
         self.speed = self.declare_parameter('speed', 1.0).value
         self.margin = self.declare_parameter('margin', 60.0).value
-        #: Distance to keep from lava, and from what nobody knows [m].
+        #: Minimum distance from lava and from unknown ground [m].
         self.clearance = self.declare_parameter('clearance', 20.0).value
-        #: Seconds of the simulation in one of the clock, as the node's parameter has it.
+        #: Simulated seconds per second of the clock, equal to the node's parameter.
         self.time_scale = self.declare_parameter('time_scale', 1.0).value
-        #: Oldest forecast to trust [s of the clock].
+        #: Maximum age of a forecast [s of the clock].
         self.max_age = self.declare_parameter('max_age', 3600.0).value
-        self.info = self.image = self.pose = self.goal = self.said = None
+        self.info = self.image = self.pose = self.goal = self.reported = None
         self.plan = self.create_publisher(Path, 'plan', LATCHED)
         self.create_subscription(OccupancyGrid, 'arrival', self.on_grid, LATCHED)
         self.create_subscription(Image, 'arrival_time', self.on_image, LATCHED)
@@ -147,27 +146,27 @@ class LeaveInTime(Node):
         self.create_timer(1.0, self.watch)
 
     def on_grid(self, grid):
-        """Note where the cells are: an image does not say."""
+        """Store the position of the cells, which an image does not contain."""
         self.info = grid.info
         self.replan()
 
     def on_image(self, image):
-        """Take the new forecast, or its withdrawal."""
+        """Store the new forecast or withdrawal, and plan again."""
         self.image = image
         self.replan()
 
     def on_pose(self, pose):
-        """Note where the robot is; the way from there may be another."""
+        """Store the pose of the robot and plan again."""
         self.pose = pose
         self.replan()
 
     def on_goal(self, goal):
-        """Go somewhere else, if that is a place to be."""
+        """Store the new goal and plan again."""
         self.goal = goal
         self.replan()
 
     def watch(self):
-        """Trust a forecast only while it is young, and somebody is there to take it back."""
+        """Discard the forecast if it is too old or has no publisher."""
         if self.image is None:
             return
         if self.age > self.max_age or self.count_publishers('arrival_time') == 0:
@@ -176,11 +175,11 @@ class LeaveInTime(Node):
 
     @property
     def age(self):
-        """Seconds of the clock since the forecast's start."""
+        """Time since the start of the forecast [s of the clock]."""
         return (self.get_clock().now() - Time.from_msg(self.image.header.stamp)).nanoseconds * 1e-9
 
     def cell(self, pose):
-        """The cell of a pose (row, column), None beyond the map."""
+        """Return the cell of a pose (row, column), None outside the map."""
         info, point = self.info, pose.pose.position
         row = (point.y - info.origin.position.y) // info.resolution
         column = (point.x - info.origin.position.x) // info.resolution
@@ -188,17 +187,17 @@ class LeaveInTime(Node):
         return (int(row), int(column)) if inside else None
 
     def replan(self):
-        """Publish the way as it is now, or a plan without poses."""
+        """Publish the new path, or a plan without poses."""
         if self.pose is None or self.info is None:
             return
         cells, problem = self.way()
         self.plan.publish(self.path(cells))
-        if problem and problem != self.said:
+        if problem and problem != self.reported:
             self.get_logger().warning(problem)
-        self.said = problem
+        self.reported = problem
 
     def way(self):
-        """The cells of the way, and what is wrong."""
+        """Return the cells of the path, and the problem if there is one."""
         image, info = self.image, self.info
         if image is None or (image.height, image.width) != (info.height, info.width):
             return [], 'stop: there is no forecast'
@@ -209,7 +208,7 @@ class LeaveInTime(Node):
         if start is None:
             return [], 'stop: the robot is outside the map'
         goal = self.goal and self.cell(self.goal)
-        # In seconds of the clock from now on.
+        # seconds of the clock from now
         ahead = np.where(arrival < 0.0, -np.inf, arrival / self.time_scale - self.age)
         cells = way_out(
             ahead,
@@ -225,7 +224,7 @@ class LeaveInTime(Node):
         return cells, '' if is_there else 'not to the goal, but to where no lava comes'
 
     def path(self, cells):
-        """The message of a way through the centres of cells."""
+        """Return the message of a path through the centres of cells."""
         path = Path()
         path.header.frame_id = self.image.header.frame_id if self.image else 'map'
         path.header.stamp = self.get_clock().now().to_msg()

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write files of the kinds that observatories have, for the tutorial on your own volcano.
+"""Write typical files of an observatory, for the tutorial on your own volcano.
 
-`python observatory_files.py [FOLDER]` writes a slope of Etna that does not exist:
+`python observatory_files.py [FOLDER]` writes files of an artificial slope on Etna:
 
 - lidar.tif, elevations in cells of 10 m in UTM zone 33 north with heights above the EGM96 geoid,
-  a compound coordinate system as lidar surveys have it;
-- fissure.kml, a fissure as Google Earth draws it;
-- rates.csv, effusion rates of intervals with dates and their errors.
+  a compound coordinate system like that of lidar surveys;
+- fissure.kml, a fissure drawn in Google Earth;
+- rates.csv, effusion rates of intervals with dates and errors.
 """
 
 from pathlib import Path

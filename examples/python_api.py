@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the lava of a vent goes within an hour, in ten lines: python3 python_api.py [TERRAIN]."""
+"""Simulate one hour of a lava flow in ten lines: python3 python_api.py [TERRAIN]."""
 
 import sys
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start the lava node, or a replay in its place, and RViz.
+"""Start the lava node or a replay of a bag, and RViz.
 
 ros2 launch lava_ros lava.launch.py scene:=etna.yaml time_scale:=60.0 rviz:=true
 ros2 launch lava_ros lava.launch.py scene:=etna.yaml forecast_horizon:=6.0 ensemble_members:=32
@@ -10,8 +10,8 @@ ros2 launch lava_ros lava.launch.py resume:=bags/etna record:=true
 ros2 launch lava_ros lava.launch.py replay:=bags/demo rviz:=true
 ros2 launch lava_ros lava.launch.py --show-args
 
-Every parameter of the node is an argument. A node that records is restarted when it is killed, and
-resumes from its bag. When the node ends by itself, the whole launch ends.
+Every parameter of the node is an argument. A node that records is restarted if it is killed, and
+resumes from its bag. If the node ends by itself, the whole launch ends.
 """
 
 from difflib import get_close_matches
@@ -53,7 +53,7 @@ def _share(*words):
     return PathJoinSubstitution([FindPackageShare('lava_ros'), *words])
 
 
-# Everything else: name, default, description, choices.
+# Other arguments: name, default, description, choices.
 ARGUMENTS = (
     ('namespace', '', 'Namespace of the node, or of the replay, and of RViz', None),
     (
@@ -94,7 +94,7 @@ def declare_arguments():
     ]
 
 
-def refuse_unknown(context, file, declared):
+def reject_unknown_arguments(context, file, declared):
     """Raise an error for unknown arguments on the command line; launch would ignore them."""
     if Path(file).name not in [Path(word).name for word in sys.argv]:
         # another launch file includes this one, and the arguments are for that file
@@ -146,7 +146,7 @@ def _is_true(context, name):
 
 
 def _start(context):
-    """Return the actions that the arguments ask for."""
+    """Return the actions for the arguments."""
     given = _given(context)
     params_file = existing_file(context, 'params_file')
     replay = LaunchConfiguration('replay').perform(context)
@@ -164,7 +164,7 @@ def _start(context):
     restart = {'resume_since': time.time()} if respawns else {}
 
     def end(event, context):
-        """Shut down with a node that ended by itself: a restart would end in the same way."""
+        """Shut down if the node ended by itself: a restart would end in the same way."""
         if context.is_shutdown or (event.returncode < 0 and respawns):
             return None
         return Shutdown(reason=f'the lava node ended with status {event.returncode}')
@@ -184,7 +184,7 @@ def _start(context):
     # Both would publish the same topics.
     started = [player if replay else node]
     if _is_true(context, 'rviz'):
-        # Without RViz nothing shall start: launch would leave the node behind.
+        # Raises if RViz is missing, before launch starts a node and leaves it running.
         ExecutableInPackage(executable='rviz2', package='rviz2').perform(context)
         started.append(
             Node(
@@ -199,7 +199,9 @@ def _start(context):
 
 
 def generate_launch_description():
-    """Describe the arguments and what is started with them."""
+    """Return the launch description."""
     declared = declare_arguments()
-    check = OpaqueFunction(function=lambda context: refuse_unknown(context, __file__, declared))
+    check = OpaqueFunction(
+        function=lambda context: reject_unknown_arguments(context, __file__, declared)
+    )
     return LaunchDescription([*declared, check, OpaqueFunction(function=_start)])

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Keep a Nav2 robot out of the lava: the lava node with masks, and servers that announce them.
+"""Keep a Nav2 robot out of lava: the lava node with masks, and the servers of their filters.
 
 ros2 launch lava_ros nav2_keepout.launch.py scene:=etna.yaml time_scale:=60.0 mask_margin:=25.0
 
-It starts the node (lava.launch.py, all of whose arguments it takes) with the keepout and the speed
-mask, and Nav2's costmap_filter_info_server for each mask of msg_config. Nav2 itself is started as
-ever, with the second part of params/nav2_filters.yaml among its parameters.
+This file includes lava.launch.py with all its arguments. The node publishes the keepout and the
+speed mask, and a costmap_filter_info_server of Nav2 is started for each mask of msg_config. Start
+Nav2 itself as usual, with the second part of params/nav2_filters.yaml in its parameters.
 """
 
 from pathlib import Path
@@ -26,7 +26,7 @@ import yaml
 # The launch file of the node.
 LAVA = runpy.run_path(str(Path(__file__).with_name('lava.launch.py')))
 
-# Servers, each with the layer whose mask it announces.
+# Servers, and the layers of their masks.
 SERVERS = {
     'keepout_filter_info_server': 'keepout_mask',
     'speed_filter_info_server': 'speed_mask',
@@ -53,7 +53,7 @@ ARGUMENTS = (
 def _topics(context):
     """Return the topics of the layers that msg_config publishes, by layer."""
     name = LaunchConfiguration('msg_config').perform(context)
-    # searched in the same order as in the node
+    # same search order as in the node
     shared = Path(_share('msg_configs', name).perform(context))
     path = Path(name) if Path(name).is_file() else shared
     try:
@@ -122,7 +122,7 @@ def _start(context):
 
 
 def generate_launch_description():
-    """Describe the arguments and what is started with them."""
+    """Return the launch description."""
     own = [
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, default, description in ARGUMENTS
@@ -132,7 +132,7 @@ def generate_launch_description():
     declared = [*own, *others]
 
     def check(context):
-        return LAVA['refuse_unknown'](context, __file__, declared)
+        return LAVA['reject_unknown_arguments'](context, __file__, declared)
 
     return LaunchDescription(
         [*declared, OpaqueFunction(function=check), OpaqueFunction(function=_start)]

@@ -1,34 +1,34 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The one exception this package raises for bad input."""
+"""The exception that this package raises for bad input."""
 
 import reprlib
 from typing import Any
 
-#: Longest text of a value in a message [characters]; of a longer one the middle is left out.
-LONGEST_VALUE = 120
+#: Maximum length of a value in a message [characters]; the middle of a longer one is left out.
+MAX_VALUE_LENGTH = 120
 
-#: Longest name of what is wrong [characters]: it may have a path, which is of no use cut.
-LONGEST_FIELD = 400
+#: Maximum length of a field name [characters]; the name may contain a path.
+MAX_FIELD_LENGTH = 400
 
-#: Longest text of what would be right [characters]: it may quote the error of a library.
-LONGEST_EXPECTED = 1000
+#: Maximum length of an expectation [characters]; it may quote the error of a library.
+MAX_EXPECTED_LENGTH = 1000
 
-#: Integers of more bits are not printed: Python itself refuses those of 4,300 digits.
-LONGEST_INTEGER = 1024
+#: Maximum size of a printed integer [bits]; Python does not format more than 4,300 digits.
+MAX_INTEGER_BITS = 1024
 
 
 class LavaError(ValueError):
     """Input that cannot be used.
 
-    The message is one sentence that names the field, the value and what would be right, so that a
-    node can log it and a command can print it as it is.
+    The message is one sentence with the field, the value and the expectation, which a node can log
+    and a command can print unchanged.
 
     Attributes:
-        field: Dotted name of what is wrong, for example ``vents[0].discharge``.
-        value: The offending value; None: it is missing.
-        expected: What would be right, as a phrase.
+        field: Dotted name of the field, for example ``vents[0].discharge``.
+        value: The wrong value; None if it is missing.
+        expected: Description of a valid value, as a phrase.
     """
 
     def __init__(self, field: str, value: object, expected: str) -> None:
@@ -36,26 +36,26 @@ class LavaError(ValueError):
         self.field = field
         self.value = value
         self.expected = expected
-        shown = 'missing' if value is None else _cut(_Shown().repr(value), LONGEST_VALUE)
-        right = one_line(expected, LONGEST_EXPECTED)
-        super().__init__(f'{one_line(field, LONGEST_FIELD)} is {shown}, expected {right}')
+        shown = 'missing' if value is None else _cut(_Shown().repr(value), MAX_VALUE_LENGTH)
+        phrase = one_line(expected, MAX_EXPECTED_LENGTH)
+        super().__init__(f'{one_line(field, MAX_FIELD_LENGTH)} is {shown}, expected {phrase}')
 
     def __reduce__(self) -> tuple[type['LavaError'], tuple[str, object, str]]:
-        """Make it again in another process, which raises it there as it was raised here."""
+        """Return the arguments from which another process rebuilds the exception."""
         return type(self), (self.field, self.value, self.expected)
 
 
 class _Shown(reprlib.Repr):
-    """What ``repr`` gives, made of no more parts of a value than a message can show."""
+    """A ``repr`` that reads only as much of a value as a message can show."""
 
     def __init__(self) -> None:
         super().__init__()
         self.maxlevel = 3
         self.maxlist = self.maxtuple = self.maxset = self.maxfrozenset = self.maxdict = 10
-        self.maxstring = self.maxlong = self.maxother = LONGEST_VALUE
+        self.maxstring = self.maxlong = self.maxother = MAX_VALUE_LENGTH
 
     def repr_int(self, x: int, level: int) -> str:
-        if x.bit_length() > LONGEST_INTEGER:
+        if x.bit_length() > MAX_INTEGER_BITS:
             return f'<integer of {x.bit_length()} bits>'
         return super().repr_int(x, level)
 
@@ -64,7 +64,7 @@ class _Shown(reprlib.Repr):
 
 
 def one_line(text: str, longest: int) -> str:
-    """Return a text on one line, cut to a length: a key of a file may have any."""
+    """Return a text on one line, shortened to a maximum length [characters]."""
     text = _cut(text, longest)
     if not text.isprintable():
         text = _cut(printable(' '.join(text.split())), longest)
@@ -72,7 +72,7 @@ def one_line(text: str, longest: int) -> str:
 
 
 def printable(text: str) -> str:
-    """Return a text with its control characters, but ends of lines and tabs, as escapes."""
+    """Return a text with its control characters escaped, except line ends and tabs."""
     if text.replace('\n', '').replace('\t', '').isprintable():
         return text
     return ''.join(
@@ -83,6 +83,6 @@ def printable(text: str) -> str:
 def _cut(text: str, longest: int) -> str:
     if len(text) <= longest:
         return text
-    # of a path the end says most
+    # keep the end too: it identifies a path
     half = (longest - 3) // 2
     return f'{text[:half]}...{text[-half:]}'

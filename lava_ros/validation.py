@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of values that come from outside: each returns the clean value or raises LavaError."""
+"""Checks of user input: each returns the valid value or raises LavaError."""
 
 from collections.abc import Iterable, Mapping, Sequence
 import math
@@ -20,10 +20,10 @@ def number(
 ) -> float:
     """Return ``value`` as a finite float inside the given limits.
 
-    Text that reads as a number is taken: YAML 1.1 parses ``1e4`` as text.
+    Text that represents a number is valid: YAML 1.1 parses ``1e4`` as text.
 
     Raises:
-        LavaError: The value is not a finite number or lies outside the limits.
+        LavaError: If the value is not a finite number or is outside the limits.
     """
     try:
         result = math.nan if isinstance(value, bool | bytes | bytearray) else float(value)  # type: ignore[arg-type]
@@ -38,15 +38,15 @@ def number(
         return result
     suffix = f' {unit}' if unit else ''
     limits = {'above': above, 'at least': at_least, 'at most': at_most}
-    told = [f' {word} {limit:g}{suffix}' for word, limit in limits.items() if limit is not None]
-    raise LavaError(field, value, f'a finite number{" and".join(told) or suffix}')
+    phrases = [f' {word} {limit:g}{suffix}' for word, limit in limits.items() if limit is not None]
+    raise LavaError(field, value, f'a finite number{" and".join(phrases) or suffix}')
 
 
 def whole(field: str, value: object, *, at_least: int, at_most: int) -> int:
     """Return ``value`` as an integer inside the given limits.
 
     Raises:
-        LavaError: The value is not a whole number or lies outside the limits.
+        LavaError: If the value is not a whole number or is outside the limits.
     """
     try:
         result = number(field, value, at_least=at_least, at_most=at_most)
@@ -60,10 +60,10 @@ def whole(field: str, value: object, *, at_least: int, at_most: int) -> int:
 def pair(
     field: str, value: object, *, unit: str = 'm', most: float | None = None
 ) -> tuple[float, float]:
-    """Return ``value`` as two finite floats, neither further from 0 than ``most``.
+    """Return ``value`` as two finite floats between -``most`` and ``most``.
 
     Raises:
-        LavaError: The value is not a sequence of two such numbers.
+        LavaError: If the value is not a sequence of two such numbers.
     """
     is_array = hasattr(value, 'tolist') and getattr(value, 'ndim', 0) == 1
     is_list = isinstance(value, Sequence) and not isinstance(value, str | bytes | bytearray)
@@ -79,10 +79,10 @@ def pair(
 
 
 def flag(field: str, value: object) -> bool:
-    """Return ``value`` when it is true or false.
+    """Return ``value`` if it is a bool.
 
     Raises:
-        LavaError: It is neither.
+        LavaError: If it is not.
     """
     if not isinstance(value, bool):
         raise LavaError(field, value, 'true or false')
@@ -90,10 +90,10 @@ def flag(field: str, value: object) -> bool:
 
 
 def choice(field: str, value: object, allowed: Iterable[str]) -> str:
-    """Return ``value`` when it is one of the allowed words.
+    """Return ``value`` if it is one of the allowed words.
 
     Raises:
-        LavaError: It is not.
+        LavaError: If it is not.
     """
     words = list(allowed)
     if not isinstance(value, str) or value not in words:
@@ -104,18 +104,18 @@ def choice(field: str, value: object, allowed: Iterable[str]) -> str:
 def keys(
     field: str, value: object, *, allowed: Iterable[str], required: Iterable[str] = ()
 ) -> dict[str, object]:
-    """Return ``value`` as a dict whose keys are all allowed and hold every required one.
+    """Return ``value`` as a dict with only allowed keys and all required keys.
 
     Raises:
-        LavaError: It is not a mapping, a key is unknown, or a required key is missing.
+        LavaError: If it is not a mapping, a key is unknown, or a required key is missing.
     """
     names = list(allowed)
     if not isinstance(value, Mapping):
         raise LavaError(field, value, f'a mapping with keys {", ".join(names)}')
     for key in value:
         if key not in names:
-            right = f'no such key; one of {", ".join(names)}'
-            raise LavaError(f'{field}.{key}', value[key], right)
+            expected = f'no such key; one of {", ".join(names)}'
+            raise LavaError(f'{field}.{key}', value[key], expected)
     for key in required:
         if key not in value:
             raise LavaError(f'{field}.{key}', None, 'a value: this key is required')

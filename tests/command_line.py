@@ -12,7 +12,7 @@ from lava_ros.cli.parser import command_line_parser
 
 
 def lava(*words: object) -> tuple[int, str, str]:
-    """Call the command line: its exit status, what it prints, what it says on stderr."""
+    """Call the command line; return its exit status, stdout and stderr."""
     with redirect_stdout(StringIO()) as out, redirect_stderr(StringIO()) as err:
         try:
             status = main([str(word) for word in words])

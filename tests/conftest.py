@@ -17,21 +17,21 @@ import pytest
 
 from ros_domain import own_domain
 
-#: Takes the name of a kind, and is a context in which one of it is tried; gives its figures.
+#: Context of one trial of a kind, by its name; gives the figures of the kind.
 Trial = Callable[[str], AbstractContextManager[dict[str, Any]]]
 
 
 def pytest_configure() -> None:
-    """Let Ctrl+C reach the programs that tests start, and keep tests out of other ROS graphs.
+    """Let Ctrl+C reach the programs that tests start, and isolate the ROS graph of the tests.
 
-    A shell without job control has what it starts with ``&`` ignore it, and so would they.
+    Background programs of a shell without job control ignore Ctrl+C, and so do their children.
     """
     os.environ['ROS_DOMAIN_ID'] = str(own_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if 'PYTEST_XDIST_WORKER' in os.environ:
-        # they share the cores
+        # workers share the cores
         os.environ.setdefault('LAVA_THREADS', '1')
 
 
@@ -44,16 +44,16 @@ def _devices() -> list[str]:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run a test that asks for ``device`` on every device there is."""
+    """Run a test that uses ``device`` on every device."""
     if 'device' in metafunc.fixturenames:
         metafunc.parametrize('device', _devices())
 
 
 @pytest.fixture(scope='session')
 def figures() -> Iterator[dict[str, Any]]:
-    """What was tried and what came of it, by kind; goes to the file LAVA_FUZZ_FIGURES names.
+    """Collect figures of trials by kind, and add them to the file that LAVA_FUZZ_FIGURES names.
 
-    Several processes share the tests of ``make nightly``: each adds its own to the file.
+    The processes of ``make nightly`` add to the same file.
     """
     result: dict[str, Any] = {}
     yield result
@@ -69,13 +69,13 @@ def figures() -> Iterator[dict[str, Any]]:
 
 @pytest.fixture(scope='session')
 def trial(figures: dict[str, Any]) -> Trial:
-    """Counts what is tried of a kind, what fails of it, and the longest that one took."""
+    """Return a context that counts the trials and failures of a kind, and the longest time."""
 
     @contextmanager
     def one(kind: str) -> Iterator[dict[str, Any]]:
         row = figures.setdefault(kind, {'tried': 0, 'refused': 0, 'failed': 0, 'longest_s': 0.0})
         row['tried'] += 1
-        # until it has gone well
+        # subtracted on success
         row['failed'] += 1
         start = time.monotonic()
         try:
@@ -88,7 +88,7 @@ def trial(figures: dict[str, Any]) -> Trial:
 
 
 def _added(known: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
-    """Both: sums of what both count in parts, the larger of what they measure."""
+    """Return the figures of both: sums of counts, the larger of measured values."""
     result = dict(known)
     for name, value in more.items():
         if isinstance(value, Mapping):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""A made-up eruption as the folder of a case, for tests: a valley, a vent and what was mapped."""
+"""A synthetic eruption as the folder of a case: a valley, a vent and a mapped flow."""
 
 from pathlib import Path
 
@@ -14,18 +14,18 @@ CELL, CORNER, SHAPE = 20.0, (500_000.0, 4_180_000.0), (60, 40)
 #: The vent, in the coordinates of the elevation [m].
 VENT = (CORNER[0] + 410.0, CORNER[1] + 1010.0)
 
-#: Lava of a case that is run for an hour.
+#: Lava for a case of an hour.
 LAVA = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
 
 
 def elevation() -> np.ndarray:
-    """Heights of a valley that falls to the south [m], row 0 in the south."""
+    """Return the elevation of a valley that falls to the south [m], row 0 in the south."""
     y, x = (np.indices(SHAPE) + 0.5) * CELL
     return 1000.0 + 0.2 * y + 0.0008 * (x - 410.0) ** 2
 
 
 def footprint() -> np.ndarray:
-    """A tongue from the vent down the valley, 1 where the ground was covered."""
+    """Return a tongue from the vent down the valley, 1 where the ground is covered."""
     y, x = (np.indices(SHAPE) + 0.5) * CELL
     return ((np.abs(x - 410.0) < 70.0) & (y > 400.0) & (y < 1030.0)).astype(float)
 
@@ -41,7 +41,7 @@ def write_grid(path: Path, values: np.ndarray, *, corner: tuple[float, float] = 
 
 
 def write_case(folder: Path, *, hours: float = 3.0, yaml: str = '') -> Path:
-    """Write a case that can be run in seconds; lava comes out for so many hours.
+    """Write a case that runs in seconds, with an eruption of some hours.
 
     ``yaml`` is the text of ``case.yaml``, empty for none.
     """
@@ -57,19 +57,14 @@ def write_case(folder: Path, *, hours: float = 3.0, yaml: str = '') -> Path:
     return folder
 
 
-def write_case_in_degrees(
-    folder: Path, *, hours: float = 3.0
-) -> tuple[Path, tuple[float, float]]:
-    """Write the same case in longitude and latitude, as GeoTIFF.
-
-    Returns:
-        Its folder; longitude and latitude of the vent.
-    """
+def write_case_in_degrees(folder: Path, *, hours: float = 3.0) -> tuple[Path, tuple[float, float]]:
+    """Write the case as GeoTIFFs in degrees; return its folder, and the vent as (x, y)."""
     import rasterio
     from rasterio.transform import from_bounds, from_origin
     from rasterio.warp import reproject, transform, transform_bounds
 
-    folder = write_case(folder, hours=hours)
+    # lava that its coarse cells resolve
+    folder = write_case(folder, hours=hours, yaml='lava: {viscosity: 1.0e+5}\n')
     rows, columns = SHAPE
     north = CORNER[1] + rows * CELL
     there = from_bounds(

@@ -17,10 +17,9 @@ _CONTENT = tomllib.loads(
 )
 
 PROJECT = _CONTENT['project']
-
 TOOLS = _CONTENT['tool']
 
-#: Requirements of each extra; of ``all`` those of the extras that it names.
+#: Requirements of each extra; ``all`` has those of the extras that it names.
 EXTRAS: dict[str, list[str]] = dict(PROJECT['optional-dependencies'])
 (_everything,) = EXTRAS['all']
 EXTRAS['all'] = [

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of a made-up flow, recorded as the node does, for tests of what reads them."""
+"""Bags of a synthetic flow, recorded as the node records."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -20,19 +20,18 @@ from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.ros import codec, outputs
 from lava_ros.scene import Lava, Scene, scene_to_dict, Terrain, Vent
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.snapshot import Snapshot, StepReport
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 
 SECOND = 1_000_000_000
 
-#: Stamps are seconds since 1970, far more than a float64 keeps to the nanosecond.
+#: Nanoseconds since 1970, too many for a float64.
 START = 1_790_000_000 * SECOND + 123
 
-#: A slope with an unknown corner, in UTM zone 33.
+#: A slope in UTM zone 33, one corner without data.
 TERRAIN = Terrain(
     elevation=np.where(
-        np.add.outer(np.arange(30.0), np.arange(40.0)) < 3.0,
-        np.nan,
+        np.add.outer(np.arange(30.0), np.arange(40.0)) < 3.0, np.nan,
         np.add.outer(np.arange(30.0), 2.0 * np.arange(40.0)),
     ),
     resolution=5.0,
@@ -43,7 +42,7 @@ TERRAIN = Terrain(
 
 VENT = Vent((-47.5, 95.0), 10.0, 1423.0, name='open')
 
-#: The grids alone, which are rounded and end at 10 m.
+#: Occupancy grids, which are rounded and end at 10 m.
 GRIDS = """
 layers:
   height: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 10.0]}
@@ -51,7 +50,7 @@ layers:
   hazard: {source: hazard, message: nav_msgs/OccupancyGrid, threshold: 0.01}
 """
 
-#: Both layers unrounded, as floats, beside a hazard grid.
+#: Thickness and temperature as floats, and a hazard grid.
 RAW_CONFIG = """
 layers:
   height: {source: thickness, message: sensor_msgs/Image, threshold: 0.0}
@@ -61,9 +60,9 @@ layers:
 
 
 def growing(time: float, terrain: Terrain = TERRAIN) -> np.ndarray:
-    """A flow along rows 10 to 19 that covers one more column of cells every 100 s.
+    """Return a flow along rows 10 to 19 that covers one more column of cells every 100 s.
 
-    The first column is 3.26 m thick, each other one is 5 cm thinner than the one before.
+    The first column is 3.26 m thick, and each further column is 5 cm thinner.
     """
     thickness = np.zeros(terrain.shape, dtype=np.float32)
     columns = int(time / 100.0)
@@ -72,27 +71,28 @@ def growing(time: float, terrain: Terrain = TERRAIN) -> np.ndarray:
 
 
 def record(
-    directory: Path,
-    times: Sequence[float] = (200.0, 400.0, 600.0, 800.0),
-    *,
+    directory: Path, times: Sequence[float] = (200.0, 400.0, 600.0, 800.0), *,
     flow: Callable[[float], np.ndarray] = growing,
-    arrived: Callable[[float], np.ndarray] | None = None,
-    terrain: Terrain = TERRAIN,
-    vents: Sequence[Vent] = (VENT,),
-    config: str | None = None,
-    custom_data: Mapping[str, str] | None = None,
-    prefix: str = '',
-    clock: bool = True,
-    max_duration: float = 0.0,
-    close: bool = True,
+    arrived: Callable[[float], np.ndarray] | None = None, terrain: Terrain = TERRAIN,
+    vents: Sequence[Vent] = (VENT,), config: str | None = None,
+    custom_data: Mapping[str, str] | None = None, prefix: str = '', clock: bool = True,
+    max_duration: float = 0.0, close: bool = True,
 ) -> Path:
     """Record frames of a flow at simulated times [s], two seconds of ROS time apart.
 
-    ``flow`` and ``arrived`` give at a time the thickness [m] and when lava came, which is not
-    noted when left out; ``config`` is the text of a message configuration in place of the default
-    one, ``custom_data`` what describes the recording beside its scene, ``prefix`` the namespace
-    of all topics, ``clock`` whether diagnostics are recorded, ``close`` whether the bag is
-    finished.
+    Args:
+        directory: New folder of the bag.
+        times: Simulated times of the frames [s].
+        flow: Thickness at a time [m].
+        arrived: First arrival times at a time [s], not recorded if None.
+        terrain: Ground of the flow.
+        vents: Vents of the scene.
+        config: Text of a message configuration, the default one if None.
+        custom_data: Descriptions of the recording in addition to its scene.
+        prefix: Namespace of all topics.
+        clock: True to record diagnostics.
+        max_duration: Duration of each file [s], 0 for one file.
+        close: True to finish the bag.
     """
     scene = Scene(terrain, tuple(vents), lava=Lava())
     data = {'scene': yaml.safe_dump(scene_to_dict(scene)), **(custom_data or {})}
@@ -123,8 +123,8 @@ def record(
                 message = outputs.layer_message(layer, snapshot, frame_id='map', stamp_ns=stamp)
                 write(layer.topic, layer.message, message, stamp)
         if clock:
-            said = diagnostics_of(snapshot, stamp)
-            write('diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', said, stamp + SECOND // 2)
+            kind, report = 'diagnostic_msgs/msg/DiagnosticArray', diagnostics_of(snapshot, stamp)
+            write('diagnostics', kind, report, stamp + SECOND // 2)
         writer.flush()
     if close:
         writer.close()
@@ -132,23 +132,20 @@ def record(
 
 
 def snapshot_at(time: float, thickness: np.ndarray, terrain: Terrain) -> Snapshot:
-    """A flow of a thickness [m] at a time [s], which cools."""
+    """Return a snapshot of a cooling flow of a thickness [m] at a time [s]."""
     hot = np.float32(900.0 + ZERO_CELSIUS - 0.1 * time)
     temperature = np.where(thickness > 0.0, hot, np.nan)
     volume = float(np.nansum(thickness)) * terrain.resolution**2
     return Snapshot(
-        time=time,
-        terrain=terrain,
+        time=time, terrain=terrain,
         thickness=np.where(terrain.has_data, thickness, np.nan).astype(np.float32),
-        temperature=temperature.astype(np.float32),
-        budget=VolumeBudget(volume, volume, 0.0, 0.0),
-        particle_count=1,
-        steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
+        temperature=temperature.astype(np.float32), budget=VolumeBudget(volume, volume, 0.0, 0.0),
+        particle_count=1, steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
     )
 
 
 def diagnostics_of(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
-    """What the node says about its newest frame."""
+    """Return the diagnostics of the newest frame."""
     budget = snapshot.budget
     values = {
         'simulated_time_s': repr(snapshot.time), 'frame_stamp_ns': str(stamp_ns),
@@ -165,7 +162,7 @@ def diagnostics_of(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
 
 
 def silenced(bag: Path, path: Path, topic: str, *, late: bool = False) -> Path:
-    """Copy a bag of one file to an .mcap file with nothing on a topic, or with all of it late."""
+    """Copy a bag of one file to an .mcap file without a topic, or with its messages late."""
     (source,) = bag.glob('*.mcap')
     with source.open('rb') as read, path.open('wb') as write:
         reader, writer = make_reader(read), Writer(write)

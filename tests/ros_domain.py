@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS domains that nobody else on this machine has: tests side by side hear only their own."""
+"""ROS domains for one process, so that tests can run side by side."""
 
 from functools import cache
 import os
@@ -10,18 +10,18 @@ import socket
 #: Domains whose ports are free everywhere.
 _DOMAINS = range(1, 102)
 
-#: Participants of a domain whose ports are looked at.
+#: Number of participants whose ports must be free.
 _PARTICIPANTS = 10
 
 _kept = []
 
 
 def own_domain(name: str = 'graph') -> int:
-    """A domain of this process, one for each name, that is its own until it ends.
+    """Return a domain that only this process uses, one for each name.
 
-    The port of a domain's first participant is kept, so that whoever looks for a free domain,
-    `lava demo` too, takes another; participants take the next ports. A domain where one of those
-    is in use has participants left over from an earlier run.
+    The port of its first participant stays bound, so that other searches for a free domain, such
+    as that of `lava demo`, take another one. Participants take the next ports. A domain with a
+    used port has participants left over from an earlier run.
     """
     return _claim(name)
 

@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""One eruption in every output: the same cells, volumes, thicknesses and times in all of them.
+"""One eruption in every output: the same cells, volumes, thicknesses and times.
 
-The files are read by libraries of others: rasterio, rosbags and json. The members of an ensemble
-and a forecast of the eruption run as the hindcast does: all that is uncertain is the temperature,
-by less than a float32 resolves.
+Other libraries read the files: rasterio, rosbags and json. An ensemble and a forecast of the
+eruption equal the hindcast: only the temperature is uncertain, by less than a float32 resolves.
 """
 
 from datetime import datetime
@@ -23,33 +22,35 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
 
 from cli.calls import done
-from eruption import CELL, CORNER, SHAPE, write_case
+from eruption import CELL, CORNER, SHAPE, VENT, write_case
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.lookahead import LookAhead
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import FALSE_ALARM, HIT
 from lava_ros.hindcast.run import FORCED, Settings
+from lava_ros.maps.frames import Recording
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.place_arrivals import live_arrivals
 from lava_ros.maps.places import places_on
 from lava_ros.maps.plot import area_words
+from lava_ros.pages.runs import read_run
 from lava_ros.ros import codec, outputs
 from lava_ros.scene.features import read_features
 from lava_ros.simulation import Simulation
 
-#: Runny lava that drains, and cools so fast that a part of it freezes within the hour. No effect
-#: is switched on while it flows: members of an ensemble would have it from the start.
+#: Runny lava that drains, and solidifies in part within the hour. No effect is switched on during
+#: the flow, because ensemble members would have it from the start.
 LAVA = (
-    'epsg: 32633\nlava: {viscosity: 6.0e+2, yield_strength: 0, solidus: 1250.0, '
-    'convection: 260.0, arrhenius: 0.01}\nvent_temperature: 1360.0\n'
+    'epsg: 32633\nlava: {viscosity: 6.0e+2, yield_strength: 0, crust_strength: 0, '
+    'solidus: 1250.0, convection: 260.0, arrhenius: 0.01}\nvent_temperature: 1360.0\n'
     'effusion_rate: {start: 2021-09-19T14:10:00Z}\n'
     'uncertainty: {temperature: {distribution: uniform, low: 0.0, high: 1.0e-9}}\n'
 )
 
-#: Options of every run of it.
+#: Options of every run.
 OPTIONS = ('--preset', 'draft', '--spacing', '10', '--device', 'cpu')
 
-#: Start, end and discharge of the eruption, which pauses [s, s, m3/s].
+#: Start, end and discharge of the pulses [s, s, m3/s].
 DISCHARGE = ((0, 600, 15), (600, 1500, 0), (1500, 2100, 60), (2100, 3600, 0))
 
 #: Formats of an export, by the package that writes each.
@@ -57,7 +58,6 @@ FORMATS = {'tif': 'rasterio', 'geojson': 'rasterio', 'gpkg': 'pyogrio', 'nc': 's
 
 
 def write_eruption(folder: Path) -> Path:
-    """Write the case of the eruption."""
     case = write_case(folder, yaml=LAVA)
     rows = '\n'.join(f'{start},{end},{flux}' for start, end, flux in DISCHARGE)
     (case / 'effusion_rate.csv').write_text(f'start_s,end_s,discharge_m3_per_s\n{rows}\n')
@@ -65,18 +65,17 @@ def write_eruption(folder: Path) -> Path:
 
 
 def words(case: Path, out: Path) -> list[object]:
-    """The command of its hindcast."""
     return ['hindcast', case, *OPTIONS, '-o', out]
 
 
 def read_tif(path: Path | str) -> np.ndarray:
-    """Values of a raster, float64, NaN without data, row 0 in the south."""
+    """Read a raster as float64, NaN without data, row 0 in the south."""
     with rasterio.open(path) as file:
         return file.read(1, masked=True).astype(np.float64).filled(np.nan)[::-1]
 
 
 def newest_messages(path: Path) -> dict[str, Any]:
-    """The newest message of each topic of a bag."""
+    """Return the newest message of each topic of a bag."""
     last: dict[str, Any] = {}
     with AnyReader([path]) as reader:
         for connection, _, data in reader.messages():
@@ -85,28 +84,27 @@ def newest_messages(path: Path) -> dict[str, Any]:
 
 
 def image_of(message: Any) -> np.ndarray:
-    """Pixels of an image of float32, row 0 in the south."""
+    """Return the pixels of a float32 image, row 0 in the south."""
     return np.frombuffer(message.data.tobytes(), np.float32).reshape(SHAPE)
 
 
 def grid_of(message: Any) -> np.ndarray:
-    """Cells of an occupancy grid."""
     return np.array(message.data, np.int8).reshape(SHAPE)
 
 
 def read_bag(path: Path) -> SimpleNamespace:
-    """The newest maps and diagnostics of a bag."""
+    """Return the newest maps and diagnostics of a bag."""
     last = newest_messages(path)
     images = {name: image_of(last[f'/{name}']) for name in ('arrived', 'height_raw')}
     grids = {name: grid_of(last[f'/{name}']) for name in ('height', 'hazard')}
     status = next(item for item in last['/diagnostics'].status if item.name.endswith('simulation'))
-    said = {item.key: item.value for item in status.values}
-    return SimpleNamespace(**images, **grids, said=said)
+    diagnostics = {item.key: item.value for item in status.values}
+    return SimpleNamespace(**images, **grids, diagnostics=diagnostics)
 
 
 @pytest.fixture(scope='module')
 def run(tmp_path_factory):
-    """A hindcast, what it printed, and everything that is made of its bag."""
+    """Return a hindcast, its printed text, and everything made from its bag."""
     folder = tmp_path_factory.mktemp('agreement')
     case, out = write_eruption(folder / 'pulses'), folder / 'out'
     printed = done(*words(case, out))
@@ -120,16 +118,13 @@ def run(tmp_path_factory):
         volume=json.loads((out / 'hindcast.json').read_text())['volume'],
         decisions=json.loads((out / 'hindcast.json').read_text())['decisions'],
         plot=json.loads((folder / 'plot.json').read_text()),
-        report=(folder / 'report.html').read_text(),
-        page=(out / 'hindcast.html').read_text(),
+        report=(folder / 'report.html').read_text(), page=(out / 'hindcast.html').read_text(),
         arrival=read_tif(out / 'arrival.tif'),
-        thickness=np.nan_to_num(read_tif(out / 'thickness.tif')),
-        bag=read_bag(out / 'bag'),
+        thickness=np.nan_to_num(read_tif(out / 'thickness.tif')), bag=read_bag(out / 'bag'),
     )
 
 
-def test_the_eruption_has_what_tells_outputs_apart(run):
-    """Lava freezes, drains away between two pulses, and flows still at the end."""
+def test_eruption_solidifies_drains_and_still_flows(run):
     assert not any(item['on_since_s'] for item in run.decisions)
     inundated, standing = np.isfinite(run.arrival), run.thickness >= 0.1
     assert run.volume['frozen'] > 0.05 * run.volume['emitted']
@@ -138,12 +133,10 @@ def test_the_eruption_has_what_tells_outputs_apart(run):
     assert ((run.arrival > 0.0) & (run.arrival < 600.0)).any() and np.nanmax(run.arrival) > 1500.0
 
 
-def test_the_inundated_area_is_one(run):
-    """Times are equal to the digit in all maps, and all areas are those of their cells."""
+def test_inundated_area_is_the_same_in_all_outputs(run):
     inundated, cell = np.isfinite(run.arrival), CELL**2
     np.testing.assert_array_equal(read_tif(run.maps / 'arrival.tif'), run.arrival)
     np.testing.assert_array_equal(run.bag.arrived, run.arrival.astype(np.float32))
-    # first, middle and last of the times
     times = np.sort(run.arrival[inundated])
     for time in (times[0], times[len(times) // 2], times[-1]):
         where = run.arrival == time
@@ -152,7 +145,7 @@ def test_the_inundated_area_is_one(run):
     np.testing.assert_array_equal((codes == HIT) | (codes == FALSE_ALARM), inundated)
     area = inundated.sum() * cell
     assert run.score['area'] == area
-    assert float(run.bag.said['inundated_area_m2']) == area
+    assert float(run.bag.diagnostics['inundated_area_m2']) == area
     for name, kind in (('outline', 'area_m2'), ('isochrones', 'area_m2')):
         features = json.loads((run.maps / f'{name}.geojson').read_text())['features']
         assert features[-1]['properties'][kind] == area
@@ -169,8 +162,7 @@ def test_the_inundated_area_is_one(run):
     np.testing.assert_array_equal(run.bag.hazard == 50, inundated & (run.thickness < 0.01))
 
 
-def test_the_standing_lava_is_one(run):
-    """Its cells, its volume and its largest thickness."""
+def test_standing_lava_is_the_same_in_all_outputs(run):
     standing, cell = run.thickness >= 0.1, CELL**2
     shown = np.nan_to_num(read_tif(run.maps / 'thickness.tif'))
     np.testing.assert_array_equal(shown, run.thickness)
@@ -178,7 +170,7 @@ def test_the_standing_lava_is_one(run):
     np.testing.assert_array_equal(run.bag.height > 0, standing)
     area = standing.sum() * cell
     assert run.score['standing_area'] == area
-    assert float(run.bag.said['standing_area_m2']) == area
+    assert float(run.bag.diagnostics['standing_area_m2']) == area
     assert f'{area_words(area)} standing lava' in run.plot['summary']
     assert f'<dt>standing lava, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
     assert f'{area / 1e6:.3f} km² at the end' in run.page
@@ -189,11 +181,27 @@ def test_the_standing_lava_is_one(run):
     assert run.score['volume'] == pytest.approx(volume, rel=1e-6)
     flowing = run.volume['held'] - run.volume['pending']
     assert flowing + run.volume['frozen'] == pytest.approx(volume, rel=1e-5)
-    assert float(run.bag.said['volume_frozen_m3']) == run.volume['frozen']
+    assert float(run.bag.diagnostics['volume_frozen_m3']) == run.volume['frozen']
 
 
-def test_the_outline_is_the_footprint_of_its_own_run(run):
-    """Fed back as what was mapped it agrees in every cell."""
+@pytest.mark.parametrize('name', ['thickness', 'arrival'])
+def test_exported_maps_have_the_tags_of_the_hindcast(run, name):
+    with (
+        rasterio.open(run.out / f'{name}.tif') as file,
+        rasterio.open(run.maps / f'{name}.tif') as exported,
+    ):
+        assert file.nodata == exported.nodata and file.units == exported.units
+        tags = ('scene', 'effects', 'preset', 'lava_ros', 'observation')
+        assert [file.tags()[tag] for tag in tags] == [exported.tags()[tag] for tag in tags]
+
+
+def test_pages_show_vents_that_have_closed(run):
+    assert not len(Recording(run.out / 'bag').frame_at().vents)
+    vents = read_run(run.out / 'bag').panels['thickness'].frame.vents
+    np.testing.assert_allclose(vents + CORNER, [VENT])
+
+
+def test_outline_used_as_observation_agrees_with_its_run(run):
     case = write_eruption(run.folder / 'again')
     (case / 'footprint.asc').unlink()
     (run.maps / 'outline.geojson').rename(case / 'footprint.geojson')
@@ -203,7 +211,7 @@ def test_the_outline_is_the_footprint_of_its_own_run(run):
 
 
 def check_netcdf(folder: Path) -> None:
-    """Hold each map of a NetCDF against the GeoTIFF of its name: values, places and system."""
+    """Compare each map of a NetCDF with the GeoTIFF of its name."""
     path, tifs = f'netcdf:{folder / "maps.nc"}', {item.stem: item for item in folder.glob('*.tif')}
     with pytest.warns(NotGeoreferencedWarning), rasterio.open(path) as file:
         assert {name.rpartition(':')[2] for name in file.subdatasets} == set(tifs)
@@ -213,13 +221,11 @@ def check_netcdf(folder: Path) -> None:
         np.testing.assert_array_equal(read_tif(f'{path}:{name}'), read_tif(tif))
 
 
-def test_netcdf_has_the_maps_of_the_geotiffs(run):
-    """Every map, to the digit."""
+def test_netcdf_equals_the_geotiffs(run):
     check_netcdf(run.maps)
 
 
 def test_dates_are_those_of_the_case(run, ensemble):
-    """Maps, isochrones and pages have the date that the table of effusion rates begins with."""
     assert run.plot['notes']['start of the eruption'].startswith('2021-09-19 14:10 UTC')
     assert run.plot['notes']['maps show'].startswith('2021-09-19 15:10 UTC')
     assert '2021-09-19 15:10 UTC' in run.report
@@ -235,39 +241,8 @@ def test_dates_are_those_of_the_case(run, ensemble):
 
 
 @pytest.fixture(scope='module')
-def points(run) -> tuple[Path, dict[str, tuple[int, int]]]:
-    """Named places in the first, a middle and the last cell that lava reached, and their cells."""
-    rows, columns = np.nonzero(np.isfinite(run.arrival))
-    order = np.argsort(run.arrival[rows, columns], kind='stable')
-    chosen = {'first': order[0], 'middle': order[len(order) // 2], 'last': order[-1]}
-    cells = {name: (int(rows[at]), int(columns[at])) for name, at in chosen.items()}
-    path = run.folder / 'places.csv'
-    lines = [
-        f'{CORNER[0] + (column + 0.5) * CELL},{CORNER[1] + (row + 0.5) * CELL},{name}'
-        for name, (row, column) in cells.items()
-    ]
-    path.write_text('x,y,name\n' + '\n'.join(lines) + '\n')
-    return path, cells
-
-
-def table_of(folder: Path, *words: object) -> dict[str, dict[str, Any]]:
-    """The rows of `lava places` by name."""
-    done('places', *words, '--json', folder / 'table.json')
-    rows = json.loads((folder / 'table.json').read_text())['places']
-    return {row['name']: row for row in rows}
-
-
-def test_arrival_at_places_is_that_of_the_maps(run, points):
-    """The table has the values of the GeoTIFF, to the digit."""
-    path, cells = points
-    rows = table_of(run.folder, run.out / 'bag', path)
-    for name, cell in cells.items():
-        assert rows[name]['arrival_p50_s'] == run.arrival[cell]
-
-
-@pytest.fixture(scope='module')
 def ensemble(run):
-    """An ensemble of the eruption whose members are all alike."""
+    """Run an ensemble of identical members."""
     out, report = run.folder / 'ensemble', run.folder / 'ensemble.json'
     formats = [name for name, package in FORMATS.items() if find_spec(package)]
     done(
@@ -277,8 +252,7 @@ def ensemble(run):
     return SimpleNamespace(out=out, report=json.loads(report.read_text()))
 
 
-def test_an_ensemble_of_one_run_is_the_run(run, ensemble):
-    """Its inundated cells have a probability of 100 %, and its times and peaks are those."""
+def test_ensemble_of_identical_members_equals_the_run(run, ensemble):
     inundated = np.isfinite(run.arrival)
     probability = read_tif(ensemble.out / 'inundation_probability.tif')
     np.testing.assert_array_equal(probability, np.where(inundated, 100.0, 0.0))
@@ -297,8 +271,7 @@ def test_an_ensemble_of_one_run_is_the_run(run, ensemble):
     assert set(ensemble.report['area_m2'].values()) == {area} == {run.score['area']}
 
 
-def test_an_ensemble_is_the_same_in_all_its_outputs(run, ensemble, points):
-    """GeoTIFFs, NetCDF, bag, areas and the table of places agree to the cell and the digit."""
+def test_ensemble_is_the_same_in_all_outputs(run, ensemble):
     tifs = {path.stem: read_tif(path) for path in ensemble.out.glob('*.tif')}
     messages = newest_messages(ensemble.out / 'atlas')
     probability = tifs['inundation_probability']
@@ -322,17 +295,10 @@ def test_an_ensemble_is_the_same_in_all_its_outputs(run, ensemble, points):
     done('plot', ensemble.out, '-o', run.folder / 'e.png', '--json', run.folder / 'e.json')
     shown = json.loads((run.folder / 'e.json').read_text())
     assert f'{area_words(run.score["area"])} at 90 % or more' in shown['summary']
-    path, cells = points
-    rows = table_of(run.folder, ensemble.out, path)
-    for name, cell in cells.items():
-        assert rows[name]['probability_percent'] == 100.0
-        for share in ('p10', 'p50', 'p90'):
-            assert rows[name][f'arrival_{share}_s'] == tifs[f'arrival_time_{share}'][cell]
     check_netcdf(ensemble.out)
 
 
-def test_a_forecast_is_what_comes(run, points):
-    """A look ahead from the first pulse to the end, as it is published: cells, times and peaks."""
+def test_forecast_equals_the_later_run(run):
     case = load_case(run.case)
     simulation = Simulation(
         case.scene, effects=FORCED, accuracy=Settings('draft', 10.0, 'cpu').accuracy(case),
@@ -362,9 +328,14 @@ def test_a_forecast_is_what_comes(run, points):
     np.testing.assert_allclose(start + ahead[later], run.arrival[later], rtol=0.0, atol=1e-3)
     np.testing.assert_array_equal(grid_of(read['peak_height'])[later] > 0, True)
     assert not grid_of(read['peak_height'])[~inundated].any()
-    path, cells = points
+    # a place in the first, a middle and the last cell that lava reached
+    cells = np.argwhere(inundated)[np.argsort(run.arrival[inundated], kind='stable')]
+    cells = [tuple(cells[index]) for index in (0, len(cells) // 2, -1)]
+    positions = [(np.array(cell)[::-1] + 0.5) * CELL + CORNER for cell in cells]
+    path = run.folder / 'places.csv'
+    path.write_text('x,y\n' + ''.join(f'{x},{y}\n' for x, y in positions))
     places = places_on(read_features('places', path, case.scene.terrain), case.scene.terrain)
     live = live_arrivals(places, now, forecast)
-    for row, (name, cell) in zip(live.rows, cells.items(), strict=True):
-        assert row.name == name and row.probability == 100.0
+    for row, cell in zip(live.rows, cells, strict=True):
+        assert row.probability == 100.0
         assert row.arrival[0.5] == pytest.approx(run.arrival[cell], rel=0.0, abs=1e-3)

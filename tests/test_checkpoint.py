@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bytes of a checkpoint: the same back, and nothing but those."""
+"""Checkpoints as bytes: lossless, checked and free of local paths."""
 
 from dataclasses import asdict, fields
 import json
@@ -14,11 +14,17 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.checkpoint import Checkpoint, from_bytes, PREFIX_SIZE, summary_of, VERSION
+from lava_ros.simulation.output.checkpoint import (
+    Checkpoint,
+    from_bytes,
+    PREFIX_SIZE,
+    summary_of,
+    VERSION,
+)
 
 
 def checkpoint(count=1000, **changes):
-    """Made-up particles on a made-up scene, nothing of it round."""
+    """Return a checkpoint of a synthetic scene, without round numbers."""
     random = np.random.default_rng(7)
     elevation = random.normal(700.0, 30.0, (11, 13))
     elevation[3, 4] = np.nan
@@ -56,8 +62,7 @@ def checkpoint(count=1000, **changes):
 
 
 @pytest.mark.parametrize('count', [1000, 1, 0])
-def test_bytes_give_the_same_back(count):
-    """Every number to the last bit, every array in its type and shape."""
+def test_bytes_restore_the_checkpoint(count):
     one = checkpoint(count)
     other = from_bytes(one.to_bytes())
     names = {item.name for item in fields(one)} - {'scene', 'arrays'}
@@ -77,15 +82,14 @@ def test_bytes_give_the_same_back(count):
     assert not after.elevation.flags.writeable
     data = other.to_bytes()
     assert data == one.to_bytes()
-    # a list of checkpoints needs to read no more of each
+    # a list of checkpoints reads only the prefix of each
     assert summary_of(data[:PREFIX_SIZE]) == (1e5 / 3.0, count, len(data))
-    # no forced effects and no choice are two things
+    # no forced effects and no choice differ
     for forced in (None, {}):
         assert from_bytes(checkpoint(forced=forced).to_bytes()).forced == forced
 
 
-def test_every_damage_is_found():
-    """A bit that is turned anywhere, and every place to break off at, is refused."""
+def test_every_flipped_bit_and_truncation_is_refused():
     data = checkpoint(20).to_bytes()
     for place in range(len(data)):
         damaged = bytearray(data)
@@ -99,8 +103,7 @@ def test_every_damage_is_found():
         from_bytes(data + b'\0')
 
 
-def test_what_is_wrong_is_named():
-    """Damaged, foreign and later ones are told apart."""
+def test_distinguishes_damaged_foreign_and_later_checkpoints():
     data = checkpoint(20).to_bytes()
     damaged = data[:-9] + bytes([data[-9] ^ 1]) + data[-8:]
     with pytest.raises(LavaError, match=r'checkpoint\.checksum .*the checkpoint is damaged'):
@@ -114,8 +117,7 @@ def test_what_is_wrong_is_named():
         from_bytes(later)
 
 
-def test_nothing_goes_on_from_nonsense():
-    """A state that is not finite is refused when it is taken, not when it is needed."""
+def test_refuses_a_state_that_is_not_valid():
     arrays = checkpoint().arrays
     for column, value, words in ((0, np.nan, 'finite'), (2, -1.0, 'negative volume')):
         spoilt = arrays['state.particle'].copy()
@@ -130,8 +132,7 @@ def test_nothing_goes_on_from_nonsense():
         checkpoint(arrays={})
 
 
-def test_a_header_of_other_hands_is_refused(monkeypatch):
-    """A checksum can be right and the content of no use."""
+def test_refuses_an_invalid_header_with_a_valid_checksum(monkeypatch):
     one = checkpoint()
     for name, value in (
         ('accuracy', {**asdict(one.accuracy), 'kernel': 'none'}),
@@ -142,7 +143,7 @@ def test_a_header_of_other_hands_is_refused(monkeypatch):
         with monkeypatch.context() as patch:
             encode = json.JSONEncoder(allow_nan=False).encode
             patch.setattr(
-                'lava_ros.simulation.checkpoint.json.dumps',
+                'lava_ros.simulation.output.checkpoint.json.dumps',
                 lambda data, **_: encode({**data, name: value}),  # noqa: B023
             )
             data = one.to_bytes()
@@ -150,15 +151,13 @@ def test_a_header_of_other_hands_is_refused(monkeypatch):
             from_bytes(data)
 
 
-def test_no_path_is_in_a_checkpoint(tmp_path):
-    """What a checkpoint holds does not tell where it was made."""
+def test_checkpoint_contains_no_path(tmp_path):
     header = checkpoint().to_bytes()[PREFIX_SIZE:]
     for place in (str(tmp_path), '/tmp', '/home', '/work', '/usr'):
         assert place.encode() not in header
 
 
-def test_what_does_not_vary_takes_no_room():
-    """Equal volumes and temperatures cost next to nothing, positions what their digits hold."""
+def test_constant_columns_compress():
     random = np.random.default_rng(1)
     particle = np.full((100_000, 4), [0.0, 0.0, 25.0, 1423.0], dtype=np.float32)
     particle[:, :2] = np.cumsum(random.normal(0.0, 1.0, (100_000, 2)), axis=0)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Damaged bags: what is wrong is said, everything else is shown and saved, no command breaks."""
+"""Damaged bags: every command reports the damage, and shows or saves the rest."""
 
 from collections.abc import Callable, Iterator
 import os
@@ -23,7 +23,7 @@ from lava_ros.bag.records import FRAME, MAGIC
 from lava_ros.bag.replay import schedule
 from lava_ros.cli.parser import COMMANDS
 from lava_ros.errors import LavaError
-from lava_ros.simulation.checkpoint import MEDIA_TYPE
+from lava_ros.simulation.output.checkpoint import MEDIA_TYPE
 from recording import record
 from small_checkpoint import small_checkpoint
 
@@ -35,7 +35,7 @@ TIMES = (200.0, 400.0, 600.0, 800.0)
 
 @pytest.fixture(scope='module')
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished bag of four frames, a chunk and a checkpoint each."""
+    """Record a finished bag of four frames with a chunk and a checkpoint each."""
     directory = tmp_path_factory.mktemp('sound')
     source = BagReader(record(directory / 'source', TIMES))
     times = iter(TIMES)
@@ -53,12 +53,12 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def bag(sound: Path, tmp_path: Path) -> Path:
-    """A copy of it to damage."""
+    """Copy the bag, to be damaged."""
     return Path(shutil.copytree(sound, tmp_path / 'bag'))
 
 
 def records(path: Path) -> Iterator[tuple[int, int, int]]:
-    """Opcode, place and end of each record of a file."""
+    """Yield the opcode, start and end of each record of a file."""
     data, place = path.read_bytes(), len(MAGIC)
     while place < len(data) - len(MAGIC):
         opcode, length = FRAME.unpack_from(data, place)
@@ -67,37 +67,35 @@ def records(path: Path) -> Iterator[tuple[int, int, int]]:
 
 
 def places_of(path: Path, opcode: Opcode) -> list[int]:
-    """Where the records of a kind are."""
+    """Return the offsets of the records with an opcode."""
     return [place for kind, place, _ in records(path) if kind == opcode]
 
 
 def flip(path: Path, place: int, bit: int) -> None:
-    """Flip a bit."""
     data = bytearray(path.read_bytes())
     data[place] ^= 1 << bit
     path.write_bytes(data)
 
 
 def contents(bag: Path) -> object:
-    """Everything in a bag that a recovery is to keep."""
+    """Return everything in a bag that a recovery must keep."""
     reader = BagReader(bag)
     attachments = [item for path in reader.files for item in attachments_in(path)]
     data = [(item.name, item.log_time_ns, item.read()) for item in attachments]
     return list(reader.messages()), reader.topics, reader.custom_data, data
 
 
-def test_a_chunk_that_is_lost_is_said(bag: Path, tmp_path: Path) -> None:
-    """The flow of 600 s in place of 800 s is exported with exit status 1, and the gap is named."""
+def test_lost_chunk_is_reported(bag: Path, tmp_path: Path) -> None:
     path = bag / 'bag_0.mcap'
     flip(path, places_of(path, Opcode.CHUNK)[-1], 4)
-    status, _, said = lava('export', bag, '-o', tmp_path / 'out')
+    status, _, report = lava('export', bag, '-o', tmp_path / 'out')
     assert status == 1
-    assert f'of {path} (after 4.500 s of its messages)' in said
+    assert f'of {path} (after 4.500 s of its messages)' in report
     with rasterio.open(tmp_path / 'out/thickness.tif') as file:
         assert file.tags()['simulated_time_s'] == '600.0'
-    status, out, said = lava('info', bag)
+    status, out, report = lava('info', bag)
     assert (status, 'finished; damaged (warnings: 2)' in out) == (1, True)
-    assert 'is damaged' in said and 'are missing: ' in said
+    assert 'is damaged' in report and 'are missing: ' in report
     before = len(list(BagReader(bag).messages()))
     assert BagReader(bag).message_count == before
     status, out, _ = lava('recover', bag, tmp_path / 'new')
@@ -110,7 +108,6 @@ def test_a_chunk_that_is_lost_is_said(bag: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize('part', ['opcode', 'length', 'data'])
 @pytest.mark.parametrize('cut', [0, 1000])
 def test_only_the_damaged_chunk_is_lost(bag: Path, part: str, cut: int) -> None:
-    """What follows it is read, in a finished file and in one that was cut off."""
     path = bag / 'bag_0.mcap'
     whole = list(BagReader(bag).messages())
     place = places_of(path, Opcode.CHUNK)[1]
@@ -127,40 +124,34 @@ def test_only_the_damaged_chunk_is_lost(bag: Path, part: str, cut: int) -> None:
 
 
 @pytest.mark.parametrize('cut', [0, 1000])
-def test_a_damaged_description_gives_way_to_another(bag: Path, tmp_path: Path, cut: int) -> None:
-    """The record at the start is damaged: messages stay, in a new bag as well."""
+def test_damaged_description_is_replaced_by_its_copy(bag: Path, tmp_path: Path, cut: int) -> None:
     path = bag / 'bag_0.mcap'
     whole = list(BagReader(bag).messages())
     flip(path, places_of(path, Opcode.METADATA)[0] + FRAME.size + 60, 7)
     os.truncate(path, path.stat().st_size - cut)
-    status, _, said = lava('recover', path, tmp_path / 'new')
+    status, _, report = lava('recover', path, tmp_path / 'new')
     assert status == 1
-    assert 'a metadata record is damaged' in said
+    assert 'a metadata record is damaged' in report
     assert list(BagReader(tmp_path / 'new').messages()) == whole
 
 
-@pytest.mark.parametrize(
-    ('opcode', 'offset', 'said'),
-    [
-        (Opcode.STATISTICS, FRAME.size, 'the index at the end of'),
-        (Opcode.FOOTER, FRAME.size + 1, 'the index at the end of'),
-        (Opcode.DATA_END, FRAME.size, 'the data outside of chunks and attachments'),
-        (Opcode.MESSAGE_INDEX, FRAME.size + 8, 'the data outside of chunks and attachments'),
-    ],
-)
-def test_each_section_has_its_checksum(bag: Path, opcode: Opcode, offset: int, said: str) -> None:
-    """Summary and data section are checked; every message is read without them."""
+@pytest.mark.parametrize(('opcode', 'offset', 'report'), [
+    (Opcode.STATISTICS, FRAME.size, 'the index at the end of'),
+    (Opcode.FOOTER, FRAME.size + 1, 'the index at the end of'),
+    (Opcode.DATA_END, FRAME.size, 'the data outside of chunks and attachments'),
+    (Opcode.MESSAGE_INDEX, FRAME.size + 8, 'the data outside of chunks and attachments'),
+])
+def test_each_section_has_a_checksum(bag: Path, opcode: Opcode, offset: int, report: str) -> None:
     path = bag / 'bag_0.mcap'
     whole = list(BagReader(bag).messages())
     flip(path, places_of(path, opcode)[0] + offset, 0)
     reader = BagReader(bag)
     assert list(reader.messages()) == whole
-    assert len(reader.damage) == 1 and said in reader.damage[0]
+    assert len(reader.damage) == 1 and report in reader.damage[0]
     assert not reader.recovered
 
 
-def test_a_changed_metadata_yaml_is_said(bag: Path) -> None:
-    """It has no checksum, but the files say what was recorded."""
+def test_changed_metadata_yaml_is_reported(bag: Path) -> None:
     path = bag / 'metadata.yaml'
     path.write_text(path.read_text().replace('500000.0', '500001.0'))
     (damage,) = BagReader(bag).damage
@@ -169,10 +160,9 @@ def test_a_changed_metadata_yaml_is_said(bag: Path) -> None:
 
 @pytest.mark.parametrize('is_cut', [False, True])
 @pytest.mark.parametrize('part', ['opcode', 'length', 'name', 'media type', 'magic', 'time'])
-def test_a_damaged_checkpoint_gives_way_to_the_one_before(
+def test_damaged_checkpoint_is_replaced_by_the_previous_one(
     bag: Path, part: str, is_cut: bool
 ) -> None:
-    """Any bit of its header: resume and info take the others, and say which is damaged."""
     path = bag / 'bag_0.mcap'
     place = places_of(path, Opcode.ATTACHMENT)[-1]
     content = place + FRAME.size
@@ -184,19 +174,18 @@ def test_a_damaged_checkpoint_gives_way_to_the_one_before(
     if is_cut:
         os.truncate(path, places_of(path, Opcode.DATA_END)[0])
     flip(path, at[part], 2 if part == 'length' else 7)
-    # a finished file says a second time where it is
+    # the index of a finished file repeats the offset
     is_lost = is_cut or part not in ('opcode', 'length')
     found = newest_checkpoint(path)
     assert found.checkpoint.time == (600.0 if is_lost else 800.0)
     assert [str(path) in str(item) for item in found.refused] == [True] * is_lost
-    status, out, said = lava('info', path)
-    assert (status, 'is damaged' in said) == (1, True)
+    status, out, report = lava('info', path)
+    assert (status, 'is damaged' in report) == (1, True)
     assert f'checkpoints  {3 if is_lost else 4}, ' in out
     assert ('cannot be read: attachment' in out) == is_lost
 
 
-def test_a_bag_of_an_earlier_version_is_checked_by_its_parts(bag: Path) -> None:
-    """Without a checksum over the data those of chunks and attachments are looked at."""
+def test_bag_without_a_data_checksum_is_checked_by_its_parts(bag: Path) -> None:
     path = bag / 'bag_0.mcap'
     data = bytearray(path.read_bytes())
     (place,) = places_of(path, Opcode.DATA_END)
@@ -216,8 +205,7 @@ BAG_COMMANDS = {
 }
 
 
-def test_every_command_that_takes_a_bag_takes_incomplete() -> None:
-    """The commands below are all of them."""
+def test_every_command_that_reads_a_bag_is_tested() -> None:
     taking = {
         name for name in COMMANDS
         if any(action.dest == 'bag' for action in parser_of(name)._actions)
@@ -226,10 +214,9 @@ def test_every_command_that_takes_a_bag_takes_incomplete() -> None:
 
 
 @pytest.mark.parametrize('command', BAG_COMMANDS)
-def test_messages_that_metadata_list_and_files_lack_are_named(
+def test_missing_messages_are_reported(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
-    """Every command exits with 1, and with 0 for --incomplete; both name what is missing."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr('lava_ros.ros.player.play', lambda bag, **_: 0)
     monkeypatch.setattr('lava_ros.watch.server.Server', Mock())
@@ -245,17 +232,16 @@ def test_messages_that_metadata_list_and_files_lack_are_named(
     lost = whole.message_count - left.message_count
     for option, expected in (((), 1), (('--incomplete',), 0)):
         shutil.rmtree('out', ignore_errors=True)
-        status, _, said = lava(command, bag, *BAG_COMMANDS[command], *option)
+        status, _, report = lava(command, bag, *BAG_COMMANDS[command], *option)
         assert status == expected
         yaml = bag / 'metadata.yaml'
-        assert f'{lost} of the {whole.message_count} messages that {yaml} lists are' in said
+        assert f'{lost} of the {whole.message_count} messages that {yaml} lists are' in report
         hazard = whole.topics['/hazard'].count - left.topics['/hazard'].count
-        assert f'{hazard} of /hazard' in said
+        assert f'{hazard} of /hazard' in report
 
 
 @pytest.mark.parametrize('count', ['many', '-1', '1.5', '[1]'])
-def test_a_count_of_metadata_that_is_none_is_refused(bag: Path, count: str) -> None:
-    """The error names the file, and what to do about it."""
+def test_refuses_an_invalid_message_count(bag: Path, count: str) -> None:
     path = bag / 'metadata.yaml'
     path.write_text(re.sub(r'(?<=^    message_count: )\d+', count, path.read_text(), flags=re.M))
     with pytest.raises(LavaError, match=r'metadata\.yaml.* message_count of each topic'):
@@ -266,20 +252,16 @@ def test_a_count_of_metadata_that_is_none_is_refused(bag: Path, count: str) -> N
 def test_a_flipped_bit_is_never_silent(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, trial: Any
 ) -> None:
-    """Every command on bags with one wrong bit: it works, or says what does not.
-
-    Half of the bits are anywhere in the file, half in what is not the data of chunks and
-    attachments.
-    """
     drawn: list[Any] = []
     monkeypatch.setattr(
         'lava_ros.pages.pictures.draw_sheet',
-        lambda panels, path, **said: drawn.append((list(map(vars, panels)), said)),
+        lambda panels, path, **report: drawn.append((list(map(vars, panels)), report)),
     )
     monkeypatch.setattr(
         'lava_ros.ros.player.play', lambda bag, **_: len(drawn.extend(schedule(bag)) or drawn)
     )
     path = bag / 'bag_0.mcap'
+    # half of the bits are anywhere, half in the first bytes of records
     places = [
         byte
         for _, place, end in records(path)
@@ -315,10 +297,10 @@ def test_a_flipped_bit_is_never_silent(
             drawn.clear()
             shutil.rmtree(out, ignore_errors=True)
             html.unlink(missing_ok=True)
-            status, printed, said = lava(*words)
-            assert 'Traceback' not in said
+            status, printed, report = lava(*words)
+            assert 'Traceback' not in report
             made = None if status == 2 else (printed, repr(drawn), show.get(name, str)())
-            found[name] = (status, said, made)
+            found[name] = (status, report, made)
         drawn.clear()
         return found
 
@@ -333,11 +315,11 @@ def test_a_flipped_bit_is_never_silent(
         with trial('flips') as row:
             found = results()
             row['refused'] += any(status for status, _, _ in found.values())
-            for name, (status, said, made) in found.items():
-                where = f'{name}, byte {place}, bit {bit}: {said}'
+            for name, (status, report, made) in found.items():
+                where = f'{name}, byte {place}, bit {bit}: {report}'
                 assert status in (0, 1, 2), where
-                assert status == 0 or said, where
-                if status == 0 and said == expected[name][1]:
+                assert status == 0 or report, where
+                if status == 0 and report == expected[name][1]:
                     assert made == expected[name][2], where
             try:
                 time = newest_checkpoint(bag).checkpoint.time

@@ -1,20 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every block of code in the README and the documents does what it says.
+"""Every block of code in the README and the documents runs as it is written.
 
-A block runs in a folder of its own, beside the files that a reader would have (`_furnish`). What
-cannot run here says so in an HTML comment before the block:
+A block runs in a folder of its own, with the files that a reader would have (`_furnish`). An HTML
+comment before the block marks what cannot run here:
 
     <!-- not run: REASON -->                     the whole block, for one of REASONS
     <!-- not run: REASON: beginning; other -->   the lines of a shell block that begin like that
-    <!-- run: together -->                       its lines are programs that live side by side
+    <!-- run: together -->                       its lines are programs that run at the same time
 
 A document that changes the package changes a copy, in which its other blocks then run:
 
     <!-- file: PATH -->                          the block is that file
-    <!-- insert: PATH after: BEGINNING -->       the block goes after the line, or `before:` it
-    <!-- replace: PATH: TEXT -->                 the block goes in place of the text
+    <!-- insert: PATH after: BEGINNING -->       insert the block after the line, or `before:` it
+    <!-- replace: PATH: TEXT -->                 the block replaces the text
 """
 
 from collections.abc import Iterator
@@ -45,11 +45,9 @@ ROOT = Path(__file__).parents[1]
 
 #: Why a block may stay unrun.
 REASONS = {
-    'installs': 'changes what is installed',
-    'tests': 'runs the tests, or takes as long',
-    'a full ROS installation': 'ros2, rviz2 and their like are not on PyPI',
-    'a robot': 'needs one',
-    'a display': 'opens a window',
+    'installs': 'changes what is installed', 'tests': 'runs the tests, or is as slow',
+    'a full ROS installation': 'ros2, rviz2 and similar programs are not on PyPI',
+    'a robot': 'needs one', 'a display': 'opens a window',
     'no program': 'is text: a layout, a table, output',
 }
 
@@ -74,12 +72,10 @@ class Block:
     remarks: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Where it is."""
         return f'{self.document}:{self.line}'
 
 
 def blocks() -> Iterator[Block]:
-    """Find the blocks of all documents."""
     for path in DOCUMENTS:
         lines = path.read_text(encoding='utf-8').splitlines()
         remarks: tuple[str, ...] = ()
@@ -104,13 +100,12 @@ BLOCKS = list(blocks())
 
 @pytest.fixture
 def shop(tmp_path: Path) -> Path:
-    """A folder with what a reader of the documents has at hand."""
+    """Make a folder with the files that a reader of the documents has."""
     _furnish(tmp_path)
     return tmp_path
 
 
 def _furnish(folder: Path) -> None:
-    """Write a mountain, scenes, an outline, a bag and one that was cut off."""
     easting, northing, cell = 499000.0, 4180000.0, 50.0
     y, x = np.mgrid[140:0:-1, 0:60] * cell
     elevation = (1500.0 - 0.15 * y + 20.0 * np.sin(x / 400.0)).astype('float32')
@@ -119,8 +114,7 @@ def _furnish(folder: Path) -> None:
     for name, values in (('etna.tif', elevation), ('seen.tif', near), ('where.tif', near)):
         with rasterio.open(
             folder / name, 'w', driver='GTiff', width=60, height=140, count=1, dtype='float32',
-            nodata=-9999.0,
-            crs='EPSG:32633', transform=from_origin(easting, northing, cell, cell),
+            nodata=-9999.0, crs='EPSG:32633', transform=from_origin(easting, northing, cell, cell),
         ) as file:
             file.write(values, 1)
     corner = (easting, northing - 140 * cell)
@@ -134,7 +128,7 @@ def _furnish(folder: Path) -> None:
     lognormal = {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5}
     uncertain = {**scene, 'uncertainty': {'discharge': lognormal, 'position': {'radius': 50.0}}}
     (folder / 'uncertain.yaml').write_text(yaml.safe_dump(uncertain))
-    # a block that begins with the name of a file is that file
+    # a block that begins with a file name is that file
     for block in BLOCKS:
         if match := re.match(r'# (\w+\.yaml)\n', block.text):
             (folder / match.group(1)).write_text(block.text)
@@ -147,7 +141,6 @@ def _furnish(folder: Path) -> None:
 
 
 def _environment(folder: Path) -> dict[str, str]:
-    """An environment in which `lava` and `python` are this checkout's."""
     programs = folder / '.bin'
     programs.mkdir()
     for name, words in (
@@ -165,7 +158,7 @@ def _environment(folder: Path) -> dict[str, str]:
 
 
 def _left_out(block: Block) -> tuple[str, ...]:
-    """The beginnings of the lines that are not run; an empty one is that of every line."""
+    """Return the beginnings of the lines that are not run, an empty one for all lines."""
     left_out: list[str] = []
     for remark in block.remarks:
         if match := re.fullmatch(r'not run: ([^:]+?)(?:: (.*))?', remark):
@@ -176,7 +169,6 @@ def _left_out(block: Block) -> tuple[str, ...]:
 
 
 def _commands(block: Block) -> list[str]:
-    """The lines of a shell block, continued ones joined, without what is left out."""
     left_out = _left_out(block)
     lines = [line.strip() for line in block.text.replace('\\\n', ' ').splitlines()]
     return [line for line in lines if line and not line.startswith(('#', *left_out))]
@@ -187,13 +179,12 @@ def _is_run(block: Block) -> bool:
 
 
 def _running(language: str) -> Any:
-    """A parameter for each block of a language that can run and leaves the package as it is."""
+    """Return a parameter for each block of a language that runs in the unchanged package."""
     running = [item for item in STANDING if item.language == language and _is_run(item)]
     return pytest.mark.parametrize('block', running, ids=str)
 
 
 def _change(root: Path, block: Block, remark: str) -> None:
-    """Apply a block to the copy of the package."""
     kind, _, rest = remark.partition(': ')
     if kind == 'file':
         (root / rest).write_text(block.text + '\n')
@@ -221,8 +212,7 @@ CHANGING = sorted({block.document for block in BLOCKS if _changes(block)})
 STANDING = [block for block in BLOCKS if block.document not in CHANGING]
 
 
-def test_blocks_are_found() -> None:
-    """Documents have blocks of each kind, and what is of no known kind says why it is not run."""
+def test_blocks_are_found_and_exceptions_have_reasons() -> None:
     known = {'sh', 'python', 'yaml'}
     assert known <= {block.language for block in BLOCKS if _is_run(block)}
     for block in BLOCKS:
@@ -231,11 +221,12 @@ def test_blocks_are_found() -> None:
 
 
 @_running('sh')
-def test_shell_blocks(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every line ends well; those that live side by side live until they are told to end."""
+def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     environment = _environment(shop)
     if 'run: together' in block.remarks:
-        commands = [_with_free_port(command) for command in _commands(block)]
+        # the port of the document may be in use
+        commands = [re.sub(r'^(lava watch.*?)( --port \d+)?$', r'\1 --port 0', command)
+                    for command in _commands(block)]
         _run_together(commands, shop, environment)
         return
     monkeypatch.chdir(shop)
@@ -244,21 +235,14 @@ def test_shell_blocks(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch)
     for command in _commands(block):
         first, *words = shlex.split(command, comments=True)
         if first == 'lava' and not re.search(r'[|&;<>$*`]', command):
-            # a process would take longer to start than many commands take
-            status, *said = lava(*words)
+            # faster than a process
+            status, *output = lava(*words)
         else:
             done = subprocess.run(
                 ['bash', '-c', command], capture_output=True, text=True, timeout=200.0, check=False
             )
-            status, said = done.returncode, [done.stdout, done.stderr]
-        assert status == 0, '\n'.join([f'{block}: {command}', *said])
-
-
-def _with_free_port(command: str) -> str:
-    """Return a command that serves at any free port: another may have the document's."""
-    if not command.startswith('lava watch'):
-        return command
-    return re.sub(r'( --port \d+)?$', ' --port 0', command, count=1)
+            status, output = done.returncode, [done.stdout, done.stderr]
+        assert status == 0, '\n'.join([f'{block}: {command}', *output])
 
 
 def _run_together(commands: list[str], folder: Path, environment: dict[str, str]) -> None:
@@ -282,18 +266,18 @@ def _run_together(commands: list[str], folder: Path, environment: dict[str, str]
 
 
 def _wait_until_up(running: list[subprocess.Popen[bytes]], logs: list[Path]) -> None:
-    """Wait until each has ended or has sockets, a graph's or a server's, and falls silent."""
+    """Wait until each process has ended, or has sockets and prints nothing more."""
     end = time.monotonic() + 60.0
-    said, silent_since = -1, 0.0
-    while said < 0 or time.monotonic() < silent_since + 1.0:
+    output, silent_since = -1, 0.0
+    while output < 0 or time.monotonic() < silent_since + 1.0:
         if time.monotonic() > end:
-            assert said >= 0, [process.args for process in running]
+            assert output >= 0, [process.args for process in running]
             return
         time.sleep(0.1)
         now = sum(log.stat().st_size for log in logs)
         are_up = all(process.poll() is not None or _has_sockets(process) for process in running)
-        if are_up and now != said:
-            said, silent_since = now, time.monotonic()
+        if are_up and now != output:
+            output, silent_since = now, time.monotonic()
 
 
 def _has_sockets(process: subprocess.Popen[bytes]) -> bool:
@@ -304,7 +288,7 @@ def _has_sockets(process: subprocess.Popen[bytes]) -> bool:
 
 
 def _interrupt(running: list[subprocess.Popen[bytes]]) -> None:
-    """Press Ctrl+C until all have ended: while it imports Python may pass over the first."""
+    """Send SIGINT until all have ended: Python may miss one while it imports."""
     end = time.monotonic() + 60.0
     while any(process.poll() is None for process in running):
         assert time.monotonic() < end, [process.args for process in running]
@@ -316,8 +300,7 @@ def _interrupt(running: list[subprocess.Popen[bytes]]) -> None:
 
 
 @_running('python')
-def test_python_blocks(block: Block, shop: Path) -> None:
-    """They run as they stand, and what they print is numbers: a terrain has cells without data."""
+def test_python_blocks_run_and_print_no_nan(block: Block, shop: Path) -> None:
     printed = _python(block, shop, _environment(shop))
     assert not re.search(r'\bnan\b', printed), f'{block}\n{printed}'
 
@@ -332,8 +315,7 @@ def _python(block: Block, folder: Path, environment: dict[str, str]) -> str:
 
 
 @_running('yaml')
-def test_yaml_blocks(block: Block, shop: Path) -> None:
-    """They are scenes that can be used, or parameters of the node."""
+def test_yaml_blocks_are_scenes_or_parameters(block: Block, shop: Path) -> None:
     content = yaml.safe_load(block.text)
     if 'terrain' in content:
         (shop / 'block.yaml').write_text(block.text)
@@ -344,8 +326,7 @@ def test_yaml_blocks(block: Block, shop: Path) -> None:
 
 
 @pytest.mark.parametrize('document', CHANGING)
-def test_documents_that_change_the_package(document: str, tmp_path: Path) -> None:
-    """Their changes fit, and their programs run with them."""
+def test_changes_of_the_package_fit_and_run(document: str, tmp_path: Path) -> None:
     shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
     for block in (item for item in BLOCKS if item.document == document):
         for remark in _changes(block):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The error that names field, value and what would be right, and the checks that raise it."""
+"""LavaError, and the checks of values that raise it."""
 
 import math
 import pickle
@@ -10,23 +10,18 @@ import numpy as np
 import pytest
 
 from lava_ros import validation
-from lava_ros.errors import LavaError, LONGEST_EXPECTED, LONGEST_FIELD, LONGEST_VALUE
+from lava_ros.errors import LavaError, MAX_EXPECTED_LENGTH, MAX_FIELD_LENGTH, MAX_VALUE_LENGTH
 
 
-def test_it_names_field_value_and_what_would_be_right():
-    """In one sentence."""
+def test_error_names_field_value_and_expectation():
     error = LavaError('vents[0].discharge', -1.0, 'at least 0 m3/s')
     assert str(error) == 'vents[0].discharge is -1.0, expected at least 0 m3/s'
 
 
-def test_long_values_are_cut():
-    """What is behind references of a few bytes, or would be printed only to be left out.
-
-    Of text both ends are shown: a path's end says most.
-    """
+def test_long_values_are_shortened():
     text = str(LavaError('terrain', 'a' + 300 * '/x' + 'z', 'a file'))
     assert "'a/x" in text and "/xz'" in text and '...' in text
-    assert len(text) < LONGEST_VALUE + len('terrain is , expected a file') + 1
+    assert len(text) < MAX_VALUE_LENGTH + len('terrain is , expected a file') + 1
     text = str(LavaError('x', list(range(1000)), 'less'))
     assert text.startswith('x is [0, 1, 2')
     assert text.endswith(', ...], expected less')
@@ -35,49 +30,43 @@ def test_long_values_are_cut():
         value = [value] * 10
     for shown in (value, {1: value}, (value, value), 1 << 10**6, [[10**5000]], b'x' * 10**6):
         text = str(LavaError('gravity', shown, 'a number'))
-        assert len(text) <= LONGEST_VALUE + len('gravity is , expected a number')
+        assert len(text) <= MAX_VALUE_LENGTH + len('gravity is , expected a number')
 
 
-def test_it_is_one_line():
-    """A key of a file is a part of the field, and an error of a library of what is expected."""
+def test_error_is_one_line():
     text = str(LavaError('scene.\x1b[31m\n' + 'k' * 10**6, 'a\nb', 'one\nof ' + 'x' * 10**6))
     assert text.isprintable()
     words = len(' is , expected ')
-    assert len(text) <= LONGEST_FIELD + LONGEST_VALUE + LONGEST_EXPECTED + words
+    assert len(text) <= MAX_FIELD_LENGTH + MAX_VALUE_LENGTH + MAX_EXPECTED_LENGTH + words
 
 
-def test_it_is_the_same_in_another_process():
-    """A worker's error comes back with its parts."""
+def test_pickled_error_keeps_its_parts():
     error = LavaError('members', (1, 'two'), 'at least 1')
     again = pickle.loads(pickle.dumps(error))
     assert (type(again), str(again)) == (LavaError, str(error))
     assert (again.field, again.value, again.expected) == ('members', (1, 'two'), 'at least 1')
 
 
-def test_numbers_and_pairs_are_what_reads_as_such():
-    """Integers, numpy scalars and YAML's text numbers become floats, lists and arrays tuples."""
+def test_numbers_and_pairs_are_converted():
     assert [validation.number('x', item) for item in (3, np.float32(0.5), '1e4')] == [3, 0.5, 1e4]
     assert validation.pair('p', [1, '2']) == (1.0, 2.0)
     assert validation.pair('p', np.array([1.0, 2.0])) == (1.0, 2.0)
 
 
 @pytest.mark.parametrize('value', [None, 'hot', math.nan, math.inf, True, [1.0], -1.0, 11.0])
-def test_number_refuses_and_names_the_field(value):
-    """Whatever is no finite number inside the limits is refused with field, value and limits."""
+def test_number_names_field_and_limits(value):
     with pytest.raises(LavaError, match=r'^lava\.density is .*at least 0 m and at most 10 m') as e:
         validation.number('lava.density', value, at_least=0.0, at_most=10.0, unit='m')
     assert e.value.field == 'lava.density'
 
 
 @pytest.mark.parametrize('value', ['12', 3.0, [1.0], [1.0, 2.0, 3.0], [1.0, math.nan], None])
-def test_pair_refuses(value):
-    """Anything else is refused by name."""
+def test_pair_refuses_other_values(value):
     with pytest.raises(LavaError, match='^p'):
         validation.pair('p', value)
 
 
 def test_keys_names_unknown_and_missing_keys():
-    """An unknown key is named with the allowed ones, a missing one by its own name."""
     with pytest.raises(LavaError, match='vent.flux is 1.0, expected no such key; one of a, b'):
         validation.keys('vent', {'flux': 1.0}, allowed=['a', 'b'])
     with pytest.raises(LavaError, match='vent.a is missing'):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The notebook runs from its first cell to its last, and holds nothing that a run left in it."""
+"""The notebook runs from its first cell to its last, and contains no outputs."""
 
 import json
 import os
@@ -14,13 +14,11 @@ import pytest
 
 pytest.importorskip('matplotlib')
 rasterio = pytest.importorskip('rasterio')
-
 ROOT = Path(__file__).parents[1]
 NOTEBOOK = json.loads((ROOT / 'examples/lava_ros.ipynb').read_text(encoding='utf-8'))
 
 
-def test_it_is_a_clean_notebook() -> None:
-    """Ten cells of nbformat 4.5, without outputs."""
+def test_notebook_has_no_outputs() -> None:
     assert (NOTEBOOK['nbformat'], NOTEBOOK['nbformat_minor']) == (4, 5)
     assert len(NOTEBOOK['cells']) == 10
     assert len({cell['id'] for cell in NOTEBOOK['cells']}) == 10
@@ -29,8 +27,7 @@ def test_it_is_a_clean_notebook() -> None:
     assert all(cell['outputs'] == [] and cell['execution_count'] is None for cell in code)
 
 
-def test_its_cells_run_one_after_the_other(tmp_path: Path) -> None:
-    """Each in the names of those before; figures are drawn, maps are written."""
+def test_cells_run_in_order(tmp_path: Path) -> None:
     cells = [''.join(c['source']) for c in NOTEBOOK['cells'] if c['cell_type'] == 'code']
     cells += ["for number in plt.get_fignums(): plt.figure(number).savefig(f'{number}.png')"]
     cells += ['print(budget.flowing)']
@@ -42,7 +39,7 @@ def test_its_cells_run_one_after_the_other(tmp_path: Path) -> None:
     assert len(list(tmp_path.glob('*.png'))) == 4
     with rasterio.open(tmp_path / 'maps/thickness.tif') as file:
         thickness = file.read(1, masked=True)
-    # 40 m3/s for an hour and 15 for another, but for less than a particle that waits in the vent
+    # 40 m3/s for an hour, 15 for another, less the lava that waits in the vent
     flowing = float(done.stdout.split()[-1])
     assert 0.97 * 198_000.0 < flowing < 198_000.0
     assert thickness.sum() * 30.0**2 == pytest.approx(flowing, rel=1e-4)

@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What describes the package agrees with the package."""
+"""Descriptions of the package agree with the package."""
 
 import ast
-from functools import cache
 import importlib
 import json
 from pathlib import Path
@@ -30,10 +29,7 @@ ROOT = Path(__file__).parents[1]
 
 #: Distribution that brings a module, where the names differ.
 DISTRIBUTIONS = {
-    'PIL': 'pillow',
-    'mcap_ros2': 'mcap-ros2-support',
-    'warp': 'warp-lang',
-    'yaml': 'pyyaml',
+    'PIL': 'pillow', 'mcap_ros2': 'mcap-ros2-support', 'warp': 'warp-lang', 'yaml': 'pyyaml',
 }
 
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
@@ -55,23 +51,22 @@ for line in (ROOT / 'constraints.txt').read_text().splitlines():
 
 @pytest.fixture(scope='module')
 def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
-    """The data files that setup.py passes to setuptools, which need not be installed."""
-    seen: dict[str, Any] = {}
-    stand_in = SimpleNamespace(setup=seen.update, Distribution=object, apply_configuration=None)
+    """Return the data files that setup.py passes to setuptools."""
+    passed: dict[str, Any] = {}
+    stand_in = SimpleNamespace(setup=passed.update, Distribution=object, apply_configuration=None)
     with pytest.MonkeyPatch.context() as patch:
         for name in ('setuptools', 'setuptools.config', 'setuptools.config.pyprojecttoml'):
             patch.setitem(sys.modules, name, stand_in)  # type: ignore[arg-type]
-        # colcon runs a link to it, in a folder of its own
+        # colcon runs a link to setup.py in another folder
         place = tmp_path_factory.mktemp('build')
         (place / 'setup.py').symlink_to(ROOT / 'setup.py')
         patch.chdir(place)
         runpy.run_path('setup.py')
-    return dict(seen['data_files'])
+    return dict(passed['data_files'])
 
 
-def test_settings_that_are_easily_lost() -> None:
-    """An editable installation is a path; the license is whole; make draws where git is blind."""
-    # the finder that is usual would come after a folder `lava_ros`, such as a clone beside us
+def test_settings_that_no_other_test_needs() -> None:
+    # the default finder would come after a folder `lava_ros`, such as a clone
     assert TOOLS['distutils']['editable_wheel']['mode'] == 'compat'
     text = (ROOT / 'LICENSE').read_text()
     assert text.lstrip().startswith('Apache License')
@@ -79,9 +74,7 @@ def test_settings_that_are_easily_lost() -> None:
     assert 'docs/images' not in (ROOT / 'Makefile').read_text()
 
 
-@cache
 def _imports() -> set[str]:
-    """Top-level modules the package imports, its own and the standard library's left out."""
     found: set[str] = set()
     for path in (ROOT / 'lava_ros').rglob('*.py'):
         for node in ast.walk(ast.parse(path.read_text('utf-8'))):
@@ -92,12 +85,7 @@ def _imports() -> set[str]:
     return found - set(sys.stdlib_module_names) - {'lava_ros'}
 
 
-def _is_ros(module: str) -> bool:
-    return module in ROS_MODULES or module.endswith(('_msgs', '_srvs', '_interfaces'))
-
-
 def test_name_version_and_contact_agree() -> None:
-    """package.xml, pyproject.toml, CITATION.cff and the package itself say the same."""
     citation = yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))
     assert MANIFEST.get('format') == '3'
     assert MANIFEST.findtext('name') == PROJECT['name'] == citation['title'] == 'lava_ros'
@@ -112,7 +100,6 @@ def test_name_version_and_contact_agree() -> None:
 
 
 def test_scripts_exist() -> None:
-    """Every console script names something that can be called."""
     assert set(PROJECT['scripts']) == {'lava', 'lava_node'}
     for script in PROJECT['scripts'].values():
         module, function = script.split(':')
@@ -120,7 +107,6 @@ def test_scripts_exist() -> None:
 
 
 def test_ros2_run_finds_the_commands(tmp_path: Path) -> None:
-    """Below lib/ there is what starts each command of bin/, with its arguments, in its place."""
     folders = [tmp_path / 'bin', tmp_path / 'lib/lava_ros']
     for folder in folders:
         folder.mkdir(parents=True)
@@ -139,8 +125,7 @@ def test_ros2_run_finds_the_commands(tmp_path: Path) -> None:
         assert (int(process), words) == (child.pid, '--ros-args -p a:=two words')
 
 
-def test_data_files_are_there(installed: dict[str, list[str]]) -> None:
-    """Marker, manifest, launch files and message configurations are installed."""
+def test_data_files_are_installed(installed: dict[str, list[str]]) -> None:
     assert installed['share/ament_index/resource_index/packages'] == ['resource/lava_ros']
     assert installed['share/lava_ros'] == ['package.xml']
     assert 'msg_configs/default.yaml' in installed['share/lava_ros/msg_configs']
@@ -161,8 +146,7 @@ def test_data_files_are_there(installed: dict[str, list[str]]) -> None:
     assert inside == {path.relative_to(ROOT).as_posix() for path in others}
 
 
-def test_the_image_has_this_package(installed: dict[str, list[str]], tmp_path: Path) -> None:
-    """The Dockerfile's steps are shell, its extras and its command are the package's."""
+def test_image_contains_the_package(installed: dict[str, list[str]], tmp_path: Path) -> None:
     found = image.instructions()
     texts: dict[str, list[str]] = {kind: [] for kind, _ in found}
     for kind, text in found:
@@ -183,21 +167,18 @@ def test_the_image_has_this_package(installed: dict[str, list[str]], tmp_path: P
     assert not (tmp_path / 'src/tests').exists()
 
 
-def test_packages_that_are_imported_are_declared() -> None:
-    """Those of ROS by package.xml, the others by pyproject.toml."""
-    of_ros = {name for name in _imports() if _is_ros(name)}
+def test_imported_packages_are_declared() -> None:
+    imports = _imports()
+    of_ros = {name for name in imports if name.endswith(('_msgs', '_srvs', '_interfaces'))}
+    of_ros |= ROS_MODULES & imports
     declared = {item.text for item in MANIFEST.findall('exec_depend')}
     assert of_ros - {'grid_map_msgs'} <= declared
     requirements = [*PROJECT['dependencies'], *EXTRAS['all']]
-    needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in _imports() - of_ros}
+    needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in imports - of_ros}
     assert needed <= {_canonical(Requirement(item).name) for item in requirements}
 
 
 def test_requirements_are_bounded_and_pinned() -> None:
-    """Each requirement has a lower and an upper bound, and its pins lie between them.
-
-    No ROS wheel is named but Jazzy's: the others are of some distribution or other.
-    """
     required = [*PROJECT['dependencies'], *EXTRAS['all']]
     for item in required:
         requirement = Requirement(item)
@@ -211,7 +192,6 @@ def test_requirements_are_bounded_and_pinned() -> None:
 
 
 def test_pins_cover_every_python() -> None:
-    """On each Python a package has at most one pin, and the required ones have one."""
     always = {'numpy', 'warp-lang', 'mcap', 'rasterio', 'matplotlib', 'ros-rclpy'}
     for version in ('3.10', '3.11', '3.12', '3.13'):
         environment = {'python_version': version}

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What ROS's linters ask of every file, where there are none: headers, XML, whitespace."""
+"""Rules of ROS's linters, checked without them: headers, XML, whitespace."""
 
 import csv
 from pathlib import Path
@@ -36,7 +36,6 @@ def _files(*suffixes: str) -> list[Path]:
 
 
 def test_every_module_has_the_license_header() -> None:
-    """Only the line that names the interpreter may precede the SPDX header."""
     modules = _files('.py')
     assert len(modules) > 200
     for path in modules:
@@ -44,8 +43,7 @@ def test_every_module_has_the_license_header() -> None:
         assert text.startswith(HEADER), path
 
 
-def test_text_files_end_as_texts_do() -> None:
-    """No trailing blanks, one newline at the end, Unix line ends."""
+def test_text_files_have_unix_lines_without_trailing_blanks() -> None:
     for path in _files(*TEXTS):
         data = path.read_bytes()
         assert data == b'' or data == data.rstrip() + b'\n', f'{path}: end'
@@ -54,12 +52,10 @@ def test_text_files_end_as_texts_do() -> None:
 
 @pytest.mark.parametrize('path', _files('.xml'), ids=lambda path: path.name)
 def test_xml_is_well_formed(path: Path) -> None:
-    """As xmllint asks."""
     ElementTree.parse(path)
 
 
-def test_committed_tables_are_tables() -> None:
-    """Each row has a value for each name: nothing else that was printed is in them."""
+def test_rows_of_committed_tables_are_complete() -> None:
     paths = list((ROOT / 'docs/benchmarks').glob('*.csv'))
     assert paths
     for path in paths:
@@ -69,8 +65,7 @@ def test_committed_tables_are_tables() -> None:
         assert {len(row) for row in rows} == {len(names)}, path
 
 
-def test_package_xml_has_the_order_of_its_schema() -> None:
-    """Elements come in the order that the schema of format 3 prescribes."""
+def test_elements_of_package_xml_are_in_order() -> None:
     order = ['name', 'version', 'description', 'maintainer', 'license', 'url', 'author']
     order += ['build_depend', 'buildtool_depend', 'exec_depend', 'doc_depend', 'test_depend']
     order += ['export']
@@ -79,8 +74,7 @@ def test_package_xml_has_the_order_of_its_schema() -> None:
     assert tags == sorted(tags, key=order.index)
 
 
-def test_the_hooks_name_tools_that_are_pinned() -> None:
-    """Each hook of pre-commit installs its tool at one version, from PyPI alone."""
+def test_hooks_pin_their_tools() -> None:
     hooks = yaml.safe_load((ROOT / '.pre-commit-config.yaml').read_text(encoding='utf-8'))
     (repository,) = hooks['repos']
     assert repository['repo'] == 'local'
@@ -91,8 +85,7 @@ def test_the_hooks_name_tools_that_are_pinned() -> None:
             assert all('==' in item for item in hook['additional_dependencies']), hook['id']
 
 
-def test_make_lint_is_what_the_hooks_are() -> None:
-    """`make lint` runs the ruff of the hooks, and the hook of mypy is a part of `make lint`."""
+def test_make_lint_runs_the_tools_of_the_hooks() -> None:
     recipe = subprocess.check_output(['make', '--dry-run', 'lint'], cwd=ROOT, text=True)
     text = (ROOT / '.pre-commit-config.yaml').read_text(encoding='utf-8')
     words = {word.strip("'") for word in recipe.split()}

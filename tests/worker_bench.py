@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A worker thread on the bench: a simulation that only keeps time, and a clock moved by hand."""
+"""A worker thread with a simulation that only keeps time, and a clock moved by hand."""
 
 from dataclasses import replace
 import threading
@@ -12,21 +12,21 @@ import numpy as np
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.snapshot import PendingSnapshot, Snapshot, StepReport
 from lava_ros.simulation.resolution import resolution_of
 from lava_ros.simulation.selection import decide, effects_for, HORIZON
-from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot, StepReport
 
 TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
 VENT = Vent((25.0, 15.0), 2.0, 1360.0, name='one')
-#: How long to wait for what has to come, on a busy machine too [s].
+#: Maximum time to wait on a busy machine [s].
 PATIENCE = 180.0
 
 OUTSIDE = Vent((500.0, 0.0), 2.0, 1360.0, name='far')
 
 
 class KeepsTime:
-    """A simulation that only keeps time and volume, as fast as it is told to be."""
+    """A simulation that only keeps time and volume, at a given speed."""
 
     device, failure, flawed = 'paper', None, False
     time = slowness = emitted_before = changed_at = 0.0
@@ -141,12 +141,11 @@ class Bench:
         return future.result(timeout=PATIENCE)
 
     def start(self):
-        """Start a scene with a vent."""
         self.run(self.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
 
     def go_on(self, seconds=0.5, scale=1.0):
         """Move the clock, and let simulated time follow by as much."""
-        # a worker that has just started may not have read the clock yet
+        # a new worker may not have read the clock yet
         self.wait_for_clock()
         until = self.simulation.time + seconds * scale
         self.now += seconds

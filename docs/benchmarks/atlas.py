@@ -1,17 +1,17 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A hazard atlas over the ground of a mapped eruption, and how long it takes.
+"""Compute a hazard atlas on the ground of a mapped eruption, and measure the wall time.
 
-It makes atlas_h200.csv; CASE is a folder as `lava hindcast` reads it, FOLDER gets the atlas:
+The output is atlas_h200.csv. CASE is a folder for `lava hindcast`, FOLDER is that of the atlas:
 
     python docs/benchmarks/atlas.py CASE FOLDER --members 1000 --device cuda:0 --machine M
 
-The vent of a member lies within some kilometres of the mapped one. Eruptions last one to 45 days
-and give 1 to 35 million m3: the class of the shortest and smallest of Etna in Proietti, C., De
-Beni, E., Coltelli, M. and Branca, S. (2011), Annals of Geophysics 54, 480-490. The discharge is
-largest after a tenth of the time (Zuccarello, F., Bilotta, G., Cappello, A. and Ganci, G. (2022),
-Remote Sensing 14, 1366: after 0.5 to 29 %).
+The vent of a member is within some kilometres of the mapped vent. Eruptions last 1 to 45 days and
+emit 1 to 35 million m3: the class of the shortest and smallest eruptions of Etna in Proietti, C.,
+De Beni, E., Coltelli, M. and Branca, S. (2011), Annals of Geophysics 54, 480-490. The discharge is
+largest after a tenth of the duration (Zuccarello, F., Bilotta, G., Cappello, A. and Ganci, G.
+(2022), Remote Sensing 14, 1366: after 0.5 to 29 %).
 """
 
 import argparse
@@ -31,15 +31,15 @@ from lava_ros.hindcast.case import load_case
 
 DAY = 86400.0
 
-#: How far vents scatter around the mapped one, eastward and northward [m], and its radius [m].
+#: Standard deviations of the vent's easting and northing [m], and its radius [m].
 SCATTER, RADIUS = (600.0, 1200.0), 20.0
 
-#: Volumes of eruptions [m3], and shares of their duration at which the discharge is what [m3/s].
+#: Volumes of eruptions [m3], and discharge [m3/s] by fraction of the duration.
 VOLUMES, CURVE = (1e6, 35e6), ((0.0, 4.0), (0.1, 20.0), (1.0, 0.0))
 
 
 def scene(case, folder, days):
-    """Write the scene and where its vent may open."""
+    """Write the scene and the possible positions of its vent."""
     with rasterio.open(folder / 'elevation.tif', 'w', **_profile(case)) as file:
         file.write(np.flipud(case.scene.terrain.elevation).astype(np.float32), 1)
     (vent,) = case.scene.vents[:1]
@@ -63,7 +63,7 @@ def scene(case, folder, days):
         'terrain': {'file': 'elevation.tif'},
         'vents': [{
             'position': [float(value) for value in vent.position], 'radius': RADIUS,
-            'discharge': [[DAY * days * share, value] for share, value in CURVE],
+            'discharge': [[DAY * days * part, value] for part, value in CURVE],
         }],
         'lava': {'material': 'etna_basalt'},
         'uncertainty': {'eruption': [eruption]},
@@ -86,7 +86,7 @@ def _profile(case):
 
 
 def main():
-    """Make the atlas, and print a CSV."""
+    """Compute the atlas, and print a CSV."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('case', type=Path)
     parser.add_argument('folder', type=Path)
@@ -103,21 +103,21 @@ def main():
     words += ['--horizon', f'{24 * args.days}h']
     words += ['--members', str(args.members), '--device', args.device]
     start = time.perf_counter()
-    # standard output is for the table
+    # standard output is the table
     with redirect_stdout(sys.stderr):
         status = cli.main(words)
     if status:
         sys.exit(1)
     taken = time.perf_counter() - start
-    told = json.loads(result.read_text())
+    result_data = json.loads(result.read_text())
     rows = csv.writer(sys.stdout, lineterminator='\n')
     rows.writerow(('benchmark', 'value', 'unit', 'members', 'machine', 'command'))
     command = f'python docs/benchmarks/atlas.py {args.case.name} atlas --members {args.members}'
     for what, value, unit in (
         ('time', taken, 's'),
         ('members a minute', 60.0 * args.members / taken, '1/min'),
-        ('standard error near 50 %', told['sampling_error_percent'], '%'),
-        ('members whose lava left the map', told['members_beyond'], ''),
+        ('standard error near 50 %', result_data['sampling_error_percent'], '%'),
+        ('members whose lava left the map', result_data['members_beyond'], ''),
     ):
         rows.writerow((what, f'{value:.4g}', unit, args.members, args.machine, command))
 

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What checkpoints cost: bytes, and time in the simulation's thread and in the node's.
+"""Measure the cost of checkpoints: size, and time in the threads of simulation and node.
 
-It makes checkpoints.csv; each time is the median of five:
+The output is checkpoints.csv; each time is the median of five:
 
     python docs/benchmarks/checkpoints.py 'machine' > docs/benchmarks/checkpoints.csv
 """
@@ -16,26 +16,26 @@ import tempfile
 
 from lava_ros.bag import BagWriter
 from lava_ros.bag.checkpoints import NAME
-from lava_ros.simulation.checkpoint import from_bytes, MEDIA_TYPE
+from lava_ros.simulation.output.checkpoint import from_bytes, MEDIA_TYPE
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, timed
 
 REPETITIONS = 5
 
 PARTICLES = (1_000, 10_000, 100_000, 1_000_000)
 
-#: From the fewest arrays a particle has to the most.
+#: The effects with the fewest and with the most arrays per particle.
 EFFECTS = ('bare', 'everything with inertia')
 
 
 def median(action):
-    """Median time of an action [ms]."""
+    """Return the median time of an action [ms]."""
     return statistics.median(1e3 * timed('cpu', action) for _ in range(REPETITIONS))
 
 
 def measure(effects, particles, directory):
-    """Quantities of one size, with their units."""
+    """Yield the quantities of one size, with their units."""
     simulation = lava_field(particles, effects, 'cpu')
-    # digits of a flow, not of a lattice
+    # a flow compresses less than a regular lattice
     while simulation.steps < 3:
         simulation.advance(simulation.time + 0.1)
     simulation.snapshot()

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Several codes on the same flow, the same grid and one core, scored in the same way.
+"""Compare codes on the same flow, the same grid and one core.
 
-The codes: the presets, the plain scheme of finite_volumes.c (the floor), and Lava2d from a folder
-that holds it (github.com/davemhyman/lava2d; numexpr, pandas, netCDF4 and scipy beside it). The
-exact solution, as means over the cells, is scored like a code: what a grid alone makes of it. All
-solve the equation of small slopes, without cos^4 of the ground's: Lava2d has no other.
+The codes are the presets, the plain scheme of finite_volumes.c (the baseline), and Lava2d from a
+folder (github.com/davemhyman/lava2d; it needs numexpr, pandas, netCDF4 and scipy). The exact
+solution, averaged over the cells, is scored like a code: this is the error of the grid. All codes
+solve the equation for small slopes, without cos^4 of the slope, the only one in Lava2d.
 
-It renews the rows of the codes that are named in codes.csv, and then the tables follow:
+The script updates the rows of the named codes in codes.csv; the second command, the tables:
 
     taskset --cpu-list 0 python docs/benchmarks/codes.py presets plain
     python docs/benchmarks/other_codes.py
@@ -59,22 +59,22 @@ COLUMNS = (
     'command',
 )
 
-#: What all cases have: discharge [m3/s] and radius of the vent [m]; its lava is ISOTHERMAL.
+#: Discharge [m3/s] and radius of the vent [m] in all cases; the lava is ISOTHERMAL.
 DISCHARGE, VENT_RADIUS = 10.0, 10.0
 
 #: g / (3 nu) [1/(m s)].
 ALPHA = GRAVITY / (3.0 * NU)
 
-#: Places in a cell, to a side, that means over it are made of.
-PLACES = 8
+#: Sample points along a side of a cell for means.
+N_POINTS = 8
 
-#: Cells of the plain scheme that others are compared with where no exact solution is known [m].
+#: Cell size of the reference run of the plain scheme, for flows without an exact solution [m].
 FINEST = 1.25
 
-#: Share of the plain scheme's stable step.
-SHARE = 0.9
+#: Time step of the plain scheme, as a fraction of the stable step.
+STEP_FRACTION = 0.9
 
-#: What keeps Lava2d to one core.
+#: Environment that limits Lava2d to one core.
 ONE_THREAD = {**os.environ, 'NUMEXPR_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1'}
 
 PRESETS = ('draft', 'standard', 'fine')
@@ -95,11 +95,11 @@ class Flow:
 
     Attributes:
         name: Its name.
-        window: Smallest x and y, largest x and y [m]: multiples of every cell.
-        end: When it is looked at [s].
-        ground: Elevation [m] at places.
-        scores: What is measured of a thickness on cells: quantity, value and unit.
-        exact: Exact thickness [m] at places; None: what is right is the plain scheme on FINEST.
+        window: Minimum x and y, maximum x and y [m]: multiples of all cell sizes.
+        end: Simulated time of the comparison [s].
+        ground: Elevation [m] at positions.
+        scores: Scores of a thickness on cells: quantity, value and unit.
+        exact: Exact thickness [m] at positions; None: the reference is the plain scheme on FINEST.
     """
 
     name: str
@@ -110,19 +110,19 @@ class Flow:
     exact: Function | None = None
 
     def centres(self, cell: float) -> tuple[np.ndarray, np.ndarray]:
-        """Places of the cells' centres, x and y [m]."""
+        """Return the positions of cell centres, x and y [m]."""
         x0, y0, x1, y1 = self.window
         x, y = (np.arange(a + 0.5 * cell, b, cell) for a, b in ((x0, x1), (y0, y1)))
         return tuple(np.meshgrid(x, y))
 
     def means(self, function: Function, cell: float) -> np.ndarray:
-        """Means of a function over the cells."""
+        """Return the means of a function over the cells."""
         x, y = self.centres(cell)
-        shifts = ((np.arange(PLACES) + 0.5) / PLACES - 0.5) * cell
-        return sum(function(x + dx, y + dy) for dx in shifts for dy in shifts) / PLACES**2
+        shifts = ((np.arange(N_POINTS) + 0.5) / N_POINTS - 0.5) * cell
+        return sum(function(x + dx, y + dy) for dx in shifts for dy in shifts) / N_POINTS**2
 
     def expected(self, cell: float) -> np.ndarray:
-        """What the thickness should be on cells [m]."""
+        """Return the expected thickness on cells [m]."""
         if self.exact is not None:
             return self.means(self.exact, cell)
         fine = finest(self.name)
@@ -132,7 +132,7 @@ class Flow:
 
 
 def distance(thickness, expected):
-    """Distance of a thickness from another, over that one's volume [%]."""
+    """Return the difference between two thicknesses, relative to the expected volume [%]."""
     return 100.0 * np.abs(thickness - expected).sum() / expected.sum()
 
 
@@ -141,7 +141,7 @@ HOUR = 3600.0
 
 
 def spread_scores(flow, thickness, cell):
-    """Radius of the area that lava covers, and the thickness's distance from the exact one."""
+    """Yield the errors of the radius of the covered area and of the thickness."""
     covered = np.count_nonzero(thickness > FRONT) * cell**2
     if flow.window[1] == 0.0:
         covered *= 2.0
@@ -151,7 +151,7 @@ def spread_scores(flow, thickness, cell):
 
 
 def spread(name, window):
-    """A constant flux onto a plane (Huppert 1982)."""
+    """Return a constant flux onto a plane (Huppert 1982)."""
     return Flow(
         name,
         window,
@@ -162,21 +162,20 @@ def spread(name, window):
     )
 
 
-#: The valley: its fall along x and that of its walls, and where its stream is looked at [m].
+#: The valley: its slope along x and that of its walls, and the x of the measured reach [m].
 FALL, WALL, REACH = math.tan(math.radians(5.0)), 0.1, (350.0, 750.0)
 
-#: Its stream's thickness in the middle [m], the surface level across: Q = alpha FALL h^4 / 2 WALL.
+#: Thickness in the middle of the stream with a level surface [m]: Q = alpha FALL h^4 / 2 WALL.
 MIDDLE = (2.0 * WALL * DISCHARGE / (ALPHA * FALL)) ** 0.25
 
-
-#: Its section [m2]; a front travels at discharge over section.
+#: Cross section of the stream [m2]; the speed of the front is discharge over section.
 SECTION = MIDDLE**2 / WALL
 
 
 def valley_scores(flow, thickness, cell):
-    """Section of the stream, its front, and the thickness's distance from the exact one.
+    """Yield the errors of the front, the cross section and the thickness of the stream.
 
-    The front is where the section is half of the exact one.
+    The front is at half of the exact section.
     """
     x, _ = flow.centres(cell)
     section = thickness.sum(axis=0) * cell
@@ -192,7 +191,7 @@ def valley_scores(flow, thickness, cell):
 
 
 def hill_scores(flow, thickness, cell):
-    """Area that lava covers, and the thickness's distance from that of FINEST."""
+    """Yield the errors of the covered area and of the thickness, relative to FINEST."""
     expected = flow.expected(cell)
     covered = [np.count_nonzero(item > FRONT) for item in (thickness, expected)]
     yield 'area', 100.0 * (covered[0] / covered[1] - 1.0), '%'
@@ -212,7 +211,7 @@ FLOWS = {
             valley_scores,
             lambda x, y: np.maximum(MIDDLE - WALL * np.abs(y), 0.0),
         ),
-        # a hill of 15 m in the way down the same fall
+        # a hill of 15 m on the same slope
         Flow(
             'hill',
             (-60.0, -140.0, 480.0, 140.0),
@@ -225,12 +224,12 @@ FLOWS = {
 
 
 def exact_means(flow, cell, _):
-    """The exact solution as means over the cells."""
+    """Return the exact solution as means over the cells."""
     return Result(flow.expected(cell), [])
 
 
 def timed(repetitions, run):
-    """The last result of several runs, and the CPU time of each."""
+    """Return the last result of several runs, and the CPU time of each."""
     seconds = []
     for _ in range(repetitions):
         begin = time.process_time()
@@ -240,7 +239,7 @@ def timed(repetitions, run):
 
 
 def preset(name):
-    """A preset, its kernels compiled beforehand."""
+    """Return a function that runs a preset with compiled kernels."""
 
     def run(flow, cell, repetitions):
         x0, y0, _, _ = flow.window
@@ -266,12 +265,12 @@ def preset(name):
 
 
 def compiled(folder):
-    """The plain scheme, from its source."""
+    """Compile the plain scheme."""
     library, part = Path(folder) / 'finite_volumes.so', Path(folder) / 'finite_volumes.o'
     source = FOLDER / 'finite_volumes.c'
     options = ['-O3', '-march=native', '-ffast-math', '-fPIC', '-c']
     subprocess.run(['cc', *options, '-o', part, source], check=True)
-    # linked with that option it would set subnormal numbers of the whole process to 0
+    # linking with -ffast-math would set subnormal numbers of the whole process to 0
     subprocess.run(['cc', '-shared', '-o', library, part], check=True)
     advance = ctypes.CDLL(str(library)).advance
     cells, long = np.ctypeslib.ndpointer(np.float64, flags='C'), ctypes.c_long
@@ -282,7 +281,7 @@ def compiled(folder):
 
 
 def plain(flow, cell, repetitions):
-    """The plain scheme."""
+    """Run the plain scheme."""
     z = flow.ground(*flow.centres(cell))
     source = flow.means(lambda x, y: 1.0 * (np.hypot(x, y) < VENT_RADIUS), cell)
     half = 0.5 if flow.window[1] == 0.0 else 1.0
@@ -294,14 +293,14 @@ def plain(flow, cell, repetitions):
 
         def thickness():
             h, change = np.zeros_like(z), np.zeros_like(z)
-            advance(h, change, z, source, box, *z.shape, cell, ALPHA, SHARE, flow.end)
+            advance(h, change, z, source, box, *z.shape, cell, ALPHA, STEP_FRACTION, flow.end)
             return h
 
         return timed(repetitions, thickness)
 
 
 def lava2d(folder):
-    """Lava2d without cooling, crystals and crust; time is that of its ``sim.run``."""
+    """Return a function that runs Lava2d without heat, and measures the time of ``sim.run``."""
 
     def run(flow, cell, repetitions):
         seconds = []
@@ -320,12 +319,12 @@ def lava2d(folder):
 
 @lru_cache
 def finest(name):
-    """The thickness of a flow by the plain scheme on FINEST."""
+    """Return the thickness of a flow with the plain scheme on FINEST."""
     return plain(FLOWS[name], FINEST, 1).thickness
 
 
 def codes(folder):
-    """What can be run: a group, a flow's name, a code's, its cells [m] and how it is run."""
+    """Yield all runs: group, name of the flow, name of the code, cell size [m] and function."""
     for name in FLOWS:
         half = name.endswith('_half')
         for cell in (10.0, 5.0, 2.5):
@@ -339,7 +338,7 @@ def codes(folder):
 
 
 def main():
-    """Run codes and renew their rows."""
+    """Run codes and update their rows."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('group', nargs='+', choices=('presets', 'plain', 'lava2d'))
     parser.add_argument('--lava2d', metavar='FOLDER', help='a checkout of Lava2d')
@@ -363,7 +362,7 @@ def main():
             fields += [machine_name('cpu'), command]
             rows[key] = dict(zip(COLUMNS, (*key, *fields), strict=True))
             print(*key, *fields[:3], flush=True)
-    # rows of what is no longer run are dropped
+    # removes rows of obsolete runs
     order = [(name, code, f'{cell:g}') for _, name, code, cell, _ in codes('')]
     write_csv([row for made in order for key, row in rows.items() if key[:3] == made], TABLE)
 

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The reference of the case `cooling_plane`, by finite volumes.
+"""Compute the reference of the case `cooling_plane` with finite volumes.
 
     python docs/benchmarks/cooling_plane.py 5 2.5 1.25
 
-writes a row for each side of a cell [m] to cooling_plane.csv: the front [m], and by the distance
-of a column of the map from the vent [m] how many of its cells of 5 m on one side of the axis hold
-lava thicker than 0.1 m on average. The flow is symmetric, so half of it is computed.
+writes a row for each cell size [m] to cooling_plane.csv: the front [m] and, for each column of the
+map by its distance from the vent [m], the number of cells of 5 m on one side of the axis with a
+mean thickness above 0.1 m. The flow is symmetric, so half of it is computed.
 """
 
 import csv
@@ -20,12 +20,12 @@ from lava_ros.verification import exact
 from lava_ros.verification.cases import cooling
 from lava_ros.verification.cases.case import FRONT, GRAVITY
 
-#: Borders of the half that is computed, all beyond the flow, and the side of the map's cells [m].
+#: Borders of the computed half, all beyond the flow, and cell size of the map [m].
 WEST, EAST, NORTH, MAP = -20.0, 290.0, 40.0, 5.0
 
 
 def flow_on(cell: float) -> tuple[float, np.ndarray]:
-    """Return the front [m] and the wet cells of each column of the map, on cells of a side [m]."""
+    """Return the front [m] and the wet cells of each column of the map, for a cell size [m]."""
     x = np.arange(WEST, EAST, cell) + 0.5 * cell
     y = np.arange(0.0, NORTH, cell) + 0.5 * cell
     source = (np.hypot(x, y[:, None]) < cooling.RADIUS).astype(float)

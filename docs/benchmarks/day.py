@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a day of an eruption takes with particles 10 m apart, and what longer steps change.
+"""Measure the wall time of the first day of an eruption, and the effect of longer time steps.
 
-It makes day.csv, a run of it for each machine:
+The output is day.csv, with a run for each machine:
 
     python docs/benchmarks/day.py --device cuda:0 --case CASE --machine M
 
-The case is a folder as `lava hindcast` reads it, or that case pickled; effects are chosen as for
-the whole of it. Courant numbers are those of `lava hindcast`, 1, and smaller ones: a footprint is
-compared with those of the smallest. Runs that differ in nothing but a vent moved by a millionth of
-a metre say how much of the difference is chance.
+The case is a folder for `lava hindcast`, or a pickled case; effects are those of the whole case.
+The Courant numbers are that of `lava hindcast`, 1, and smaller ones; inundated areas are compared
+with those of the smallest. Runs with a vent moved by a millionth of a metre measure the random
+part of the difference.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from lava_ros.verification.benchmarks.selection import jaccard
 
 DAY, SPACING = 86400.0, 10.0
 
-#: Largest displacement in a step over a cell.
+#: Maximum displacement in a step, in cells.
 COURANT = (1.0, 0.5, 0.25)
 
 
@@ -90,7 +90,7 @@ def main():
         }
         for (quantity, unit), values in quantities.items():
             if not values:
-                # a run by itself has none to be compared with
+                # a single run has no pair
                 continue
             numbers = [f'{value:.5g}' for value in (median(values), min(values), max(values))]
             row = (courant, quantity, numbers[0], unit, *numbers[1:], len(values))

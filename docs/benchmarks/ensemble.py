@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How good an ensemble's probabilities are: twin experiments with the solver, on a made-up slope.
+"""Measure the quality of an ensemble's probabilities in twin experiments on an artificial slope.
 
-Truths are drawn as members are, from another seed, so that a forecast that is what it claims to be
-is reliable. It makes ensemble.csv and ensemble.png, the reliability diagram:
+Truths are drawn like members, with another seed, so that a correct ensemble is reliable. The
+output is ensemble.csv and ensemble.png, the reliability diagram:
 
     python docs/benchmarks/ensemble.py 'machine'
 """
@@ -33,14 +33,14 @@ HORIZON, SEEN_AT = 2.0 * 3600.0, 2400.0
 
 MEMBERS, TRUTHS = 256, 32
 
-#: Sizes of ensembles whose probability is compared with that of all members.
+#: Sizes of the ensembles that are compared with all members.
 SIZES = (8, 16, 32, 64)
 
 FOLDER = Path(__file__).parent
 
 
 def scene() -> Scene:
-    """A slope with gentle valleys, and what is uncertain about a flow on it."""
+    """Return a slope with gentle valleys and a flow with uncertain quantities."""
     y, x = np.mgrid[0:60, 0:60] * 20.0
     ground = Terrain(1500.0 - 0.15 * y + 20.0 * np.sin(x / 150.0), 20.0)
     return Scene(
@@ -58,7 +58,7 @@ def scene() -> Scene:
 
 
 def probability(plan, footprints, weights=None):
-    """Probability from some members, 0 to 1."""
+    """Return the probability of a set of members, 0 to 1."""
     tally = Tally(plan)
     for place, footprint in enumerate(footprints):
         tally.add(footprint, 1 if weights is None else int(weights[place]))
@@ -66,7 +66,7 @@ def probability(plan, footprints, weights=None):
 
 
 def measure():
-    """Quantities with members and units, and the bins of the diagram."""
+    """Return quantities with members and units, and the bins of the diagram."""
     plan = make_plan(scene(), horizon=HORIZON, accuracy=preset_accuracy('draft'))
     begin = time.perf_counter()
     members = [
@@ -88,37 +88,37 @@ def measure():
         rows.append(('error of the probability, rms', size, 100.0 * error, '%'))
         rows.append(('binomial error, rms', size, 100.0 * spread / np.sqrt(size), '%'))
 
-    came = np.stack([reached_by(truth, plan, HORIZON) for truth in truths])
-    before = np.broadcast_to(whole, came.shape)
-    after = np.empty(came.shape)
+    observed = np.stack([reached_by(truth, plan, HORIZON) for truth in truths])
+    before = np.broadcast_to(whole, observed.shape)
+    after = np.empty(observed.shape)
     effective = []
     for place, truth in enumerate(truths):
-        seen = reached_by(truth, plan, SEEN_AT)
-        outline = Outline(SEEN_AT, seen, np.ones_like(seen))
+        cells = reached_by(truth, plan, SEEN_AT)
+        outline = Outline(SEEN_AT, cells, np.ones_like(cells))
         agreement = [jaccard(reached_by(item, plan, SEEN_AT), outline) for item in members]
         weights = weigh(agreement)
         effective.append(weights.effective_members)
         after[place] = probability(plan, members, weights.values)
-    # of the ground that any member or truth reached
-    near = (whole > 0.0) | came.any(axis=0)
-    for name, said in (('', before), (', outline seen at a third of the time', after)):
-        parts = brier_parts(said[:, near], came[:, near])
+    # cells that any member or truth has inundated
+    near = (whole > 0.0) | observed.any(axis=0)
+    for name, forecast in (('', before), (', outline seen at a third of the time', after)):
+        parts = brier_parts(forecast[:, near], observed[:, near])
         rows += [
             (f'Brier score{name}', MEMBERS, parts.score, '1'),
             (f'Brier skill{name}', MEMBERS, parts.skill, '1'),
         ]
-        # its own bins: the exact parts have one for each value there is
-        bins = reliability(said[:, near], came[:, near])
+        # the exact parts have a bin for each value
+        bins = reliability(forecast[:, near], observed[:, near])
         gap = sum(item.count * (item.forecast - item.observed) ** 2 for item in bins if item.count)
         error = np.sqrt(gap / sum(item.count for item in bins))
         rows.append((f'reliability error, rms{name}', MEMBERS, 100.0 * error, '%'))
     better = np.mean([
-        brier_score(after[place], came[place]) < brier_score(before[place], came[place])
+        brier_score(after[place], observed[place]) < brier_score(before[place], observed[place])
         for place in range(TRUTHS)
     ])
     rows.append(('truths forecast better with an outline', MEMBERS, 100.0 * better, '%'))
     rows.append(('effective members with an outline', MEMBERS, np.mean(effective), '1'))
-    diagrams = [reliability(said[:, near], came[:, near]) for said in (before, after)]
+    diagrams = [reliability(item[:, near], observed[:, near]) for item in (before, after)]
     return rows, diagrams
 
 
@@ -129,20 +129,20 @@ def draw(diagrams, path):
     figure, axes = pyplot.subplots(figsize=(4.6, 4.2), layout='constrained')
     axes.plot([0, 100], [0, 100], color='0.7', linewidth=1)
     for bins, label, marker in zip(
-        diagrams, ('all members alike', 'weighed by an outline'), 'os', strict=True
+        diagrams, ('equal weights', 'weighted by an outline'), 'os', strict=True
     ):
         axes.plot(
             [100 * item.forecast for item in bins], [100 * item.observed for item in bins],
             marker=marker, label=label,
         )
-    axes.set_xlabel('probability that was said [%]')
-    axes.set_ylabel('share that lava came to [%]')
+    axes.set_xlabel('forecast probability [%]')
+    axes.set_ylabel('observed frequency [%]')
     axes.legend(frameon=False)
     figure.savefig(path, dpi=110)
 
 
 def main() -> None:
-    """Measure, write the table, draw."""
+    """Measure, write the table, and draw the diagram."""
     machine = sys.argv[1]
     table, picture = FOLDER / 'ensemble.csv', FOLDER / 'ensemble.png'
     for path in (table, picture):

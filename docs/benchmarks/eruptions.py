@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scores of sets of constants on mapped eruptions, as a table.
+"""Score sets of constants on mapped eruptions.
 
 python docs/benchmarks/eruptions.py OUT.csv --case DIR [--case DIR ...] [--set NAME ...]
     [--calibration DIR] [--preset P] [--runs N] [--device D]
 
-Each row is a set on a case: what half of the runs cover, and the runs alone. Rows are written as
-they come; a set that the table has at that preset is not run again. Sets of a calibration
+Each row is a set on a case, with scores of the majority of the runs and of single runs. A set is
+written when it is done, and skipped if the table has it at that preset. Sets of a calibration
 (``lava calibrate``) are its best one, and for each case the best one for the other cases.
 """
 
@@ -27,12 +27,12 @@ from lava_ros.hindcast.calibration import leave_one_out, near_best, read_trials
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.replicates import agreement, directions, run_together
 from lava_ros.hindcast.run import Settings
-from lava_ros.hindcast.unknowns import changed, unknowns_of
-from lava_ros.simulation.defaults import device_of
+from lava_ros.hindcast.unknowns import changed, free_parameters_of
 from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.verification.rows import write_csv
 
-#: A lava of ``lava materials`` and constants in place of its own, by the name of the set.
+#: A lava of ``lava materials`` and constants that replace its own, by the name of the set.
 SETS: dict[str, tuple[str, Mapping[str, float]]] = {
     'etna_basalt': ('etna_basalt', {}),
     'published, well crusted': ('etna_magflow', {}),
@@ -49,7 +49,7 @@ SETS: dict[str, tuple[str, Mapping[str, float]]] = {
 
 @dataclass(frozen=True)
 class Row:
-    """A set of constants on a case: a line of the CSV."""
+    """A set of constants on a case: a row of the CSV."""
 
     constants: str
     case: str
@@ -72,21 +72,21 @@ class Row:
 
 
 def version() -> str:
-    """The version of the package, with the commit where there is a repository."""
-    told = subprocess.run(
+    """Return the version of the package, with the commit if there is a repository."""
+    done = subprocess.run(
         ['git', 'describe', '--always', '--dirty'], capture_output=True, text=True, check=False
     )
-    return f'{lava_ros.__version__}+{told.stdout.strip()}'.rstrip('+')
+    return f'{lava_ros.__version__}+{done.stdout.strip()}'.rstrip('+')
 
 
 def sets_of(calibration: Path, cases: list[str]) -> dict[str, tuple[str, Mapping[str, float]]]:
-    """The best set of a calibration, and those that leave a case out."""
+    """Return the best set of a calibration, and the best sets without one of the cases."""
     table = calibration / 'runs.csv'
     with table.open(encoding='utf-8') as file:
         header = next(csv.reader(file))
     material = load_case(cases[0], material='etna_basalt')
     names = tuple(header[: header.index('case')])
-    unknowns = unknowns_of(material, names, dict.fromkeys(names, (0.1, 1e9)))
+    unknowns = free_parameters_of(material, names, dict.fromkeys(names, (0.1, 1e9)))
     trials = read_trials(table, unknowns, [Path(case).name for case in cases])
     found = {f'calibrated, {calibration.name}': ('etna_basalt', near_best(trials)[0].values)}
     for item in leave_one_out(trials):
@@ -140,7 +140,7 @@ def scored(
 
 
 def main() -> None:
-    """Run what the arguments name."""
+    """Run the sets of the arguments."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('output', type=Path)
     parser.add_argument('--case', action='append', required=True, metavar='DIR')

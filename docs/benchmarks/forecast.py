@@ -1,19 +1,18 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What forecasts cost the live simulation, and how soon they are there.
+"""Measure the cost of forecasts for the live simulation, and their wall time.
 
-It makes live_h200.csv; the number of members may be left out:
+The output is live_h200.csv; the number of members is optional:
 
     python docs/benchmarks/forecast.py cuda:0 'machine' 256 > docs/benchmarks/live_h200.csv
 
-The worker of the node runs a scene, after a clock that it keeps up with and then as fast as it
-can, where every forecast has to take from it. Forecasts are made for some seconds and not made for
-as many, turn about. Slower is by velocity evaluations a second against the turns before and after,
-the median over the turns: other work on the machine comes and goes. Behind is the share of the
-clock's time that was lost in all turns together. With a number of members: how often ensembles of
-the scene of ``lava demo --forecast`` are renewed, half an hour ahead, while its simulation runs 40
-times as fast as real time.
+The worker of the node runs a scene, first with a clock that it can follow and then at full speed,
+where each forecast slows it down. Periods of some seconds with and without forecasts alternate,
+because other work on the machine varies. 'Slower' compares the velocity evaluations per second of
+a period with those of the periods before and after it (median). 'Behind' is the lost fraction of
+the clock's time in all periods. With a number of members, the script measures how often ensembles
+of ``lava demo --forecast`` are renewed, with a horizon of half an hour, at 40 times real time.
 """
 
 import csv
@@ -29,29 +28,29 @@ from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.terrain_files import demo_terrain
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.particles.state import EVALUATIONS
 from lava_ros.simulation.presets import preset_accuracy
-from lava_ros.simulation.state import EVALUATIONS
 
-#: Turns with forecasts; there is one more without.
-TURNS = 10
+#: Number of periods with forecasts; there is one more without.
+N_PERIODS = 10
 
-#: How long a turn is [s].
-TURN = 4.0
+#: Duration of a period [s].
+PERIOD = 4.0
 
 HORIZON = 600.0
 
-#: How long ensembles are counted [s].
-RENEWED = 40.0
+#: Duration of counting ensembles [s].
+COUNTING_TIME = 40.0
 
-#: How long is waited for a forecast after the turns [s].
-LONGEST = 100.0
+#: Timeout of a forecast after the periods [s].
+TIMEOUT = 100.0
 
-#: Spacing [m] by the kind of device: a state as large as it should be there.
+#: Spacing [m] by the kind of device, for a suitable number of particles.
 SPACINGS = {'cpu': 10.0, 'cuda': 2.0}
 
 
 def start(device):
-    """The checkpoint that turns begin from: a rough slope on which lava has flowed for an hour."""
+    """Return the checkpoint at the start of periods: one hour of lava on a rough slope."""
     x, y = np.meshgrid(np.arange(300) * 10.0, np.arange(200) * 10.0)
     ground = 2000.0 - 0.2 * x + 6.0 * np.sin(x / 90.0) * np.cos(y / 70.0)
     scene = Scene(Terrain(ground, 10.0), (Vent((200.0, 1000.0), 40.0, radius=20.0),), Lava())
@@ -62,22 +61,22 @@ def start(device):
 
 
 def settle(worker, seconds):
-    """Let time pass as it does in the node: a snapshot a second."""
+    """Request a snapshot per second for a time, like the node."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         worker.request_snapshot()
         time.sleep(min(1.0, max(0.0, end - time.monotonic())))
 
 
-def seen(worker):
-    """Time on the clock, evaluations and simulated time, of the same moment."""
+def counters(worker):
+    """Return time on the clock, evaluations and simulated time at the same moment."""
     fork = worker.fork().result()
     evaluations = int(fork.checkpoint.arrays['state.counts'][int(EVALUATIONS)])
     return np.array([fork.clock, evaluations, fork.checkpoint.time])
 
 
-def measure(checkpoint, device, time_scale, turns):
-    """Rates of each turn, [turns, evaluations and simulated seconds a second]; the forecaster."""
+def measure(checkpoint, device, time_scale, periods):
+    """Return evaluations and simulated seconds per second of each period, and the forecaster."""
     worker = SimulationWorker(
         lambda scene: Simulation(scene, device=device),
         clock=time.monotonic,
@@ -88,24 +87,24 @@ def measure(checkpoint, device, time_scale, turns):
     )
     forecaster = Forecaster(worker, lambda: rules)
     worker.start()
-    worker.go_on_with(
+    worker.resume_with(
         lambda: Simulation.resume(checkpoint, device=device), checkpoint.scene
     ).result()
     forecaster.start()
-    # the process starts, the device gets warm
-    forecaster.want(turns > 1)
+    # starts the process and warms up the device
+    forecaster.want(periods > 1)
     settle(worker, 5.0)
     rates = []
-    for number in range(turns):
+    for number in range(periods):
         forecaster.want(number % 2 == 1)
         settle(worker, 0.5)
-        before = seen(worker)
-        settle(worker, TURN)
-        passed = seen(worker) - before
+        before = counters(worker)
+        settle(worker, PERIOD)
+        passed = counters(worker) - before
         rates.append(passed[1:] / passed[0])
-    forecaster.want(turns > 1)
-    end = time.monotonic() + LONGEST
-    while turns > 1 and forecaster.latest is None and time.monotonic() < end:
+    forecaster.want(periods > 1)
+    end = time.monotonic() + TIMEOUT
+    while periods > 1 and forecaster.latest is None and time.monotonic() < end:
         settle(worker, 1.0)
     forecaster.stop()
     worker.stop()
@@ -113,7 +112,7 @@ def measure(checkpoint, device, time_scale, turns):
 
 
 def renewals(device, members):
-    """Wall times between complete ensembles [s], and the lost share of the clock's time."""
+    """Return wall times between complete ensembles [s], and the lost fraction of the clock."""
     scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
     accuracy = preset_accuracy('draft', spacing=SPACING)
     worker = SimulationWorker(
@@ -131,20 +130,20 @@ def renewals(device, members):
     forecaster.start()
     forecaster.want(True)
     ensembles, ends = forecaster.ensembles, []
-    # the kernels of the first are compiled
-    last = time.monotonic() + LONGEST
+    # the first ensemble compiles the kernels
+    last = time.monotonic() + TIMEOUT
     while ensembles.status.count < 1 and time.monotonic() < last:
         settle(worker, 0.1)
-    before, last = seen(worker), time.monotonic() + RENEWED
+    before, last = counters(worker), time.monotonic() + COUNTING_TIME
     while time.monotonic() < last:
         known = ensembles.status.count
         settle(worker, 0.02)
         ends += [time.monotonic()] * (ensembles.status.count - known)
-    passed = seen(worker) - before
-    said = ensembles.status.error
+    passed = counters(worker) - before
+    error = ensembles.status.error
     forecaster.stop()
     worker.stop()
-    assert not said, said
+    assert not error, error
     return np.diff(ends), 1.0 - passed[2] / passed[0] / SPEED
 
 
@@ -155,7 +154,7 @@ def main():
     table.writerow(['benchmark', 'case', 'value', 'unit', 'machine', 'command'])
     command = f"python docs/benchmarks/forecast.py {device} '{machine}'"
 
-    def tell(benchmark, case, value, unit):
+    def write(benchmark, case, value, unit):
         table.writerow([benchmark, case, f'{value:.4g}', unit, machine, command])
         sys.stdout.flush()
 
@@ -163,26 +162,26 @@ def main():
         command += f' {sys.argv[3]}'
         gaps, lost = renewals(device, int(sys.argv[3]))
         case = f'{sys.argv[3]} members, half an hour ahead'
-        tell('ensembles', case, len(gaps) + 1, '')
-        tell('an ensemble after the other, median', case, np.median(gaps), 's')
-        tell('an ensemble after the other, longest', case, np.max(gaps), 's')
-        tell('behind the clock', case, 100.0 * lost, '%')
+        write('ensembles', case, len(gaps) + 1, '')
+        write('an ensemble after the other, median', case, np.median(gaps), 's')
+        write('an ensemble after the other, longest', case, np.max(gaps), 's')
+        write('behind the clock', case, 100.0 * lost, '%')
         return
     checkpoint = start(device)
-    tell('particles', 'start', checkpoint.particle_count, '')
+    write('particles', 'start', checkpoint.particle_count, '')
     fastest = measure(checkpoint, device, 1e6, 1)[0][0, 1]
     for case, scale in (('half of its speed', 0.5 * fastest), ('as fast as it can', 1e6)):
-        rates, forecaster = measure(checkpoint, device, scale, 2 * TURNS + 1)
-        alone, beside = rates[::2], rates[1::2]
+        rates, forecaster = measure(checkpoint, device, scale, 2 * N_PERIODS + 1)
+        alone, busy = rates[::2], rates[1::2]
         around = 0.5 * (alone[:-1] + alone[1:])
-        tell('evaluations alone', case, np.median(alone[:, 0]), '1/s')
-        slower = 1.0 - np.median(beside[:, 0] / around[:, 0])
-        tell('slower', case, 100.0 * slower, '%')
+        write('evaluations alone', case, np.median(alone[:, 0]), '1/s')
+        slower = 1.0 - np.median(busy[:, 0] / around[:, 0])
+        write('slower', case, 100.0 * slower, '%')
         if scale < 1e6:
-            tell('behind the clock', case, 100.0 * (1.0 - rates[:, 1].mean() / scale), '%')
-        tell('share of forecasts', case, forecaster.status.share, '')
+            write('behind the clock', case, 100.0 * (1.0 - rates[:, 1].mean() / scale), '%')
+        write('share of forecasts', case, forecaster.status.share, '')
         if forecaster.latest is not None:
-            tell('wall time of a forecast', case, forecaster.latest.shown.duration, 's')
+            write('wall time of a forecast', case, forecaster.latest.shown.duration, 's')
 
 
 if __name__ == '__main__':

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which of the two forms of the lateral stress a scene calls for: what lava covers with each.
+"""Compare the inundated areas of scenes with the two forms of the lateral stress.
 
-The sum (`green`) and the solve (`helmholtz`) are two forms of one effect. Each scene of
-`lava bench choice` that is named is run with its expected effects and neither, and with either. A
-row has the Jaccard index of the footprints of two of the three, each of many runs, and those of
-both halves of the runs of each, which is what chance leaves. It makes choice_lateral.csv:
+The sum (`green`) and the solve (`helmholtz`) are two forms of one effect. Each named scene of
+`lava bench choice` is run with its expected effects and with neither or either form. A row has the
+Jaccard index of the inundated areas of two of the three, each from many runs, or of both halves of
+the runs of one of them, which is the random part. The output is choice_lateral.csv:
 
     python docs/benchmarks/lateral.py strong --refinement 1 2 --runs 8 > choice_lateral.csv
 """
@@ -30,7 +30,7 @@ FORMS = ('neither', 'green', 'helmholtz')
 
 
 def main() -> None:
-    """Run the scenes that are named and print the rows."""
+    """Run the named scenes and print the rows."""
     items = {item.name: item for item in scenes()}
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('scene', nargs='+', choices=items)

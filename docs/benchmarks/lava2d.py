@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run Lava2d on a flow of codes.py, which starts this in a process of its own.
+"""Run Lava2d on a flow of codes.py, which starts this script in a separate process.
 
-Its heat, crystals and crust are switched off; its numerical settings are those of its example. Its
-cells lie about the vent as those of the other codes do. Standard input is not read, and what it
-prints is its own.
+Heat, crystals and crust are switched off; numerical settings are those of Lava2d's example. The
+cells have the same positions relative to the vent as in the other codes.
 """
 
 import os
@@ -20,7 +19,7 @@ import rasterio
 
 from lava_ros.verification.cases.case import ISOTHERMAL
 
-#: Small enough that nothing freezes in a day [m2/s].
+#: Thermal diffusivity at which nothing freezes in a day [m2/s].
 NO_DIFFUSIVITY = 1e-20
 
 
@@ -35,7 +34,7 @@ def main():
 
     flow = FLOWS[name]
     x0, y0, x1, y1 = flow.window
-    # a power of two of cells, and one more; it fails where lava comes near the border
+    # 2^n + 1 cells; Lava2d fails if lava comes near the border
     wide, high = (cell * 2 ** np.ceil(np.log2(1.3 * side / cell)) for side in (x1 - x0, y1 - y0))
     west, south = (
         round(0.5 * (a + b - side) / cell) * cell
@@ -48,7 +47,7 @@ def main():
     )
     with tempfile.TemporaryDirectory() as place:
         ground = Path(place) / 'ground.tif'
-        # in a geographic system it takes coordinates as they are
+        # Lava2d does not transform geographic coordinates
         with rasterio.open(
             ground,
             'w',
@@ -67,12 +66,12 @@ def main():
     sim.set_lava_props(ISOTHERMAL.density, lava_diffusivity=NO_DIFFUSIVITY)
     sim.set_rheo(phi_inf=0.5)
     sim.set_ambient()
-    # whatever its speed, the cells stay what they are
+    # keeps the cell size constant at all speeds
     sim.set_numerics(efficiency_max=np.inf, dt_max=5.0)
     sim.set_runtime(max_time_hr=flow.end / 3600.0, out_times=[])
     line = [half - VENT_RADIUS, half, half + VENT_RADIUS, half, 2.0 * VENT_RADIUS, DISCHARGE]
     sim.set_sources([[[0.0, *line], [flow.end, *line]]])
-    # neither its picture of the physics nor its file is timed
+    # its plot and its file are not timed
     post.make_all_physics_grids = sim.write_nc = lambda *_: None
     begin = time.process_time()
     sim.run()
@@ -82,7 +81,7 @@ def main():
         np.ix_((y > y0) & (y < y1), (x > x0) & (x < x1))
     ]
     volume = thickness.sum() * cell**2
-    # it goes on to its report after an error, and may end a step late
+    # after an error it still writes its report, and it may end a step late
     if abs(volume / (DISCHARGE * flow.end) - 1.0) > 0.005:
         sys.exit(f'Lava2d holds {volume:g} m3 at the end of {name}')
     np.savez(output, thickness=thickness[::-1], seconds=seconds)

@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How long members of an ensemble of a mapped eruption take.
+"""Measure the wall time of members of an ensemble of a mapped eruption.
 
-It makes members_day_h200.csv and members_cpu.csv:
+The output is members_day_h200.csv and members_cpu.csv:
 
     python docs/benchmarks/members.py CASE --device cuda:0 --members 256 --machine M
     python docs/benchmarks/members.py CASE --device cpu --members 32 --workers 2 --machine M
     python docs/benchmarks/members.py CASE --device cuda --members 512 --workers 2 --machine M
 
-CASE is a folder as `lava hindcast` reads it, or that case pickled. Members are looked at each hour
-of the first day, or 24 times in other horizons, on ground no finer than the particles.
+CASE is a folder for `lava hindcast`, or a pickled case. Members are observed each hour of the
+first day, or 24 times within other horizons, on ground not finer than the particles.
 """
 
 import argparse
@@ -34,7 +34,7 @@ from lava_ros.scene.uncertainty import uncertainty_from_dict
 
 DAY = 86400.0
 
-#: What is uncertain about the eruption.
+#: Uncertain quantities of the eruption.
 UNCERTAIN = {
     'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.3},
     'viscosity': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
@@ -43,7 +43,7 @@ UNCERTAIN = {
 
 
 def times(case, args):
-    """Wall times of all members [s], after a run of one that compiles the kernels."""
+    """Return wall times of all members [s]; a first member compiles the kernels."""
     settings = Settings(preset=args.preset, device=args.device)
     ground = coarsened(case.scene.terrain, settings.coarseness(case))
     scene = replace(case.scene, terrain=ground, uncertainty=uncertainty_from_dict(UNCERTAIN))
@@ -54,7 +54,7 @@ def times(case, args):
     list(run_here(plan, members[:1], device=args.device))
     run = partial(run_here, device=args.device)
     if args.workers > 1:
-        # processes of GPUs share all of them out
+        # GPU processes distribute all GPUs among themselves
         device = args.device if args.device == 'cpu' else None
         run = partial(run_in_processes, workers=args.workers, device=device)
     found = []

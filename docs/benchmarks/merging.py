@@ -1,21 +1,22 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Merging of particles: how many particle-steps it takes to an equal error.
+"""Measure the particle-steps that merging of particles saves at equal error.
 
-Each scene is run at several spacings, with merging and without it. A particle-step is one particle
-in one evaluation of the velocity. The logarithm of the error is taken as a straight line of that
-of the particle-steps, fitted to the runs without merging; the gain of a run with merging is how
-many particle-steps that line asks for its error, over those it took. It makes merging.csv:
+Each scene is run at several spacings, with and without merging. A particle-step is one particle in
+one evaluation of the velocity. The logarithm of the error as a function of the logarithm of the
+particle-steps is fitted by a straight line to the runs without merging. The gain of a run with
+merging is the number of particle-steps on that line at its error, divided by its own number. The
+output is merging.csv:
 
     python docs/benchmarks/merging.py huppert > docs/benchmarks/merging.csv
 
 * huppert: a constant flux onto a plane for an hour (Huppert 1982). Errors: the mean of |h - exact|
   on the map over the mean thickness, and the root mean square of the front's error at seven times.
-  Each figure is that of three runs with the vent a third of a spacing further on.
+  Each value is the mean of three runs, with the vent shifted by a third of a spacing.
 * etna: the first day of a hindcast case (docs/VALIDATION.md), its ground on cells of 20 m, against
   the run without merging at half of the smallest spacing. Errors: the mean of |h - reference| over
-  the mean thickness, and one less the Jaccard index of the standing lava.
+  the mean thickness, and one minus the Jaccard index of the standing lava.
 """
 
 import argparse
@@ -33,26 +34,26 @@ from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.run import FORCED, Settings
 from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.inundation import standing_cells
+from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, NU, plane, Trial
 from lava_ros.verification.cases.spreading import FRONT
 from lava_ros.verification.measure import machine_name
 
-#: Looks at the number of particles in a run.
-LOOKS = 60
+#: Number of samples of the particle count in a run.
+N_SAMPLES = 60
 
-#: Cells of the elevation to a side of those of the ground: the same at every spacing.
+#: Cells of the elevation along a side of a cell of the ground, at all spacings.
 COARSENESS = 2
 
 
-def counted(simulation, until, looks=LOOKS):
-    """Advance to a time [s]; returns the particle-steps it took."""
+def counted(simulation, until, samples=N_SAMPLES):
+    """Advance to a time [s], and return the number of particle-steps."""
     total, start = 0.0, simulation.time
     before, evaluations = simulation.particle_count, simulation.snapshot().steps.evaluations
-    for look in range(1, looks + 1):
-        simulation.advance(start + (until - start) * look / looks)
+    for sample in range(1, samples + 1):
+        simulation.advance(start + (until - start) * sample / samples)
         now = simulation.snapshot().steps.evaluations
         total += 0.5 * (before + simulation.particle_count) * (now - evaluations)
         before, evaluations = simulation.particle_count, now
@@ -60,7 +61,7 @@ def counted(simulation, until, looks=LOOKS):
 
 
 def huppert(refinement, merging, device):
-    """Errors of a constant flux and its particle-steps: means of three runs."""
+    """Return errors and particle-steps of a constant flux: means of three runs."""
     discharge, end = 10.0, 3600.0
     solution = exact.ConstantFluxSpread(discharge, NU, GRAVITY)
     half = 1.3 * solution.radius(end)
@@ -84,12 +85,12 @@ def huppert(refinement, merging, device):
         )
         steps, fronts = 0.0, []
         for time in np.geomspace(0.25 * end, end, 7):
-            steps += counted(trial.simulation, float(time), looks=12)
+            steps += counted(trial.simulation, float(time), samples=12)
             radius = trial.field(window).mean_radius(FRONT, half)
             fronts.append(radius / solution.radius_of_thickness(FRONT, float(time)) - 1.0)
         field = trial.field(window)
         x, y = np.meshgrid(field.x - shift, field.y - 0.5 * shift)
-        # beyond the vent, whose disc is no point
+        # outside the vent: the solution is for a point source
         r = np.hypot(x, y)
         outside = r > 30.0
         expected = solution.thickness(r, end)[outside]
@@ -101,7 +102,7 @@ def huppert(refinement, merging, device):
 
 
 def etna(case, spacing, merging, device, duration):
-    """The map after a day [m] and the particle-steps to it."""
+    """Return the map at the end [m], the particle-steps, and the number of particles."""
     settings = Settings(preset='draft', spacing=spacing)
     scene = case.scene
     simulation = Simulation(
@@ -117,7 +118,7 @@ def etna(case, spacing, merging, device, duration):
 
 
 def apart(one, other):
-    """Errors of a map against another."""
+    """Return the errors of a map relative to another."""
     here, there = standing_cells(one), standing_cells(other)
     either, both = here | there, here & there
     return {
@@ -127,13 +128,13 @@ def apart(one, other):
 
 
 def rows_of(case, runs, device, options=''):
-    """CSV rows of runs: (spacing, merging, errors, particle-steps, particles)."""
+    """Yield CSV rows of runs: (spacing, merging, errors, particle-steps, particles)."""
     command = f'python docs/benchmarks/merging.py {case}{options} --device {device}'
     for quantity in runs[0][2]:
         plain = [(math.log(run[3]), math.log(run[2][quantity])) for run in runs if not run[1]]
         slope, offset = np.polyfit(*zip(*plain, strict=True), 1)
         for spacing, merging, errors, steps, count in runs:
-            asked = math.exp((math.log(errors[quantity]) - offset) / slope)
+            needed = math.exp((math.log(errors[quantity]) - offset) / slope)
             yield {
                 'case': case,
                 'quantity': quantity,
@@ -142,7 +143,7 @@ def rows_of(case, runs, device, options=''):
                 'error': f'{errors[quantity]:.5f}',
                 'particle_steps': f'{steps:.5g}',
                 'particles': f'{count:.0f}',
-                'gain': f'{asked / steps:.3f}',
+                'gain': f'{needed / steps:.3f}',
                 'order': f'{-slope:.3f}',
                 'device': device,
                 'machine': machine_name(device),
@@ -176,9 +177,9 @@ def main():
         options = f' --case {args.case.stem} --finest {finest:g}'
         expected, steps, count = etna(case, 0.5 * finest, False, args.device, 86400.0)
         print('reference', steps, count, file=sys.stderr, flush=True)
-        for share in (1.0, 1.25, 1.6, 2.0):
+        for factor in (1.0, 1.25, 1.6, 2.0):
             for merging in (False, True):
-                spacing = share * finest
+                spacing = factor * finest
                 thickness, steps, count = etna(case, spacing, merging, args.device, 86400.0)
                 runs.append((spacing, merging, apart(thickness, expected), steps, count))
                 print(runs[-1], file=sys.stderr, flush=True)

@@ -1,19 +1,19 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How soon the node publishes its first grid, and what publishing costs it, over DDS.
+"""Measure the start of the node to its first grid, and the cost of publishing over DDS.
 
-It makes node_h200.csv; what follows the machine may be left out:
+The output is node_h200.csv; the arguments after the machine are optional:
 
     python docs/benchmarks/node.py cuda:0 'machine' 2000 1000000 5 > node_h200.csv
 
-Start: from the start of the process `lava node` with a scene file, its terrain and one vent to its
-first grid in a subscriber's process that was there before. The kernel cache is a new folder: the
-first start compiles, the others find it full.
+Start: time from the start of the process `lava node` with a scene file of a terrain and one vent
+to its first grid in the process of a waiting subscriber. The kernel cache is a new folder, so only
+the first start compiles.
 
-Publishing: the node goes on from a checkpoint with that many particles, in steps of fixed length,
-as fast as it can. It publishes a grid ten times a second to the subscriber, or every other
-second, by the file of layers; steps by the node's own diagnostics, turn about.
+Publishing: the node resumes from a checkpoint with that many particles, and runs at full speed in
+steps of fixed length. It publishes a grid ten times a second or every other second, in
+alternation. Steps are those in the node's diagnostics.
 """
 
 import csv
@@ -39,35 +39,35 @@ from lava_ros.files.resources import find_file
 from lava_ros.ros import qos
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
-#: How long a node may take to its first grid [s]: it may have to compile.
-PATIENCE = 150.0
+#: Timeout of the first grid, with compilation [s].
+TIMEOUT = 150.0
 
-#: Time over which steps are counted, and up to then [s].
+#: Time of counting steps, and time before it [s].
 SPAN, SETTLE = 6.0, 2.0
 
-#: Grids a second, often and seldom [Hz].
+#: Two rates of grids [Hz].
 OFTEN, SELDOM = 10.0, 0.5
 
 
 def listen():
-    """Be the subscriber: a line for each grid and each pair of stamp and steps."""
+    """Run the subscriber: print a line for each grid and each pair of stamp and steps."""
     from diagnostic_msgs.msg import DiagnosticArray
     from nav_msgs.msg import OccupancyGrid
 
     rclpy.init()
     node = rclpy.create_node('listener')
-    seen = [None]
+    last = [None]
 
     def grid(data):
-        # the bytes as they come: to make a message of them is not the node's affair
+        # raw bytes: deserialization is not a cost of the node
         print(json.dumps({'grid': time.time(), 'size': len(data)}), flush=True)
 
     def diagnostics(message):
         for status in message.status:
             values = {item.key: item.value for item in status.values}
             pair = (values.get('frame_stamp_ns'), values.get('steps'))
-            if pair[1] and pair != seen[0]:
-                seen[0] = pair
+            if pair[1] and pair != last[0]:
+                last[0] = pair
                 particles = int(values['particles'])
                 line = {'stamp': 1e-9 * int(pair[0]), 'steps': int(pair[1]), 'n': particles}
                 print(json.dumps(line), flush=True)
@@ -89,7 +89,7 @@ class Listener:
     """The subscriber's process."""
 
     def __init__(self, folder, env):
-        """Start it, and wait until it listens."""
+        """Start the process, and wait until it is ready."""
         self.path = folder / 'listener.txt'
         self.file = self.path.open('w')
         command = [sys.executable, __file__, 'listen']
@@ -97,13 +97,13 @@ class Listener:
         self.wait('ready')
 
     def lines(self):
-        """What it has written so far."""
+        """Return the lines written so far."""
         text = self.path.read_text()
         return [json.loads(line) for line in text[: text.rfind('\n') + 1].splitlines()]
 
     def wait(self, key, since=0.0, count=1, node=None):
-        """The lines with a key from a moment on, when there are some; a node lives until then."""
-        end = time.monotonic() + PATIENCE
+        """Wait for lines with a key at or after a time, while the node runs; return them."""
+        end = time.monotonic() + TIMEOUT
         while True:
             lines = [line for line in self.lines() if line.get(key, -1.0) >= since]
             if len(lines) >= count:
@@ -114,16 +114,16 @@ class Listener:
             time.sleep(0.01)
 
     def stop(self):
-        """End it."""
+        """Kill the process."""
         self.process.kill()
         self.process.wait()
 
 
 class Node:
-    """A process `lava node`."""
+    """Process of `lava node`."""
 
     def __init__(self, folder, env, **parameters):
-        """Start it."""
+        """Start the process with parameters."""
         words = [f'{name}:={value}' for name, value in parameters.items()]
         command = [sys.executable, '-m', 'lava_ros.cli.main', 'node', '--ros-args']
         for word in words:
@@ -136,7 +136,7 @@ class Node:
             )
 
     def stop(self):
-        """End it as Ctrl+C does."""
+        """Stop the process like Ctrl+C."""
         self.process.send_signal(signal.SIGINT)
         try:
             self.process.wait(15.0)
@@ -146,7 +146,7 @@ class Node:
 
 
 def layers_file(folder, rate):
-    """A file with the default layer `height` alone, at another rate."""
+    """Write a configuration of only the default layer `height`, with a rate [Hz]."""
     data = yaml.safe_load(Path(find_file('default.yaml', 'msg_configs')).read_text())
     data['layers'] = {'height': {**data['layers']['height'], 'rate': rate}}
     path = folder / f'layers_{rate:g}.yaml'
@@ -155,7 +155,7 @@ def layers_file(folder, rate):
 
 
 def scene_file(folder, cells):
-    """A slope with one vent."""
+    """Write a scene file of a slope with one vent."""
     x = np.arange(cells) * 5.0
     rough = np.random.default_rng(1).normal(scale=0.2, size=(cells, cells))
     np.savez(folder / 'ground.npz', elevation=2000.0 - 0.1 * x + rough, resolution=5.0)
@@ -169,7 +169,7 @@ def scene_file(folder, cells):
 
 
 def checkpoint_bag(folder, device, cells, particles):
-    """A bag to resume from: a field of lava."""
+    """Write a bag with a checkpoint of a field of lava."""
     simulation = lava_field(particles, effect_sets()['green'], device, cells=cells)
     path = folder / 'bag'
     with BagWriter(path, custom_data={}) as writer:
@@ -178,7 +178,7 @@ def checkpoint_bag(folder, device, cells, particles):
 
 
 def first_grids(folder, env, device, cells, repetitions):
-    """Seconds from each start of the node to its first grid; the first compiles."""
+    """Return the times from each start of the node to its first grid [s]; the first compiles."""
     scene, config = scene_file(folder, cells), layers_file(folder, OFTEN)
     times = []
     for _ in range(repetitions + 1):
@@ -193,7 +193,7 @@ def first_grids(folder, env, device, cells, repetitions):
 
 
 def step_rate(folder, env, device, bag, rate):
-    """Steps a second of a node that publishes at a rate, grids a second, and particles."""
+    """Return steps and grids per second of a node that publishes at a rate, and its particles."""
     listener = Listener(folder, env)
     node = Node(
         folder,
@@ -225,7 +225,7 @@ def main():
     table = csv.writer(sys.stdout, lineterminator='\n')
     table.writerow(['benchmark', 'case', 'value', 'unit', 'low', 'high', 'machine', 'command'])
 
-    def tell(benchmark, values, unit):
+    def write(benchmark, values, unit):
         case = f'{cells} x {cells} cells'
         numbers = [f'{value:.4g}' for value in (median(values), min(values), max(values))]
         table.writerow([benchmark, case, numbers[0], unit, *numbers[1:], machine, command])
@@ -240,20 +240,20 @@ def main():
             'ROS_LOG_DIR': str(folder),
         }
         times = first_grids(folder, env, device, cells, repetitions)
-        tell('start to the first grid, empty kernel cache', times[:1], 's')
-        tell('start to the first grid, full kernel cache', times[1:], 's')
+        write('start to the first grid, empty kernel cache', times[:1], 's')
+        write('start to the first grid, full kernel cache', times[1:], 's')
         bag = checkpoint_bag(folder, device, cells, particles)
         seldom, often = [step_rate(folder, env, device, bag, SELDOM)], []
         for _ in range(repetitions):
             often.append(step_rate(folder, env, device, bag, OFTEN))
             seldom.append(step_rate(folder, env, device, bag, SELDOM))
-        tell('particles', [one[2] for one in often], '')
-        tell('steps, a grid every other second', [one[0] for one in seldom], 'steps/s')
-        tell('steps, ten grids a second', [one[0] for one in often], 'steps/s')
+        write('particles', [one[2] for one in often], '')
+        write('steps, a grid every other second', [one[0] for one in seldom], 'steps/s')
+        write('steps, ten grids a second', [one[0] for one in often], 'steps/s')
         around = [0.5 * (one[0] + two[0]) for one, two in pairwise(seldom)]
         slower = [1.0 - one[0] / two for one, two in zip(often, around, strict=True)]
-        tell('steps slow by', [100.0 * share for share in slower], '%')
-        tell('grids that arrive', [one[1] for one in often], '1/s')
+        write('steps slow by', [100.0 * fraction for fraction in slower], '%')
+        write('grids that arrive', [one[1] for one in often], '1/s')
 
 
 if __name__ == '__main__':

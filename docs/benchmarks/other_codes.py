@@ -1,75 +1,34 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes the tables of docs/accuracy/other_codes.md from the CSV files, as tables.py does.
+"""Write the tables of docs/accuracy/other_codes.md from codes.csv, as tables.py does.
 
 python docs/benchmarks/other_codes.py
 """
 
 from collections.abc import Iterator
 import math
-from typing import NamedTuple
 
 from tables import HERE, Line, lines_of, written
 
-ACCURACY = HERE.parent / 'accuracy'
-PAGE = ACCURACY / 'other_codes.md'
+PAGE = HERE.parent / 'accuracy/other_codes.md'
 
-#: What codes.csv calls the exact solution as means over the cells.
+#: Name in codes.csv of the exact solution as means over the cells.
 EXACT = 'exact solution'
-
-#: What the page shows of ours: case and quantity of our CSV files, and what it calls them.
-OURS = {
-    ('constant_flux', 'radius'): 'Constant flux, R',
-    ('lister', 'x at 100 T'): 'Point source on 5°, x_N',
-    ('dam_break', 'front'): 'Dam break, front',
-    ('fixed_volume', 'edge'): 'Fixed volume, R',
-}
-
-
-class Run(NamedTuple):
-    """A run of a case, ours or not."""
-
-    code: str
-    size: str
-    error: float
-    time: float
-    machine: str
-
-
-def our_runs(stem: str, case: str, quantity: str) -> list[Run]:
-    """What the presets score on a quantity of a case, the coarsest first."""
-    rows = [
-        row
-        for row in lines_of(ACCURACY / f'{stem}.csv')
-        if (row['case'], row['quantity']) == (case, quantity)
-        and row['preset'] not in ('', 'as-published')
-    ]
-    assert rows, f'{stem}.csv has no preset with {quantity!r} of {case!r}'
-    return [
-        Run(
-            row['preset'],
-            row['particles'],
-            float(row['measured']) / float(row['exact']) - 1.0,
-            float(row['wall_s']),
-            row['machine'],
-        )
-        for row in sorted(rows, key=lambda row: int(row['particles']))
-    ]
 
 
 def signed(error: float) -> str:
-    """A relative error in per cent, to two digits."""
+    """Format a relative error in per cent with two digits."""
     return f'{100.0 * error:+.2g} %' if math.isfinite(error) else 'none'
 
 
 def seconds(time: float) -> str:
-    """A time in seconds, to two digits below a minute."""
+    """Format a time in seconds, with two digits below 10 s."""
     return f'{time:.0f} s' if time >= 9.95 else f'{time:.2g} s'
 
 
 def grid_table(first: str, quantity: str, title: str) -> Iterator[Line]:
-    """What codes score on the same cells, less what the exact solution scores on them."""
+    """Yield the scores of codes minus those of the exact solution on the same cells."""
     rows = [row for row in lines_of('codes.csv') if row['case'].startswith(first)]
     scores = {
         (row['case'], row['code'], row['cell_m'], row['quantity']): float(row['value'])
@@ -91,45 +50,10 @@ def grid_table(first: str, quantity: str, title: str) -> Iterator[Line]:
         )
 
 
-def ours_table() -> Iterator[Line]:
-    """The presets on the same quantities."""
-    names = [run.code for run in our_runs('h200', 'fixed_volume', 'edge')]
-    yield ('case', 'machine', *names)
-    for (case, quantity), title in OURS.items():
-        for stem in ('cpu', 'h200'):
-            runs = {run.code: run for run in our_runs(stem, case, quantity)}
-            cells = [
-                f'{signed(runs[name].error)} in {seconds(runs[name].time)}' if name in runs else ''
-                for name in names
-            ]
-            machine = next(iter(runs.values())).machine
-            yield (title, machine, *cells)
-
-
-def others_table() -> Iterator[Line]:
-    """Numbers of other codes on cases that we have not run."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    sources: dict[tuple[str, str], str] = {}
-    for row in lines_of(ACCURACY / 'other_codes.csv'):
-        key = (row['case'], row['quantity'])
-        size = f' with {row["cells_or_particles"]}' if row['cells_or_particles'] else ''
-        unit = ' %' if row['unit'] == '%' else ''
-        time = f' in {seconds(float(row["seconds"]))}' if row['seconds'] else ''
-        value = f'{row["code"]}{size} {float(row["value"]):g}{unit}{time}'
-        groups.setdefault(key, []).append(value)
-        own = row['source'].startswith('our own run')
-        sources[key] = 'our own runs, 2 CPU cores' if own else row['source'].split(',')[0]
-    yield ('case', 'quantity', 'codes', 'source')
-    for (case, quantity), values in groups.items():
-        yield (case, quantity, ', '.join(values), sources[case, quantity])
-
-
 TABLES = {
     'flux': lambda: grid_table('constant_flux', 'radius', 'R'),
     'valley': lambda: grid_table('valley', 'front', 'front'),
     'hill': lambda: grid_table('hill', 'area', 'area'),
-    'ours': ours_table,
-    'others': others_table,
 }
 
 

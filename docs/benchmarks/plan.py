@@ -1,21 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether `lava plan` keeps its promise: plans for scenes and times, and the runs they are for.
+"""Compare plans of `lava plan` for scenes and times with their runs.
 
-A plan is kept if its run takes from 50 to 110 % of the time there was, and errs half to twice as
-much as was said. The error is what the plan says it is: of the cells that lava covers at the
-horizon in the run or in the reference, the share that is covered in one only. The reference is
-made of runs of the same scene ``FINER`` times as fine, in most of which a cell is covered. Where a
-flow splits, where its particles happen to lie decides: the error is the mean of runs with vents
-moved by centimetres, and the time their median; members of an ensemble are such runs too, and the
-time is that of all.
+A plan is kept if its run takes 50 to 110 % of the available time, and if the predicted error is
+half to twice the actual one. The error is that of the plan: of the cells that lava covers at the
+horizon in the run or in the reference, the fraction covered in only one of them. The reference is
+the majority of runs of the same scene with a ``FINER`` times finer spacing. Small displacements
+decide where a flow divides: the error is the mean, and the time the median, of runs with vents
+moved by centimetres. Members of an ensemble are such runs too, and their times are added.
 
-Wall times are measured with every job on a core of its own, after all kernels are compiled and
-before the first reference is run. Fewer jobs than half of the cores disturb each other least.
+Wall times are measured with each job on its own core, after all kernels are compiled and before
+the first reference is run. Jobs disturb each other least if they use less than half of the cores.
 
-It makes plan.csv, and plan_sampling.csv with how far the probabilities of small ensembles are from
-that of a large one:
+The output is plan.csv, and plan_sampling.csv with the errors of the probabilities of small
+ensembles relative to a large one:
 
     python docs/benchmarks/plan.py --device cpu --machine 'Intel Xeon, 1 core used of 40' --jobs 12
 """
@@ -50,7 +49,7 @@ from lava_ros.verification.rows import as_plain, write_csv
 
 FOLDER = Path(__file__).parent
 
-#: Scenes, the time there is [s], the share of their horizon, and members.
+#: Scenes, the available time [s], the fraction of their horizon, and the number of members.
 CASES = (
     ('plain', 2.0, 1.0, 1),
     ('plain', 8.0, 1.0, 1),
@@ -76,7 +75,7 @@ CASES = (
     ('mountain', 6.0, 1.0, 1),
 )
 
-#: The same of scenes by which nothing in the method was chosen.
+#: Cases of held-out scenes, which were not used to choose constants of the method.
 HELD_OUT = (
     ('terrace', 2.5, 1.0, 1),
     ('terrace', 6.0, 1.0, 1),
@@ -94,19 +93,19 @@ HELD_OUT = (
     ('pond', 8.0, 0.5, 1),
 )
 
-#: Runs of a plan, and how far their vents are apart [m].
+#: Number of runs of a plan, and the distance between their vents [m].
 RUNS, SHIFT = 3, 0.03
 
-#: How much finer the reference is than the plan.
+#: Refinement of the reference relative to the plan.
 FINER = 4.0
 
-#: Members in all, sizes of the ensembles that they make, and those that are drawn as one as well.
+#: Number of all members, sizes of their ensembles, and sizes that are also drawn as one ensemble.
 MEMBERS, SIZES, BALANCED = 256, (8, 16, 32), (16,)
 
 
 @dataclass(frozen=True)
 class Row:
-    """A plan and what came of it: a line of the CSV."""
+    """A plan and its result: a row of the CSV."""
 
     scene: str
     held_out: bool
@@ -140,12 +139,12 @@ class Row:
 
 
 def wrong(one, other):
-    """Cells that only one covers over those that either does."""
+    """Return the number of cells in only one set, divided by that of cells in either set."""
     return np.count_nonzero(one ^ other) / max(np.count_nonzero(one | other), 1)
 
 
 def shifted(scene, distance):
-    """The scene with every vent a distance [m] further along x and y."""
+    """Return the scene with all vents moved by a distance [m] along x and y."""
 
     def moved(place):
         return place and (place[0] + distance, place[1] + distance)
@@ -157,7 +156,7 @@ def shifted(scene, distance):
 
 
 def runs_of(scene, refinement, horizon, count, device, clock, forced=None, limit=math.inf):
-    """Runs of a scene with its vents moved by centimetres, each for at most a time [s]."""
+    """Run a scene with its vents moved by centimetres, each run up to a wall time limit [s]."""
     return [
         run_at(
             shifted(scene, SHIFT * number), refinement, horizon,
@@ -168,12 +167,12 @@ def runs_of(scene, refinement, horizon, count, device, clock, forced=None, limit
 
 
 def scene_of(name):
-    """A scene by its name."""
+    """Return a scene by its name."""
     return next(item for item in (*scenes(), *held_out()) if item.name == name)
 
 
 def compile_for(name, options):
-    """Compile what runs of a scene may call for, lest others be measured meanwhile."""
+    """Compile all kernels of a scene, so that compilation does not disturb measurements."""
     scene = scene_of(name).scene
     for refinement in np.geomspace(0.2, 3.0, 8):
         for effects in (None, {'helmholtz': False}):
@@ -183,10 +182,10 @@ def compile_for(name, options):
             )
 
 
-def measure(name, within, share, members, options):
-    """Plan and run: a row without errors, and what the runs cover."""
+def measure(name, within, fraction, members, options):
+    """Plan and run; return a row without errors, and the covered cells of the runs."""
     item = scene_of(name)
-    horizon = share * item.horizon
+    horizon = fraction * item.horizon
     clock = time.process_time if options['clock'] == 'process' else time.monotonic
     try:
         plan = afford(
@@ -201,7 +200,7 @@ def measure(name, within, share, members, options):
     )
     times = [run.wall_time for run in runs]
     taken = statistics.median(times) if members == 1 else sum(times)
-    # more time would not make the finest finer
+    # the finest plan may need less than the available time
     least = 0.0 if plan.is_finest else 1.0
     row = Row(
         scene=name,
@@ -238,17 +237,17 @@ def measure(name, within, share, members, options):
 
 
 def judge(row, covered, device, limit):
-    """The row with the errors of its runs, and how long their reference took [s].
+    """Return the row with the errors of its runs, and the wall time of the reference [s].
 
-    The row as it was where the reference takes too long.
+    If a run of the reference exceeds the limit, the row is unchanged.
     """
-    begun = time.monotonic()
+    start = time.monotonic()
     references = runs_of(
         scene_of(row.scene).scene, row.reference_refinement, row.horizon_s, row.reference_runs,
         device, time.monotonic, limit=limit,
     )
     if not all(run.is_done for run in references):
-        return row, time.monotonic() - begun
+        return row, time.monotonic() - start
     reference = np.mean([run.covered[-1] for run in references], axis=0) > 0.5
     errors = [100.0 * wrong(cells, reference) for cells in covered]
     error, foreseen = statistics.mean(errors), row.foreseen_error_percent
@@ -260,16 +259,16 @@ def judge(row, covered, device, limit):
         error_kept=bool(0.5 * error <= foreseen <= 2.0 * error),
         reference_device=device,
     )
-    return row, time.monotonic() - begun
+    return row, time.monotonic() - start
 
 
 def keep_to(cores):
-    """Keep a worker to a core of its own, so that the scheduler does not move it."""
+    """Pin a worker to its own core."""
     os.sched_setaffinity(0, {cores.get()})
 
 
 def hill():
-    """A slope with gentle valleys, and what is uncertain about a flow on it."""
+    """Return a slope with gentle valleys and a flow with uncertain quantities."""
     y, x = np.mgrid[0:40, 0:40] * 20.0
     return Scene(
         Terrain(1500.0 - 0.15 * y + 20.0 * np.sin(x / 150.0), 20.0),
@@ -284,7 +283,7 @@ def hill():
 
 
 def sampling(machine, command):
-    """How far ensembles are from the limit of many members, where that is 40 to 60 %."""
+    """Yield the errors of ensembles relative to all members, at probabilities of 40 to 60 %."""
     scene, horizon = hill(), 1200.0
     plan = make_plan(scene, horizon=horizon, accuracy=accuracy_at(scene, 0.3, horizon))
 
@@ -292,7 +291,7 @@ def sampling(machine, command):
         fields = run_members(plan, members, device='cpu')
         return np.array([reached_by(footprint_of(item, plan), plan, horizon) for item in fields])
 
-    # of different seeds: members of one are balanced, and nearer to the limit than by chance
+    # different seeds: members of one seed are balanced, with smaller errors than random ones
     drawn = reached([draw_members(scene, 1, seed=seed)[0] for seed in range(MEMBERS)])
     balanced = {
         size: [reached(draw_members(scene, size, seed=seed)) for seed in range(MEMBERS // size)]
@@ -317,28 +316,28 @@ def sampling(machine, command):
 
 
 def arguments():
-    """What the terminal says."""
+    """Return the arguments of the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--device', default='cpu')
     parser.add_argument(
-        '--reference-device', action='append', help='device of the references; several: in turn'
+        '--reference-device', action='append', help='device of the references; repeat for several'
     )
     parser.add_argument(
         '--references', type=int, default=3, help='runs of a reference, 0: time only'
     )
     parser.add_argument(
         '--reference-limit', type=float, default=math.inf, metavar='S',
-        help='give up a run of a reference after so many seconds',
+        help='maximum wall time of a run of a reference [s]',
     )
-    parser.add_argument('--machine', required=True, help='what the table says it is')
+    parser.add_argument('--machine', required=True, help='name of the machine in the table')
     parser.add_argument('--clock', choices=('wall', 'process'), default='wall')
-    parser.add_argument('--scene', action='append', metavar='NAME', help='only these')
-    parser.add_argument('--times', type=float, default=1.0, help='times as much time')
-    parser.add_argument('--jobs', type=int, default=1, help='scenes side by side')
-    parser.add_argument('--reference-jobs', type=int, default=1, help='references side by side')
+    parser.add_argument('--scene', action='append', metavar='NAME', help='run only these scenes')
+    parser.add_argument('--times', type=float, default=1.0, help='factor on the available time')
+    parser.add_argument('--jobs', type=int, default=1, help='number of parallel scenes')
+    parser.add_argument('--reference-jobs', type=int, default=1, help='parallel references')
     parser.add_argument('--output', type=Path, default=FOLDER / 'plan.csv')
     parser.add_argument('--json', type=Path, help='also write the table as JSON')
-    parser.add_argument('--part', choices=('plans', 'sampling'), help='only this')
+    parser.add_argument('--part', choices=('plans', 'sampling'), help='run only this part')
     args = parser.parse_args()
     for name in ('output', 'json'):
         if getattr(args, name):
@@ -352,7 +351,7 @@ def main():
     words = sys.argv[1:]
     for name in ('--output', '--json'):
         if name in words:
-            # where the table went is nothing to repeat
+            # the output path is not part of the recorded command
             del words[words.index(name) : words.index(name) + 2]
     quoted = [repr(word) if ' ' in word else word for word in words]
     command = ' '.join(['python docs/benchmarks/plan.py', *quoted])
@@ -371,17 +370,17 @@ def main():
 def plans(args, options):
     """Measure plans and write their table."""
     work = [
-        (name, args.times * within, share, members, options)
-        for name, within, share, members in (*CASES, *HELD_OUT)
+        (name, args.times * within, fraction, members, options)
+        for name, within, fraction, members in (*CASES, *HELD_OUT)
         if args.scene is None or name in args.scene
     ]
-    # the long ones first
+    # longest first
     work.sort(key=lambda item: -item[1])
     context = multiprocessing.get_context('spawn')
     cores = context.Queue()
     found = sorted(os.sched_getaffinity(0))
     jobs = min(args.jobs, len(found))
-    # far apart: neighbours may be the two threads of one core
+    # far apart: neighbouring numbers may be two threads of one core
     for core in found[:: len(found) // jobs][:jobs]:
         cores.put(core)
     rows, refused, covered = [], [], {}
@@ -392,18 +391,18 @@ def plans(args, options):
             row, cells = future.result()
             if isinstance(row, str):
                 refused.append(row)
-                tell(row)
+                log(row)
                 continue
             rows.append(row)
             covered[row] = cells
-            tell(
+            log(
                 f'{row.scene:13} {row.within_s:5.3g} s, {row.members:2} runs: spacing '
                 f'{row.spacing_m:.3g} m, {row.taken_of_time_percent:.0f} % of the time'
             )
             save(rows, args)
     if args.references:
         devices = args.reference_device or [args.device]
-        # the cheap ones first: what is written is what there is when time is over
+        # cheapest first, so that most rows are complete after an interruption
         rows.sort(key=lambda row: row.taken_s / row.members)
         with ProcessPoolExecutor(args.reference_jobs, context) as pool:
             futures = [
@@ -418,7 +417,7 @@ def plans(args, options):
                     (row.scene, row.within_s, row.members)
                 )
                 rows[place] = row
-                tell(
+                log(
                     f'{row.scene:13} {row.within_s:5.3g} s, {row.members:2} runs: error '
                     f'{row.foreseen_error_percent:.2g} % foreseen, {row.error_percent:.2g} % '
                     f'found, by {seconds:.0f} s'
@@ -428,13 +427,13 @@ def plans(args, options):
         sys.exit('\n'.join(refused))
 
 
-def tell(line):
-    """Say how far it is."""
+def log(line):
+    """Print a line of progress."""
     print(line, file=sys.stderr, flush=True)
 
 
 def save(rows, args):
-    """Write the table as far as it is known."""
+    """Write the table with all rows so far."""
     names = [item.name for item in (*scenes(), *held_out())]
     rows = sorted(rows, key=lambda row: (names.index(row.scene), row.within_s, row.members))
     write_csv(rows, args.output)
@@ -443,7 +442,7 @@ def save(rows, args):
 
 
 def write(path, lines):
-    """Write lines as CSV, numbers to four digits."""
+    """Write lines as CSV, numbers with four digits."""
     with path.open('w', newline='', encoding='utf-8') as file:
         table = csv.writer(file, lineterminator='\n')
         for line in lines:

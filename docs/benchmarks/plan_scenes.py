@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes that plans are held against and that no number of theirs was chosen by."""
+"""Held-out scenes for plans, which were not used to choose constants of the method."""
 
 from dataclasses import replace
 
@@ -88,7 +88,7 @@ def held_out():
 
 
 def _saddle(x, y):
-    """A slope of 3 degrees with a hill on either side of the way down."""
+    """Return a slope of 3 degrees with a hill on either side of the flow."""
     left = 25.0 * np.exp(-((x + 120.0) ** 2 + (y - 70.0) ** 2) / 3600.0)
     right = 20.0 * np.exp(-((x + 140.0) ** 2 + (y + 60.0) ** 2) / 3600.0)
     return 0.06 * x + left + right

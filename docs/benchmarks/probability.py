@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How good an ensemble's probabilities are on mapped eruptions, from published ranges alone.
+"""Measure the quality of an ensemble's probabilities on mapped eruptions, from published ranges.
 
 python docs/benchmarks/probability.py OUT.csv --case DIR [--case DIR ...] --folder DIR
     [--members N] [--preset P] [--spacing M] [--device D] [--machine NAME]
 
-The members are those of ``lava ensemble DIR``, scored against the map. Then each member is held as
-the truth once: the others forecast it, first all alike, then weighed by its outline at a third of
-the time. The table gets a row at 16 members, 32, 64 and so on, as they come; the same command
-again goes on. OUT.png is the reliability diagram of the last rows.
+The members are those of ``lava ensemble DIR``, scored against the map. Then each member is the
+truth once, and the other members forecast it, first with equal weights and then weighted by its
+outline at a third of the time. The table has rows at 16, 32, 64, ... members; the same command
+resumes an interrupted run. OUT.png is the reliability diagram of the last rows.
 """
 
 import argparse
@@ -32,22 +32,22 @@ from lava_ros.forecast.sampling import draw_members
 from lava_ros.forecast.scores import brier_parts
 from lava_ros.forecast.store import Store
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
+from lava_ros.hindcast.chances import mapped_on, plan_of, score_probability
 from lava_ros.hindcast.run import Settings
 from lava_ros.verification.rows import write_csv
 
 matplotlib.use('Agg')
 
-#: Fewest members of a row.
+#: Number of members of the first row.
 FIRST = 16
 
-#: Share of the time at which an outline is seen.
-SEEN = 1.0 / 3.0
+#: Time of the observed outline, as a fraction of the horizon.
+OUTLINE_TIME = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
 class Row:
-    """An ensemble of a case: a line of the CSV. Skills, rates, gaps and indices are shares."""
+    """An ensemble of a case: a row of the CSV. Skills, rates, gaps and indices are fractions."""
 
     case: str
     members: int
@@ -76,25 +76,25 @@ class Row:
 
 
 def twins(plan: Plan, members: list[Footprint]) -> dict[str, float]:
-    """What an outline adds where a member is the truth and the others forecast it."""
-    at = SEEN * plan.horizon
+    """Return the scores of forecasts of each member by the others, with and without an outline."""
+    at = OUTLINE_TIME * plan.horizon
     early = np.stack([reached_by(item, plan, at) for item in members])
     late = np.stack([reached_by(item, plan, plan.horizon) for item in members])
-    said, came, better, effective, gaps = ([], []), [], [], [], []
+    forecasts, observed, better, effective, gaps = ([], []), [], [], [], []
     for truth in range(len(members)):
         others = np.arange(len(members)) != truth
         outline = Outline(at, early[truth], plan.scene.terrain.has_data)
         weights = weigh([jaccard(item, outline) for item in early[others]])
         effective.append(weights.effective_members)
-        share = 100.0 * late[others].mean(axis=0)
-        gaps.append(chances_of(share, late[truth])['largest_gap'])
+        percent = 100.0 * late[others].mean(axis=0)
+        gaps.append(score_probability(percent, late[truth])['largest_gap'])
         near = late[others].any(axis=0) | late[truth]
-        came.append(late[truth][near])
-        for values, share in zip(said, (None, weights.values), strict=True):
-            values.append(np.average(late[others][:, near], axis=0, weights=share))
-        scores = [brier_parts(values[-1], came[-1]).score for values in said]
+        observed.append(late[truth][near])
+        for values, given in zip(forecasts, (None, weights.values), strict=True):
+            values.append(np.average(late[others][:, near], axis=0, weights=given))
+        scores = [brier_parts(values[-1], observed[-1]).score for values in forecasts]
         better.append(scores[1] < scores[0])
-    before, after = (brier_parts(np.concatenate(v), np.concatenate(came)) for v in said)
+    before, after = (brier_parts(np.concatenate(v), np.concatenate(observed)) for v in forecasts)
     known = [gap for gap in gaps if gap is not None]
     return {
         'twin_gap': float(np.median(known)),
@@ -107,26 +107,26 @@ def twins(plan: Plan, members: list[Footprint]) -> dict[str, float]:
 
 
 def rows_of(folder: str, args: argparse.Namespace, command: str):
-    """Run a case, and give a row at each number of members."""
+    """Run a case, and yield a row for each number of members."""
     case = load_case(folder)
     plan = plan_of(case, Settings(args.preset, args.spacing, args.device))
-    came = mapped_on(case, plan)
-    seen = Outline(plan.horizon, came, plan.scene.terrain.has_data)
+    mapped = mapped_on(case, plan)
+    outline = Outline(plan.horizon, mapped, plan.scene.terrain.has_data)
     store = Store(args.folder / case.name, plan)
     sizes = [FIRST << power for power in range(16) if FIRST << power < args.members]
     seconds, done = 0.0, 0
     for size in (*sizes, args.members):
         started = time.monotonic()
         runner = partial(run_here, device=args.device)
-        said = run_ensemble(draw_members(plan.scene, size), store, runner=runner)
-        # of members that were there nobody knows how long they took
-        seconds = seconds + time.monotonic() - started if said.resumed == done else None
+        result = run_ensemble(draw_members(plan.scene, size), store, runner=runner)
+        # the time of resumed members is unknown
+        seconds = seconds + time.monotonic() - started if result.resumed == done else None
         done = size if seconds is not None else -1
         members = list(store.finished(size))
-        found = chances_of(said.maps.probability, came)
+        found = score_probability(result.maps.probability, mapped)
         bins = found.pop('reliability')
         found.pop('cells')
-        alone = [jaccard(reached_by(item, plan, plan.horizon), seen) for item in members]
+        alone = [jaccard(reached_by(item, plan, plan.horizon), outline) for item in members]
         yield Row(
             case=case.name,
             members=size,
@@ -135,7 +135,7 @@ def rows_of(folder: str, args: argparse.Namespace, command: str):
             cell_m=plan.scene.terrain.resolution,
             **found,
             single_jaccard=float(np.mean(alone)),
-            half_jaccard=jaccard(np.nan_to_num(said.maps.probability) >= 50.0, seen),
+            half_jaccard=jaccard(np.nan_to_num(result.maps.probability) >= 50.0, outline),
             **twins(plan, members),
             reliability=' '.join(
                 f'{item["forecast"]:.3f}:{item["observed"]:.3f}:{item["count"]}' for item in bins
@@ -149,27 +149,27 @@ def rows_of(folder: str, args: argparse.Namespace, command: str):
 
 
 def draw(rows: list[dict[str, str]], path: Path) -> None:
-    """Draw the reliability of the last row of each case; areas of points are cells, to 3000."""
+    """Draw the reliability of the last row of each case; point areas are up to 3000 cells."""
     from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(figsize=(5.0, 4.4), layout='constrained')
     axes.plot([0, 100], [0, 100], color='0.7', linewidth=1)
     for row in {row['case']: row for row in rows}.values():
         points = [point.split(':') for point in row['reliability'].split()]
-        said, came, count = np.array(points, dtype=float).T
+        forecast, observed, count = np.array(points, dtype=float).T
         label = f'{row["case"]}, {row["members"]} members, {float(row["spacing_m"]):.2g} m'
-        (line,) = axes.plot(100 * said, 100 * came, label=label)
+        (line,) = axes.plot(100 * forecast, 100 * observed, label=label)
         size = np.minimum(count / 20.0, 150.0)
-        axes.scatter(100 * said, 100 * came, s=size, color=line.get_color(), alpha=0.6)
-    axes.set_xlabel('probability that was said [%]')
-    axes.set_ylabel('share of the cells that was mapped [%]')
+        axes.scatter(100 * forecast, 100 * observed, s=size, color=line.get_color(), alpha=0.6)
+    axes.set_xlabel('forecast probability [%]')
+    axes.set_ylabel('observed frequency [%]')
     axes.legend(frameon=False)
     figure.savefig(path, dpi=110)
     pyplot.close(figure)
 
 
 def main() -> None:
-    """Run what the arguments name."""
+    """Run the cases of the arguments."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('output', type=Path)
     parser.add_argument('--case', action='append', required=True, metavar='DIR')

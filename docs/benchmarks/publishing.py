@@ -1,21 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measure the cost of grids that are taken while lava is simulated, and the memory.
+"""Measure the cost of reading grids from a running simulation, and the memory.
 
-It makes publishing_h200.csv:
+The output is publishing_h200.csv:
 
     python docs/benchmarks/publishing.py cuda:0 > docs/benchmarks/publishing_h200.csv
 
-The node's worker (``lava_ros.ros.worker``) runs a field of lava as fast as it can, in steps of
-fixed length, and is asked for a snapshot ten times a second or not at all. Each snapshot becomes
-the bytes of one occupancy grid in another thread of the process, as in the node; no message is
-sent. Lava covers nearly every cell. Spans of time with and without grids alternate; a span with
-grids is compared with those before and after it.
+The node's worker (``lava_ros.ros.worker``) runs a field of lava at full speed, in steps of fixed
+length, with ten snapshots per second or none. Another thread of the process converts each snapshot
+to the bytes of an occupancy grid, like in the node; no message is sent. Lava covers nearly all
+cells. Periods with and without grids alternate; a period with grids is compared with the periods
+before and after it.
 
-Memory is measured in a process of its own: the most that Warp's memory pool has given out on the
-device, and the memory that the driver reports as in use there, with the context, the kernels and
-all other programs.
+Memory is measured in a separate process: the peak of Warp's memory pool on the device, and the
+used memory that the driver reports, including the context, the kernels and all other programs.
 """
 
 import argparse
@@ -38,7 +37,7 @@ from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, ST
 from lava_ros.verification.measure import machine_name
 from lava_ros.verification.rows import row_of
 
-#: Particles by default: on a GPU, and on a CPU.
+#: Default number of particles by kind of device.
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
 
 #: Cells along a side of the grids.
@@ -47,17 +46,17 @@ GRIDS = (500, 1000, 2000)
 #: Time between two grids, and wall time of one measurement [s].
 PERIOD, SPAN = 0.1, 2.0
 
-#: Effects by their names in ``effect_sets``; the default layer that is made of each snapshot.
+#: Effects by their name in ``effect_sets``, and the default layer of each grid.
 EFFECTS, LAYER = 'green', 'height'
 
-#: Simulated time that the worker is asked for each second [s]: more than there can be.
+#: Time scale that the worker cannot reach.
 ENDLESS = 1e6
 
-#: Particles and cells along a side of what memory is measured of.
+#: Particles, and cells along a side, of the memory measurement.
 LARGE = {'cuda': (10_000_000, 4000), 'cpu': (100_000, 400)}
 
-#: Longest time of the process that measures memory [s].
-PATIENCE = 600.0
+#: Timeout of the process that measures memory [s].
+TIMEOUT = 600.0
 
 
 def measure(device, particles, repetitions):
@@ -66,34 +65,34 @@ def measure(device, particles, repetitions):
     for cells in GRIDS:
         grids = f'grids of {cells} x {cells}'
         stepping = Stepping(particles or PARTICLES[kind], cells, device)
-        # they alternate: steps get slower as the lava flows, and other work comes and goes
-        alone, beside = [stepping.run(with_grids=False)[0]], []
+        # alternate, because the speed of steps changes with the flow and with other work
+        alone, busy = [stepping.run(with_grids=False)[0]], []
         for _ in range(repetitions):
-            beside.append(stepping.run(with_grids=True))
+            busy.append(stepping.run(with_grids=True))
             alone.append(stepping.run(with_grids=False)[0])
         stepping.worker.stop()
         count = stepping.particles
         around = [0.5 * sum(pair) for pair in pairwise(alone)]
-        slower = [100.0 * (1.0 - one[0] / two) for one, two in zip(beside, around, strict=True)]
+        slower = [100.0 * (1.0 - one[0] / two) for one, two in zip(busy, around, strict=True)]
         yield row_of(f'{grids}: steps without', count, alone, 'steps/s')
-        yield row_of(f'{grids}: steps beside', count, [each[0] for each in beside], 'steps/s')
+        yield row_of(f'{grids}: steps beside', count, [each[0] for each in busy], 'steps/s')
         yield row_of(f'{grids}: steps slow by', count, slower, '%')
-        yield row_of(f'{grids}: made', count, [each[1] for each in beside], 'grids/s')
-        yield row_of(f'{grids}: bytes of one', count, [each[2] for each in beside], 'ms')
+        yield row_of(f'{grids}: made', count, [each[1] for each in busy], 'grids/s')
+        yield row_of(f'{grids}: bytes of one', count, [each[2] for each in busy], 'ms')
     for benchmark, count, value, unit in held(device, *LARGE[kind]):
         yield row_of(benchmark, count, [value], unit)
 
 
 class Stepping:
-    """A worker that steps a field of lava, of so many particles, as fast as it can."""
+    """Worker that steps a field of lava at full speed."""
 
     def __init__(self, particles, cells, device):
-        """Start it, and wait until all is compiled."""
+        """Start the worker, and wait for the compilation."""
         layers = load_layers(share_path('msg_configs/default.yaml'))
         (self._layer,) = (layer for layer in layers if layer.name == LAYER)
         self._shown = threading.Event()
         field = lava_field(particles, effect_sets()[EFFECTS], device, cells=cells)
-        # it has all attributes of a Simulation
+        # has all attributes of a Simulation
         self._watched = Watched(field)
         self.particles = self._watched.particle_count
         self.worker = SimulationWorker(
@@ -107,11 +106,11 @@ class Stepping:
         self.run(with_grids=True)
 
     def run(self, *, with_grids):
-        """Let it step for a while.
+        """Run the worker for a time.
 
         Returns:
-            Steps a second, grids a second, and the median time that the bytes of a grid take to
-            make from a snapshot [ms], 0 without grids.
+            Steps per second, grids per second, and the median time to convert a snapshot to the
+            bytes of a grid [ms], 0 without grids.
         """
         times, is_over, self._watched.marks = [], threading.Event(), []
 
@@ -120,7 +119,7 @@ class Stepping:
                 if self._shown.wait(PERIOD):
                     self._shown.clear()
                     start, snapshot = wall_clock.perf_counter(), self.worker.latest
-                    # as in the node, and without rclpy
+                    # like in the node, but without rclpy
                     array('b').frombytes(self._layer.grid_values(snapshot).data.cast('B'))
                     times.append(wall_clock.perf_counter() - start)
 
@@ -140,31 +139,31 @@ class Stepping:
 
 
 class Watched:
-    """A simulation, and when it has reached which time (``marks``)."""
+    """A simulation with the wall times of its steps (``marks``)."""
 
     def __init__(self, simulation):
-        """Watch a simulation."""
+        """Wrap a simulation."""
         self._simulation = simulation
         self.marks = []
 
     def __getattr__(self, name):
-        """Everything else is the simulation's."""
+        """Return an attribute of the simulation."""
         return getattr(self._simulation, name)
 
     def advance(self, until, *, wall_limit=None):
-        """Advance the simulation, and note the wall time."""
+        """Advance the simulation, and record the wall time."""
         reached = self._simulation.advance(until, wall_limit=wall_limit)
         self.marks.append((wall_clock.perf_counter(), reached))
         return reached
 
     def rate(self):
-        """Steps a second."""
+        """Return the number of steps per second."""
         (first, begin), (last, reached) = self.marks[0], self.marks[-1]
         return (reached - begin) / STEP / (last - first)
 
 
 def hold(device, particles, cells):
-    """Step much lava on a large map, show it, and print what memory it takes [B]."""
+    """Step a large simulation, read a grid, and print the used memory [B]."""
     found = wp.get_device(device)
     simulation = lava_field(particles, effect_sets()[EFFECTS], device, cells=cells)
     for _ in range(2):
@@ -181,9 +180,9 @@ def hold(device, particles, cells):
 
 
 def held(device, particles, cells):
-    """Name, particles, size and unit of what a process of its own holds, nothing on a CPU."""
+    """Yield name, particles, size and unit of the memory of a process; nothing on a CPU."""
     words = [sys.executable, __file__, device, '--hold', str(particles), str(cells)]
-    done = subprocess.run(words, check=True, stdout=subprocess.PIPE, timeout=PATIENCE, text=True)
+    done = subprocess.run(words, check=True, stdout=subprocess.PIPE, timeout=TIMEOUT, text=True)
     sizes = json.loads(done.stdout.splitlines()[-1])
     count = sizes.pop('particles')
     for name, size in sizes.items():

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes tables of docs/VALIDATION.md and docs/PERFORMANCE.md from the CSV files beside it.
+"""Write tables of docs/VALIDATION.md and docs/PERFORMANCE.md from the CSV files in this folder.
 
 python docs/benchmarks/tables.py
 
-A table stands between ``<!-- table: NAME -->`` and ``<!-- end -->``.
+A table is between ``<!-- table: NAME -->`` and ``<!-- end -->``.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -15,18 +15,18 @@ import re
 
 HERE = Path(__file__).parent
 
-#: The cells of a line of a table.
+#: Cells of a row of a table.
 Line = tuple[str, ...]
 
 
 def lines_of(name: str | Path) -> list[dict[str, str]]:
-    """The lines of a CSV file, beside this script where its folder is not given."""
+    """Return the rows of a CSV file, by default in the folder of this script."""
     with (HERE / name).open(newline='', encoding='utf-8') as file:
         return list(csv.DictReader(file))
 
 
 def scores() -> Iterator[Line]:
-    """Sets of constants on the mapped flows."""
+    """Yield the scores of sets of constants on the mapped flows."""
     yield ('constants', 'flow', 'preset', 'majority', 'single runs', 'area', 'length')
     for row in lines_of('eruptions.csv'):
         yield (
@@ -41,33 +41,15 @@ def scores() -> Iterator[Line]:
 
 
 def codes() -> Iterator[Line]:
-    """What other codes score on the same data."""
+    """Yield the scores of other codes on the same data."""
     yield ('code', 'flow', 'Jaccard', 'parameters')
     for row in sorted(lines_of('eruptions_codes.csv'), key=lambda row: -float(row['jaccard'])):
         flow = row['case'].removeprefix('etna')
         yield row['code'], flow, row['jaccard'], f'{row["constants"]}; {row["source"]}'
 
 
-def convergence() -> Iterator[Line]:
-    """How far presets agree on the mapped flows."""
-    yield ('flow, preset', 'spacing', 'Jaccard with `fine`', 'two halves of equal runs',
-           'area, length over those of `fine`', 'a run')
-    for row in lines_of('convergence_h200.csv'):
-        if row['scene'].startswith('etna'):
-            is_last = row['preset'] == 'fine'
-            yield (
-                f'{row["scene"].removeprefix("etna")} `{row["preset"]}`',
-                f'{float(row["spacing_m"]):.2g} m',
-                '' if is_last else f'{float(row["jaccard"]):.2f}',
-                f'{float(row["noise"]):.2f}',
-                '' if is_last else
-                f'{float(row["area_ratio"]):.2f}, {float(row["length_ratio"]):.2f}',
-                f'{float(row["seconds"]):.2g} s',
-            )
-
-
 def chances() -> Iterator[Line]:
-    """How good probabilities are: the largest ensemble of each case."""
+    """Yield the scores of probabilities of the largest ensemble of each case."""
     yield ('flow', 'ensemble', 'Brier score', 'skill where lava could come',
            'skill over all of the ground', 'largest gap', 'a member as the truth: largest gap',
            'its skill', 'with its outline at a third')
@@ -89,23 +71,23 @@ def chances() -> Iterator[Line]:
 
 
 def largest_gap(diagrams: Iterable[str]) -> float:
-    """Of the bins of several reliability diagrams put together, those of at least 200 cells."""
+    """Return the largest gap in the combined bins of diagrams with at least 200 cells."""
     bins: dict[int, list[tuple[float, float, int]]] = {}
     for text in diagrams:
         for point in text.split():
-            said, came, count = point.split(':')
-            bins.setdefault(min(int(10.0 * float(said)), 9), []).append(
-                (float(said), float(came), int(count))
+            forecast, observed, count = point.split(':')
+            bins.setdefault(min(int(10.0 * float(forecast)), 9), []).append(
+                (float(forecast), float(observed), int(count))
             )
     return max(
-        abs(sum(count * (said - came) for said, came, count in points)) / cells
+        abs(sum(count * (forecast - observed) for forecast, observed, count in points)) / cells
         for points in bins.values()
         if (cells := sum(count for *_, count in points)) >= 200
     )
 
 
 def steps() -> Iterator[Line]:
-    """How long a step of one simulation takes, by its particles."""
+    """Yield the time of a step of one simulation, by its number of particles."""
     rows = [row for row in lines_of('steps_h200.csv') if row['benchmark'].endswith(': step')]
     names = list(dict.fromkeys(row['benchmark'].removesuffix(': step') for row in rows))
     yield ('particles', *(f'{name} [us]' for name in names))
@@ -121,7 +103,7 @@ def steps() -> Iterator[Line]:
 
 
 def members() -> Iterator[Line]:
-    """How fast members of a batch are together, by their number and size."""
+    """Yield the speed of the members of a batch, by their number and size."""
     rows = lines_of('members_h200.csv')
     sizes = sorted({int(row['particles']) for row in rows})
     sets = list(dict.fromkeys(row['benchmark'].split(':')[0] for row in rows))
@@ -140,15 +122,13 @@ def members() -> Iterator[Line]:
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
-    'VALIDATION.md': {
-        'scores': scores, 'codes': codes, 'convergence': convergence, 'chances': chances,
-    },
+    'VALIDATION.md': {'scores': scores, 'codes': codes, 'chances': chances},
     'PERFORMANCE.md': {'steps': steps, 'members': members},
 }
 
 
 def written(page: str, tables: Tables) -> str:
-    """A page with its tables written again."""
+    """Return a page with updated tables."""
     for name, rows in tables.items():
         head, *rest = rows()
         lines = [head, ('---',) * len(head), *rest]

@@ -20,10 +20,10 @@ from mcap.opcode import Opcode
 
 from lava_ros.bag.mcap_file import has_begun, mapped, read_summary
 from lava_ros.bag.reader import mcap_files
-from lava_ros.bag.records import BROKEN, CUT, FRAME, is_whole, MAX_RECORD_SIZE, walk
+from lava_ros.bag.records import BROKEN, FRAME, is_whole, iter_records, MAX_RECORD_SIZE, TRUNCATED
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
-from lava_ros.simulation.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, summary_of
+from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, summary_of
 
 Parsed = TypeVar('Parsed')
 
@@ -100,9 +100,9 @@ def _places(data: mmap.mmap) -> Iterator[tuple[int, int]]:
         for index in sorted(summary.attachment_indexes, key=lambda item: item.offset):
             yield index.offset + FRAME.size, index.offset + index.length
         return
-    for opcode, start, end in walk(data):
+    for opcode, start, end in iter_records(data):
         # an attachment that was truncated while it was written does not count
-        is_cut = opcode == CUT and data[start] == Opcode.ATTACHMENT
+        is_cut = opcode == TRUNCATED and data[start] == Opcode.ATTACHMENT
         if opcode in (Opcode.ATTACHMENT, BROKEN) or is_cut:
             yield start, end
 

@@ -53,8 +53,8 @@ class Decoder:
         """
         schema = self._schemas[message.topic]
         if _FIXED.search(schema.data):
-            right = 'without lists of a fixed length: no message that is read here has one'
-            raise LavaError(f'definition of {schema.name}', schema.data.decode(), right)
+            expected = 'a definition without arrays of fixed length'
+            raise LavaError(f'definition of {schema.name}', schema.data.decode(), expected)
         try:
             decode = self._factory.decoder_for('cdr', schema)
             assert decode is not None
@@ -63,8 +63,8 @@ class Decoder:
             raise
         # a library parses the untrusted definition, and its fields can be of any type
         except Exception as error:
-            right = f'a {schema.name} ({type(error).__name__}: {error})'
-            raise _wrong(message, right) from error
+            expected = f'a {schema.name} ({type(error).__name__}: {error})'
+            raise _wrong(message, expected) from error
 
 
 class Grid(NamedTuple):
@@ -102,8 +102,8 @@ def _aligned(position: int, size: int) -> int:
     return -(-position // size) * size
 
 
-def _wrong(message: BagMessage, right: str) -> LavaError:
-    return LavaError(f'message on {message.topic}', f'{len(message.data)} bytes', right)
+def _wrong(message: BagMessage, expected: str) -> LavaError:
+    return LavaError(f'message on {message.topic}', f'{len(message.data)} bytes', expected)
 
 
 #: numpy type of each sensor_msgs/PointField datatype: INT8 is 1, FLOAT64 is 8.
@@ -128,8 +128,8 @@ def image_array(image: Any, name: str) -> np.ndarray:
     if rows == 0 or columns == 0:
         raise LavaError(f'{name}.size', f'{columns} x {rows}', 'at least one pixel')
     least = columns * dtype.itemsize
-    right = f'at least {least} bytes for {columns} pixels of {image.encoding}'
-    _check_rows(image, name, 'step', least, right)
+    expected = f'at least {least} bytes for {columns} pixels of {image.encoding}'
+    _check_rows(image, name, 'step', least, expected)
     strides = (image.step, dtype.itemsize)
     pixels: np.ndarray = np.ndarray((rows, columns), dtype, image.data, strides=strides)
     return pixels
@@ -152,13 +152,13 @@ def cloud_columns(
     rows, columns = cloud.height, cloud.width
     if rows == 0 or columns == 0:
         if size := len(cloud.data):
-            right = f'none for {columns} x {rows} points'
-            raise LavaError(f'{name}.data', f'{size} bytes', right)
+            expected = f'none for {columns} x {rows} points'
+            raise LavaError(f'{name}.data', f'{size} bytes', expected)
         return {key: np.empty(0) for key in required}
     by_name = {item.name: item for item in cloud.fields}
     if missing := [key for key in required if key not in by_name]:
-        right = f'{", ".join(required)}; missing: {", ".join(missing)}'
-        raise LavaError(f'{name}.fields', list(by_name), right)
+        expected = f'{", ".join(required)}; missing: {", ".join(missing)}'
+        raise LavaError(f'{name}.fields', list(by_name), expected)
     least = columns * cloud.point_step
     _check_rows(cloud, name, 'row_step', least, f'at least width x point_step = {least} bytes')
     result = {}
@@ -169,8 +169,8 @@ def cloud_columns(
             raise LavaError(where, found, 'a datatype from 1 (INT8) to 8 (FLOAT64), count 1')
         dtype = np.dtype(('>' if cloud.is_bigendian else '<') + POINT_TYPES[item.datatype])
         if item.offset + dtype.itemsize > cloud.point_step:
-            right = f'inside a point of {cloud.point_step} bytes (point_step)'
-            raise LavaError(f'{where}.offset', item.offset, right)
+            expected = f'inside a point of {cloud.point_step} bytes (point_step)'
+            raise LavaError(f'{where}.offset', item.offset, expected)
         steps = (cloud.row_step, cloud.point_step)
         view = np.ndarray((rows, columns), dtype, cloud.data, item.offset, steps)
         # The data may have any bit pattern, also a signalling NaN.
@@ -179,11 +179,11 @@ def cloud_columns(
     return result
 
 
-def _check_rows(message: Any, name: str, field: str, least: int, right: str) -> None:
+def _check_rows(message: Any, name: str, field: str, least: int, expected: str) -> None:
     """Check that a row has at least ``least`` bytes, and that the data are complete."""
     step = getattr(message, field)
     if step < least:
-        raise LavaError(f'{name}.{field}', step, right)
+        raise LavaError(f'{name}.{field}', step, expected)
     if len(message.data) != step * message.height:
         expected = f'{field} x height = {step * message.height} bytes'
         raise LavaError(f'{name}.data', f'{len(message.data)} bytes', expected)
@@ -229,7 +229,7 @@ class Timeline:
 
     @property
     def last_run(self) -> tuple[Moment, ...]:
-        """Return the moments since simulated time last went back."""
+        """Moments since simulated time last went back."""
         pairs = enumerate(pairwise(self.moments), start=1)
         starts = [index for index, (before, after) in pairs if after.time < before.time]
         return self.moments[max(starts, default=0) :]
@@ -251,10 +251,10 @@ class Timeline:
 
     @property
     def span(self) -> str:
-        """Return the range of simulated times as a text for errors."""
+        """Range of simulated times as a text for errors."""
         times = [moment.time for moment in self.moments]
         if not times:
-            return 'absent: the bag does not say its simulated time'
+            return 'absent: the bag does not contain simulated times'
         return f'{min(times):g} to {max(times):g} s'
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a bag says about its recording in ``custom_data``, as far as it can be read."""
+"""Description of a recording in the ``custom_data`` of its bag."""
 
 from collections.abc import Callable, Mapping
 import math
@@ -12,37 +12,36 @@ from lava_ros.files.yaml import parse_json, parse_yaml
 
 
 def described(custom_data: Mapping[str, str]) -> dict[str, Any]:
-    """The node's description of a recording as plain data; None for parts missing or malformed.
+    """Parse the node's description of a recording; a missing or malformed part is None.
 
     ``scene`` is the result of scene_to_dict, ``parameters`` those of the node, ``effects`` the
     effects (texts that begin with ``on`` or ``off``) and the times of their changes, and
-    ``resumed_from`` the bag and time of the checkpoint that the run was resumed from.
+    ``resumed_from`` the bag and time of the checkpoint from which the run was resumed.
     """
     found: dict[str, Any] = {}
-    for name, (parse, is_right) in _KNOWN.items():
+    for name, (parse, is_valid) in _KNOWN.items():
         try:
             value = parse(name, custom_data.get(name, ''))
         except LavaError:
             value = None
-        found[name] = value if is_right(value) else None
+        found[name] = value if is_valid(value) else None
     return found
 
 
-def effects_on(told: Mapping[str, Any]) -> tuple[str, ...] | None:
-    """Return the names of the effects that were on at the end; None where they are unknown.
+def effects_on(description: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """Return the names of the effects that were on at the end, None if they are unknown.
 
-    ``told`` is the result of ``described``.
+    ``description`` is the result of ``described``.
     """
-    if told['effects'] is None:
+    if description['effects'] is None:
         return None
     states: dict[str, object] = {}
-    for change in told['effects']:
+    for change in description['effects']:
         states |= change['effects']
     return tuple(name for name, text in states.items() if str(text).startswith('on'))
 
 
 def _has(value: object, **types: Any) -> bool:
-    """Whether a value is a mapping with items of these types."""
     return isinstance(value, dict) and all(
         isinstance(value.get(name), of) for name, of in types.items()
     )
@@ -55,7 +54,7 @@ def _are_changes(value: object) -> bool:
     )
 
 
-#: Texts that the node writes, by name: the parser, and the check of what it returns.
+#: Parser of each text of the description, and check of its result, by name.
 _KNOWN: dict[str, tuple[Callable[[str, str], Any], Callable[[object], bool]]] = {
     'scene': (parse_yaml, _has),
     'parameters': (parse_yaml, _has),

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""One MCAP file, finished or not: what is in it and where.
+"""Contents of one MCAP file, finished or not.
 
-A finished file has a summary that says so, and checksums over everything, which are checked when
-the file is opened. A file whose writer was killed has no summary: one pass over it finds every
-whole record before the place where it breaks off. Such a pass also finds what is damaged, and what
-comes after that. Either way the messages are then read block by block (a chunk, or a run of
-messages outside of chunks), so that memory is bounded by the blocks that overlap in time.
+A finished file has a summary and checksums over all data, which are checked when the file is
+opened. A file whose writer was killed has no summary: a scan finds every complete record up to the
+truncation. A damaged file is scanned too, including the records after the damage. In all cases the
+messages are then read block by block (a chunk, or a run of messages outside of chunks), so that
+memory is bounded by the blocks that overlap in time.
 """
 
 from collections import deque
@@ -34,14 +34,14 @@ from lava_ros.files import open_input
 # Length at which a run of messages outside of chunks ends its block [bytes].
 _RUN_SIZE = 4 * 1024 * 1024
 
-#: Most that is held at once of blocks that overlap in time, uncompressed [bytes].
+#: Maximum size of the messages of blocks that overlap in time, uncompressed [bytes].
 MAX_HELD = 2 * records.MAX_CHUNK_SIZE
 
 
 class Block(NamedTuple):
-    """A part of the file that holds messages and is read at once: its log times [ns] and place.
+    """A part of the file that is read at once: log times [ns] and position [bytes].
 
-    ``channels`` are the ids of the channels with messages in it, None when unknown.
+    ``channels`` are the IDs of the channels with messages in it, None if unknown.
     """
 
     start_ns: int
@@ -51,22 +51,22 @@ class Block(NamedTuple):
     channels: frozenset[int] | None
 
     def may_hold(self, channel_ids: frozenset[int]) -> bool:
-        """Whether messages of one of some channels may be in it."""
+        """Return True if the block may contain messages of some channels."""
         return self.channels is None or not self.channels.isdisjoint(channel_ids)
 
 
 @dataclass
 class McapFile:
-    """The contents of an MCAP file.
+    """Contents of an MCAP file.
 
     Attributes:
         path: The file.
-        finished: Whether its writer closed it and the summary is usable.
-        channels, schemas, counts: Channels, schemas, and numbers of messages of channels, by id.
-        blocks: Where the messages are, in file order.
-        metadata: MCAP metadata records by name, the latest whole one of each name.
-        damage: What is damaged, and what is left out for it, each a sentence.
-        rest: Bytes at the end of a file that was cut off which are no whole record.
+        finished: Whether its writer closed it.
+        channels, schemas, counts: Channels, schemas, and numbers of messages of channels, by ID.
+        blocks: Blocks with messages, in file order.
+        metadata: MCAP metadata records by name, the newest undamaged one of each name.
+        damage: A sentence for each damaged part and for messages left out because of it.
+        rest: Size of the incomplete record at the end of a truncated file [bytes].
     """
 
     path: Path
@@ -96,14 +96,15 @@ class McapFile:
 
     @property
     def message_count(self) -> int:
-        """Messages in the file."""
+        """Number of messages in the file."""
         return sum(self.counts.values())
 
     def messages(self, channel_ids: Collection[int], start_ns: int = 0) -> Iterator[Message]:
-        """Yield messages of some channels in the order of log time, then of the file.
+        """Yield messages since ``start_ns`` [ns] in the order of log time, then of the file.
 
-        ``start_ns`` is the earliest log time [ns]. LavaError where the file is damaged, cannot be
-        read, or needs more than ``MAX_HELD`` bytes of messages at once to put them in order.
+        Raises:
+            LavaError: If the file is damaged or unreadable, or more than ``MAX_HELD`` bytes of
+                messages have to be sorted at once.
         """
         wanted = frozenset(channel_ids)
         waiting = deque(
@@ -123,8 +124,8 @@ class McapFile:
                             heapq.heappush(loaded, item)
                             held += len(message.data)
                     if held > MAX_HELD:
-                        right = f'at most {MAX_HELD} bytes of messages of one time, not {held}'
-                        raise LavaError('bag', str(self.path), right)
+                        expected = f'at most {MAX_HELD} bytes of messages of one time, not {held}'
+                        raise LavaError('bag', str(self.path), expected)
                 if loaded:
                     message = heapq.heappop(loaded)[3]
                     held -= len(message.data)
@@ -133,8 +134,10 @@ class McapFile:
     def newest(self, channel_ids: Collection[int], before_ns: int) -> dict[int, Message]:
         """Return the newest message of each channel that was logged before ``before_ns`` [ns].
 
-        Reads backwards and stops as soon as no earlier block can hold a newer message. LavaError
-        where the file is damaged or cannot be read.
+        Reads backwards, only as far as a block may contain a newer message.
+
+        Raises:
+            LavaError: If the file is damaged or unreadable.
         """
         found: dict[int, Message] = {}
         with self._opened() as stream:
@@ -171,18 +174,22 @@ class McapFile:
             data = stream.read(block.length)
             found = [item for frame in records.frames(data) for item in records.parse(*frame)]
         except (OSError, *records.DAMAGE) as error:
-            right = f'a file that can be read; {block.length} bytes from byte {block.offset} on '
-            right += f'cannot ({type(error).__name__}: {error})'
-            raise LavaError('bag', str(self.path), right) from error
+            expected = f'a readable file; {block.length} bytes at byte {block.offset} are not '
+            expected += f'readable ({type(error).__name__}: {error})'
+            raise LavaError('bag', str(self.path), expected) from error
         for item in found:
             if isinstance(item, Message) and item.channel_id in channel_ids:
-                # a view would keep all of the block
+                # a view would keep the whole block in memory
                 item.data = bytes(item.data)
                 yield item
 
 
 def has_begun(path: Path) -> bool:
-    """Whether a file holds as much as the magic bytes at its start; LavaError if unreadable."""
+    """Return True if a file is at least as long as the magic bytes at its start.
+
+    Raises:
+        LavaError: If the file is unreadable.
+    """
     try:
         return path.stat().st_size >= len(MAGIC)
     except OSError as error:
@@ -191,16 +198,16 @@ def has_begun(path: Path) -> bool:
 
 @contextmanager
 def mapped(path: Path) -> Iterator[mmap.mmap]:
-    """The bytes of an MCAP file, finished or not; errors as in ``open_mcap``."""
+    """Map the bytes of an MCAP file, finished or not; errors as in ``open_mcap``."""
     try:
         with open_input(path) as stream:
             if not stream.read(1):
                 raise LavaError('bag', str(path), 'an MCAP file; this one is empty')
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                # one damaged byte at the start does not make it another file
+                # a file with damaged magic bytes is still an MCAP file if a record follows
                 if data[: len(MAGIC)] != MAGIC and not records.fits(data, len(MAGIC)):
-                    right = 'an MCAP file; it does not start like one'
-                    raise LavaError('bag', str(path), right)
+                    expected = 'an MCAP file; it does not start like one'
+                    raise LavaError('bag', str(path), expected)
                 yield data
     except FileNotFoundError:
         raise LavaError('bag', str(path), 'an MCAP file that exists') from None
@@ -209,7 +216,11 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
 
 
 def open_mcap(path: Path) -> McapFile:
-    """Find out what an MCAP file holds, and whether it is damaged; LavaError if it is none."""
+    """Read the contents of an MCAP file, and find damage.
+
+    Raises:
+        LavaError: If the file is missing, unreadable or not an MCAP file.
+    """
     with mapped(path) as data:
         summary = read_summary(data)
         contents = summary and _from_summary(data, path, summary)
@@ -217,7 +228,7 @@ def open_mcap(path: Path) -> McapFile:
 
 
 def read_summary(data: mmap.mmap) -> Summary | None:
-    """The index at the end of a file; None where it is missing, incomplete or damaged."""
+    """Return the index at the end of a file, None if it is missing, incomplete or damaged."""
     if not records.has_index(data):
         return None
     try:
@@ -239,7 +250,7 @@ def read_summary(data: mmap.mmap) -> Summary | None:
 
 
 def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | None:
-    """Take the contents from the summary; None when they are not as whole as it says."""
+    """Return the contents according to the summary, None if the data are damaged."""
     result = McapFile(path, finished=True)
     try:
         if not _is_sound(data, summary):
@@ -267,7 +278,7 @@ def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | N
 
 
 def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
-    """Whether the data fit their checksum, or those of their parts where they have none."""
+    """Return True if the data match their checksum or, without one, those of their parts."""
     footer = records.footer_of(data)
     assert footer is not None
     end = footer.summary_start - records.FRAME.size - records.DATA_END.size
@@ -290,18 +301,17 @@ def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
 
 
 def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
-    """Read the records from the first on, and note which are damaged."""
     is_finished = records.has_end(data) or records.footer_of(data) is not None
     result = McapFile(path, finished=is_finished)
     if summary is not None:
-        # it repeats what damaged chunks define
+        # repeats the definitions that are in damaged chunks
         result.channels, result.schemas = dict(summary.channels), dict(summary.schemas)
     damage: list[tuple[int, int, str]] = []
     if data[: len(MAGIC)] != MAGIC:
         damage.append((0, len(MAGIC), 'the start of the file'))
-    for opcode, start, end in records.walk(data):
+    for opcode, start, end in records.iter_records(data):
         offset = start - records.FRAME.size
-        if opcode == records.CUT:
+        if opcode == records.TRUNCATED:
             result.rest = end - start
         elif opcode == records.BROKEN:
             damage.append((start, end, 'a record'))
@@ -333,7 +343,6 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
 
 
 def _sentence(contents: McapFile, start: int, end: int, what: str) -> str:
-    """Say what is damaged, and which time it leaves a gap in."""
     first = contents.start_ns or 0
     before = [block.end_ns for block in contents.blocks if block.offset < start]
     after = [block.start_ns for block in contents.blocks if block.offset >= end]
@@ -348,10 +357,10 @@ def _sentence(contents: McapFile, start: int, end: int, what: str) -> str:
 def _add(
     contents: McapFile, found: list[McapRecord], offset: int, length: int, *, joins: bool = False
 ) -> None:
-    """Note what records hold, and the block they make when messages are among them.
+    """Add the contents of records, and a block if messages are among them.
 
-    One that ``joins`` goes on with the block that ends where it begins; chunks are to be read one
-    at a time.
+    If ``joins``, the block is merged with a preceding adjacent block. Chunks are not merged,
+    because they are read one at a time.
     """
     times: list[int] = []
     channel_ids: set[int] = set()

@@ -139,10 +139,10 @@ def read_metadata(path: Path) -> StoredMetadata:
     Raises:
         LavaError: If the file does not describe a bag in plain MCAP.
     """
-    right = 'metadata that rosbag2 wrote; if it is damaged, remove it: it is not needed'
-    data = read_yaml('bag', path, right)
+    expected = 'metadata that rosbag2 wrote; if it is damaged, remove it: it is not needed'
+    data = read_yaml('bag', path, expected)
     if not isinstance(data, Mapping) or _ROOT not in data:
-        raise LavaError('bag', str(path), f'{right} (a mapping with the key {_ROOT})')
+        raise LavaError('bag', str(path), f'{expected} (a mapping with the key {_ROOT})')
     return _parsed(data[_ROOT], path)
 
 
@@ -160,16 +160,16 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
         raise LavaError('bag', str(path), 'metadata that rosbag2 wrote: a YAML mapping')
     storage = data.get('storage_identifier')
     if storage != 'mcap':
-        right = 'mcap; `ros2 bag convert` turns other bags into MCAP'
-        raise LavaError(f'storage_identifier of {path}', storage, right)
+        expected = 'mcap; `ros2 bag convert` turns other bags into MCAP'
+        raise LavaError(f'storage_identifier of {path}', storage, expected)
     if str(data.get('compression_mode') or 'none').lower() != 'none':
-        right = 'none (compression inside the MCAP file is fine); `ros2 bag convert` rewrites it'
-        raise LavaError(f'compression_mode of {path}', data['compression_mode'], right)
+        expected = 'none (compression in the MCAP file is fine); `ros2 bag convert` rewrites it'
+        raise LavaError(f'compression_mode of {path}', data['compression_mode'], expected)
     names = data.get('relative_file_paths') or []
     custom_data = data.get('custom_data') or {}
     if not isinstance(names, list) or not isinstance(custom_data, Mapping):
-        right = 'metadata with a list relative_file_paths and a mapping custom_data'
-        raise LavaError('bag', str(path), right)
+        expected = 'metadata with a list relative_file_paths and a mapping custom_data'
+        raise LavaError('bag', str(path), expected)
     texts = {str(key): str(value) for key, value in custom_data.items()}
     files = tuple(Path(str(item)).name for item in names)
     return StoredMetadata(files, texts, _counts(data.get('topics_with_message_count') or [], path))
@@ -182,8 +182,8 @@ def _counts(listed: object, path: Path) -> Counter[str]:
             name = str(item['topic_metadata']['name'])
             counts[name] += whole(name, item['message_count'], at_least=0, at_most=2**63)
     except (LavaError, KeyError, TypeError) as error:
-        right = 'metadata with a name and a message_count of each topic; if it is damaged, remove '
-        raise LavaError('bag', str(path), f'{right}it: it is not needed') from error
+        expected = 'metadata with a name and a message_count of each topic; if it is damaged, '
+        raise LavaError('bag', str(path), f'{expected}remove it: it is not needed') from error
     return counts
 
 

@@ -105,8 +105,8 @@ class BagReader:
             _LOG.warning('%s', text)
         for item in self.contents:
             if item.rest:
-                said = '%s was cut off: its last %d bytes, an incomplete record, are ignored'
-                _LOG.info(said, item.path, item.rest)
+                message = '%s was cut off: its last %d bytes, an incomplete record, are ignored'
+                _LOG.info(message, item.path, item.rest)
 
     @property
     def duration_ns(self) -> int:
@@ -197,8 +197,8 @@ def _topics(files: list[McapFile]) -> dict[str, Topic]:
             name, schema = channel.topic, contents.schemas.get(channel.schema_id)
             where = f'topic {name} of {contents.path}'
             if channel.message_encoding != 'cdr' or schema is None:
-                right = 'messages in the cdr encoding that ROS 2 uses, with a schema'
-                raise LavaError(where, channel.message_encoding, right)
+                expected = 'messages in the cdr encoding that ROS 2 uses, with a schema'
+                raise LavaError(where, channel.message_encoding, expected)
             text = schema.data.decode(errors='replace')
             type_hash = channel.metadata.get('topic_type_hash', '')
             found = MessageSchema(schema.name, text, type_hash, schema.encoding)

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Records of MCAP files: where they are, also in a damaged file, their checksums, what they hold.
+"""Records of MCAP files: positions, also in a damaged file, checksums and contents.
 
-Sizes that a file claims are checked before memory is taken for them.
+A size in a file is checked before memory is allocated for it.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,10 +22,10 @@ import zstandard
 
 MAGIC = b'\x89MCAP0\r\n'
 
-#: Largest record that is read into memory [bytes].
+#: Maximum size of a record [bytes].
 MAX_RECORD_SIZE = 1 << 30
 
-#: Largest chunk, uncompressed [bytes]: a larger message is no input of the node either.
+#: Maximum size of a chunk, uncompressed [bytes]. The node accepts no larger messages either.
 MAX_CHUNK_SIZE = 1 << 29
 
 #: Opcode and length of a record.
@@ -34,13 +34,13 @@ FRAME = struct.Struct('<BQ')
 #: Content of the record that ends the data: a checksum over them.
 DATA_END = struct.Struct('<I')
 
-#: In place of an opcode: bytes that are no record.
+#: In place of an opcode: bytes that are not a record.
 BROKEN = -1
 
-#: In place of an opcode: the start of a record at the end of a file that was cut off.
-CUT = -2
+#: In place of an opcode: an incomplete record at the end of a truncated file.
+TRUNCATED = -2
 
-#: What parsing of damaged bytes raises.
+#: Exceptions that parsing of damaged bytes raises.
 DAMAGE = (
     McapError,
     OverflowError,
@@ -59,8 +59,8 @@ _MESSAGE = struct.Struct('<HIQQ')
 # A chunk before its compression: times, uncompressed size and checksum, length of a text.
 _CHUNK = struct.Struct('<QQQII')
 
-# Records of the data section: bytes before the lengths, the lengths of what is in it one after the
-# other, bytes after.
+# Layout of the records of the data section: number of bytes before the variable-length items,
+# format of the length before each of these items, number of bytes after them.
 _LAYOUTS = {
     Opcode.HEADER: (0, 'II', 0),
     Opcode.SCHEMA: (2, 'III', 0),
@@ -72,7 +72,7 @@ _LAYOUTS = {
     Opcode.DATA_END: (DATA_END.size, '', 0),
 }
 
-# Where a record may begin that is shorter than 4 GiB.
+# Possible beginning of a record that is shorter than 4 GiB.
 _BEGINNING = re.compile(rb'[\x03\x04\x06\x07\x09\x0c\x0f].{4}\0{4}', re.DOTALL)
 
 _READ: dict[int, Callable[[ReadDataStream], McapRecord]] = {
@@ -81,15 +81,15 @@ _READ: dict[int, Callable[[ReadDataStream], McapRecord]] = {
     Opcode.METADATA: Metadata.read,
 }
 
-#: Opcodes of which ``parse`` makes records.
+#: Opcodes that ``parse`` supports.
 PARSED = frozenset({*_READ, Opcode.CHUNK, Opcode.MESSAGE})
 
 
-def walk(data: mmap.mmap) -> Iterator[tuple[int, int, int]]:
-    """Opcode, start and end of the content of each record, up to the end of the data section.
+def iter_records(data: mmap.mmap) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, start and end of the content of each record up to the end of the data section.
 
-    What is no record is passed over, up to the next that is one: its opcode is ``BROKEN``, or
-    ``CUT`` at the end of a file that was cut off, and its start and end are all of it.
+    Bytes before the next record that are not a record have the opcode ``BROKEN``, or
+    ``TRUNCATED`` at the end of a truncated file; start and end are then those of all these bytes.
     """
     position = len(MAGIC)
     has_chunks = False
@@ -107,7 +107,7 @@ def walk(data: mmap.mmap) -> Iterator[tuple[int, int, int]]:
         while found is not None and not fits(data, found.start(), has_chunks=True):
             found = _BEGINNING.search(data, found.start() + 1)
         if found is None and _is_cut(data, position):
-            yield CUT, position, len(data)
+            yield TRUNCATED, position, len(data)
             return
         end = len(data) if found is None else found.start()
         yield BROKEN, position, end
@@ -115,13 +115,13 @@ def walk(data: mmap.mmap) -> Iterator[tuple[int, int, int]]:
 
 
 def is_whole(content: bytes) -> bool:
-    """Whether the content of an attachment's record fits the checksum at its end."""
+    """Return True if the content of an attachment's record matches the checksum at its end."""
     (stored,) = struct.unpack('<I', content[-4:])
     return stored in (0, zlib.crc32(content[:-4]))
 
 
 def fits(data: mmap.mmap, position: int, *, has_chunks: bool = False) -> bool:
-    """Whether a whole record is there: the lengths of what is in it make up its own."""
+    """Return True if a complete record is there: the lengths of its items add up to its own."""
     place = position + FRAME.size
     if place > len(data):
         return False
@@ -130,7 +130,7 @@ def fits(data: mmap.mmap, position: int, *, has_chunks: bool = False) -> bool:
     if end > len(data):
         return False
     if opcode == Opcode.MESSAGE:
-        # nothing in it tells; beside chunks it is more likely a damaged index
+        # a message has no item to check; in a file with chunks it is probably a damaged index
         return int(length) >= _MESSAGE.size and not has_chunks
     if opcode not in _LAYOUTS:
         return False
@@ -145,7 +145,7 @@ def fits(data: mmap.mmap, position: int, *, has_chunks: bool = False) -> bool:
 
 
 def _is_cut(data: mmap.mmap, position: int) -> bool:
-    """Whether a file ends here within a record, or in zeros after a loss of power."""
+    """Return True if a file ends here within a record, or in zeros after a loss of power."""
     if data[position] == 0 or len(data) - position < FRAME.size:
         return True
     opcode, length = FRAME.unpack_from(data, position)
@@ -154,12 +154,12 @@ def _is_cut(data: mmap.mmap, position: int) -> bool:
 
 
 def has_end(data: mmap.mmap) -> bool:
-    """Whether a file ends as a finished one does."""
+    """Return True if a file ends like a finished one."""
     return len(data) >= 2 * len(MAGIC) and data[-len(MAGIC) :] == MAGIC
 
 
 def footer_of(data: mmap.mmap) -> Footer | None:
-    """The record that a finished file ends with."""
+    """Return the record at the end of a finished file, None without one."""
     start = len(data) - len(MAGIC) - _FOOTER.size
     if start < len(MAGIC) + FRAME.size:
         return None
@@ -169,7 +169,7 @@ def footer_of(data: mmap.mmap) -> Footer | None:
 
 
 def has_index(data: mmap.mmap) -> bool:
-    """Whether a file ends as a finished one does, with an index that its checksum fits."""
+    """Return True if a file ends like a finished one, with an index that matches its checksum."""
     footer, end = footer_of(data), len(data) - len(MAGIC) - 4
     if footer is None or not has_end(data):
         return False
@@ -177,19 +177,23 @@ def has_index(data: mmap.mmap) -> bool:
 
 
 def checksum(data: mmap.mmap, start: int, end: int) -> int:
-    """CRC-32 of a part of a file."""
+    """Compute the CRC-32 of a part of a file."""
     with memoryview(data) as whole, whole[start:end] as part:
         return zlib.crc32(part)
 
 
-def check_size(size: int, most: int) -> None:
-    """Raise McapError for a record or a chunk of more than so many bytes."""
-    if size > most:
-        raise McapError(f'{size} bytes at once, more than {most}')
+def check_size(size: int, maximum: int) -> None:
+    """Raise McapError if a size exceeds a maximum [bytes]."""
+    if size > maximum:
+        raise McapError(f'{size} bytes at once, more than {maximum}')
 
 
 def frames(data: bytes | memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Split whole records into opcode and content; McapError or struct.error where one is cut."""
+    """Split records into opcode and content.
+
+    Raises:
+        McapError, struct.error: If a record is incomplete.
+    """
     view = memoryview(data)
     position = 0
     while position < len(view):
@@ -202,7 +206,7 @@ def frames(data: bytes | memoryview) -> Iterator[tuple[int, memoryview]]:
 
 
 def parse(opcode: int, content: bytes | memoryview) -> list[McapRecord]:
-    """Parse a record; a chunk gives the records inside it. Raises what ``unpacked`` does.
+    """Parse a record; of a chunk, the records inside it. Raises the same errors as ``unpacked``.
 
     The data of a message are a view of the content, or of the chunk.
     """
@@ -222,11 +226,11 @@ def parse(opcode: int, content: bytes | memoryview) -> list[McapRecord]:
 
 
 def unpacked(content: bytes | memoryview) -> bytes | memoryview:
-    """Uncompressed records of a chunk.
+    """Return the uncompressed records of a chunk.
 
     Raises:
-        UnsupportedCompressionError: The chunk has another compression than lz4 and zstd.
-        DAMAGE: It is damaged, too large, or of another size than it says.
+        UnsupportedCompressionError: If the compression is neither lz4 nor zstd.
+        DAMAGE: If the chunk is damaged or too large, or its size differs from that in its header.
     """
     _, _, size, stored, length = _CHUNK.unpack_from(content)
     check_size(size, MAX_CHUNK_SIZE)
@@ -235,7 +239,7 @@ def unpacked(content: bytes | memoryview) -> bytes | memoryview:
     compression = bytes(view[_CHUNK.size : place]).decode()
     (length,) = struct.unpack_from('<Q', view, place)
     data: bytes | memoryview = view[place + 8 : place + 8 + length]
-    # what is compressed may be more than it says: a byte of that is enough to tell
+    # one byte more than the stated size is enough to detect that there is more
     if compression == 'lz4':
         data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
     elif compression == 'zstd':
@@ -244,7 +248,7 @@ def unpacked(content: bytes | memoryview) -> bytes | memoryview:
     elif compression:
         raise UnsupportedCompressionError(compression)
     if len(data) != size:
-        raise McapError(f'a chunk of {size} bytes that holds {len(data)} or more')
+        raise McapError(f'a chunk of {size} bytes that contains {len(data)} or more')
     if stored not in (0, zlib.crc32(data)):
-        raise McapError('a chunk that its checksum does not fit')
+        raise McapError('a chunk that does not match its checksum')
     return data

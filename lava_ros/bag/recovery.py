@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rewrites a bag whose recording was cut off into a finished one that every tool reads."""
+"""Conversion of a truncated bag to a finished one that every tool reads."""
 
 from collections import deque
 from collections.abc import Callable
@@ -21,17 +21,22 @@ def recover(
 ) -> int:
     """Copy every readable message, with its definition, QoS and times, into a new bag.
 
-    The new bag is split into files where the old one is, and keeps the readable attachments.
-    Damaged parts are left out; ``source.damage`` lists them. ``on_progress`` is called with the
-    name of the activity and the share of the recorded time that has been copied. Returns the
-    number of messages copied. LavaError where the directory exists, or a file of the source can no
-    longer be read, messages before that point having been copied; OSError where the new bag cannot
-    be written.
+    The new bag has the same files and the readable attachments, without the damaged parts that
+    ``source.damage`` lists. ``on_progress`` is called with the name of the activity and the copied
+    fraction of the recorded time.
+
+    Returns:
+        The number of messages copied.
+
+    Raises:
+        LavaError: If the directory exists, or a file can no longer be read; the messages before
+            that point have then been copied.
+        OSError: If the new bag cannot be written.
     """
     with BagWriter(directory, custom_data=source.custom_data) as writer:
         for index, file in enumerate(source.files):
             if index:
-                writer.begin_file()
+                writer.start_next_file()
             attachments = deque(filter(_is_readable, attachments_in(file)))
             for message in source.messages(file=file):
                 while attachments and attachments[0].log_time_ns < message.stamp_ns:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""When to publish which message of a bag: the timing of a replay."""
+"""Timing of a replay: when to publish each message of a bag."""
 
 from collections.abc import Callable, Iterator
 import math
@@ -15,15 +15,15 @@ from lava_ros.errors import LavaError
 #: Wall time between the last message and the first of the next round of a loop [s].
 LOOP_PAUSE = 1.0
 
-#: Time between two clock ticks [s]: 100 Hz, as ros2 bag play can do it.
+#: Time between two clock ticks [s].
 TICK = 0.01
 
 
 class Step(NamedTuple):
     """A message to publish or, without one, a tick of the clock.
 
-    ``at`` is the wall time since the start of the replay [s], ``clock_ns`` the bag's time then
-    [ns], and ``round`` counts the passes through the bag from 0 on.
+    ``at`` is the wall time since the start of the replay [s], ``clock_ns`` the bag time [ns], and
+    ``round`` the number of earlier passes through the bag.
     """
 
     at: float
@@ -35,14 +35,16 @@ class Step(NamedTuple):
 def schedule(
     bag: BagReader, *, rate: float = 1.0, loop: bool = False, start_offset: float = 0.0
 ) -> Iterator[Step]:
-    """Say when each message of a bag is to be published, at a rate [s of bag time / s].
+    """Schedule the messages of a bag.
 
-    A start offset [s of bag time] skips what lies before it, save that the newest message of every
-    latched (transient_local) topic is due at once: a map that was published early still holds. A
-    ``loop`` starts over there at the end, for ever.
+    With a start offset, earlier messages are skipped, except the newest one of each latched
+    (transient_local) topic, which is due immediately: a map that was published early still holds.
+
+    ``rate`` is bag time per wall time [s/s], ``start_offset`` is bag time after the first message
+    [s]. A ``loop`` starts again at the offset after the end, without limit.
 
     Raises:
-        LavaError: An argument is out of range, or the bag is empty.
+        LavaError: If an argument is out of range, or the bag is empty.
     """
     rate = validation.number('rate', rate, above=0.0)
     start_offset = validation.number('start_offset', start_offset, at_least=0.0, unit='s')
@@ -50,8 +52,8 @@ def schedule(
         raise LavaError('bag', 'without messages', 'at least one message to replay')
     begin = bag.start_ns + round(start_offset * 1e9)
     if begin > bag.end_ns:
-        right = f'at most the {bag.duration_ns / 1e9:g} s the bag lasts'
-        raise LavaError('start_offset', start_offset, right)
+        expected = f'at most the {bag.duration_ns / 1e9:g} s the bag lasts'
+        raise LavaError('start_offset', start_offset, expected)
     return _schedule(bag, rate, loop, begin)
 
 
@@ -79,11 +81,11 @@ def pace(
     wait: Callable[[float], bool],
     tick: float | None = TICK,
 ) -> Iterator[Step]:
-    """Yield each message of a schedule when it is due, and clock ticks [s] while waiting for it.
+    """Yield each message of a schedule when it is due, and clock ticks while waiting for it.
 
-    The clock follows wall time times the rate and never passes the next message, so that a late
-    message does not turn it back. ``now`` is a clock that only goes forward [s]; ``wait`` sleeps
-    for a time [s] or less, and true means stop.
+    The clock follows wall time times ``rate``, but not beyond the next message, so that a late
+    message does not set it back. ``now`` returns monotonic wall time [s]. ``wait`` sleeps for at
+    most a time [s], and returns True to stop. ``tick`` is the time between clock ticks [s].
     """
     start = now()
     next_tick = math.inf if tick is None else start + tick
@@ -97,7 +99,7 @@ def pace(
             moment = now()
             if tick is not None and moment >= next_tick:
                 next_tick = moment + tick
-                # In the pause between two rounds the clock stands at the end of the bag.
+                # in the pause between two rounds the clock stays at the end of the bag
                 if due.round in (current_round, 0):
                     behind = max(at - moment, 0.0) * rate
                     clock_ns = max(clock_ns, due.clock_ns - round(behind * 1e9))
@@ -109,14 +111,14 @@ def pace(
 
 
 class StopRequest:
-    """A request to stop that the handler of a signal can make.
+    """A request to stop that a signal handler can set.
 
-    A handler runs in the main thread, also while that thread waits for the request. The ``set`` of
-    a ``threading.Event`` then blocks for ever: it needs the lock that the ``wait`` below it holds.
+    ``threading.Event`` would deadlock: a handler runs in the main thread, also during ``wait``,
+    and ``set`` needs the lock that ``wait`` holds.
     """
 
     def __init__(self) -> None:
-        """Begin without a request."""
+        """Initialize without a request."""
         self._is_set = False
 
     def set(self) -> None:
@@ -124,11 +126,11 @@ class StopRequest:
         self._is_set = True
 
     def is_set(self) -> bool:
-        """Return whether a stop has been requested."""
+        """Return True if a stop has been requested."""
         return self._is_set
 
     def wait(self, seconds: float) -> bool:
-        """Wait for a short time [s] unless there is a request; return whether there is one."""
+        """Wait for ``seconds`` unless a stop is requested; return True if one is."""
         if not self._is_set:
             time.sleep(seconds)
         return self._is_set

@@ -76,9 +76,9 @@ def _definition_file(resource: str, prefixes: tuple[Path, ...]) -> Path:
         path = prefix / 'share' / package / 'msg' / f'{name}.msg'
         if path.is_file():
             return path
-    right = f'a type of an installed package: no share/{package}/msg/{name}.msg under '
-    right += f'{", ".join(map(str, prefixes))}; install {package} or source its workspace'
-    raise LavaError('message_type', f'{package}/msg/{name}', right)
+    expected = f'a type of an installed package: no share/{package}/msg/{name}.msg under '
+    expected += f'{", ".join(map(str, prefixes))}; install {package} or source its workspace'
+    raise LavaError('message_type', f'{package}/msg/{name}', expected)
 
 
 def _full_text(resource: str, prefixes: tuple[Path, ...], seen: set[str]) -> str:
@@ -108,6 +108,6 @@ def _type_hash(message_type: str, path: Path) -> str:
         found = (item['hash_string'] for item in hashes if item['type_name'] == message_type)
         return str(next(found))
     except (OSError, ValueError, KeyError, TypeError, StopIteration) as error:
-        right = f'a type whose hash is in {path.name} next to its definition, as packages built '
-        right += f'for ROS 2 Jazzy have it ({type(error).__name__})'
-        raise LavaError('message_type', message_type, right) from error
+        expected = f'a type whose hash is in {path.name} next to its definition, as packages '
+        expected += f'built for ROS 2 Jazzy have it ({type(error).__name__})'
+        raise LavaError('message_type', message_type, expected) from error

@@ -239,11 +239,11 @@ class BagWriter:
         try:
             self._directory = _Directory(self.directory)
         except FileExistsError:
-            right = 'a directory that does not exist yet; choose another name or remove it first'
-            raise LavaError('bag', str(directory), right) from None
+            expected = 'a directory that does not exist yet; choose another name or remove it'
+            raise LavaError('bag', str(directory), expected) from None
         except OSError as error:
-            right = f'a directory that can be created ({error})'
-            raise LavaError('bag', str(directory), right) from error
+            expected = f'a directory that can be created ({error})'
+            raise LavaError('bag', str(directory), expected) from error
         self._topics: dict[str, _Topic] = {}
         self._records: list[FileRecord] = []
         self._last_stamp_ns: int | None = None
@@ -318,11 +318,11 @@ class BagWriter:
         item = self._topics.get(topic) or _topic(topic, message_type, qos, schema)
         first = (item.record.message_type, item.record.qos)
         if first != (message_type, qos):
-            right = f'the type and QoS of its first message: {first[0]}, {first[1]}'
-            raise LavaError(f'message on {topic}', (message_type, qos), right)
+            expected = f'the type and QoS of its first message: {first[0]}, {first[1]}'
+            raise LavaError(f'message on {topic}', (message_type, qos), expected)
         log_time = max(stamp_ns if log_time_ns is None else log_time_ns, self._end_ns)
         if stamp_ns != self._last_stamp_ns and self._is_full(file, log_time):
-            self.begin_file()
+            self.start_next_file()
             file = self._open()
             for other in self._topics.values():
                 if other.latest is not None and other is not item:
@@ -348,7 +348,7 @@ class BagWriter:
         log_time = max(stamp_ns, self._end_ns)
         self._open().attach(name, media_type, data, log_time, self._custom_data)
 
-    def begin_file(self) -> None:
+    def start_next_file(self) -> None:
         """Finish the current file and start a new one, without repeated messages.
 
         Raises:
@@ -414,8 +414,8 @@ class BagWriter:
             return False
         if self._max_duration_ns and log_time - start_ns >= self._max_duration_ns:
             return True
-        least = max(self._max_size, 2 * self._repeated_size)
-        return bool(self._max_size) and file.size >= least
+        minimum = max(self._max_size, 2 * self._repeated_size)
+        return bool(self._max_size) and file.size >= minimum
 
 
 def _topic(

@@ -47,7 +47,7 @@ def accuracy(args: argparse.Namespace) -> int:
     from lava_ros.verification.report import markdown
     from lava_ros.verification.rows import as_plain, read_csv, write_csv
 
-    repetitions, longest = (1, measure.QUICK_LONGEST) if args.quick else (3, measure.LONGEST)
+    repetitions, longest = (1, measure.QUICK_MAX_RUN_TIME) if args.quick else (3, measure.LONGEST)
     if args.repetitions is not None:
         repetitions = args.repetitions
     repetitions = validation.whole('--repetitions', repetitions, at_least=1, at_most=1000)
@@ -99,7 +99,6 @@ def accuracy(args: argparse.Namespace) -> int:
 
 
 def _print_presets(rows: Sequence[Row]) -> None:
-    """Print the presets' errors and costs, one line for each case."""
     from lava_ros.verification import cases
     from lava_ros.verification.rows import points, presets_of
 

@@ -18,7 +18,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
-    from lava_ros.hindcast.calibration import Finding, LeftOut, Trial
+    from lava_ros.hindcast.calibration import CrossValidation, Finding, Trial
     from lava_ros.hindcast.case import Case
 
 #: Files of a calibration in its folder.
@@ -67,21 +67,23 @@ def calibrate(args: argparse.Namespace) -> int:
         write_trials,
     )
     from lava_ros.hindcast.case import load_case
-    from lava_ros.hindcast.replicates import MOST
+    from lava_ros.hindcast.replicates import MAX_REPLICATES
     from lava_ros.hindcast.run import Settings
-    from lava_ros.hindcast.unknowns import unknowns_of
-    from lava_ros.simulation.defaults import device_of
+    from lava_ros.hindcast.unknowns import free_parameters_of
+    from lava_ros.simulation.setup.defaults import device_of
 
     runs = validation.whole('--runs', args.runs, at_least=4, at_most=10**6)
     workers = validation.whole('--workers', args.workers, at_least=1, at_most=64)
-    directions = validation.whole('--directions', args.directions, at_least=1, at_most=MOST)
+    directions = validation.whole(
+        '--directions', args.directions, at_least=1, at_most=MAX_REPLICATES
+    )
     seed = validation.whole('--seed', args.seed, at_least=0, at_most=2**32 - 1)
     cases = [
         load_case(folder, material=args.material, low_pass_width=args.low_pass)
         for folder in args.case
     ]
     names = _names(cases)
-    unknowns = unknowns_of(cases[0], *_chosen(args.unknown))
+    unknowns = free_parameters_of(cases[0], *_chosen(args.unknown))
     settings = Settings(args.preset, args.spacing, args.device)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE
@@ -91,11 +93,11 @@ def calibrate(args: argparse.Namespace) -> int:
         numbers['directions'] for trial in known for numbers in trial.numbers.values()
     } - {directions}
     if others:
-        right = f'{min(others):g} as in {table}, or --fresh'
-        raise LavaError('--directions', directions, right)
+        expected = f'{min(others):g} as in {table}, or --fresh'
+        raise LavaError('--directions', directions, expected)
     so_far: list[Trial] = []
 
-    def told(count: int, trial: Trial) -> None:
+    def report(count: int, trial: Trial) -> None:
         so_far.append(trial)
         write_trials(table, unknowns, [*so_far, *known[len(so_far) :]])
         progress.show(f'set {count}: Jaccard {trial.jaccard:.3f}', count / runs)
@@ -109,7 +111,7 @@ def calibrate(args: argparse.Namespace) -> int:
             seed=seed,
             batch=max(BATCH, workers) if device_of(args.device).is_cuda else workers,
             known=known,
-            progress=told,
+            progress=report,
         )
     found, near = findings(unknowns, trials), near_best(trials)
     left_out = leave_one_out(trials)
@@ -130,7 +132,6 @@ def calibrate(args: argparse.Namespace) -> int:
 
 
 def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
-    """Names of unknowns, and the ranges of those that have one."""
     names, ranges = [], {}
     for text in texts:
         name, has_range, span = text.partition('=')
@@ -146,7 +147,7 @@ def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[floa
 
 
 def _names(cases: Sequence[Case]) -> list[str]:
-    """Names of the cases, which have to be distinct and of one material."""
+    """Return the names of the cases, which have to be distinct and of one material."""
     names = [case.name for case in cases]
     if len(set(names)) < len(names):
         raise LavaError('CASE_DIR', ' '.join(names), 'folders with different names')
@@ -160,9 +161,9 @@ def _print_findings(
     found: Sequence[Finding],
     near: Sequence[Trial],
     trials: Sequence[Trial],
-    left_out: Sequence[LeftOut],
+    left_out: Sequence[CrossValidation],
 ) -> None:
-    from lava_ros.hindcast.calibration import can_tell
+    from lava_ros.hindcast.calibration import has_enough_samples
 
     usual, best = trials[0].jaccard, near[0].jaccard
     print(f'Jaccard {usual:.3f} with the default values, {best:.3f} with the best of '
@@ -174,7 +175,7 @@ def _print_findings(
         )
     print(f'{len(near)} sets are within {best - near[-1].jaccard:.3f} of the best; in them')
     print(f'{"":17} {"default":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation')
-    absent = '  the fit does not depend on it' if can_tell(trials) else '  too few sets to tell'
+    absent = '  the fit does not depend on it' if has_enough_samples(trials) else '  too few sets'
     for item in found:
         numbers = (item.unknown.usual, item.best, item.low, item.high)
         shown = ' '.join(f'{value:9.4g}' for value in numbers)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What commands print and write: progress, tables, JSON, text without control characters."""
+"""Output of commands: progress, tables, JSON, and text without control characters."""
 
 import argparse
 from collections.abc import Sequence
@@ -15,18 +15,18 @@ from typing import Any, TextIO
 from lava_ros.errors import LavaError, printable
 from lava_ros.files import file_to_write, write_output
 
-#: Arguments that name what a command writes, wherever it has them.
+#: Arguments that name output files.
 OUTPUTS = ('json', 'output', 'picture')
 
 
 class Printable:
-    """A text stream that shows control characters in place of passing them on to ``raw``.
+    """A text stream that shows control characters instead of writing them to ``raw``.
 
-    Anyone may write the names and texts in bags, cases and graphs.
+    Names and texts in bags, cases and graphs are untrusted.
     """
 
     def __init__(self, stream: TextIO) -> None:
-        """Write to a stream."""
+        """Wrap a stream."""
         self.raw: TextIO = stream.raw if isinstance(stream, Printable) else stream
 
     def write(self, text: str) -> int:
@@ -34,14 +34,14 @@ class Printable:
         return self.raw.write(printable(text))
 
     def __getattr__(self, name: str) -> Any:
-        """Everything else is the stream's."""
+        """Return any other attribute of the stream."""
         return getattr(self.raw, name)
 
 
 def terminal(stream: TextIO | None = None, **options: Any) -> Any:
-    """A rich console that writes past ``Printable``, which makes text from outside safe to print.
+    """Return a rich console that bypasses ``Printable``.
 
-    Text from outside must therefore be made printable before it is passed to the console.
+    The caller must therefore make untrusted text printable before passing it to the console.
     """
     from rich.console import Console
 
@@ -53,8 +53,8 @@ def check_outputs(args: argparse.Namespace) -> None:
     """Check that ``--json`` can be written, and that no output overwrites another named file.
 
     Raises:
-        LavaError: An output is also named by another argument, or ``--json`` is not a writable
-            file whose name ends with .json.
+        LavaError: If another argument names the same file, or ``--json`` is not a writable file
+            whose name ends with .json.
     """
     named = {name: value for name, value in vars(args).items() if isinstance(value, str)}
     if named.get('json', '-') != '-':
@@ -66,8 +66,8 @@ def check_outputs(args: argparse.Namespace) -> None:
 
 
 def write_json(data: Any, *names: str | Path | None) -> None:
-    """Write data as JSON to files, to stdout for ``-``, and nowhere for None."""
-    # ASCII: a terminal may obey characters from 128 on
+    """Write data as JSON to files, or to stdout for ``-``; None is ignored."""
+    # in ASCII, because a terminal may interpret characters at or above 128
     text = json.dumps(data, indent=1) + '\n'
     for name in names:
         if name == '-':
@@ -91,7 +91,11 @@ def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
 
 
 def made_folder(name: str | Path) -> Path:
-    """Create the folder that ``--output`` names, unless it exists; LavaError if it cannot be."""
+    """Create the folder that ``--output`` names, unless it exists.
+
+    Raises:
+        LavaError: If it cannot be created.
+    """
     folder = Path(name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -108,10 +112,10 @@ def _is_same(one: str, other: str) -> bool:
 
 
 class Progress:
-    """A bar with the remaining time in a terminal, a line for every tenth elsewhere."""
+    """A progress bar with the remaining time in a terminal, otherwise a line for each tenth."""
 
     def __init__(self, stream: TextIO | None = None, *, has_lines: bool = True) -> None:
-        """Show progress on a stream, by default stdout; work of seconds needs no lines."""
+        """Show progress on a stream, by default stdout; ``has_lines`` is for long work."""
         self._stream = sys.stdout if stream is None else stream
         self._tenths = -1 if has_lines or self._stream.isatty() else 10
         self._started = time.monotonic()
@@ -129,7 +133,7 @@ class Progress:
                 TimeRemainingColumn(compact=True),
                 console=terminal(self._stream),
                 transient=True,
-                # where stdout goes elsewhere, prints are not to follow the bar
+                # do not redirect prints if stdout is not the terminal
                 redirect_stdout=sys.stdout.isatty(),
             )
             self._task = self._bar.add_task('compiling', total=1.0)
@@ -145,14 +149,14 @@ class Progress:
         if self._bar is not None:
             self._bar.stop()
 
-    def show(self, what: str, share: float) -> None:
-        """Show what is done next, and the share of the work that is done."""
+    def show(self, what: str, done: float) -> None:
+        """Show the current activity, and the completed fraction of the work."""
         if self._bar is not None:
-            self._bar.update(self._task, completed=share, description=what)
+            self._bar.update(self._task, completed=done, description=what)
             return
-        tenths = int(10.0 * share)
+        tenths = int(10.0 * done)
         if tenths > self._tenths:
             self._tenths = tenths
             elapsed = time.monotonic() - self._started
-            left = f', {elapsed / share - elapsed:.0f} s left' if 0.05 < share < 1.0 else ''
+            left = f', {elapsed / done - elapsed:.0f} s left' if 0.05 < done < 1.0 else ''
             print(f'{10 * tenths:3d} %  {what}{left}', file=self._stream, flush=True)

@@ -24,16 +24,16 @@ if TYPE_CHECKING:
     from lava_ros.ros.monitor import Observation
     from lava_ros.scene import Scene
 
-#: Default wall time of the flow [s]: a GPU would be done before anybody saw it.
-LEAST_WALL_TIME = 25.0
+#: Default wall time of the flow [s]; a GPU would finish too fast to watch.
+DEFAULT_WALL_TIME = 25.0
 
 #: Limits of the node's time_scale.
 SPEED_RANGE = (1e-3, 1e6)
 
-#: Longest time without progress of the node [s]; a first run compiles kernels.
-LONGEST_SILENCE = 120.0
+#: Maximum time without progress of the node [s]; a first run compiles kernels.
+PROGRESS_TIMEOUT = 120.0
 
-#: Files beside the bag; the first marks the folder as that of a demo.
+#: Files in the folder of the bag; the first marks it as the output of a demo.
 RESULT, PICTURE = 'demo.json', 'demo.png'
 
 #: Options that apply to ``--forecast``.
@@ -48,7 +48,7 @@ _FORECAST_OPTIONS = frozenset(
     argument('--output', 'DIR', 'bag to record; it replaces an earlier demo there', 'bags/demo'),
     argument(
         '--max-speed', 'X', 'run at most X times as fast as real time (default: the speed '
-        f'that takes {LEAST_WALL_TIME:g} s in all; with --forecast 40)', float,
+        f'that takes {DEFAULT_WALL_TIME:g} s in all; with --forecast 40)', float,
     ),
     argument(
         '--forecast', None, 'forecast the flow from a vent in the crater of Mount St. Helens, and '
@@ -83,7 +83,7 @@ def demo(args: argparse.Namespace) -> int:
     if args.spacing is not None:
         validation.number('--spacing', args.spacing, above=0.0, unit='m')
     slowest, fastest = SPEED_RANGE
-    speed = min(max(duration / LEAST_WALL_TIME, slowest), fastest)
+    speed = min(max(duration / DEFAULT_WALL_TIME, slowest), fastest)
     if args.max_speed is not None:
         speed = validation.number(
             '--max-speed', args.max_speed, at_least=slowest, at_most=fastest
@@ -112,7 +112,7 @@ def demo(args: argparse.Namespace) -> int:
         print(f'lava demo: {error}', file=sys.stderr)
         return 1
     finally:
-        # also after a failure the next demo may replace what is there
+        # the next demo may replace this folder, also after a failure
         if output.is_dir():
             write_json({}, output / RESULT)
     result = _result(seen, speed)
@@ -125,7 +125,7 @@ def demo(args: argparse.Namespace) -> int:
 
 
 def _check_forecast_options(args: argparse.Namespace) -> None:
-    """Raise LavaError for an option that has no effect with, or without, ``--forecast``."""
+    """Raise LavaError for an option that does not apply with, or without, ``--forecast``."""
     for names, options in demo.arguments:
         name = names[-1]
         value = getattr(args, name.lstrip('-').replace('-', '_'))
@@ -138,14 +138,14 @@ def _check_forecast_options(args: argparse.Namespace) -> None:
 
 
 def _own_domain(number: int | None) -> int:
-    """Return the ID of the demo's ROS domain, and keep this process and the node to themselves."""
+    """Return the ID of the demo's ROS domain, and restrict discovery to this machine."""
     domain = domain_of(number)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     return domain
 
 
 def _remove_earlier_demo(output: Path) -> None:
-    """Remove the output of an earlier demo; LavaError where anything else is in its place."""
+    """Remove the output of an earlier demo; raise LavaError for any other file or folder."""
     try:
         if not output.exists():
             return
@@ -169,14 +169,14 @@ def _flow(
     """Run the node until the flow has ended, and return the last observation.
 
     Raises:
-        ChildError: The node failed.
+        ChildError: If the node fails.
     """
     from lava_ros.maps.plot import area_words
     from lava_ros.maps.plot import duration as words
     from lava_ros.ros.monitor import Monitor
 
     with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
-        heard_at, heard = time.monotonic(), (0.0, '')
+        changed_at, last = time.monotonic(), (0.0, '')
         with Progress() as progress:
             is_finished = False
             while not is_finished:
@@ -186,10 +186,10 @@ def _flow(
                 if seen.has_failed or seen.recorder_error or seen.refused:
                     reason = seen.recorder_error or seen.refused or seen.message
                     raise ChildError(node.failure(f'reports: {reason}'))
-                if (seen.time, seen.state) != heard:
-                    heard_at, heard = now, (seen.time, seen.state)
-                elif now - heard_at > LONGEST_SILENCE:
-                    raise ChildError(node.failure(f'made no progress for {LONGEST_SILENCE:g} s'))
+                if (seen.time, seen.state) != last:
+                    changed_at, last = now, (seen.time, seen.state)
+                elif now - changed_at > PROGRESS_TIMEOUT:
+                    raise ChildError(node.failure(f'made no progress for {PROGRESS_TIMEOUT:g} s'))
                 text = seen.message or 'starting'
                 if seen.time > 0.0:
                     text = f'{words(seen.time)} · {seen.values["particles"]} particles · '
@@ -201,7 +201,7 @@ def _flow(
 
 
 def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
-    from lava_ros.simulation.budget import VolumeBudget
+    from lava_ros.simulation.output.budget import VolumeBudget
 
     values = seen.values
     speed = float(values['mean_speed'])

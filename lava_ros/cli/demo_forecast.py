@@ -28,9 +28,9 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.presets import preset_accuracy
 
 if TYPE_CHECKING:
-    from lava_ros.ros.monitor import ForecastWatch, HeardGrid
+    from lava_ros.ros.monitor import ForecastWatch, ReceivedGrid
 
-#: How far forecasts look [s], and simulated seconds in a second.
+#: Horizon of the forecasts [s], and simulated time per wall time [s/s].
 HORIZON, SPEED = 3600.0, 40.0
 
 #: Number of members of an ensemble, and the picture to write.
@@ -42,21 +42,21 @@ SEEN_AT = 1200.0
 #: Distance between particles [m].
 SPACING = 20.0
 
-#: A vent in the crater of Mount St. Helens, as the observatory first takes it to be.
+#: A vent in the crater of Mount St. Helens with the properties that the observatory assumes.
 VENT = Vent((4050.0, 3300.0), 60.0, radius=40.0, name='crater')
 LAVA = Lava(viscosity=2e4)
 
-#: The uncertainty that it assumes.
+#: The uncertainty that the observatory assumes.
 UNCERTAINTY = Uncertainty(
     discharge=Distribution('lognormal', (1.0, 1.8)),
     viscosity=Distribution('loguniform', (0.4, 2.5)),
     position=Displacement(radius=60.0),
 )
 
-#: Factors of the real flow, which it does not know: more lava, of lower viscosity.
+#: Factors of the real flow, unknown to the observatory: more lava, of lower viscosity.
 TRUE_DISCHARGE, TRUE_VISCOSITY = 1.7, 0.6
 
-#: Longest wait for anything [s].
+#: Maximum wait for each step of the demo [s].
 PATIENCE = 300.0
 
 #: Probabilities [%] between which a cell is undecided.
@@ -74,7 +74,7 @@ def narrow_forecast(args: argparse.Namespace, domain: int) -> int:
         The exit status: 1 if the node failed or took too long.
 
     Raises:
-        LavaError: An argument is out of range, or the picture cannot be written.
+        LavaError: If an argument is out of range, or the picture cannot be written.
     """
     members = MEMBERS if args.members is None else args.members
     members = validation.whole('--members', members, at_least=2, at_most=10_000)
@@ -97,18 +97,18 @@ def narrow_forecast(args: argparse.Namespace, domain: int) -> int:
 
 
 class _Truth:
-    """The real flow, which the node does not know.
+    """The real flow, which is unknown to the node.
 
     Attributes:
-        seen: Where its lava is at ``SEEN_AT``, bool, shape [rows, columns].
-        came: Where its lava has come up to the end, bool, same shape.
+        seen: Cells inundated at ``SEEN_AT``, bool, shape [rows, columns].
+        came: Cells inundated up to the end, bool, same shape.
     """
 
     def __init__(self, scene: Scene, device: str | None) -> None:
         vent = replace(VENT, discharge=TRUE_DISCHARGE * VENT.peak)
         lava = replace(scene.lava, viscosity=TRUE_VISCOSITY * scene.lava.viscosity)
         accuracy = preset_accuracy('draft', spacing=SPACING)
-        # it compiles the node's kernels, so that nobody waits for them later
+        # also compiles the node's kernels, which are then in the cache
         self._simulation = Simulation(
             replace(scene, vents=(vent,), lava=lava), accuracy=accuracy, device=device
         )
@@ -132,7 +132,7 @@ def _narrowed(
         The figures, and titles and maps of probability before and after the outline.
 
     Raises:
-        ChildError: The node failed, or took too long.
+        ChildError: If the node fails, or takes too long.
     """
     from lava_ros.ros.monitor import ForecastWatch
 
@@ -142,7 +142,7 @@ def _narrowed(
         'spacing': SPACING,
         'time_scale': speed,
         'forecast_horizon': HORIZON / 3600.0,
-        # a busy machine takes its time
+        # valid for long enough on a busy machine
         'forecast_max_age': 4.0 * HORIZON,
         'ensemble_members': members,
     }
@@ -151,47 +151,47 @@ def _narrowed(
         running_node(replace(scene, vents=()), settings, domain) as node,
     ):
         wait = partial(_wait, watch, node)
-        wait('to hear it', lambda: watch.is_heard)
-        # by then the process of the forecasts has started
+        wait('to subscribe', lambda: watch.has_subscribers)
+        # the first map shows that the process of the forecasts has started
         wait('for a first map', lambda: watch.arrivals)
         opened = watch.open_vents(scene.vents, scene.terrain)
         print('a vent opens', flush=True)
         arrival = wait('for a forecast', lambda: _with_lava(watch.arrivals, opened))
-        _tell(arrival.heard - opened, 'a forecast of when lava comes')
+        _print_progress(arrival.received - opened, 'a forecast of when lava comes')
         first = wait('for a forecast', lambda: _with_lava(watch.probabilities, opened))
-        _tell(first.heard - opened, 'a first map of how likely')
+        _print_progress(first.received - opened, 'a first map of how likely')
         wait('for all members', lambda: _is_complete(watch, members))
         complete = time.monotonic()
-        _tell(complete - opened, f'all {members} members')
+        _print_progress(complete - opened, f'all {members} members')
 
         def now() -> float:
             return float(watch.values('simulation').get('simulated_time_s', 0.0))
 
         wait('for the flow', lambda: now() > SEEN_AT)
-        # ROS time of the simulated time that has just passed
+        # ROS time at which simulated time was SEEN_AT
         late = round(1e9 * (now() - SEEN_AT) / speed)
         stamp_ns = int(watch.values('simulation')['stamp_ns']) - late
         before, status = watch.probabilities[-1], watch.values('ensemble')
         shown = watch.show_outline(truth.seen, scene.terrain, stamp_ns)
-        _tell(shown - opened, 'an outline is seen')
+        _print_progress(shown - opened, 'an outline is seen')
         wait(
             'to weigh the members',
             lambda: watch.values('ensemble').get('outlines') == '1'
-            and watch.probabilities[-1].heard > shown,
+            and watch.probabilities[-1].received > shown,
         )
         after = next(
-            (item for item in watch.probabilities if item.heard > shown
+            (item for item in watch.probabilities if item.received > shown
              and item.stamp_ns == before.stamp_ns),
             watch.probabilities[-1],
         )
-        _tell(after.heard - opened, 'the probabilities are narrower')
+        _print_progress(after.received - opened, 'the probabilities are narrower')
         weighed = watch.values('ensemble')
         truth.run_to(float(status['start_time_s']) + HORIZON)
         result = {
-            'forecast_after_s': round(arrival.heard - opened, 2),
-            'probability_after_s': round(first.heard - opened, 2),
+            'forecast_after_s': round(arrival.received - opened, 2),
+            'probability_after_s': round(first.received - opened, 2),
             'all_members_after_s': round(complete - opened, 2),
-            'narrower_after_s': round(after.heard - shown, 2),
+            'narrower_after_s': round(after.received - shown, 2),
             'is_same_ensemble': after.stamp_ns == before.stamp_ns,
             'members': members,
             'members_effective': float(weighed['members_effective']),
@@ -207,36 +207,35 @@ def _narrowed(
     ]
 
 
-def _tell(seconds: float, what: str) -> None:
+def _print_progress(seconds: float, what: str) -> None:
     print(f'{seconds:6.1f} s  {what}', flush=True)
 
 
 def _wait(watch: 'ForecastWatch', node: Child, what: str, found: Callable[[], Any]) -> Any:
-    """Listen until something is found, and return it."""
+    """Receive messages until ``found`` returns something, and return it."""
     end = time.monotonic() + PATIENCE
     while not (result := found()):
         node.check()
         watch.listen(0.1)
         for task in ('simulation', 'inputs', 'forecast', 'ensemble'):
-            said = watch.values(task)
-            if said['error']:
-                raise ChildError(node.failure(f'reports: {task}: {said["message"]}'))
+            status = watch.values(task)
+            if status['error']:
+                raise ChildError(node.failure(f'reports: {task}: {status["message"]}'))
         if time.monotonic() > end:
             raise ChildError(node.failure(f'took more than {PATIENCE:g} s {what}'))
     return result
 
 
-def _with_lava(grids: list['HeardGrid'], since: float) -> 'HeardGrid | None':
-    """The first grid with lava that came since a time [s]."""
-    return next((item for item in grids if item.heard > since and item.cells.max() > 0), None)
+def _with_lava(grids: list['ReceivedGrid'], since: float) -> 'ReceivedGrid | None':
+    return next((item for item in grids if item.received > since and item.cells.max() > 0), None)
 
 
 def _is_complete(watch: 'ForecastWatch', members: int) -> bool:
     if not watch.probabilities:
         return False
-    said, newest = watch.values('ensemble'), watch.probabilities[-1]
-    is_shown = newest.cells.max() > 0 and said.get('frame_stamp_ns') == str(newest.stamp_ns)
-    return is_shown and said.get('members') == str(members)
+    status, newest = watch.values('ensemble'), watch.probabilities[-1]
+    is_shown = newest.cells.max() > 0 and status.get('frame_stamp_ns') == str(newest.stamp_ns)
+    return is_shown and status.get('members') == str(members)
 
 
 def _probability(cells: np.ndarray) -> np.ndarray:
@@ -246,7 +245,7 @@ def _probability(cells: np.ndarray) -> np.ndarray:
 def _scores(
     cells: np.ndarray, before: np.ndarray, came: np.ndarray, terrain: Terrain
 ) -> dict[str, float]:
-    """How undecided a map is, over the cells that had any lava before, and how right it was."""
+    """Return measures of uncertainty and error of a map, for cells with lava in ``before``."""
     probability = _probability(cells) / 100.0
     here = before > 0
     low, high = UNDECIDED

@@ -62,7 +62,7 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
         'disk': lambda: checks.check_disk(args.bags),
         'clock': checks.check_clock,
     }.items():
-        yield from (checks.Finding(name, *said) for said in check())
+        yield from (checks.Finding(name, *result) for result in check())
 
 
 def _check_layers(name: str) -> Said:
@@ -77,7 +77,6 @@ def _check_layers(name: str) -> Said:
 
 
 def _printer() -> Callable[[Finding], None]:
-    """What prints a finding: in colours in a terminal, where rich is installed."""
     from lava_ros.doctor import FAIL, OK, WARN
 
     try:

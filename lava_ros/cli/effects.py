@@ -76,7 +76,6 @@ def _measured(
     scene: Scene, forced: Mapping[str, bool], accuracy: Accuracy, horizon: float,
     device: str | None,
 ) -> tuple[Decision, ...]:
-    """Simulate a scene up to a horizon [s], and return the decisions with measured numbers."""
     from lava_ros.effects import EFFECTS
     from lava_ros.maps.plot import duration
 
@@ -94,17 +93,17 @@ def _measured(
 
 
 def _without(effect: Effect) -> str:
-    """Describe the cost of leaving an effect out where its number is at the threshold."""
+    """Describe the cost of leaving an effect out if its number is at the threshold."""
     if not effect.cost:
         return effect.admits
     return f'{effect.admits}; {percent(effect.cost)} of the footprint'
 
 
 def step_costs() -> dict[str, float]:
-    """Measured time of a step with each single effect, relative to that of a step without effects.
+    """Return the measured time of a step with each single effect over that of one without effects.
 
     Raises:
-        LavaError: The file of the measurements is missing from the package's data.
+        LavaError: If the file of the measurements is missing from the package's data.
     """
     with share_path(COSTS).open(newline='', encoding='utf-8') as file:
         return {row['benchmark']: float(row['ratio']) for row in csv.DictReader(file)}

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from lava_ros.scene import Scene
     from lava_ros.scene.reshaping import Barrier
 
-#: How far ahead members run by default.
+#: Default simulated time of a member.
 HORIZON = '6h'
 
 #: Folder of the bag in the output, and folder of the maps that are weighted by an observation.
@@ -103,18 +103,18 @@ def ensemble(args: argparse.Namespace) -> int:
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
     from lava_ros.forecast.members import check_members
-    from lava_ros.forecast.rasters import seen_in_file, write_atlas
+    from lava_ros.forecast.rasters import observed_in_file, write_atlas
     from lava_ros.forecast.sampling import draw_members, Susceptibility
     from lava_ros.forecast.store import Store
-    from lava_ros.hindcast.chances import chances_of, mapped_on
+    from lava_ros.hindcast.chances import mapped_on, score_probability
     from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
     from lava_ros.pages.comparison import compare_ensembles
-    from lava_ros.scene.on_terrain import raster_on
+    from lava_ros.scene.on_terrain import read_raster_on
     from lava_ros.scene.uncertainty import uncertainty_to_dict
 
     if (args.observed is None) != (args.observed_at is None):
-        right = 'a time together with --observed, and neither without the other'
-        raise LavaError('--observed-at', args.observed_at, right)
+        expected = 'a time together with --observed, and neither without the other'
+        raise LavaError('--observed-at', args.observed_at, expected)
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
     barriers = _barriers(args, plan)
@@ -123,12 +123,12 @@ def ensemble(args: argparse.Namespace) -> int:
     require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
     susceptibility = None
     if args.susceptibility is not None:
-        likelihood = raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
+        likelihood = read_raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
         susceptibility = Susceptibility(scene.terrain, likelihood)
     outline, observation = None, 'none'
     if args.observed is not None:
         seen = seconds_of('--observed-at', args.observed_at)
-        outline = Outline(seen, *seen_in_file(args.observed, scene.terrain))
+        outline = Outline(seen, *observed_in_file(args.observed, scene.terrain))
         observation = f'{Path(args.observed).name}, {seen:g} s after the start'
     members = draw_members(
         scene, args.members, seed=args.seed, susceptibility=susceptibility
@@ -178,30 +178,30 @@ def ensemble(args: argparse.Namespace) -> int:
         report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
     if case is not None:
         report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
-        report['score'] = chances_of(done.maps.probability, mapped_on(case, plan))
+        report['score'] = score_probability(done.maps.probability, mapped_on(case, plan))
     files = [*write_maps(done.maps), *_write_bag(output / BAG, plan, done.maps, report)]
     if done.weighted is not None:
-        # never over the maps in which all members count the same
+        # in a folder of their own, to keep the maps with equal weights
         folder = made_folder(output / WEIGHTED)
         store.write_manifest(folder)
         store.keep_weights(done.weights, folder)
         report |= _report(args, plan, done.weighted, done, wall, where)
         report['observed'] = _agreement(done, observation)
         if case is not None:
-            report['score'] = chances_of(done.weighted.probability, mapped_on(case, plan))
+            report['score'] = score_probability(done.weighted.probability, mapped_on(case, plan))
         files += write_maps(done.weighted, folder, observation)
         files += _write_bag(folder / BAG, plan, done.weighted, report)
     if barriers:
         folder, built = output / WITH_BARRIERS, _barriers_at(args)
-        # effects that sentinels have switched on without barriers are on from the start
+        # keep the effects that sentinels have switched on for the members without barriers
         dammed = replace(plan, scene=_dammed(plan.scene, barriers, built), switched_on=())
         other = Store(folder, dammed, **kept)
         started = time.monotonic()
         again = run_all(other, folder, 'members with barriers')
         wall = time.monotonic() - started
         files += write_maps(again.maps, folder, store=other)
-        told = _report(args, other.plan, again.maps, again, wall, where)
-        files += _write_bag(folder / BAG, other.plan, again.maps, told)
+        result = _report(args, other.plan, again.maps, again, wall, where)
+        files += _write_bag(folder / BAG, other.plan, again.maps, result)
         compared = compare_ensembles(
             output, folder, made_folder(output / COMPARISON), places=args.places or (),
             lines=[args.barriers] if built else (), built=built,
@@ -227,7 +227,6 @@ def ensemble(args: argparse.Namespace) -> int:
 
 
 def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
-    """Read the barriers that the arguments name, and print how much earth each takes."""
     from lava_ros.maps.places import places_on
     from lava_ros.scene.features import read_features
     from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
@@ -243,9 +242,9 @@ def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
     usual = {'height': None, 'width': None, 'slope': Barrier.slope}
     barriers = read_barriers('--barriers', args.barriers, plan.scene.terrain, usual)
     for file in args.places or ():
-        # a file that cannot be read is refused before the runs
+        # raises for an invalid file before the runs
         places_on(read_features('--places', file, plan.scene.terrain), plan.scene.terrain)
-    # a wrong time, or a barrier off the terrain, is refused before the runs as well
+    # raises for an invalid time, or a barrier off the terrain, before the runs
     _barriers_at(args)
     with_barriers(plan.scene.terrain, barriers)
     for item in barriers:
@@ -271,7 +270,7 @@ def _dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
 
 
 def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
-    """What the members have in common; of a folder the case that it holds."""
+    """Return the plan of the members and, if the scene is the folder of a case, the case."""
     from lava_ros.cli.scenes import scene_as_given
     from lava_ros.forecast.members import make_plan
     from lava_ros.hindcast.case import load_case
@@ -293,15 +292,15 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     for name in options:
         if getattr(args, name) not in (None, False):
             option = f'--{name.replace("_", "-")}'.replace('discharge', 'effusion-rate')
-            right = f'no {option} for {args.scene}, a mapped eruption'
-            raise LavaError(option, getattr(args, name), right)
+            expected = f'no {option} for {args.scene}, a mapped eruption'
+            raise LavaError(option, getattr(args, name), expected)
     case = load_case(args.scene, material=args.material)
     settings = Settings(args.preset, args.spacing, args.device)
     return plan_of(case, settings, threshold=args.threshold), case
 
 
 def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
-    """What runs the members, and how to say so."""
+    """Return the function that runs the members, and its description for the report."""
     from lava_ros.forecast.ensemble import (
         default_workers,
         run_here,
@@ -319,7 +318,7 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
         where = {'scheduler': args.scheduler, 'device': args.device}
         return partial(run_on_cluster, **where), where
     if workers is None:
-        # a GPU that is named has one process
+        # one process for a named GPU
         workers = 1 if args.device not in (None, 'cpu') else default_workers()
     where = {'workers': workers, 'device': device_named(args.device)}
     if workers == 1:
@@ -363,7 +362,6 @@ def _report(
 
 
 def _agreement(done: Ensemble, observation: str) -> dict[str, Any]:
-    """How well the members agree with the observed lava."""
     weights = done.weights
     assert weights is not None
     return {
@@ -426,18 +424,18 @@ def _print(report: dict[str, Any], plan: Plan) -> None:
             + ('' if gap is None else f'; largest error of reliability {100.0 * gap:.0f} points')
         )
     if 'barriers' in report:
-        told = report['barriers']
-        for name, areas in told['area_m2'].items():
+        barriers = report['barriers']
+        for name, areas in barriers['area_m2'].items():
             without, built = (1e-6 * areas[case] for case in ('without', 'with'))
             print(f'{name:>13}: {without:8.3f} km2 without barriers, {built:8.3f} km2 with them')
-        if told['places']:
+        if barriers['places']:
             from lava_ros.pages.comparison import place_texts
 
-            print('\n'.join(table_lines(place_texts(told['places']), '<>>>>')))
-        if told['effects'] != report['effects']:
+            print('\n'.join(table_lines(place_texts(barriers['places']), '<>>>>')))
+        if barriers['effects'] != report['effects']:
             print(
                 'lava ensemble: the runs with barriers have other effects, '
-                f'{", ".join(told["effects"])}: delete both folders to run all with these',
+                f'{", ".join(barriers["effects"])}: delete both folders to run all with these',
                 file=sys.stderr,
             )
     print('\n'.join(f'written to {path}' for path in report['files']))

@@ -57,13 +57,13 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.expected_error import estimate_error
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
-    from lava_ros.hindcast.replicates import agreement, MOST, run_replicates
+    from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
     from lava_ros.hindcast.run import Run, Settings, UNFINISHED
     from lava_ros.hindcast.score import judge
     from lava_ros.maps.plot import duration
 
-    # an error should come before the first run, which does not need the number
-    runs = validation.whole('--runs', args.runs, at_least=1, at_most=MOST)
+    # checked before the first run, although only the replicates need it
+    runs = validation.whole('--runs', args.runs, at_least=1, at_most=MAX_REPLICATES)
     case = load_case(
         args.case,
         material=args.material,
@@ -82,8 +82,8 @@ def hindcast(args: argparse.Namespace) -> int:
     if run.is_resumed:
         print(f'continuing the unfinished run in {output}', file=sys.stderr)
     with Progress() as progress:
-        for share, _ in run.snapshots():
-            progress.show(duration(share * case.duration), share)
+        for done, _ in run.snapshots():
+            progress.show(duration(done * case.duration), done)
     result = run.result()
     judged = judge(case, result.snapshot.thickness, result.snapshot.inundated)
     several = None
@@ -94,7 +94,7 @@ def hindcast(args: argparse.Namespace) -> int:
                 settings,
                 runs,
                 folder=unfinished / 'several',
-                progress=lambda share: progress.show(f'{runs} runs', share),
+                progress=lambda done: progress.show(f'{runs} runs', done),
             )
         several = agreement(case, [item.snapshot for item in results])
     expected = estimate_error(case, settings, result, several)
@@ -125,20 +125,19 @@ def _vents(
     from lava_ros.cli.scenes import vents_as_given
 
     if isinstance(args.discharge, str):
-        right = 'one number [m3/s]: the effusion rates of a case are those of its table'
-        raise LavaError('--effusion-rate', args.discharge, right)
+        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
+        raise LavaError('--effusion-rate', args.discharge, expected)
     given = vents_as_given(args, ground)
     if not given:
         return tuple(replace(row, discharge=args.discharge) for row in rows)
     is_own = [vent.discharge is not None for vent in given]
     if any(is_own) and not all(is_own):
-        right = 'one for every vent, or for none'
-        raise LavaError(f'effusion rate of {given[is_own.index(False)].name!r}', None, right)
+        expected = 'one for every vent, or for none'
+        raise LavaError(f'effusion rate of {given[is_own.index(False)].name!r}', None, expected)
     return tuple(given)
 
 
 def _prepare(output: Path) -> None:
-    """Make the folder, and refuse one that holds something else."""
     from lava_ros.hindcast.run import UNFINISHED
 
     names = {item.name for item in output.iterdir()} if output.is_dir() else set()
@@ -182,7 +181,6 @@ def _write_bag(
 def _as_dict(
     case: Case, settings: Settings, result: Result, judged: Score, expected: ExpectedError
 ) -> dict[str, Any]:
-    """A hindcast as plain data."""
     from lava_ros.simulation.selection import decision_as_dict
 
     snapshot, budget = result.snapshot, result.snapshot.budget

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _SHOWN_CHECKPOINTS = 5
 
-#: Parts of the custom data that are shown in words.
+#: Parts of the custom data that are parsed.
 _READ = ('scene', 'effects', 'resumed_from')
 
 
@@ -35,11 +35,11 @@ def info(args: argparse.Namespace) -> int:
 
     bag = BagReader(args.bag)
     refused: list[LavaError] = []
-    told = _as_dict(bag, refused.append)
+    data = _as_dict(bag, refused.append)
     if args.json is None:
-        print('\n'.join(_lines(bag, told, refused)))
+        print('\n'.join(_lines(bag, data, refused)))
     else:
-        write_json(told, args.json)
+        write_json(data, args.json)
     return 0
 
 
@@ -79,14 +79,14 @@ def _as_dict(bag: BagReader, on_refused: Callable[[LavaError], object]) -> dict[
 
 
 def _simulation(bag: BagReader) -> dict[str, Any] | None:
-    """The last diagnostics: simulated time [s], volumes [m3], their error, and warnings."""
+    """Return simulated time [s], volumes [m3] and warnings of the last diagnostics."""
     from lava_ros.bag.decoding import Decoder, last_moment
-    from lava_ros.simulation.budget import VolumeBudget
+    from lava_ros.simulation.output.budget import VolumeBudget
 
     try:
         moment = last_moment(bag, Decoder(bag))
     except LavaError:
-        # decoding needs a library that the rest does not
+        # only decoding needs this library
         return None
     if moment is None:
         return None
@@ -99,8 +99,8 @@ def _simulation(bag: BagReader) -> dict[str, Any] | None:
     }
 
 
-def _lines(bag: BagReader, told: dict[str, Any], refused: list[LavaError]) -> list[str]:
-    from lava_ros.simulation.budget import VolumeBudget
+def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> list[str]:
+    from lava_ros.simulation.output.budget import VolumeBudget
 
     lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {_size(bag.size)}']
     if len(bag.files) > 1:
@@ -113,11 +113,11 @@ def _lines(bag: BagReader, told: dict[str, Any], refused: list[LavaError]) -> li
     lines.append(f'recording  {state}')
     if bag.start_ns is not None:
         lines.append(f'start      {_moment(bag.start_ns)}')
-        lines.append(f'duration   {told["duration"]:.3f} s')
+        lines.append(f'duration   {data["duration"]:.3f} s')
     lines.append(f'messages   {bag.message_count}')
-    if (resumed := told['resumed_from']) is not None:
+    if (resumed := data['resumed_from']) is not None:
         lines.append(f'resumed    at {resumed["time"]:.3f} s simulated, from {resumed["bag"]}')
-    if (simulation := told['simulation']) is not None:
+    if (simulation := data['simulation']) is not None:
         lines.append(f'simulated  {simulation["time"]:.3f} s')
         budget = VolumeBudget.from_texts(simulation)
         if budget is not None:
@@ -129,18 +129,18 @@ def _lines(bag: BagReader, told: dict[str, Any], refused: list[LavaError]) -> li
             name, count, qos = topic.name, str(topic.count), topic.qos
             rows.append((name, topic.message_type, count, qos.reliability, qos.durability))
         lines += ['', *table_lines(rows, '<<<<<')]
-    lines += _checkpoint_lines(told['checkpoints'], refused)
-    if told['scene'] is not None:
-        lines += ['', 'scene', *_scene_lines(told['scene'])]
-    if told['effects'] is not None:
+    lines += _checkpoint_lines(data['checkpoints'], refused)
+    if data['scene'] is not None:
+        lines += ['', 'scene', *_scene_lines(data['scene'])]
+    if data['effects'] is not None:
         lines += ['', 'effects']
-        for index, entry in enumerate(told['effects']):
+        for index, entry in enumerate(data['effects']):
             lines += [f'  changed at {entry["time"]:.1f} s'] if index else []
             lines += [f'  {name:16} {text}' for name, text in entry['effects'].items()]
     rest = [
         f'  {key}: {_short(item)}'
         for key, item in sorted(bag.custom_data.items())
-        if key not in _READ or told[key] is None
+        if key not in _READ or data[key] is None
     ]
     return [*lines, '', 'custom data', *rest] if rest else lines
 
@@ -155,7 +155,6 @@ def _file_line(file: McapFile, start_ns: int) -> str:
 
 
 def _checkpoint_lines(stored: list[dict[str, Any]], refused: list[LavaError]) -> list[str]:
-    """The newest checkpoints, each a moment that `lava node --resume` can go on from."""
     lines = [f'  cannot be read: {item}' for item in refused]
     if not stored:
         return ['', 'checkpoints  none that can be read', *lines] if refused else []
@@ -201,7 +200,7 @@ def _size(size: int) -> str:
 
 
 def _moment(time_ns: int) -> str:
-    """Wall time, or seconds when the time is a simulation's that starts near 0."""
+    """Format a date or, for a simulated clock that starts near 0, seconds."""
     seconds = time_ns / 1e9
     if seconds < 1e9:
         return f'{seconds:.3f} s'

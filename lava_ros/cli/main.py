@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava`: everything this package does, from a terminal."""
+"""The command line `lava`."""
 
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
@@ -16,31 +16,31 @@ from lava_ros.cli.parser import command_line_parser, parse_command_line, ROS_COM
 from lava_ros.cli.start import end_start, INTERRUPTED
 from lava_ros.errors import LavaError, printable
 
-#: Exit status for input that cannot be used, as argparse has it.
+#: Exit status for invalid input, as in argparse.
 USAGE_ERROR = 2
 
-#: Exit status of a command that did its work, but not with all of a damaged or incomplete bag.
+#: Exit status of a command that has read a damaged or incomplete bag.
 DAMAGED = 1
 
-#: What a disk, a quota and a limit of the shell say where nothing more can be written.
+#: Error numbers of a full disk, an exhausted quota and a file beyond the limit of the shell.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 _ROS_ARGS = '--ros-args'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command that the arguments name, without the program's name, or the process's.
+    """Run the command of arguments without the program's name; None for those of the process.
 
     Returns:
-        The exit status: 0 when it went well, 1 when part of a bag was damaged or missing and
-        --incomplete does not accept that, 2 for input that cannot be used.
+        The exit status: 0 for success, 1 if part of a bag was damaged or missing without
+        --incomplete, 2 for invalid input.
     """
     if '_ARGCOMPLETE' in os.environ:
         _complete()
     arguments = list(sys.argv[1:] if argv is None else argv)
-    # argparse takes a place that begins with a minus for an option, unless it has a space in it
+    # a space keeps argparse from reading a place that begins with a minus as an option
     arguments = [f' {word}' if re.match(r'-[\d.]+,', word) else word for word in arguments]
-    # What follows is ROS's to read, options that argparse would take for its own included.
+    # ROS reads everything after --ros-args
     end = len(arguments)
     if arguments and arguments[0] in ROS_COMMANDS and _ROS_ARGS in arguments:
         end = arguments.index(_ROS_ARGS)
@@ -48,9 +48,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _check_encoding(arguments)
         args = parse_command_line(arguments[:end])
     args.ros_args = arguments[end:]
-    said = _Said(args.command)
+    handler = _StderrLogHandler(args.command)
     log = logging.getLogger('lava_ros')
-    log.addHandler(said)
+    log.addHandler(handler)
     level = log.level
     log.setLevel(logging.INFO)
     try:
@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             check_outputs(args)
             status = int(args.run(args))
             is_accepted = getattr(args, 'incomplete', False)
-            return status or (DAMAGED if said.has_warned and not is_accepted else 0)
+            return status or (DAMAGED if handler.has_warned and not is_accepted else 0)
     except LavaError as error:
         problem = str(error)
     except MemoryError as error:
@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:
-        # The reader of our output has gone: there is nobody to tell, and Python would try at exit.
+        # the reader of stdout has ended: keep Python from flushing to it at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except OSError as error:
@@ -75,21 +75,20 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         problem = f'no room is left: {printable(str(error))}'
     finally:
-        log.removeHandler(said)
+        log.removeHandler(handler)
         log.setLevel(level)
     print(f'lava {args.command}: {problem}', file=sys.stderr)
     return USAGE_ERROR
 
 
 def _complete() -> None:
-    """Print what the words that a shell has so far may continue with, and exit."""
     import argcomplete
 
     argcomplete.autocomplete(command_line_parser())
 
 
 def _check_encoding(words: Sequence[str]) -> None:
-    """Exit with status 2 for bytes that are not text: no message, file or library takes them."""
+    """Exit with status 2 if an argument is not valid UTF-8."""
     for word in words:
         try:
             word.encode()
@@ -98,8 +97,8 @@ def _check_encoding(words: Sequence[str]) -> None:
             command_line_parser().error(str(wrong))
 
 
-class _Said(logging.Handler):
-    """Prints what the package logs, once, and remembers whether a bag was found damaged."""
+class _StderrLogHandler(logging.Handler):
+    """Prints each log message of the package once; ``has_warned`` is True after bag damage."""
 
     def __init__(self, command: str) -> None:
         super().__init__()
@@ -108,7 +107,7 @@ class _Said(logging.Handler):
         self._known: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
-        # past a bar that is being drawn there is nothing in between
+        # one line, so that it fits above a progress bar
         text = printable(' '.join(record.getMessage().split()))
         if text not in self._known:
             print(f'lava {self._command}: {text}', file=sys.stderr)

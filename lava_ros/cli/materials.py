@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava materials`: the lavas that have a name."""
+"""`lava materials`: the named lavas."""
 
 from __future__ import annotations
 
@@ -49,7 +49,6 @@ def materials(args: argparse.Namespace) -> int:
 
 
 def _cited(constant: Constant, sources: dict[str, int]) -> str:
-    """Numbers of the references of a constant and of its range."""
     text = f'[{sources.setdefault(constant.source, len(sources) + 1)}]'
     if constant.range is not None:
         number = sources.setdefault(constant.range_source, len(sources) + 1)

@@ -25,7 +25,7 @@ def node(args: argparse.Namespace) -> int:
     require_ros()
     from lava_ros.ros.node import main
 
-    # ROS reads the value as YAML, where quoted it can be nothing but text
+    # ROS reads the value as YAML, in which a quoted value is always a string
     bag = json.dumps(args.resume, ensure_ascii=False)
     more = [] if args.resume is None else ['--ros-args', '-p', f'resume:={bag}']
     return main([*args.ros_args, *more])

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What commands are, options that several take, and times as people write them: 6h."""
+"""Declaration of commands, their common options, and times with a unit, such as 6h."""
 
 import argparse
 from collections.abc import Callable
@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 from lava_ros import validation
 from lava_ros.errors import LavaError
 
-#: Presets and the default one, as in ``lava_ros.simulation.presets``, which takes long to import.
+#: Presets and the default one, as in ``simulation.presets``, which is slow to import.
 PRESETS = ('draft', 'standard', 'fine', 'reference', 'as-published')
 DEFAULT_PRESET = 'standard'
 
-#: Simulated time of a run by default, as in ``lava_ros.simulation.resolution``.
+#: Default simulated time of a run, as in ``lava_ros.simulation.resolution``.
 HORIZON = '24h'
 
-#: Maps that `lava export` writes, and formats of maps and shapes, as in ``lava_ros.maps.export``.
+#: Maps of `lava export`, and formats of maps and shapes, as in ``lava_ros.maps.export``.
 SOURCES = ('thickness', 'temperature', 'hazard')
 MAPS = (*SOURCES, 'arrival', 'peak_thickness')
 FORMATS = ('tif', 'geojson', 'gpkg', 'shp', 'kml', 'kmz', 'zip', 'csv', 'nc')
@@ -27,11 +27,11 @@ FORMATS = ('tif', 'geojson', 'gpkg', 'shp', 'kml', 'kmz', 'zip', 'csv', 'nc')
 #: Seconds of each unit.
 UNITS = {'s': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86400.0}
 
-#: Names of an argument and its options, as ``add_argument`` takes them.
+#: Names of an argument and its options, both for ``add_argument``.
 Argument = tuple[tuple[str, ...], dict[str, Any]]
 
-#: Gets the parsed arguments, and returns the exit status; its docstring is the command's help. It
-#: raises LavaError for arguments and files that cannot be used.
+#: Receives the parsed arguments, and returns the exit status; its docstring is the command's help.
+#: Raises LavaError for invalid arguments and files.
 Run = Callable[[argparse.Namespace], int]
 
 
@@ -47,9 +47,9 @@ def argument(
     names: str, metavar: str | tuple[str, ...] | None, text: str | None, usual: Any = None,
     **options: Any,
 ) -> Argument:
-    """An argument of a command: its names, what stands for its value, and what it is.
+    """Declare an argument of a command; ``names`` are separated by spaces, ``text`` is its help.
 
-    ``usual`` is its value by default, which the text then names, or the type of one without.
+    ``usual`` is the default value, which is added to the text, or the type of a value without one.
     """
     if isinstance(usual, type):
         options['type'] = usual
@@ -65,9 +65,9 @@ def argument(
 
 
 def command(*arguments: str | Argument, **defaults: Any) -> Callable[[Run], Command]:
-    """Make a command of a function; a name alone is an argument that several commands take.
+    """Make a command of a function; a string is the name of an argument in ``_SHARED``.
 
-    A command that takes a bag takes ``--incomplete`` as well.
+    A command with a ``bag`` also has ``--incomplete``.
     """
     declared = [_SHARED[item] if isinstance(item, str) else item for item in arguments]
     if any(names == ('bag',) for names, _ in declared):
@@ -111,15 +111,15 @@ _SHARED = {item[0][0]: item for item in (
 
 
 def forced_effects(args: argparse.Namespace) -> dict[str, bool]:
-    """The effects that ``--on`` and ``--off`` force, by name."""
+    """Return the effects that ``--on`` and ``--off`` force, by name."""
     return {**dict.fromkeys(args.on, True), **dict.fromkeys(args.off, False)}
 
 
 def device_named(name: str | None) -> str:
-    """The Warp device that ``--device`` names; for None the first GPU, or the CPU without one.
+    """Return the Warp device ``name``; for None the first GPU, or the CPU without one.
 
     Raises:
-        LavaError: There is no such device.
+        LavaError: If there is no such device.
     """
     import warp as wp
 
@@ -130,11 +130,11 @@ def device_named(name: str | None) -> str:
 
 
 def seconds_of(field: str, text: str, *, may_be_zero: bool = False) -> float:
-    """Read a time [s] from a number with a unit; without a unit it is in seconds.
+    """Convert a number with a unit, by default s, to a time [s].
 
     Raises:
-        LavaError: The text is not a finite time above 0, or 0 where ``may_be_zero`` is set. The
-            error names ``field``.
+        LavaError: If the text is not a finite time > 0 (>= 0 with ``may_be_zero``). The error
+            names ``field``.
     """
     match = re.fullmatch(r'\s*([^a-z\s]+(?:e[+-]?\d+)?)\s*([a-z]*)\s*', text)
     if match is None or (match[2] or 's') not in UNITS:
@@ -148,7 +148,7 @@ def seconds_of(field: str, text: str, *, may_be_zero: bool = False) -> float:
 
 
 def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:
-    """Return the argument for the file formats of maps, and of shapes of them."""
+    """Return the argument for the file formats of maps and of their shapes."""
     usual = ' '.join(default) if default else 'tif, and geojson in a known coordinate system'
     return argument(
         '--formats', 'FORMAT',
@@ -160,7 +160,7 @@ def formats(shapes: str, default: tuple[str, ...] | None) -> Argument:
 
 
 def repeating_command(words: str, options: dict[str, Any]) -> str:
-    """The command that gives these numbers again, without where it puts them."""
+    """Return a command line that repeats a measurement, without its outputs."""
     for name, value in options.items():
         if name == 'case':
             words += ''.join(f' --case {case}' for case in value)

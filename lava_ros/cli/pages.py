@@ -45,7 +45,7 @@ PAGE = (
 
 
 def page_options(args: argparse.Namespace) -> dict[str, Any]:
-    """The options of ``PAGE`` as ``draw_runs`` takes them."""
+    """Return the options of ``PAGE`` as keyword arguments of ``draw_runs``."""
     from lava_ros.maps.onset import Onset, time_zone
     from lava_ros.maps.page_layout import Imprint
 
@@ -70,7 +70,6 @@ def _extent(values: list[float]) -> list[float]:
 
 
 def _scale(text: str) -> float:
-    """The N of 1:N, or of N alone."""
     from lava_ros.maps.sheet import MAX_SCALE, MIN_SCALE
 
     return validation.number(

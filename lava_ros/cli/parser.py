@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import NoReturn
 
 import lava_ros
-from lava_ros.errors import LONGEST_EXPECTED, one_line
+from lava_ros.errors import MAX_EXPECTED_LENGTH, one_line
 
 #: The commands, each a function in the module of its name.
 COMMANDS = (
@@ -33,10 +33,10 @@ WARP_CACHE_PATH the folder of the compiled kernels.
 
 
 class _Parser(argparse.ArgumentParser):
-    """Prints an error in one line, without the usage, which may take twenty."""
+    """Prints an error in one line, without the usage."""
 
     def error(self, message: str) -> NoReturn:
-        text = one_line(message, LONGEST_EXPECTED)
+        text = one_line(message, MAX_EXPECTED_LENGTH)
         self.exit(2, f"{self.prog}: {text}; '{self.prog} --help' lists the arguments\n")
 
 
@@ -67,5 +67,5 @@ def command_line_parser() -> argparse.ArgumentParser:
 
 
 def parse_command_line(words: list[str]) -> argparse.Namespace:
-    """Parse a command line without ROS arguments; exit with status 2 where a word is wrong."""
+    """Parse a command line without ROS arguments; exit with status 2 if it is not valid."""
     return command_line_parser().parse_args(words)

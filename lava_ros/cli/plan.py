@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava plan`: the accuracy that a given time pays for."""
+"""`lava plan`: the accuracy that is possible in a given time."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def plan(args: argparse.Namespace) -> int:
     from lava_ros.cli.scenes import scene_from_arguments
     from lava_ros.forecast.pilots import spacing_at
     from lava_ros.forecast.planning import afford
-    from lava_ros.forecast.sampling import MOST_MEMBERS
+    from lava_ros.forecast.sampling import MAX_MEMBERS
 
     within = seconds_of('--within', args.within)
     horizon = seconds_of('--horizon', args.horizon)
@@ -48,10 +48,10 @@ def plan(args: argparse.Namespace) -> int:
     if args.members != 'auto':
         if not args.members.isdecimal():
             raise LavaError('--members', args.members, 'a whole number at or above 1, or auto')
-        members = validation.whole('--members', args.members, at_least=1, at_most=MOST_MEMBERS)
+        members = validation.whole('--members', args.members, at_least=1, at_most=MAX_MEMBERS)
     scene = scene_from_arguments(args)
 
-    def tell(pilot: Pilot) -> None:
+    def report(pilot: Pilot) -> None:
         spacing = spacing_at(scene, pilot.refinement, horizon)
         print(
             f'pilot: spacing {spacing:.3g} m took {pilot.spent:.3g} s'
@@ -61,7 +61,7 @@ def plan(args: argparse.Namespace) -> int:
 
     found = afford(
         scene, within=within, horizon=horizon, members=members, device=args.device,
-        may_force=True, on_pilot=tell,
+        may_force=True, on_pilot=report,
     )
     print(f'preset {found.preset}, spacing {found.spacing:.3g} m')
     for name, is_on in found.forced.items():

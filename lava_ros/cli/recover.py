@@ -31,7 +31,7 @@ def recover(args: argparse.Namespace) -> int:
     for topic in sorted(whole.topics.values(), key=lambda item: item.name):
         print(f'{topic.count:8}  {topic.name}')
     seconds = ((whole.end_ns or 0) - (whole.start_ns or 0)) / 1e9
-    state = 'had been cut off' if source.recovered else 'was whole'
+    state = 'had been cut off' if source.recovered else 'was complete'
     if source.damage:
         state = f'was damaged (warnings: {len(source.damage)})'
     print(f'{seconds:.3f} s of recording; the bag {state}')

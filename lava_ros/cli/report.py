@@ -33,8 +33,8 @@ def report(args: argparse.Namespace) -> int:
         name for names, _ in PAGE
         if (name := names[0]) != '--overlay' and getattr(args, name[2:])
     ]:
-        right = 'absent for a single bag; lava plot draws a page with it'
-        raise LavaError(given[0], getattr(args, given[0][2:]), right)
+        expected = 'absent for a single bag; lava plot draws a page with it'
+        raise LavaError(given[0], getattr(args, given[0][2:]), expected)
     else:
         with Progress(has_lines=False) as progress:
             size = write_report(

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Helpers of commands that use ROS 2: whether it is installed, a domain, and a node as a child."""
+"""Commands with ROS 2: check of the installation, ROS domains, and a node as a child process."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -25,21 +25,21 @@ from lava_ros.errors import LavaError
 if TYPE_CHECKING:
     from lava_ros.scene import Scene, Terrain
 
-#: Number of last lines of the log shown when a process has failed.
+#: Number of last lines of the log that are shown if a process fails.
 SHOWN_LINES = 40
 
 
 class ChildError(Exception):
-    """A process ended unexpectedly or with an error; the text holds the end of its log."""
+    """A process ended unexpectedly or with an error; the message has the end of its log."""
 
 
 class Child:
-    """A Python module that runs in a process of its own, its output in a log file."""
+    """A Python module in a process of its own, which writes its output to a log file."""
 
     def __init__(
         self, name: str, module: str, *arguments: str, log: Path, env: Mapping[str, str]
     ) -> None:
-        """Start it."""
+        """Start the process."""
         self.name = name
         self._log = log
         _end_in_order()
@@ -55,7 +55,7 @@ class Child:
             )
 
     def check(self) -> None:
-        """Raise ChildError when the process has ended."""
+        """Raise ChildError if the process has ended."""
         status = self._process.poll()
         if status is not None:
             raise ChildError(self.failure(f'ended by itself with status {status}'))
@@ -64,7 +64,7 @@ class Child:
         """Ask the process to end, and wait for at most ``timeout`` [s].
 
         Raises:
-            ChildError: The process does not end in time, or ends with a status other than 0.
+            ChildError: If the process does not end in time, or its status is not 0.
         """
         status = self.end(timeout)
         if status is None:
@@ -91,38 +91,42 @@ class Child:
 
 
 def _end_in_order() -> None:
-    """Let signals end the command as Ctrl+C does, so that it ends its children."""
+    """Let signals end the command like Ctrl+C, so that it ends its children."""
     for number in (signal.SIGTERM, signal.SIGHUP):
-        # nohup has made the signal ignored
+        # leave the signal ignored under nohup
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _leave)
 
 
 def _leave(number: int, _: FrameType | None) -> None:
-    # only the first signal counts: repeated ones must not cut the orderly end short
+    # a repeated signal must not interrupt the orderly end
     signal.signal(number, signal.SIG_IGN)
     raise SystemExit(128 + number)
 
 
 def missing_package() -> str | None:
-    """A package of ROS 2 that cannot be imported, None where all can."""
+    """Return a package of ROS 2 that cannot be imported, None if all can."""
     names = ('rclpy', 'nav_msgs')
     return next((name for name in names if find_spec(name) is None), None)
 
 
 def require_ros() -> None:
-    """Raise LavaError where a package of ROS 2 is missing; it says how to install it."""
+    """Check that the packages of ROS 2 are installed.
+
+    Raises:
+        LavaError: If a package is missing.
+    """
     name = missing_package()
     if name is not None:
-        right = "a sourced ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
-        raise LavaError(f'Python package {name}', None, right)
+        expected = "a sourced ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
+        raise LavaError(f'Python package {name}', None, expected)
 
 
 def domain_of(chosen: int | None) -> int:
-    """The ROS domain that ``--domain`` names; a free one for None.
+    """Return the ROS domain ``chosen``, or a free one for None.
 
     Raises:
-        LavaError: The number is not a domain from 0 to 101, or no domain is free.
+        LavaError: If the number is not from 0 to 101, or no domain is free.
     """
     if chosen is not None:
         return validation.whole('--domain', chosen, at_least=0, at_most=101)
@@ -139,14 +143,14 @@ def domain_of(chosen: int | None) -> int:
 
 @contextmanager
 def running_node(scene: 'Scene', settings: Mapping[str, Any], domain: int) -> Iterator[Child]:
-    """Start a node on a scene, in a domain that is printed, and end it afterwards."""
+    """Start a node on a scene, print its domain, and end it afterwards."""
     print(f'ROS domain {domain}; to watch: ROS_DOMAIN_ID={domain} lava watch (or rviz2)')
     with tempfile.TemporaryDirectory(prefix='lava-node-') as folder:
         node = _started(scene, settings, domain, Path(folder))
         try:
             yield node
         finally:
-            # also after a failure or Ctrl+C the node gets the time to finish its bag
+            # gives the node time to finish its bag, also after a failure or Ctrl+C
             node.end()
 
 
@@ -169,7 +173,7 @@ def _started(scene: 'Scene', settings: Mapping[str, Any], domain: int, folder: P
     if scene.emplaced_flows:
         plain['emplaced_flows'] = []
     for number, flow in enumerate(scene.emplaced_flows):
-        # the bag has the name of the file
+        # the bag contains the name of the file
         path = folder / f'flow_{number}' / f'{Path(flow.source).stem}.tif'
         path.parent.mkdir()
         cells = replace(

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The arguments with which commands describe a scene; ``scenes.py`` makes the scene of them."""
+"""Arguments that describe a scene; ``scenes.py`` makes the scene."""
 
 from lava_ros.cli.options import Argument, argument
 
-#: Lava of a scene that names none, as in ``lava_ros.scene.materials``, which takes long to import.
+#: Default lava, as in ``lava_ros.scene.materials``, which is slow to import.
 DEFAULT_MATERIAL = 'etna_basalt'
 
 #: Values for the gaps of a table, as in ``lava_ros.scene.effusion_rates``.
@@ -46,7 +46,6 @@ def vent_arguments(of: str) -> tuple[Argument, ...]:
 
 
 def _rate(text: str) -> float | str:
-    """A rate, or the name of a table."""
     try:
         return float(text)
     except ValueError:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scene that a command's arguments describe, and the scene without arguments."""
+"""Scenes from the arguments of a command, and the default scene."""
 
 import argparse
 from collections.abc import Iterator
@@ -36,26 +36,26 @@ from lava_ros.simulation.resolution import resolution_of
 
 _LOG = logging.getLogger(__name__)
 
-#: Vents of the demo, (x, y) [m] and effusion rate [m3/s]: in the crater, which is open to the
-#: north, and on either side of its opening.
+#: Vents of the demo, (x, y) [m] and effusion rate [m3/s]: one in the crater, which is open to the
+#: north, and one on each side of its opening.
 DEMO_VENTS = (
     (4050.0, 3300.0, 60.0),
     (3200.0, 4300.0, 20.0),
     (5300.0, 4200.0, 20.0),
 )
 
-#: Default effusion rate [m3/s] and largest default radius [m] of a vent.
+#: Default effusion rate [m3/s] and maximum default radius [m] of a vent.
 SUMMIT_DISCHARGE, SUMMIT_RADIUS = 50.0, 20.0
 
-#: Largest side of a map's cells over the spacing of particles, and most cells after a division.
-CELL, MOST_CELLS = 3.0, 1_000_000
+#: Maximum side of a cell over the particle spacing, and maximum number of cells after a division.
+CELL, MAX_CELLS = 3.0, 1_000_000
 
 
 def terrain_options(args: argparse.Namespace) -> dict[str, Any]:
-    """The options of ``load_terrain`` that the arguments give.
+    """Return the options of ``load_terrain`` in the arguments.
 
     Raises:
-        LavaError: --nodata is neither a number nor ``none``.
+        LavaError: If --nodata is neither a number nor ``none``.
     """
     given: dict[str, Any] = {'epsg': args.epsg, 'nodata': args.nodata}
     if args.nodata not in (None, 'none'):
@@ -68,10 +68,10 @@ def terrain_options(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
-    """The vents that the arguments name, if any.
+    """Return the vents in the arguments, if any.
 
     Raises:
-        LavaError: An argument or a file cannot be used.
+        LavaError: If an argument or a file is not valid.
     """
     if args.vent and args.vents:
         raise LavaError('--vent', args.vent[0], 'no --vent together with --vents')
@@ -88,43 +88,40 @@ def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
 
 
 def _vents_of(path: str, rate: float | str | None, terrain: Terrain) -> Iterator[VentRow]:
-    """The vents of a file, each with its own effusion rate or else that of the command."""
     for vent in read_vents('--vents', path, terrain):
         if vent.discharge is not None and rate is not None:
-            right = f'no --effusion-rate, since {path} has its own'
-            raise LavaError('--effusion-rate', rate, right)
+            expected = f'no --effusion-rate, since {path} has its own'
+            raise LavaError('--effusion-rate', rate, expected)
         for place in vent.places:
             if not terrain.covers(*terrain.to_map(*place)):
                 shown = 'easting {:.10g}, northing {:.10g}'.format(*place)
-                right = f'a place {terrain.bounds(projected=True)}'
-                raise LavaError(f'a vent of {path} ({vent.name})', shown, right)
+                expected = f'a place {terrain.bounds(projected=True)}'
+                raise LavaError(f'a vent of {path} ({vent.name})', shown, expected)
         if vent.discharge is None and isinstance(rate, float):
             vent = replace(vent, discharge=rate * vent.part)
         yield vent
 
 
 def scene_from_arguments(args: argparse.Namespace) -> Scene:
-    """Make the scene that the arguments choose, with cells that are fine enough for the flow.
-
-    Cells are divided until they are no wider than ``CELL`` times the spacing of the particles.
+    """Make the scene of the arguments, with cells of at most ``CELL`` times the particle spacing.
 
     Raises:
-        LavaError: A file or an argument cannot be used.
+        LavaError: If an argument or a file is not valid.
     """
     scene = scene_as_given(args)
     spacing = resolution_of(scene, preset_accuracy(DEFAULT)).spacing
     factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
-    most = math.isqrt(MOST_CELLS // scene.terrain.elevation.size)
+    most = math.isqrt(MAX_CELLS // scene.terrain.elevation.size)
     return scene.on(lambda terrain: finer(terrain, max(min(factor, most), 1)))
 
 
 def scene_as_given(args: argparse.Namespace) -> Scene:
-    """Make the scene that the arguments choose, and log where its vents are.
+    """Make the scene of the arguments, and log the positions of its vents.
 
     A terrain without a scene gets a vent on its highest point away from the borders.
 
     Raises:
-        LavaError: A file or an argument cannot be used.
+        LavaError: If an argument or a file is not valid.
     """
     given = terrain_options(args)
     terrain = load_terrain(args.terrain, **given) if args.terrain else None
@@ -133,8 +130,8 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         data, terrain = read_scene(args.scene, terrain=terrain, options=given)
     elif terrain is None:
         for name, value in given.items():
-            right = 'left out without --terrain or a scene'
-            raise LavaError(f'--{name.replace("_", "-")}', value, right)
+            expected = 'left out without --terrain or a scene'
+            raise LavaError(f'--{name.replace("_", "-")}', value, expected)
         terrain = demo_terrain()
         data['vents'] = [
             {'position': (x, y), 'discharge': discharge, 'radius': 20.0, 'name': f'vent {index}'}
@@ -149,7 +146,7 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     vents = vents_as_given(args, terrain)
     rates = _rates_of(args)
     if vents and rates:
-        # those of a table are divided like those of a case
+        # the rates of a table are divided among the vents as in a case
         series = series_of(tuple(vents), rates)
         vents = [
             replace(vent, discharge=own) for vent, own in zip(vents, series, strict=True)
@@ -157,8 +154,8 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     for vent in () if rates else vents:
         is_own = args.discharge is None and vent.discharge is not None
         if not is_own and not math.isclose(vent.share, vent.part):
-            right = 'none without a table that vents divide: --effusion-rate FILE'
-            raise LavaError(f'share of {vent.name!r}', vent.share / vent.part, right)
+            expected = 'none without a table that vents divide: --effusion-rate FILE'
+            raise LavaError(f'share of {vent.name!r}', vent.share / vent.part, expected)
     if vents:
         data['vents'] = [_described(vent, terrain) for vent in vents]
     if args.material is not None:
@@ -166,8 +163,8 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     scene = scene_from_dict(data, terrain)
     if args.discharge is not None and not vents:
         if not scene.vents:
-            right = 'no --effusion-rate for a scene without vents, or --vent'
-            raise LavaError('--effusion-rate', args.discharge, right)
+            expected = 'no --effusion-rate for a scene without vents, or --vent'
+            raise LavaError('--effusion-rate', args.discharge, expected)
         rate = args.discharge
         if rates:
             rate = [(time, q / len(scene.vents)) for time, q in series_of_rates(rates)]
@@ -176,12 +173,11 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     error = error_of_rates(rates)
     if error is not None and scene.uncertainty.discharge is None:
         scene = replace(scene, uncertainty=replace(scene.uncertainty, discharge=error))
-    _tell(scene)
+    _log_scene(scene)
     return scene
 
 
 def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Emplaced flows and events that the arguments give, as a scene file has them."""
     changes: dict[str, Any] = {}
     shared = {'thickness': args.emplaced_thickness, 'as': args.emplaced_as}
     shared = {name: value for name, value in shared.items() if value is not None}
@@ -189,8 +185,8 @@ def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
         changes['emplaced_flows'] = [{'file': file, **shared} for file in args.emplaced_flow]
     for name, value in shared.items():
         if not args.emplaced_flow:
-            right = f'no --emplaced-{name} without --emplaced-flow'
-            raise LavaError(f'--emplaced-{name}', value, right)
+            expected = f'no --emplaced-{name} without --emplaced-flow'
+            raise LavaError(f'--emplaced-{name}', value, expected)
     if args.terrain_at:
         changes['events'] = [
             {'time': seconds_of('--terrain-at', time, may_be_zero=True), 'terrain': file}
@@ -200,7 +196,6 @@ def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
-    """The table of effusion rates that the arguments name, if any."""
     given = {name: getattr(args, name) for name in RATE_OPTIONS if getattr(args, name) is not None}
     if isinstance(args.discharge, str):
         given['start'] = given.pop('eruption_start', None)
@@ -214,24 +209,24 @@ def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
 def place_as_typed(
     option: str, text: str, terrain: Terrain, *, on_terrain: bool = False
 ) -> tuple[float, float]:
-    """Return easting and northing of a place: longitude, latitude if ``in_degrees`` is True.
+    """Return easting and northing of a place, given as such or as longitude and latitude.
 
     Raises:
-        LavaError: The text is no place, or none on the terrain although it has to be.
+        LavaError: If the text is not a place, or with ``on_terrain`` is off the terrain.
     """
     x, y = _coordinates(option, text)
     is_geographic = in_degrees(terrain, (x, y))
     place = projected(terrain, x, y) if is_geographic else (x, y)
     if on_terrain and not terrain.covers(*terrain.to_map(*place)):
-        right = f'a place {terrain.bounds(projected=True)}'
+        expected = f'a place {terrain.bounds(projected=True)}'
         if is_geographic:
-            right += '; this is easting {:.0f}, northing {:.0f}'.format(*place)
-        raise LavaError(option, text.strip(), right)
+            expected += '; this is easting {:.0f}, northing {:.0f}'.format(*place)
+        raise LavaError(option, text.strip(), expected)
     return place
 
 
 def _coordinates(option: str, text: str) -> tuple[float, float]:
-    """The two numbers of a place; the hemispheres of degrees may be in either order."""
+    """Return the two numbers of a place; degrees with hemispheres may be in either order."""
     first, _, second = text.partition(',')
     try:
         x, y = float(first), float(second)
@@ -242,11 +237,11 @@ def _coordinates(option: str, text: str) -> tuple[float, float]:
             first, second = second, first
         with suppress(LavaError):
             return angle('', first, 'longitude'), angle('', second, 'latitude')
-    right = 'longitude,latitude [degrees] or easting,northing [m]'
-    raise LavaError(option, text.strip(), right)
+    expected = 'longitude,latitude [degrees] or easting,northing [m]'
+    raise LavaError(option, text.strip(), expected)
 
 
-def _tell(scene: Scene) -> None:
+def _log_scene(scene: Scene) -> None:
     terrain = scene.terrain
     for vent in scene.vents:
         cell = terrain.cell_at(*vent.position)
@@ -260,7 +255,6 @@ def _tell(scene: Scene) -> None:
 
 
 def _usual_vent(terrain: Terrain, **known: Any) -> dict[str, Any]:
-    """A vent as a scene file has it; what is not known of it is usual."""
     radius = min(2.0 * terrain.resolution, SUMMIT_RADIUS)
     return {'discharge': SUMMIT_DISCHARGE, 'radius': radius} | known
 
@@ -281,7 +275,6 @@ def _described(vent: VentRow, terrain: Terrain) -> dict[str, Any]:
 
 
 def _summit(terrain: Terrain) -> tuple[float, float]:
-    """Map position of the highest cell away from the borders."""
     ground = np.where(terrain.has_data, terrain.elevation, -np.inf)
     rows, columns = terrain.shape
     inner = np.full_like(ground, -np.inf)

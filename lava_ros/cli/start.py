@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # PYTHON_ARGCOMPLETE_OK
-"""What pip installs as `lava` and `lava_node`: Ctrl+C during start-up ends them quietly."""
+"""Entry points `lava` and `lava_node`, which Ctrl+C during start-up ends quietly."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -10,7 +10,7 @@ import os
 import signal
 from types import FrameType
 
-#: Exit status after Ctrl+C, as shells have it.
+#: Exit status after Ctrl+C, as in shells.
 INTERRUPTED = 128 + signal.SIGINT
 
 
@@ -25,10 +25,10 @@ def lava_node() -> int:
 
 
 def end_start(run: Callable[..., object]) -> None:
-    """Let Ctrl+C raise KeyboardInterrupt from here on: a command begins.
+    """Let Ctrl+C raise KeyboardInterrupt once a command has begun.
 
-    While ``run``, the function of the command, imports what it needs, Ctrl+C still ends the
-    process at once.
+    While ``run``, the function of the command, imports modules, Ctrl+C still ends the process
+    immediately.
     """
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -44,7 +44,7 @@ def end_start(run: Callable[..., object]) -> None:
 
 
 def _run(module: str) -> int:
-    # nohup has made the signal ignored
+    # leave the signal ignored under nohup
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
     return int(import_module(module).main())

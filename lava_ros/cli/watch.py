@@ -53,7 +53,7 @@ def watch(args: argparse.Namespace) -> int:
 
     was_bad, ended = False, threading.Event()
 
-    def tell() -> None:
+    def report() -> None:
         """Print when the source of the frames fails, and when it works again."""
         nonlocal was_bad
         level, words = frames.status
@@ -66,7 +66,7 @@ def watch(args: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     print(f'open http://127.0.0.1:{server.port}/ in a browser; Ctrl+C ends', flush=True)
-    server.run(ended, tell)
+    server.run(ended, report)
     return 0
 
 

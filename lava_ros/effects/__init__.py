@@ -1,21 +1,21 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Registry of effects; each is a file or folder with its declaration, equations and constants.
+"""Registry of effects; each is a file with its declaration, equations and constants.
 
-Each declares ``EFFECT`` (``effect.py``) and defines the functions below that it needs. An effect
-that depends on much of the solver is a folder, whose ``device.py`` is loaded when the effect is
-on. ``wp`` is Warp, or its substitute on the host (``laws.HOST``), ``real`` the scalar type,
-``law`` and ``constants`` the structs of constants of ``laws.py``:
+Each declares ``EFFECT`` (``effect.py``) and defines the functions below that it needs. The part of
+an effect that depends on much of the solver is in ``simulation/step/effects``. ``wp`` is Warp, or
+its substitute on the host (``laws.HOST``), ``real`` the scalar type, ``law`` and ``constants`` the
+structs of constants of ``laws.py``:
 
     viscosity(wp, real, law)                  mu(T)                          laws.py
     stiffening(wp, real, law, viscosity)      mu(T) with suspended solids    laws.py
-    strength(wp, real, law)                   tau_y(T)                       laws.py
+    strength(wp, real, law)                   tau_y(T, thickness, age)       laws.py
     speed(wp, real, law, viscosity, strength) u of thickness and slope       laws.py
-    terms(wp, real, constants)                heat gained and lost           simulation/heat.py
-    relaxed(wp, real, constants, relaxation)  temperature after a step       simulation/heat.py
-    factor(real)                              factor of the mobility         simulation/flow.py
-    AfterStep                                 a pass at the end of a step    simulation/stage.py
+    terms(wp, real, constants)                heat gained and lost           step/heat.py
+    relaxed(wp, real, constants, relaxation)  temperature after a step       step/heat.py
+    factor(real)                              factor of the mobility         step/flow.py
+    AfterStep                                 a pass at the end of a step    step/stage.py
 
 ``AfterStep(scene, accuracy, terrain, state)`` has a method ``apply(state, neighbors)``, called
 after the motion in every stage: its kernels return at once unless ``counts[IS_LAST]`` is 1, and
@@ -23,7 +23,7 @@ the step is ``clock[STEP]``. ``state.ordered`` holds the particles before the mo
 ``state.particle`` the same particles in the same order after it. An ``AfterStep`` with arrays of
 its own has ``save() -> arrays by name`` and ``load(arrays)`` for checkpoints.
 
-To add an effect, add its file; to delete an effect, delete its file.
+To add an effect, add its file; to delete an effect, delete its files.
 """
 
 from __future__ import annotations
@@ -36,13 +36,11 @@ from types import MappingProxyType, ModuleType
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.effects.effect import Array, Effect, flag, join_names, with_fields
+from lava_ros.effects.protocols import Lava, Scene
 from lava_ros.errors import LavaError
 
-if TYPE_CHECKING:
-    from lava_ros.scene import Lava, Scene
-
 #: Files in this folder that are not effects.
-_OTHERS = ('effect', 'laws', 'scales')
+_OTHERS = ('bingham', 'effect', 'laws', 'protocols', 'scales')
 
 
 def _read() -> dict[str, ModuleType]:
@@ -115,9 +113,8 @@ class Effects:
 
 
 def load(name: str) -> Any:
-    """Return the module of an effect, or of a folder its device part."""
-    module = _MODULES[name]
-    return import_module(f'{module.__name__}.device') if hasattr(module, '__path__') else module
+    """Return the module of an effect."""
+    return _MODULES[name]
 
 
 def excluded_by(one: str, other: str) -> bool:
@@ -132,14 +129,14 @@ def possible(lava: Lava) -> tuple[str, ...]:
 
 def existing(scene: Scene) -> tuple[str, ...]:
     """Return the names of the effects that a scene has and that no other effect replaces."""
-    return without_replaced(
+    return drop_superseded(
         name
         for name in possible(scene.lava)
         if not (around := EFFECTS[name].environment) or any(getattr(scene, key) for key in around)
     )
 
 
-def without_replaced(names: Iterable[str]) -> tuple[str, ...]:
+def drop_superseded(names: Iterable[str]) -> tuple[str, ...]:
     """Return those of the named effects that no other of them replaces."""
     names = tuple(names)
     replaced = {other for name in names for other in EFFECTS[name].replaces}

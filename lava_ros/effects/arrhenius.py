@@ -9,17 +9,15 @@ The paper multiplies f(theta) = K_e exp(alpha (theta_e - theta)) by another cons
 
 from functools import lru_cache
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from lava_ros.effects.effect import Effect, footprint_change, number
-
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
+from lava_ros.effects.effect import Effect, number
+from lava_ros.effects.scales import footprint_change, Scales
 
 
-def _stiffening(scales: 'Scales') -> np.ndarray:
+def _stiffening(scales: Scales) -> np.ndarray:
     """Return the logarithm of the largest viscosity ratio: by cooling, or of vent to reference."""
     lava = scales.lava
     at_vent = abs(math.log(lava.viscosity_at(scales.vent_temperature) / lava.viscosity))
@@ -37,6 +35,7 @@ EFFECT = Effect(
     cost=footprint_change(0.03),
     source='speed is as 1 / mu',
     exists=lambda lava: lava.arrhenius > 0.0,
+    stiffens=True,
     is_default=True,
     # 8e-3 is the paper's value, 0.04 is usual in the field (Dragoni 1989)
     constants={

@@ -9,7 +9,8 @@ rho c h dT/dt = -eps sigma (T^4 - Ta^4) - lambda (T - Ta), which is -s(T) (T - T
 from functools import lru_cache
 from typing import Any
 
-from lava_ros.effects.effect import Effect, footprint_change
+from lava_ros.effects.effect import Effect
+from lava_ros.effects.scales import footprint_change
 
 EFFECT = Effect(
     rank=100,

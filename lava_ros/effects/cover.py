@@ -18,7 +18,8 @@ effect.
 from functools import lru_cache
 from typing import Any
 
-from lava_ros.effects.effect import Effect, footprint_change, number
+from lava_ros.effects.effect import Effect, number
+from lava_ros.effects.scales import footprint_change
 
 EFFECT = Effect(
     rank=110,

@@ -26,20 +26,18 @@ the heat lost is accurate to 2 % at any age (4 % with convection alone), the sur
 """
 
 from functools import lru_cache
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
-from lava_ros.effects.effect import Effect, flag, footprint_change
+from lava_ros.effects.effect import Effect, flag
+from lava_ros.effects.protocols import Lava
+from lava_ros.effects.scales import footprint_change
 from lava_ros.errors import LavaError
-
-if TYPE_CHECKING:
-    from lava_ros.scene import Lava
-
 
 #: Minimum conductivity of a crust [W/(m K)]; lower ones are replaced by it.
 MIN_CONDUCTIVITY = 1e-9
 
 
-def _check(lava: 'Lava') -> None:
+def _check(lava: Lava) -> None:
     if lava.crust and not lava.conductivity:
         raise LavaError('lava.conductivity', lava.conductivity, 'above 0 with lava.crust')
     cover = getattr(lava, 'crust_cover', 0.0)

@@ -6,41 +6,40 @@
 e = 2.5 by Einstein and Roscoe (Roscoe 1952, Br. J. Appl. Phys. 3; Marsh 1981, Contrib. Mineral.
 Petrol. 78), e = 2 by Maron and Pierce (1956, J. Colloid Sci. 11). The volume fraction of crystals
 phi(T) rises linearly from 0 at the liquidus to ``crystals`` at the solidus. At maximum packing,
-phi = phi_m, the law is infinite: 1 - phi / phi_m is limited to at least ``LEAST_ROOM``.
+phi = phi_m, the law is infinite: 1 - phi / phi_m is limited to at least ``MIN_FREE_FRACTION``.
 """
 
 from functools import lru_cache
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from lava_ros.effects.effect import choice, Effect, footprint_change, number
+from lava_ros.effects.effect import choice, Effect, number
+from lava_ros.effects.protocols import Lava
+from lava_ros.effects.scales import footprint_change, Scales
 from lava_ros.errors import LavaError
-
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
-    from lava_ros.scene import Lava
 
 #: The exponent e of each law.
 EXPONENTS = {'none': 0.0, 'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
 
 #: Minimum of 1 - phi / phi_m: a factor of 3e7 (Einstein-Roscoe) or 1e6 (Maron-Pierce).
-LEAST_ROOM = 1e-3
+MIN_FREE_FRACTION = 1e-3
 
 
-def fraction(lava: 'Lava', temperature: np.ndarray | float) -> np.ndarray | float:
+def fraction(lava: Lava, temperature: np.ndarray | float) -> np.ndarray | float:
     """Return the volume fraction of crystals at temperatures [K], 0 at the liquidus."""
     return np.interp(temperature, [lava.solidus, lava.liquidus], [lava.crystals, 0.0])
 
 
-def _stiffening(scales: 'Scales') -> np.ndarray:
+def _stiffening(scales: Scales) -> np.ndarray:
     """Return the logarithm of the viscosity factor of crystals at the horizon, by column."""
     lava = scales.lava
-    room = np.maximum(1.0 - fraction(lava, scales.rest_temperature) / lava.packing, LEAST_ROOM)
+    free = 1.0 - fraction(lava, scales.rest_temperature) / lava.packing
+    room = np.maximum(free, MIN_FREE_FRACTION)
     return EXPONENTS[lava.crystal_law] * np.log(1.0 / room)
 
 
-def _check(lava: 'Lava') -> None:
+def _check(lava: Lava) -> None:
     if lava.crystal_law != 'none' and not lava.solidus:
         raise LavaError('lava.solidus', lava.solidus, 'above 0 K with lava.crystal_law')
 
@@ -55,6 +54,7 @@ EFFECT = Effect(
     cost=footprint_change(0.03),
     source='speed is as 1 / mu',
     exists=lambda lava: lava.crystal_law != 'none' and lava.crystals > 0.0,
+    stiffens=True,
     constants={
         'crystal_law': choice('none', 'What crystals do to viscosity', EXPONENTS),
         'crystals': number(
@@ -79,7 +79,7 @@ def stiffening(wp: Any, real: Any, law_type: Any, viscosity: Any) -> Any:
     def stiffened(law: law_type, temperature: real) -> real:
         share = (real(law.liquidus) - temperature) / real(law.liquidus - law.solidus)
         share = wp.clamp(share, real(0.0), real(1.0))
-        room = wp.max(real(1.0) - share * real(law.crystals_over_packing), real(LEAST_ROOM))
+        room = wp.max(real(1.0) - share * real(law.crystals_over_packing), real(MIN_FREE_FRACTION))
         return viscosity(law, temperature) * wp.pow(room, -real(law.crystal_exponent))
 
     return stiffened

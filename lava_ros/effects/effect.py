@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, TYPE_CHECKING
+from typing import Any
+
+import numpy as np
 
 from lava_ros import validation
+from lava_ros.effects.protocols import Lava, Scene
+from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from lava_ros.effects.scales import Scales
-    from lava_ros.scene import Lava, Scene
 
 
 def number(default: float | None, text: str, least: float, most: float, unit: str = '') -> Any:
@@ -110,16 +108,6 @@ def join_names(
     return joined
 
 
-def footprint_change(speed: float) -> float:
-    """Return the maximum fraction of an inundated area that a change of the speed changes.
-
-    In a valley with evenly rising sides the length of a flow is as the root of its mobility k, its
-    width as k^(-1/4): one outline is longer by half of the change, the other is wider by a
-    quarter. On a plane, and between walls, it is less (docs/MODEL.md).
-    """
-    return 0.75 * speed
-
-
 @dataclass(frozen=True)
 class Array:
     """An array that an effect keeps on the device.
@@ -168,10 +156,11 @@ class Effect:
         heat: Values that it adds to the device constants of the heat balance, by name.
         adds_to: Names in ``heat`` that other effects declare too; the values are summed.
         is_surface: True if it transfers heat from a bare surface to the air at any age.
+        stiffens: True if it makes the speed of lava depend on its temperature.
         needs_age: True if its terms depend on the age of a column.
         needs_speed: True if its terms depend on the speed of a column.
         arrays: Arrays that it keeps on the device, by name.
-        leaves_empty: True if particles may lose all their volume to it, and are then dropped.
+        removes_particles: True if particles may lose all their volume to it, and are then dropped.
         benchmark: Constants of lava, or of the scene, with which it matters, by name.
     """
 
@@ -196,8 +185,9 @@ class Effect:
     heat: Mapping[str, Callable[[Scene], float]] = field(default_factory=dict)
     adds_to: tuple[str, ...] = ()
     is_surface: bool = False
+    stiffens: bool = False
     needs_age: bool = False
     needs_speed: bool = False
     arrays: Mapping[str, Array] = field(default_factory=dict)
-    leaves_empty: bool = False
+    removes_particles: bool = False
     benchmark: Mapping[str, Any] = field(default_factory=dict)

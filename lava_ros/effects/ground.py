@@ -24,18 +24,16 @@ ground that earlier lava has warmed loses less, a front advancing over cold grou
 
 from functools import lru_cache
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from lava_ros.effects.effect import Effect, footprint_change, number
-
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
-    from lava_ros.scene import Scene
+from lava_ros.effects.effect import Effect, number
+from lava_ros.effects.protocols import Scene
+from lava_ros.effects.scales import footprint_change, Scales
 
 
-def _heat_taken(scales: 'Scales') -> np.ndarray:
+def _heat_taken(scales: Scales) -> np.ndarray:
     """Return the effect of the heat that a half-space takes from each column up to the horizon."""
     lava = scales.lava
     taken = 2.0 * lava.ground_conductivity * math.sqrt(
@@ -45,7 +43,7 @@ def _heat_taken(scales: 'Scales') -> np.ndarray:
     return scales.matters(np.minimum(taken / capacity, 1.0))
 
 
-def _contact(scene: 'Scene') -> float:
+def _contact(scene: Scene) -> float:
     """Return kg / (rho c sqrt(a)) with the ground's diffusivity a [m/s^0.5]."""
     lava = scene.lava
     capacity = lava.density * lava.specific_heat

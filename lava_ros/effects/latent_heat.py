@@ -12,19 +12,17 @@ content changes by exactly the heat lost, for any step.
 """
 
 from functools import lru_cache
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from lava_ros.effects.effect import Effect, footprint_change, number
+from lava_ros.effects.effect import Effect, number
+from lava_ros.effects.protocols import Lava
+from lava_ros.effects.scales import footprint_change, Scales
 from lava_ros.errors import LavaError
 
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
-    from lava_ros.scene import Lava
 
-
-def _kept_warm(scales: 'Scales') -> np.ndarray:
+def _kept_warm(scales: Scales) -> np.ndarray:
     """Return the effect of the latent heat that each column releases up to the horizon.
 
     It warms by no more than the column has cooled below the liquidus.
@@ -36,7 +34,7 @@ def _kept_warm(scales: 'Scales') -> np.ndarray:
     return scales.matters(warming / scales.warmth)
 
 
-def _check(lava: 'Lava') -> None:
+def _check(lava: Lava) -> None:
     if lava.latent_heat > 0.0 and not lava.solidus:
         raise LavaError('lava.solidus', lava.solidus, 'above 0 K with lava.latent_heat')
 

@@ -11,20 +11,18 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 import math
 from types import SimpleNamespace
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from lava_ros.effects import (
+    drop_superseded,
     EFFECTS,
     Effects,
     excluded_by,
     existing,
     possible,
-    without_replaced,
 )
 from lava_ros.effects.effect import join_names
-
-if TYPE_CHECKING:
-    from lava_ros.scene import Lava, Scene
+from lava_ros.effects.protocols import Lava, Scene
 
 #: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018).
 STEFAN_BOLTZMANN = 5.670374419e-8
@@ -66,7 +64,7 @@ def structure(name: str, names: tuple[str, ...], real: Any) -> Any:
     return wp.struct(type(name, (), body))
 
 
-def law_values(lava: 'Lava') -> dict[str, float]:
+def law_values(lava: Lava) -> dict[str, float]:
     """Return the constants of the laws of flow, by name."""
     values: dict[str, float] = {name: getattr(lava, name) for name in _FLOW}
     return values | {name: value(lava) for name, value in _MORE_FLOW.items()}
@@ -78,7 +76,7 @@ def law_type(real: Any) -> Any:
     return structure('Rheology', (*_FLOW, *_MORE_FLOW), real)
 
 
-def law_of(lava: 'Lava', real: Any) -> Any:
+def law_of(lava: Lava, real: Any) -> Any:
     """Return the struct of the constants of the laws of flow for the device."""
     return _filled(law_type(real)(), law_values(lava))
 
@@ -100,17 +98,34 @@ def viscosity_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> A
 
 
 @lru_cache
+def _strength_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
+    """Return the function of the total yield strength [Pa]; None if lava has none."""
+    strength = None
+    for module in effects.having('strength').values():
+        one = module.strength(wp, real, law_type)
+        strength = one if strength is None else _sum_of(wp, real, law_type, strength, one)
+    return strength
+
+
+def _sum_of(wp: Any, real: Any, law_type: Any, one: Any, other: Any) -> Any:
+    @wp.func
+    def both(law: law_type, temperature: real, depth: real, age: real) -> real:
+        return one(law, temperature, depth, age) + other(law, temperature, depth, age)
+
+    return both
+
+
+@lru_cache
 def speed_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
     """Return the speed function of lava whose speed is not proportional to the slope.
 
-    From rho g, thickness, slope s and temperature it returns the mobility u / s and a bound of
-    u / s and du/ds [m/s]: times the thickness they are diffusivities across and along the slope.
+    From rho g, thickness, slope s, temperature and age it returns the mobility u / s and a bound
+    of u / s and du/ds [m/s]: times the thickness they are diffusivities across and along the
+    slope.
     None if lava is Newtonian: both are then rho g h^2 / (3 mu).
     """
     viscosity = viscosity_function(wp, real, law_type, effects)
-    strength, speed = None, None
-    for module in effects.having('strength').values():
-        strength = module.strength(wp, real, law_type)
+    strength, speed = _strength_function(wp, real, law_type, effects), None
     # the last one is the most general
     for module in effects.having('speed').values():
         speed = module.speed(wp, real, law_type, viscosity, strength)
@@ -118,36 +133,36 @@ def speed_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
 
 
 @lru_cache
-def _on_host(lava: 'Lava') -> tuple[Any, Any, Any]:
-    """Return the constants, mu(T) and tau_y(T) of a lava."""
+def _on_host(lava: Lava) -> tuple[Any, Any, Any]:
+    """Return the constants, mu(T) and the yield strength of a lava."""
     effects = _all_of(name for name in possible(lava) if EFFECTS[name].law)
-    values, strength = SimpleNamespace(**law_values(lava)), None
-    for module in effects.having('strength').values():
-        strength = module.strength(HOST, float, object)
-    return values, viscosity_function(HOST, float, object, effects), strength
+    functions = (
+        one(HOST, float, object, effects) for one in (viscosity_function, _strength_function)
+    )
+    return SimpleNamespace(**law_values(lava)), *functions
 
 
-def viscosity_at(lava: 'Lava', temperature: float) -> float:
+def viscosity_at(lava: Lava, temperature: float) -> float:
     """Return the viscosity [Pa s] at a temperature [K], including crystals."""
     values, viscosity, _ = _on_host(lava)
     return float(viscosity(values, temperature))
 
 
-def strength_at(lava: 'Lava', temperature: float) -> float:
-    """Return the yield strength [Pa] at a temperature [K]."""
+def strength_at(lava: Lava, temperature: float) -> float:
+    """Return the yield strength [Pa] at a temperature [K], before a crust has grown."""
     values, _, strength = _on_host(lava)
-    return 0.0 if strength is None else float(strength(values, temperature))
+    return 0.0 if strength is None else float(strength(values, temperature, 1.0, 0.0))
 
 
 def _all_of(names: Iterable[str]) -> Effects:
     """Return ``Effects`` with the named ones that are not replaced; the first of rivals."""
     on = dict.fromkeys(EFFECTS, False)
-    for name in without_replaced(names):
+    for name in drop_superseded(names):
         on[name] = not any(on[other] and excluded_by(name, other) for other in on)
     return Effects(**on)
 
 
-def heat_values(scene: 'Scene', names: tuple[str, ...]) -> dict[str, float]:
+def heat_values(scene: Scene, names: tuple[str, ...]) -> dict[str, float]:
     """Return the constants of the heat balance with the named effects on, by name.
 
     ``radiation`` is eps sigma / (rho c), ``convection`` lambda / (rho c), ``ambient`` Ta [K];
@@ -174,12 +189,12 @@ def heat_type(real: Any) -> Any:
     return structure('HeatConstants', tuple(dict.fromkeys((*_HEAT, *_MORE_HEAT))), real)
 
 
-def heat_of(scene: 'Scene', effects: Effects, real: Any) -> Any:
+def heat_of(scene: Scene, effects: Effects, real: Any) -> Any:
     """Return the struct of the constants of the heat balance for the device."""
     return _filled(heat_type(real)(), heat_values(scene, tuple(effects)))
 
 
-def heat_balance(scene: 'Scene') -> Callable[[float, float, float, float], tuple[float, float]]:
+def heat_balance(scene: Scene) -> Callable[[float, float, float, float], tuple[float, float]]:
     """Return the heat balance of a column on the host, with every effect that the scene has.
 
     Returns:
@@ -197,7 +212,7 @@ def heat_balance(scene: 'Scene') -> Callable[[float, float, float, float], tuple
     return balance
 
 
-def heat_loss(scene: 'Scene') -> Callable[[float], float]:
+def heat_loss(scene: Scene) -> Callable[[float], float]:
     """Return the heat flux [W/m2] from bare lava at rest to the air, by temperature [K]."""
     effects = _all_of(name for name in possible(scene.lava) if EFFECTS[name].is_surface)
     terms, capacity = _heat_terms(scene, effects), scene.lava.density * scene.lava.specific_heat
@@ -210,7 +225,7 @@ def heat_loss(scene: 'Scene') -> Callable[[float], float]:
 
 
 def _heat_terms(
-    scene: 'Scene', effects: Effects
+    scene: Scene, effects: Effects
 ) -> Callable[[float, float, float, float], list[tuple[float, float]]]:
     """Return the terms of each effect by thickness [m], temperature [K], age [s], speed [m/s]."""
     values = SimpleNamespace(**heat_values(scene, tuple(effects)))

@@ -60,7 +60,7 @@ def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, strength: Any) -> A
 
     @wp.func
     def herschel_bulkley(
-        law: law_type, weight: real, depth: real, slope: real, temperature: real
+        law: law_type, weight: real, depth: real, slope: real, temperature: real, age: real
     ) -> vec2:
         one = real(1.0)
         n = real(law.flow_index)
@@ -70,7 +70,7 @@ def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, strength: Any) -> A
         sheared = one
         if wp.static(has_strength):
             stress = weight * depth * slope
-            resisted = strength(law, temperature)
+            resisted = strength(law, temperature, depth, age)
             if stress <= resisted:
                 return vec2()
             sheared = (stress - resisted) / stress

@@ -9,17 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lava_ros.effects.effect import footprint_change
-
-if TYPE_CHECKING:
-    from lava_ros.scene import Lava, Scene
+from lava_ros.effects.protocols import Lava, Scene
 
 #: Fraction of the way to the solidus above which lava may solidify.
-FREEZES = 0.9
+FREEZING_THRESHOLD = 0.9
 
 #: Interval of the temperatures at which a law is evaluated [K]; in between its logarithm is
 #: interpolated.
@@ -27,6 +23,16 @@ _STEP = 5.0
 
 #: The ends of the temperature range are multiples of this [K], so that tables can be reused.
 _RANGE = 50.0
+
+
+def footprint_change(speed: float) -> float:
+    """Return the maximum fraction of an inundated area that a change of the speed changes.
+
+    In a valley with evenly rising sides the length of a flow is as the root of its mobility k, its
+    width as k^(-1/4): one outline is longer by half of the change, the other is wider by a
+    quarter. On a plane, and between walls, it is less (docs/MODEL.md).
+    """
+    return 0.75 * speed
 
 
 @lru_cache(maxsize=64)

@@ -14,15 +14,12 @@ So b, wherever its cosine is used, is limited to ``STEEPEST``; the surface's slo
 
 from functools import lru_cache
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from lava_ros.effects.effect import Effect, footprint_change
-from lava_ros.effects.scales import FREEZES
-
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
+from lava_ros.effects.effect import Effect
+from lava_ros.effects.scales import footprint_change, FREEZING_THRESHOLD, Scales
 
 #: Slope of the side of solidified lava, in thicknesses over kernel radii: a column solidifies into
 #: a quadratic B-spline at least 0.65 / 1.5 of the radius wide, and the step at the end of a layer,
@@ -30,12 +27,12 @@ if TYPE_CHECKING:
 FROZEN_SIDE = 0.75 * 1.5 / 0.65
 
 
-def _steepness(scales: 'Scales') -> np.ndarray:
+def _steepness(scales: Scales) -> np.ndarray:
     """Return the slope of the ground below each column, or of sides that may solidify."""
     slope, thickness = scales.columns.ground_slope, scales.columns.thickness
     if scales.lava.solidus <= 0.0:
         return slope
-    side = np.where(scales.freezing > FREEZES, FROZEN_SIDE * thickness, 0.0)
+    side = np.where(scales.freezing > FREEZING_THRESHOLD, FROZEN_SIDE * thickness, 0.0)
     return np.maximum(slope, side / scales.kernel_radius)
 
 

@@ -22,6 +22,7 @@ EFFECT = Effect(
     admits='nothing: it is the viscosity',
     source='Giordano et al. 2008',
     exists=lambda lava: lava.vft_b > 0.0,
+    stiffens=True,
     excludes={'arrhenius': 'they are one effect'},
     replaces=('arrhenius',),
     constants={

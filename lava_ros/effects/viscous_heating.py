@@ -12,17 +12,15 @@ is the same, except for the kinetic energy.
 """
 
 from functools import lru_cache
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from lava_ros.effects.effect import Array, Effect, footprint_change
-
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
+from lava_ros.effects.effect import Array, Effect
+from lava_ros.effects.scales import footprint_change, Scales
 
 
-def _warming(scales: 'Scales') -> np.ndarray:
+def _warming(scales: Scales) -> np.ndarray:
     """Return the effect of the warming by the fall of the flow."""
     warming = scales.scene.gravity * scales.fall / scales.lava.specific_heat
     return scales.matters(warming / scales.warmth)

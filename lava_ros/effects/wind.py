@@ -11,28 +11,25 @@ Volcanology 63, 20-44). That is 1.75 W/(m2 K) at 1 m/s. It is added to the conve
 FLOWGO's 8.73 W/(m2 K) for 5 m/s, set it to 0.
 """
 
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lava_ros.effects.effect import Effect, footprint_change, number
-
-if TYPE_CHECKING:
-    from lava_ros.effects.scales import Scales
-    from lava_ros.scene import Scene
+from lava_ros.effects.effect import Effect, number
+from lava_ros.effects.protocols import Scene
+from lava_ros.effects.scales import footprint_change, Scales
 
 #: Heat transfer over the speed of the wind [J/(m3 K)].
 TRANSFER = 0.0036 * 0.4412 * 1099.0
 
 
-def _heat_taken(scales: 'Scales') -> np.ndarray:
+def _heat_taken(scales: Scales) -> np.ndarray:
     """Return the effect of the heat that the wind takes from each column up to the horizon."""
     capacity = scales.lava.density * scales.lava.specific_heat * scales.columns.thickness
     taken = TRANSFER * scales.scene.wind_speed * scales.duration
     return scales.matters(np.minimum(taken / capacity, 1.0))
 
 
-def _convection(scene: 'Scene') -> float:
+def _convection(scene: Scene) -> float:
     """Return the heat transfer over rho c [m/s]."""
     return float(TRANSFER * scene.wind_speed / (scene.lava.density * scene.lava.specific_heat))
 

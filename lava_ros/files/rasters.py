@@ -138,7 +138,7 @@ _SURFER = re.compile(rb'DSAA(?:\s+[-+.\deE]+){8}')
 
 
 @contextmanager
-def opened_raster(field: str, path: str | Path) -> Iterator[Any]:
+def open_raster(field: str, path: str | Path) -> Iterator[Any]:
     """Open a raster for reading, as ``rasterio.open`` does; it need not be georeferenced.
 
     Only the drivers of ``FORMATS`` are used, since others may open files and URLs to which a file

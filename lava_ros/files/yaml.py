@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import yaml
 
-from lava_ros.errors import LavaError, LONGEST_VALUE, one_line
+from lava_ros.errors import LavaError, MAX_VALUE_LENGTH, one_line
 from lava_ros.files import open_input
 
 #: Maximum size of a text [bytes].
@@ -67,7 +67,7 @@ def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | No
         mark = getattr(error, 'problem_mark', None)
         where = f' in line {mark.line + 1}, column {mark.column + 1}' if mark else ''
         parts = (getattr(error, 'context', None), getattr(error, 'problem', None))
-        reason = one_line(', '.join(filter(None, parts)) or str(error), LONGEST_VALUE)
+        reason = one_line(', '.join(filter(None, parts)) or str(error), MAX_VALUE_LENGTH)
         raise LavaError(field, value, f'{expected} ({reason}{where})') from error
 
 

@@ -64,8 +64,8 @@ class Outline:
         for name in ('lava', 'known'):
             values = np.asarray(getattr(self, name))
             if values.dtype != np.bool_ or values.shape != np.shape(self.lava):
-                right = f'a mask of {np.shape(self.lava)} cells'
-                raise LavaError(f'observed.{name}', f'{values.dtype} {values.shape}', right)
+                expected = f'a mask of {np.shape(self.lava)} cells'
+                raise LavaError(f'observed.{name}', f'{values.dtype} {values.shape}', expected)
         if not (self.lava & self.known).any():
             raise LavaError('observed.lava', 'no cell', 'an outline with lava on the terrain')
 
@@ -145,8 +145,8 @@ def weigh(
     if not index.size or not np.isfinite(index).all() or index.min() < 0.0 or index.max() > 1.0:
         raise LavaError('agreement', index.tolist(), 'Jaccard indices from 0 to 1')
     if not index.any():
-        right = 'an outline that some members reach; correct the scene or its uncertainty'
-        raise LavaError('observed', 'an outline that no member touches', right)
+        expected = 'an outline that some members reach; correct the scene or its uncertainty'
+        raise LavaError('observed', 'an outline that no member touches', expected)
     least = least_effective * np.count_nonzero(index)
 
     def powers(sharpness: float) -> np.ndarray:

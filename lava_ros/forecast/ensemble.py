@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run of an ensemble from its first member to its maps, resumable at any moment."""
+"""Ensemble runs, from the first member to the maps, resumable at any time."""
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext
@@ -27,13 +27,13 @@ from lava_ros.forecast.store import Store
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.simulation.backend.threads import usable_cores
 
-#: Fewest members of which maps are shown while others still run.
+#: Minimum number of members for maps while other members still run.
 FIRST_MAPS = 16
 
-#: Time for a scheduler to answer [s].
+#: Maximum wait for a reply of a scheduler [s].
 PATIENCE = 30.0
 
-#: Runs members, in any order, and gives the footprint of each.
+#: Runs members, in any order, and yields the footprint of each.
 Runner = Callable[[Plan, Sequence[Member]], Generator[Footprint, None, None]]
 
 
@@ -42,10 +42,10 @@ class Ensemble:
     """A finished ensemble.
 
     Attributes:
-        maps: The maps of its members, which all count the same.
-        weights: Weights of the members by an observed outline; None without one.
-        weighted: The maps with these weights; None without an outline.
-        resumed: Number of members that were in the store before.
+        maps: Maps of the members with equal weights.
+        weights: Weights of the members by an observed outline, None without one.
+        weighted: Maps with these weights, None without an outline.
+        resumed: Number of members that were already in the store.
     """
 
     maps: HazardMaps
@@ -63,26 +63,25 @@ def run_ensemble(
     on_finished: Callable[[int, int], None] | None = None,
     on_maps: Callable[[HazardMaps], object] | None = None,
 ) -> Ensemble:
-    """Run the members that the store does not have yet, and merge all of them.
+    """Run the members that are not yet in the store, and merge all members.
 
-    The maps depend on the members alone, and not on the order in which they finish, on what ran
-    them, or on how often that was interrupted. If a sentinel calls for effects that are off, the
-    store drops all members, and they run again with these effects: at most as often as there are
-    effects. Sentinels run first.
+    The maps depend only on the members, not on their order, the runner or interruptions. Sentinels
+    run first. If a sentinel calls for effects that are off, the store deletes all members, and
+    they run again with these effects: at most once for each effect.
 
     Args:
         members: The first members of the ensemble.
-        store: Where finished ones and the plan are kept.
-        runner: What runs them.
-        outline: Where lava was seen; the members are then also weighted by how well they agree.
+        store: Contains the plan and the finished members.
+        runner: Runs members.
+        outline: Observed lava, by which the members are weighted in addition.
         on_finished: Called after each member with the number of finished members, and of those
-            that the store had before.
+            that were already in the store.
         on_maps: Called with the maps of the first members, in order of number, each time that
-            their number has doubled; never before all sentinels have run.
-            Cheap members finish first: maps of those would be of small eruptions.
+            their number has doubled and all sentinels have run. Maps of the members that finish
+            first would be of small eruptions, which are fast to simulate.
 
     Raises:
-        LavaError: A member fails, none agrees with the outline, or a file cannot be written.
+        LavaError: If a member fails, none agrees with the outline, or a file cannot be written.
     """
     if outline is not None:
         at_most = store.plan.horizon
@@ -133,7 +132,7 @@ def run_ensemble(
     _check_complete(done, members)
     if outline is None:
         return Ensemble(tally.maps(), None, None, resumed)
-    # weights are relative to the best member, so that all have to be there first
+    # weights are relative to the best member, so all members have to be finished
     weights, weighted = weigh(agreement), Tally(plan)
     done.clear()
     for footprint in store.finished(len(members)):
@@ -152,7 +151,7 @@ def _check_complete(done: set[int], members: Sequence[Member]) -> None:
 def run_here(
     plan: Plan, members: Sequence[Member], *, device: str | None = None
 ) -> Generator[Footprint, None, None]:
-    """Run members in this process, and give their footprints as they finish, in any order.
+    """Run members in this process, and yield their footprints in order of completion.
 
     ``device`` is the Warp device; None for the first GPU, or the CPU without one.
     """
@@ -166,12 +165,12 @@ def run_in_processes(
 ) -> Generator[Footprint, None, None]:
     """Run members in up to ``workers`` processes of this machine, in any order.
 
-    ``device`` is the Warp device of all; with None they share the GPUs out, if there are any.
+    ``device`` is the Warp device of all; None distributes the processes over the GPUs, if any.
 
     Raises:
-        LavaError: A member fails, or takes processes with it again and again.
+        LavaError: If a member fails or repeatedly ends its process.
     """
-    # each process has some
+    # so that each process has members
     batch = min(batch_of(plan, device), max(-(-len(members) // workers), 1))
     parts = _parts(members, batch)
     devices = (device,) if device else _gpus() or (None,)
@@ -182,7 +181,7 @@ def run_in_processes(
 
 
 def default_workers() -> int:
-    """One for each GPU, or else for each core of this machine that we may use."""
+    """Return the number of GPUs or, without a GPU, of usable cores."""
     return len(_gpus()) or usable_cores()
 
 
@@ -197,7 +196,7 @@ def _parts(members: Sequence[Member], batch: int) -> list[Sequence[Member]]:
 
 
 def _gpus() -> tuple[str, ...]:
-    # importing the solver keeps Warp from printing what it finds
+    # importing the solver keeps Warp from printing its devices
     import warp as wp
 
     import lava_ros.simulation  # noqa: F401
@@ -208,22 +207,22 @@ def _gpus() -> tuple[str, ...]:
 def run_on_cluster(
     plan: Plan, members: Sequence[Member], *, scheduler: str, device: str | None = None
 ) -> Generator[Footprint, None, None]:
-    """Run members on the workers of a Dask scheduler that somebody else has started, in any order.
+    """Run members on the workers of an existing Dask scheduler, in any order.
 
-    Workers keep nothing: a member goes to one as a few numbers and comes back as its footprint.
-    Another worker runs the members of one that dies again.
+    Workers store nothing: a member is sent as a few numbers and returned as its footprint. The
+    members of a worker that dies run again on another one.
 
     ``scheduler`` is an address such as ``tcp://host:8786``, and ``device`` the Warp device of
-    every worker; with None a worker uses its first GPU, or the CPU without one.
+    every worker; None for its first GPU, or the CPU without one.
 
     Raises:
-        LavaError: Dask is not installed, the scheduler is out of reach, or a member fails.
+        LavaError: If Dask is not installed, the scheduler cannot be reached, or a member fails.
     """
     require('distributed', '--scheduler', scheduler)
     from distributed import as_completed, KilledWorker
 
     with _client(scheduler) as client:
-        # a task and no data: where the worker that holds it dies, it is made again
+        # a task instead of data, which Dask repeats if the worker with its result dies
         shared = client.submit(pickle.loads, pickle.dumps(plan), pure=False)
         running = {
             client.submit(_run_on_worker, shared, device, part, pure=False): part[0].index
@@ -234,29 +233,29 @@ def run_on_cluster(
             try:
                 yield from future.result()
             except KilledWorker as error:
-                right = f'one that does not end its worker; {DEATHS + 1} died (too little memory?)'
-                raise LavaError(f'member {index}', str(error), right) from error
+                expected = f'one that does not end its worker; {DEATHS + 1} died (out of memory?)'
+                raise LavaError(f'member {index}', str(error), expected) from error
             except (ImportError, OSError) as error:
-                right = f'workers that can run lava_ros ({error})'
-                raise LavaError('--scheduler', scheduler, right) from error
+                expected = f'workers that can run lava_ros ({error})'
+                raise LavaError('--scheduler', scheduler, expected) from error
             future.release()
 
 
 @contextmanager
 def _client(scheduler: str) -> Iterator[Any]:
-    """A client of a scheduler that has workers with this version of the package."""
+    """Connect to a scheduler whose workers have this version of the package."""
     from dask import config
     from distributed import Client
 
     settings = {'distributed.scheduler.allowed-failures': DEATHS}
     with config.set(settings), warnings.catch_warnings():
-        # a terrain is large for a task
+        # a terrain is larger than Dask expects for a task
         warnings.filterwarnings('ignore', message='Sending large graph')
         try:
             client = Client(scheduler, timeout=PATIENCE)
         except (OSError, ValueError, TypeError) as error:
-            right = f'the address of a Dask scheduler, such as tcp://host:8786 ({error})'
-            raise LavaError('--scheduler', scheduler, right) from error
+            expected = f'the address of a Dask scheduler, such as tcp://host:8786 ({error})'
+            raise LavaError('--scheduler', scheduler, expected) from error
         with client:
             try:
                 client.wait_for_workers(1, timeout=PATIENCE)
@@ -264,12 +263,12 @@ def _client(scheduler: str) -> Iterator[Any]:
             except (TimeoutError, OSError) as error:
                 raise LavaError('--scheduler', scheduler, 'a scheduler with workers') from error
             except ImportError as error:
-                right = 'workers with lava_ros installed'
-                raise LavaError('--scheduler', scheduler, right) from error
+                expected = 'workers with lava_ros installed'
+                raise LavaError('--scheduler', scheduler, expected) from error
             for worker, version in versions.items():
                 if version != lava_ros.__version__:
-                    right = f'lava_ros {lava_ros.__version__}, as here'
-                    raise LavaError(f'lava_ros of worker {worker}', version, right)
+                    expected = f'lava_ros {lava_ros.__version__}, as here'
+                    raise LavaError(f'lava_ros of worker {worker}', version, expected)
             yield client
 
 

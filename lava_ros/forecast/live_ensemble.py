@@ -24,7 +24,7 @@ from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, T
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint
 
 #: Number of members in the first maps of a scene; new maps follow at each doubling.
 FIRST_MAPS = 4
@@ -154,7 +154,7 @@ class LiveEnsembles:
     number and error.
 
     Attributes:
-        at_hand: The ensemble in progress, None if there is none.
+        current: The ensemble in progress, None if there is none.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -162,7 +162,7 @@ class LiveEnsembles:
         self._answer = answer
         self._changes: int | None = None
         self._ordered: Callable[[], LiveEnsemble] | None = None
-        self.at_hand: LiveEnsemble | None = None
+        self.current: LiveEnsemble | None = None
         self._shown: LiveEnsemble | None = None
         self._oldest: LiveEnsemble | None = None
         self._agreement: np.ndarray | None = None
@@ -173,7 +173,7 @@ class LiveEnsembles:
     @property
     def is_busy(self) -> bool:
         """True if an ensemble is in progress or requested."""
-        return self.at_hand is not None or self._ordered is not None
+        return self.current is not None or self._ordered is not None
 
     def order(
         self,
@@ -201,11 +201,11 @@ class LiveEnsembles:
 
     def drop(self) -> None:
         """Cancel the ensemble in progress; finished ones remain."""
-        self._ordered = self.at_hand = None
+        self._ordered = self.current = None
         waiting, self._waiting = self._waiting, []
-        right = 'a scene that does not change until the members have run'
+        expected = 'a scene that does not change until the members have run'
         for number, _ in waiting:
-            self._refuse(number, LavaError('observed_outline', 'not used', right))
+            self._refuse(number, LavaError('observed_outline', 'not used', expected))
 
     def advance(self, wall_limit: float) -> None:
         """Run members for about a wall time [s].
@@ -215,15 +215,15 @@ class LiveEnsembles:
         """
         if self._ordered is not None:
             begin, self._ordered = self._ordered, None
-            self.at_hand, self._next_maps = begin(), FIRST_MAPS
-        ensemble, known = self.at_hand, self._agreement
+            self.current, self._next_maps = begin(), FIRST_MAPS
+        ensemble, known = self.current, self._agreement
         if ensemble is None or not ensemble.advance(wall_limit):
             return
         if ensemble.is_done:
-            self.at_hand, self._shown = None, ensemble
+            self.current, self._shown = None, ensemble
             if self._oldest is None or not self._oldest.covers(ensemble.start):
                 self._oldest = ensemble
-            self._tell(ensemble)
+            self._send_maps(ensemble)
             waiting, self._waiting = self._waiting, []
             for number, outline in waiting:
                 self.observe(number, outline)
@@ -233,7 +233,7 @@ class LiveEnsembles:
             and (known is None or known[: ensemble.count].any())
         ):
             self._shown, self._next_maps = ensemble, 2 * ensemble.count
-            self._tell(ensemble)
+            self._send_maps(ensemble)
 
     def observe(self, number: int, outline: Outline) -> None:
         """Weight the members by an outline, in the oldest complete ensemble that covers its time.
@@ -241,9 +241,9 @@ class LiveEnsembles:
         An outline waits if only the ensemble in progress covers its time, and is refused if no
         ensemble does.
         """
-        known = [item for item in (self._oldest, self._shown, self.at_hand) if item is not None]
+        known = [item for item in (self._oldest, self._shown, self.current) if item is not None]
         covering = [item for item in known if item.covers(outline.time)]
-        done = [item for item in covering if item is not self.at_hand]
+        done = [item for item in covering if item is not self.current]
         if done:
             self._weigh(number, outline, done[0])
         elif covering:
@@ -253,9 +253,9 @@ class LiveEnsembles:
             if known:
                 first = min(item.start for item in known)
                 since = f'after {first:.0f} s, the start of the first'
-            right = f'a time within the horizon of an ensemble ({since})'
-            told = f'{outline.time:.0f} s of simulated time'
-            self._refuse(number, LavaError('observed_outline.header.stamp', told, right))
+            expected = f'a time within the horizon of an ensemble ({since})'
+            value = f'{outline.time:.0f} s of simulated time'
+            self._refuse(number, LavaError('observed_outline.header.stamp', value, expected))
 
     def _weigh(self, number: int, outline: Outline, ensemble: LiveEnsemble) -> None:
         found = ensemble.agreement(outline)
@@ -276,12 +276,12 @@ class LiveEnsembles:
             jaccard_mean=float(found.mean()),
         )
         if self._shown is not None:
-            self._tell(self._shown)
+            self._send_maps(self._shown)
 
     def _refuse(self, number: int, error: LavaError) -> None:
         self._answer('outline_refused', number=number, error=error)
 
-    def _tell(self, ensemble: LiveEnsemble) -> None:
+    def _send_maps(self, ensemble: LiveEnsemble) -> None:
         self._answer(
             'ensemble',
             number=ensemble.number,

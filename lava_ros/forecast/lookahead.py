@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import Forecast
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint
 
 if TYPE_CHECKING:
-    from lava_ros.simulation.looks import Seen
+    from lava_ros.simulation.output.looks import Seen
     from lava_ros.simulation.simulation import Simulation
 
 #: Number of observations within a horizon, from which peaks are taken. Arrival times are those of
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 LOOKS = 240
 
 #: Number of observations of a scene's first forecast, which takes less than half of the time.
-FIRST_LOOKS = 60
+N_FIRST_SAMPLES = 60
 
 #: Number of observations before the first regular one, each at half the time of the next.
-EARLY_LOOKS = 4
+N_EARLY_SAMPLES = 4
 
 
 class Looking:
@@ -117,8 +117,8 @@ class Looking:
 
     def _check_size(self, count: int) -> None:
         if self._max_particles is not None and count > self._max_particles:
-            right = f'at most {self._max_particles} (max_particles)'
-            raise LavaError(f'particles{self._of}', count, right)
+            expected = f'at most {self._max_particles} (max_particles)'
+            raise LavaError(f'particles{self._of}', count, expected)
 
     def _check_flow(self, flaw: str) -> None:
         if flaw:
@@ -148,7 +148,7 @@ class LookAhead(Looking):
             checkpoint: The state from which to start.
             horizon: Simulated duration of the forecast [s].
             threshold: Thickness at or above which lava has arrived [m].
-            looks: Number of regular observations within the horizon, after ``EARLY_LOOKS``.
+            looks: Number of regular observations within the horizon, after ``N_EARLY_SAMPLES``.
             device: Warp device; None for the first GPU, or the CPU without one.
             max_particles: Maximum number of particles, None for no limit.
 
@@ -208,5 +208,5 @@ class LookAhead(Looking):
 def moments(horizon: float, looks: int) -> list[float]:
     """Return the times of observations after the start [s], the last one at the horizon."""
     interval = horizon / looks
-    early = [interval / 2.0**power for power in range(EARLY_LOOKS, 0, -1)]
+    early = [interval / 2.0**power for power in range(N_EARLY_SAMPLES, 0, -1)]
     return early + [interval * number for number in range(1, looks)] + [horizon]

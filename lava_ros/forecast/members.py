@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs of members: one interface, whether they run one after the other or side by side."""
+"""Runs of the members of an ensemble, one at a time or as a batch on a GPU."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,50 +28,51 @@ from lava_ros.scene.lava import Lava
 from lava_ros.scene.uncertainty import Distribution
 from lava_ros.scene.vents import erupting
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import effects_for
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
 
-#: Most and fewest looks at the flow in a run, and the time between two where that lies between: an
-#: arrival is known to half of it, and a look takes as long as a stage of a step.
-MOST_LOOKS, FEWEST_LOOKS, LOOK = 120, 20, 60.0
+#: Maximum and minimum number of samples of the flow in a run, and their interval [s] if that is
+#: possible. Half of the interval is the error of an arrival; a sample costs as much as one stage
+#: of a time step.
+MAX_SAMPLES, MIN_SAMPLES, SAMPLE_INTERVAL = 120, 20, 60.0
 
-#: Thickness from which on lava has arrived [m].
+#: Lava has arrived where its thickness is at or above this value [m].
 THRESHOLD = 0.1
 
-#: Shares of a distribution at which the choice of effects looks: what fewer members call for would
-#: be paid for by all, and matters little to those, for no effect begins with a jump.
+#: Quantiles for which effects are chosen. An effect that only fewer members call for would slow
+#: down all, and matters little to these, because effects do not set in abruptly.
 _ENDS = (0.1, 0.9)
 
-#: Times that a displacement is halved before the vent stays where it was.
+#: Maximum number of times that a displacement is halved before the vent is not displaced.
 _HALVINGS = 12
 
 #: Effects of which only one can be on.
 _RIVALS = ('inertia', 'green', 'helmholtz')
 
-#: Bytes that a member takes for each cell of the terrain.
+#: Memory of a member for each cell of the terrain [bytes].
 _BYTES = 64
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What all members of an ensemble have in common.
+    """Common properties of all members of an ensemble.
 
     Attributes:
-        scene: The scene without anything drawn.
-        horizon: How far ahead each member runs [s].
+        scene: The scene before drawing.
+        horizon: Simulated duration of each member [s].
         accuracy: The resolution.
-        effects: The physics, the same for all members.
-        threshold: Thickness from which on lava has arrived [m].
-        looks: Looks at the flow, evenly spaced up to the horizon, each at the end of the time step
-            in which it is due.
-        start: Where all members start; None: the scene before there is lava. Times count from it.
-        forced: Effects that the user forces on or off, by name; None: sentinels do not review the
-            effects.
-        switched_on: The effects that sentinels have called for, and that are on because of that.
+        effects: The effects that are on.
+        threshold: Lava has arrived where its thickness is at or above this value [m].
+        looks: Number of samples of the flow, evenly spaced up to the horizon, each at the end of
+            the time step in which it is due.
+        start: State from which all members start, at time 0; None for the scene without lava.
+        forced: Effects that the user forces on or off, by name. If None, sentinels do not review
+            the effects.
+        switched_on: Effects that are on because sentinels have called for them.
     """
 
     scene: Scene
@@ -79,23 +80,23 @@ class Plan:
     accuracy: Accuracy
     effects: Effects
     threshold: float = THRESHOLD
-    looks: int = MOST_LOOKS
+    looks: int = MAX_SAMPLES
     start: Checkpoint | None = None
     forced: Mapping[str, bool] | None = None
     switched_on: tuple[CalledEffect, ...] = ()
 
     @property
     def interval(self) -> float:
-        """Time between two looks [s]."""
+        """Time between two samples [s]."""
         return self.horizon / self.looks
 
     def switching_on(self, called: Sequence[CalledEffect]) -> 'Plan':
-        """Return this plan with effects that sentinels have called for, on from the start."""
+        """Return the plan with the effects that sentinels have called for."""
         effects = replace(self.effects, **{item.effect: True for item in called})
         return replace(self, effects=effects, switched_on=(*self.switched_on, *called))
 
     def explain_effects(self) -> dict[str, str]:
-        """Return for each effect that can be chosen whether it is on, and the reason if known."""
+        """Return ``on`` or ``off``, and the reason if known, of each effect that is chosen."""
         reasons = {item.effect: f': {item.reason}' for item in self.switched_on}
         reasons |= dict.fromkeys(self.forced or {}, ': forced')
         return {
@@ -110,13 +111,13 @@ class MemberFields:
     """The result of a member on the part of the terrain that its lava reached.
 
     Attributes:
-        index: The member's number.
+        index: Number of the member.
         arrival: Time at which lava reached the threshold thickness [s], float32, shape [rows,
-            columns] of the part; NaN where it did not up to the horizon.
+            columns] of the part; NaN if it did not before the horizon.
         peak: Largest thickness [m], float32, same shape; 0 without lava.
-        left: Share of the emitted volume that has left the map.
+        left: Fraction of the emitted volume that has left the map.
         corner: Row and column of the part's first cell.
-        called: The effects that the flow of a sentinel calls for, and that are off in its plan.
+        called: Effects that the flow of a sentinel calls for although they are off in its plan.
     """
 
     index: int
@@ -136,24 +137,24 @@ def make_plan(
     threshold: float = THRESHOLD,
     looks: int | None = None,
 ) -> Plan:
-    """Settle what all members have in common.
+    """Plan an ensemble that starts at time 0.
 
-    An effect that a tenth of the members are expected to call for, by one of their values, is on
-    for all. Sentinels review this choice on their flow (``sentinels``).
+    An effect is on for all members if about a tenth of them are expected to call for it because of
+    one of their values. Sentinels review this choice on their flow (``sentinels``).
 
     Args:
         scene: The scene.
-        horizon: How far ahead each member runs [s].
-        accuracy: The resolution; automatic when left out.
-        effects: Effects forced on or off by name.
-        threshold: Thickness from which on lava has arrived [m].
-        looks: Looks at the flow; None: by the horizon.
+        horizon: Simulated duration of each member [s].
+        accuracy: The resolution; None for automatic.
+        effects: Effects forced on or off, by name.
+        threshold: Lava has arrived where its thickness is at or above this value [m].
+        looks: Number of samples of the flow; None to derive it from the horizon.
 
     Raises:
-        LavaError: An argument is not usable.
+        LavaError: If an argument is not valid.
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
-    threshold, looks = _seen(threshold, looks, horizon)
+    threshold, looks = _sampling(threshold, looks, horizon)
     # one spacing for all members
     accuracy = resolved_accuracy(accuracy or Accuracy(), median_scene(scene), horizon=horizon)
     chosen = [
@@ -161,7 +162,7 @@ def make_plan(
         for one in (scene, *_end_scenes(scene))
     ]
     called_for = {name for one in chosen for name in one}
-    # of those that exclude each other the one of the scene itself, if it has one
+    # of mutually exclusive effects, prefer the one that the scene itself calls for
     rivals = [name for name in _RIVALS if name in chosen[0]]
     rivals = rivals or [name for name in _RIVALS if name in called_for][:1]
     called_for -= set(_RIVALS) - set(rivals)
@@ -179,26 +180,26 @@ def plan_from(
 ) -> Plan:
     """Plan an ensemble that continues a running simulation for ``horizon`` [s].
 
-    Members have the simulation's resolution and effects, which the simulation itself reviews; the
-    properties drawn for a member apply from the checkpoint ``start`` on. The other arguments are
-    those of ``make_plan``.
+    Members have the resolution and the effects of the simulation, which reviews them itself. The
+    properties drawn for a member apply after the checkpoint ``start``. The other arguments are as
+    in ``make_plan``.
 
     Raises:
-        LavaError: An argument is not usable.
+        LavaError: If an argument is not valid.
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
-    threshold, looks = _seen(threshold, looks, horizon)
+    threshold, looks = _sampling(threshold, looks, horizon)
     return Plan(start.scene, horizon, start.accuracy, start.effects, threshold, looks, start)
 
 
 def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
-    """The scene of a member.
+    """Return the scene of a member.
 
-    ``rough`` adds the errors of the terrain, which takes time. A displacement that would move a
-    vent off the terrain is halved until it does not.
+    ``rough`` adds the errors of the terrain, which is slow. A displacement that would move a vent
+    off the terrain is halved until it does not.
 
     Raises:
-        LavaError: The drawn values do not make a valid scene; the message names the member.
+        LavaError: If the drawn values do not make a valid scene; the message names the member.
     """
     try:
         roughness = scene.uncertainty.terrain
@@ -210,12 +211,14 @@ def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
         vents = tuple(_member_vent(vent, member, scene.terrain) for vent in vents)
         return replace(scene, vents=vents, lava=_member_lava(scene.lava, member))
     except LavaError as error:
-        right = f'{error.expected}; limits on its distribution keep it there'
-        raise LavaError(f'{error.field} of member {member.index}', error.value, right) from error
+        expected = f'{error.expected}; limits on its distribution keep it there'
+        raise LavaError(
+            f'{error.field} of member {member.index}', error.value, expected
+        ) from error
 
 
 def median_scene(scene: Scene) -> Scene:
-    """The scene with every uncertain value at its median; classes of eruptions have none."""
+    """Return the scene with every uncertain value at its median, except classes of eruptions."""
     uncertainty = scene.uncertainty
     drawn: dict[str, Any] = {
         name: distribution.quantile(0.5)
@@ -227,25 +230,26 @@ def median_scene(scene: Scene) -> Scene:
 
 
 def check_members(scene: Scene, members: Sequence[Member]) -> None:
-    """Refuse members that make no scene, before any of them runs.
+    """Check the scenes of members before any of them runs.
 
     Raises:
-        LavaError: One makes none, or members have places and the scene not one vent to put there.
+        LavaError: If a scene is not valid, or members have places and the scene does not have
+            exactly one vent.
     """
     if not scene.vents and not scene.emplaced_flows:
         raise LavaError('scene.vents', [], 'a vent: without lava there is nothing to forecast')
     if any(member.place is not None for member in members) and len(scene.vents) != 1:
-        right = 'one vent beside a susceptibility map: it says '
-        right += 'how much lava comes out, the map says where'
-        raise LavaError('scene.vents', len(scene.vents), right)
+        expected = 'one vent with a susceptibility map: the vent defines '
+        expected += 'the effusion rate, the map its position'
+        raise LavaError('scene.vents', len(scene.vents), expected)
     for member in members:
         member_scene(scene, member, rough=False)
 
 
 def batch_of(plan: Plan, device: str | None) -> int:
-    """Members of a plan that go through their stages together on a Warp device."""
+    """Return the number of members that run as one batch on a Warp device."""
     from lava_ros.simulation.batch import AT_ONCE
-    from lava_ros.simulation.defaults import device_of
+    from lava_ros.simulation.setup.defaults import device_of
 
     if not device_of(device).is_cuda:
         return 1
@@ -258,14 +262,14 @@ def run_members(
 ) -> list[MemberFields]:
     """Run members from the plan's start to the horizon.
 
-    Members run again for as long as a sentinel calls for effects that are off, with these effects
-    on for all. ``device`` is the Warp device; None for the first GPU, or the CPU without one.
+    If a sentinel calls for effects that are off, all members run again with these effects.
+    ``device`` is the Warp device; None for the first GPU, or the CPU without one.
 
     Returns:
         The fields of the members, in their order.
 
     Raises:
-        LavaError: A member has no valid scene, or its simulation fails.
+        LavaError: If a member has no valid scene, or its simulation fails.
     """
     while True:
         done = {item.index: item for item in running(plan, members, device=device) if item}
@@ -286,27 +290,27 @@ def running(
     max_particles: int | None = None,
     progress: dict[int, float] | None = None,
 ) -> Iterator[MemberFields | None]:
-    """Run members in parts, with time for something else after each.
+    """Run members in parts, so that the caller can do other work after each part.
 
-    On a GPU they go as a batch, and end in the order of what they cost. A member is asked for when
-    there is room for it.
+    On a GPU they run as a batch; fast members finish first. The next member is taken from
+    ``members`` when the batch has room for it.
 
     Args:
-        plan: What they have in common.
+        plan: Plan of the members.
         members: The members.
         device: Warp device; None for the first GPU, or the CPU without one.
-        max_particles: Most particles of a member, None for any number.
-        progress: Is told the share of the looks that each member has taken, by its number.
+        max_particles: Maximum number of particles of a member, None for no limit.
+        progress: Receives the fraction of the samples that each member has taken, by its number.
 
     Yields:
-        The fields of a member that is done, None after any other part.
+        The fields of a member that is finished, None after any other part.
 
     Raises:
-        LavaError: A member has no valid scene, or its simulation fails.
+        LavaError: If a member has no valid scene, or its simulation fails.
     """
     # the solver loads Warp, which drawing and merging members do not need
     from lava_ros.simulation.batch import side_by_side
-    from lava_ros.simulation.defaults import device_of
+    from lava_ros.simulation.setup.defaults import device_of
 
     done: list[MemberFields] = []
 
@@ -317,7 +321,7 @@ def running(
             if progress is not None:
                 progress[member.index] = run.progress
         done.append(run.fields())
-        # it is known before another one begins
+        # yield the fields before the next member begins
         yield
 
     routes, at_once = map(route, members), batch_of(plan, device)
@@ -329,7 +333,7 @@ def running(
 
 
 class MemberRun(Looking):
-    """A member on its way from the plan's start to the horizon."""
+    """A run of a member from the plan's start to the horizon."""
 
     def __init__(
         self, plan: Plan, member: Member, *, device: str | None, max_particles: int | None = None
@@ -337,7 +341,7 @@ class MemberRun(Looking):
         """Start the member's simulation.
 
         Raises:
-            LavaError: The member has no valid scene, or as in ``advance``.
+            LavaError: If the member has no valid scene, or as in ``advance``.
         """
         simulation = _started(plan, member, device)
         start = simulation.time
@@ -350,7 +354,7 @@ class MemberRun(Looking):
             simulation,
             [
                 *(start + look * plan.interval for look in range(1, plan.looks)),
-                # exactly, however many looks there are
+                # exactly the horizon, without a rounding error
                 start + plan.horizon,
             ],
             threshold=plan.threshold,
@@ -359,7 +363,7 @@ class MemberRun(Looking):
         )
 
     def fields(self) -> MemberFields:
-        """What it has done to the cells so far."""
+        """Return the fields so far."""
         seen = self.seen(where_wet=True)
         arrival = (seen.arrival - self._start).astype(np.float32)
         budget = self.simulation.budget()
@@ -370,17 +374,16 @@ class MemberRun(Looking):
 
     def _note_look(self, time: float) -> None:
         super()._note_look(time)
-        later = tuple(share for share in self._reviews if share > self.progress)
+        later = tuple(fraction for fraction in self._reviews if fraction > self.progress)
         if len(later) < len(self._reviews):
             self._called = find_called(
                 self.simulation, self._forced, member=self._index, start=self._start
             )
-            # what the first of them have not changed yet would mislead the others
+            # stop at the first call: the effects would have changed the flow of later reviews
             self._reviews = () if self._called else later
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':
-    """A member's simulation, where all of them start."""
     # the solver loads Warp, which drawing and merging members do not need
     from lava_ros.simulation.simulation import Simulation
 
@@ -393,7 +396,7 @@ def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':
             device=device,
             horizon=plan.horizon,
         )
-    # vents change once it goes on, for a discharge counts from when its vent has it
+    # resume with the old vents and then change them, because a new discharge applies from then on
     before = replace(scene, vents=plan.scene.vents)
     simulation = Simulation.resume(
         replace(plan.start, scene=before, forced=None), device=device
@@ -402,11 +405,10 @@ def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':
     return simulation
 
 
-def _seen(threshold: float, looks: int | None, horizon: float) -> tuple[float, int]:
-    """Threshold and looks, clean."""
+def _sampling(threshold: float, looks: int | None, horizon: float) -> tuple[float, int]:
     threshold = validation.number('threshold', threshold, above=0.0, unit='m')
     if looks is None:
-        looks = min(max(math.ceil(horizon / LOOK), FEWEST_LOOKS), MOST_LOOKS)
+        looks = min(max(math.ceil(horizon / SAMPLE_INTERVAL), MIN_SAMPLES), MAX_SAMPLES)
     return threshold, validation.whole('looks', looks, at_least=1, at_most=10_000)
 
 
@@ -434,7 +436,7 @@ def _member_vent(vent: Vent, member: Member, terrain: Terrain) -> Vent:
 
 
 def _placed(vent: Vent, place: tuple[float, float], terrain: Terrain) -> Vent:
-    """The vent with its middle at a place; a fissure is as long as the terrain has room for."""
+    """Move a vent's centre to a place; a fissure is shortened to fit on the terrain."""
     if vent.end is None:
         return replace(vent, position=place)
     half = [0.5 * (end - start) for start, end in zip(vent.position, vent.end, strict=True)]
@@ -461,15 +463,15 @@ def _displaced(vent: Vent, shift: tuple[float, float], terrain: Terrain) -> Vent
 
 
 def _end_scenes(scene: Scene) -> list[Scene]:
-    """The scene with one uncertain quantity near the one or the other end of its values."""
+    """Return scenes with one uncertain quantity each at a quantile of ``_ENDS``."""
     uncertainty, drawn = scene.uncertainty, list[dict[str, Any]]()
-    for share in _ENDS:
+    for fraction in _ENDS:
         for name, distribution in vars(uncertainty).items():
             if isinstance(distribution, Distribution):
-                drawn.append({name: distribution.quantile(share)})
+                drawn.append({name: distribution.quantile(fraction)})
         for name, distribution in uncertainty.constants.items():
-            drawn.append({'constants': ((name, distribution.quantile(share)),)})
+            drawn.append({'constants': ((name, distribution.quantile(fraction)),)})
         for kind in uncertainty.eruption:
-            ends = kind.duration.quantile(share), kind.volume.quantile(share)
+            ends = kind.duration.quantile(fraction), kind.volume.quantile(fraction)
             drawn.append({'eruption': ends})
     return [member_scene(scene, Member(0, **values), rough=False) for values in drawn]

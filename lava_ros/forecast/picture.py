@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Pictures of the quality of probability forecasts."""
 
 from collections.abc import Sequence
@@ -68,10 +67,10 @@ def draw_reliability(
     """
     bins = [item for item in reliability(probability, came) if item.count]
     axes.plot([0, 100], [0, 100], color='#999999', linewidth=1.0, label='perfect')
-    said = [100.0 * item.forecast for item in bins]
+    stated = [100.0 * item.forecast for item in bins]
     seen = [100.0 * item.observed for item in bins]
-    axes.plot(said, seen, 'o-', color='#a81d1d', markersize=4, label='this ensemble')
-    for item, *place in zip(bins, said, seen, strict=True):
+    axes.plot(stated, seen, 'o-', color='#a81d1d', markersize=4, label='this ensemble')
+    for item, *place in zip(bins, stated, seen, strict=True):
         axes.annotate(
             f'{item.count}', place, (4, -8), textcoords='offset points', fontsize=6, color=INK
         )

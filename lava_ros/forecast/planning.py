@@ -173,18 +173,18 @@ def afford(
     refinement, count = best.refinement, best.members
     wall_time = count * search.cost(refinement, best.effects)
     if wall_time > within:
-        right = f'about {wall_time:.2g} s or more, the time of the coarsest {count} runs'
-        raise LavaError('within', within, right)
-    expected = resolution_of(scene, accuracy_at(scene, refinement, horizon), horizon=horizon)
+        expected = f'about {wall_time:.2g} s or more, the time of the coarsest {count} runs'
+        raise LavaError('within', within, expected)
+    resolution = resolution_of(scene, accuracy_at(scene, refinement, horizon), horizon=horizon)
     called_for, given = asdict(search.effects_at(refinement)), asdict(best.effects)
     return Affordable(
         preset=preset_below(refinement),
-        spacing=expected.spacing,
+        spacing=resolution.spacing,
         refinement=refinement,
         members=count,
         wall_time=wall_time,
         error=search.law()(refinement),
-        cell_error=expected.cell_error,
+        cell_error=resolution.cell_error,
         sampling_error=sampling_error(count),
         is_finest=refinement >= 0.999 * FINEST,
         forced={name: is_on for name, is_on in given.items() if called_for[name] != is_on},
@@ -205,8 +205,6 @@ class _Choice:
 
 @dataclass
 class _Search:
-    """A search for a plan by pilots."""
-
     scene: Scene
     within: float
     horizon: float
@@ -303,7 +301,6 @@ class _Search:
         return cost if math.isfinite(cost) else self.cost(refinement, self.pilots[-1].effects)
 
     def _near(self, refinement: float, by: float, effects: Effects | None = None) -> list[Pilot]:
-        """Return the runs within a factor of a refinement, with given effects or with any."""
         return [
             run
             for run in self.runs
@@ -367,8 +364,6 @@ class _Search:
 
     @cached_property
     def _bands(self) -> list[tuple[float, Effects]]:
-        """Return the effects that the scene calls for, with the lowest refinement of each."""
-
         def at(refinement: float) -> Effects:
             accuracy = accuracy_at(self.scene, refinement, self.horizon)
             return effects_for(self.scene, {}, accuracy=accuracy, horizon=self.horizon)

@@ -67,8 +67,8 @@ class Pool(Generic[Job, Result]):
                 self.close()
                 deaths = deaths + 1 if len(left) == before else 0
             if deaths > DEATHS:
-                right = f'jobs that do not end their process; {deaths} died (too little memory?)'
-                raise LavaError('jobs', list(left.values())[: self._processes], right)
+                expected = f'jobs that do not end their process; {deaths} died (out of memory?)'
+                raise LavaError('jobs', list(left.values())[: self._processes], expected)
 
     def close(self) -> None:
         """End the processes, even during a job."""

@@ -18,8 +18,8 @@ from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.forecast import HazardMaps, PlaceForecast, QUANTILES
 from lava_ros.maps.places import Places
 from lava_ros.scene import MAX_ELEVATION
-from lava_ros.simulation.budget import GONE
-from lava_ros.simulation.inundation import inundated_cells
+from lava_ros.simulation.output.budget import GONE
+from lava_ros.simulation.output.inundation import inundated_cells
 
 #: Stands for the observation ("look") in a cell without lava.
 NEVER = np.iinfo(np.uint16).max
@@ -123,9 +123,9 @@ class Tally:
         row, column = footprint.corner
         shape = self._plan.scene.terrain.shape
         if min(row, column) < 0 or row + rows > shape[0] or column + columns > shape[1]:
-            right = f'a member on a terrain of {shape} cells'
+            expected = f'a member on a terrain of {shape} cells'
             found = f'{rows} x {columns} cells from {footprint.corner} on'
-            raise LavaError(f'member {footprint.index}', found, right)
+            raise LavaError(f'member {footprint.index}', found, expected)
         self._added.add(footprint.index)
         self._beyond += footprint.left > GONE
         self._total += weight

@@ -31,9 +31,9 @@ from typing import Any
 
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.live_ensemble import Answer, LiveEnsembles
-from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
+from lava_ros.forecast.lookahead import LookAhead, LOOKS, N_FIRST_SAMPLES
 from lava_ros.forecast.sampling import prepare_sampling
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint
 
 #: Niceness of this process: it gets a tenth of a core that it shares with another process.
 NICENESS = 10
@@ -98,7 +98,7 @@ class Forecasting:
             self._ensembles.order(checkpoint, number=number, **ensemble, **how)
         with self._guarded():
             # the first forecast should be early rather than precise
-            looks = FIRST_LOOKS if is_first else LOOKS
+            looks = N_FIRST_SAMPLES if is_first else LOOKS
             self._ahead = LookAhead(checkpoint, looks=looks, **how)
 
     def outline(self, number: int, outline: Outline) -> None:
@@ -113,7 +113,7 @@ class Forecasting:
     def _take_slice(self) -> None:
         begun, ahead, ensembles = time.monotonic(), self._ahead, self._ensembles
         # a forecast precedes an ensemble that has not started; then they alternate
-        is_ensemble = ahead is None or bool(ensembles.at_hand and self._is_turn_of_ensemble)
+        is_ensemble = ahead is None or bool(ensembles.current and self._is_turn_of_ensemble)
         self._is_turn_of_ensemble = not is_ensemble
         with self._guarded(is_ensemble=is_ensemble):
             if ahead is None or is_ensemble:
@@ -133,7 +133,7 @@ class Forecasting:
                 'progress',
                 number=self._number,
                 progress=self._ahead.progress if self._ahead else 1.0,
-                ensemble=ensembles.at_hand.progress if ensembles.at_hand else 0.0,
+                ensemble=ensembles.current.progress if ensembles.current else 0.0,
             )
         rest = (now - begun) * (1.0 / self._share - 1.0)
         self._next_slice = now + min(rest, _MAX_REST)

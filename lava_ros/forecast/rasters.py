@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where lava was observed, from files of others, and the maps of an ensemble as rasters."""
+"""Observed lava from files, and the maps of an ensemble as rasters."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -14,22 +14,25 @@ from lava_ros.maps import gis
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import ENDINGS
-from lava_ros.scene.on_terrain import areas_on, raster_on
+from lava_ros.scene.on_terrain import read_polygons_on, read_raster_on
 
 
-def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
-    """Read from a file where lava was observed, and which cells were: bool, the terrain's shape.
+def observed_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
+    """Read observed lava from a file.
 
-    The file has areas (``areas_on``), or is a raster (``raster_on``) with values above 0 where
-    lava was, 0 where it was not, and no data where nobody looked.
+    The file contains areas (``read_polygons_on``), or a raster (``read_raster_on``) with values
+    above 0 for lava, 0 for no lava, and no data for cells that were not observed.
+
+    Returns:
+        Cells with lava and observed cells, each bool, shape [rows, columns] of the terrain.
 
     Raises:
         LavaError: If the file cannot be read, or has no lava on the terrain.
     """
     field = '--observed'
-    # a grid may be a .txt
+    # a .txt file may be a grid
     suffix = Path(path).suffix.lower()
-    read = areas_on if suffix in ENDINGS and suffix != '.txt' else raster_on
+    read = read_polygons_on if suffix in ENDINGS and suffix != '.txt' else read_raster_on
     values = read(terrain, path, field=field).astype(np.float64)
     known = np.isfinite(values) & terrain.has_data
     lava = (values > 0.0) & known
@@ -49,15 +52,15 @@ def write_atlas(
     """Write the maps of an ensemble to a folder, replacing files of the same names.
 
     The maps are probability, arrival times, expected peak thickness and elevation, as GeoTIFF.
-    ``formats`` are further formats, of ``export.FORMATS``; vector formats hold contours of
-    probability and isochrones. None stands for GeoJSON where the terrain's coordinate system is
-    known, else for no further format.
+    ``formats`` are further formats, of ``export.FORMATS``; vector formats contain contours of
+    probability and isochrones. None stands for GeoJSON if the terrain's coordinate system is
+    known, otherwise for no further format.
 
     Returns:
         The paths of the files.
 
     Raises:
-        LavaError: A file cannot be written, or a library for a format is missing.
+        LavaError: If a file cannot be written, or a library for a format is missing.
     """
     place = gis.place_of(plan.scene.terrain)
     tags = {
@@ -74,8 +77,8 @@ def write_atlas(
         'elevation': plan.scene.terrain.elevation,
     }
     shapes = {'inundation_probability': gis.probabilities(maps.probability, place)}
-    for share, values in maps.arrival.items():
-        name = f'arrival_time_p{round(100 * share)}'
+    for fraction, values in maps.arrival.items():
+        name = f'arrival_time_p{round(100 * fraction)}'
         layers[name], shapes[name] = values, gis.isochrones(values, place, origin.onset)
     written = []
     for name, values in layers.items():

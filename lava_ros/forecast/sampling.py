@@ -30,7 +30,7 @@ COORDINATES = (
 ERUPTION = ('eruption', 'duration', 'volume')
 
 #: Maximum number of members of an ensemble.
-MOST_MEMBERS = 1 << 20
+MAX_MEMBERS = 1 << 20
 
 #: Minimum distance of places from the border of a cell, as a fraction of its side, for rounding.
 _MARGIN = 1e-3
@@ -136,7 +136,7 @@ def draw_members(
     Raises:
         LavaError: If an argument is not valid, or nothing is uncertain.
     """
-    count = validation.whole('members', count, at_least=1, at_most=MOST_MEMBERS)
+    count = validation.whole('members', count, at_least=1, at_most=MAX_MEMBERS)
     seed = validation.whole('seed', seed, at_least=0, at_most=2**32 - 1)
     uncertainty = scene.uncertainty
     if count > 1 and uncertainty == Uncertainty() and susceptibility is None:

@@ -69,14 +69,14 @@ def brier_score(probability: np.ndarray, outcome: np.ndarray) -> float:
 def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
     """Return the Brier score and its parts; arguments and errors as in ``brier_score``."""
     probability, outcome = _pairs(probability, outcome)
-    said, place = np.unique(probability, return_inverse=True)
+    values, place = np.unique(probability, return_inverse=True)
     count = np.bincount(place)
     came = np.bincount(place, outcome) / count
     mean = outcome.mean()
     share = count / count.sum()
     return BrierParts(
         score=float(np.mean((probability - outcome) ** 2)),
-        reliability=float((share * (said - came) ** 2).sum()),
+        reliability=float((share * (values - came) ** 2).sum()),
         resolution=float((share * (came - mean) ** 2).sum()),
         uncertainty=float(mean * (1.0 - mean)),
     )

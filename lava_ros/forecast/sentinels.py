@@ -21,8 +21,8 @@ import logging
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.effects import EFFECTS
-from lava_ros.simulation.review import called_for, watched_effects
 from lava_ros.simulation.selection import decide_by
+from lava_ros.simulation.setup.review import called_for, watched_effects
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation

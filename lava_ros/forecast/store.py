@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The folder of an ensemble: its description, its finished members, and maps made of them."""
+"""Folder of an ensemble: its description, its finished members, and maps made of them."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
@@ -32,17 +32,15 @@ _LOG = logging.getLogger(__name__)
 #: Version of the format of a folder.
 VERSION = 3
 
-#: The file in a folder that describes its ensemble, and that with the weights of its members where
-#: an outline has weighed them.
+#: Files with the description of the ensemble, and with the weights of its members, if any.
 MANIFEST, WEIGHTS = 'ensemble.json', 'weights.json'
 
 
-
 class Store:
-    """A folder with the finished members of one ensemble, a file each.
+    """A folder with the finished members of one ensemble, one file each.
 
     Attributes:
-        plan: Plan that all members share, with the effects that sentinels have switched on.
+        plan: Plan of all members, with the effects that sentinels have switched on.
     """
 
     def __init__(
@@ -56,7 +54,8 @@ class Store:
         """Create the folder of an ensemble, or reopen it.
 
         Raises:
-            LavaError: The folder cannot be written, or holds another ensemble or other files.
+            LavaError: If the folder cannot be written, or contains another ensemble or other
+                files.
         """
         self.plan = plan
         self._folder = folder = Path(folder)
@@ -69,35 +68,35 @@ class Store:
                 self.plan = plan.switching_on(_switched_on(known))
                 _check_same(known, self._manifest(), folder)
             elif folder.exists() and any(folder.iterdir()):
-                right = 'a folder that is new, empty, or of this ensemble'
-                raise LavaError('--output', str(folder), right)
+                expected = 'a folder that is new, empty, or of this ensemble'
+                raise LavaError('--output', str(folder), expected)
             self._members.mkdir(parents=True, exist_ok=True)
             self.write_manifest(folder)
         except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            right = f'a folder to write to ({error})'
-            raise LavaError('--output', str(folder), right) from error
+            expected = f'a folder to write to ({error})'
+            raise LavaError('--output', str(folder), expected) from error
 
     def restart(self, called: Sequence[CalledEffect]) -> None:
-        """Drop all members, and take those of a plan with further effects from now on.
+        """Delete all members, and add effects to the plan.
 
         Raises:
-            LavaError: The folder cannot be written.
+            LavaError: If the folder cannot be written.
         """
         self.plan = self.plan.switching_on(called)
         try:
-            # members first: none may be left beside a description that is not theirs
+            # members first, because the new description is not that of the old members
             for path in self._members.glob('*.npz'):
                 path.unlink()
         except OSError as error:
-            right = f'a folder to write to ({error})'
-            raise LavaError('--output', str(self._folder), right) from error
+            expected = f'a folder to write to ({error})'
+            raise LavaError('--output', str(self._folder), expected) from error
         self.write_manifest(self._folder)
 
     def write(self, footprint: Footprint) -> None:
-        """Keep a member.
+        """Write a member.
 
         Raises:
-            LavaError: It cannot be written.
+            LavaError: If it cannot be written.
         """
         with writing('--output', self._path(footprint.index)) as fresh, fresh.open('wb') as file:
             np.savez_compressed(
@@ -109,10 +108,10 @@ class Store:
             )
 
     def keep_weights(self, weights: Weights | None, folder: Path) -> None:
-        """Keep what each member counts in a folder of maps; None: all count the same.
+        """Write the weights of the members to a folder of maps; None for equal weights.
 
         Raises:
-            LavaError: It cannot be written.
+            LavaError: If they cannot be written.
         """
         path = folder / WEIGHTS
         if weights is None:
@@ -121,9 +120,9 @@ class Store:
             write_output('--output', path, json.dumps(weights.values.tolist()) + '\n')
 
     def finished(self, count: int) -> Iterator[Footprint]:
-        """Read those of the first members that are there and undamaged, in order.
+        """Read the finished ones of the first ``count`` members, in order.
 
-        A damaged one is logged; it runs again.
+        A damaged member is logged and left out, so that it runs again.
         """
         def log(error: LavaError) -> None:
             _LOG.warning('a member is damaged and runs again: %s', error)
@@ -163,7 +162,7 @@ class Store:
             'seed': self._seed,
             'susceptibility': None if susceptibility is None else susceptibility.digest,
         }
-        # as it will be read back
+        # converted to the types with which it will be read
         return json.loads(json.dumps(manifest))
 
 
@@ -171,13 +170,14 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
     """Make the maps of an ensemble in a folder again, with the arrival of lava at places.
 
     Args:
-        folder: The folder, with the members in it or beside it, and the weights if they have any.
-        plan: What its members have in common.
+        folder: Folder of the maps, with the weights, if any. The members are in it or in its
+            parent.
+        plan: Plan of the members.
         places: Places on its terrain.
         members: Number of members in its maps.
 
     Raises:
-        LavaError: A member is missing or damaged, or the weights cannot be read.
+        LavaError: If a member is missing or damaged, or the weights cannot be read.
     """
     weights = [1] * members
     try:
@@ -188,8 +188,8 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
     except FileNotFoundError:
         pass
     except (OSError, TypeError, ValueError) as error:
-        right = f'the weights of the members ({error})'
-        raise LavaError('ensemble', str(folder / WEIGHTS), right) from error
+        expected = f'the weights of the members ({error})'
+        raise LavaError('ensemble', str(folder / WEIGHTS), expected) from error
     tally = Tally(plan, places)
     where = folder if (folder / 'members').is_dir() else folder.parent
 
@@ -200,17 +200,17 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
     for footprint, weight in zip(stored, weights, strict=False):
         tally.add(footprint, weight)
     if not tally.count == members == len(weights):
-        right = f'a folder with {members} members, as many as in its maps'
-        raise LavaError('ensemble', f'{folder}: {tally.count} members', right)
+        expected = f'a folder with {members} members, as many as in its maps'
+        raise LavaError('ensemble', f'{folder}: {tally.count} members', expected)
     return tally.maps()
 
 
 def stored_members(
     folder: Path, count: int, plan: Plan, *, on_refused: Callable[[LavaError], object]
 ) -> Iterator[Footprint]:
-    """Read those of the first members in a folder that are there and undamaged, in order.
+    """Read the finished ones of the first ``count`` members in a folder, in order.
 
-    ``on_refused`` is called with the error of each damaged one.
+    ``on_refused`` is called with the error of each damaged member.
     """
     for index in range(count):
         path = _member_path(folder, index)
@@ -224,29 +224,29 @@ def stored_members(
 
 
 def _read_member(path: Path, index: int, plan: Plan) -> Footprint:
-    """Read a member; LavaError, which names file and array, where it cannot be one of the plan."""
+    """Read a member; raise LavaError, with file and array, if it does not fit the plan."""
     stored = read_arrays('member', path)
 
     def array(name: str, dtype: type, shape: tuple[int, ...] | None = None) -> np.ndarray:
         field, values = f'{name} of {path}', stored.get(name)
-        right = f'{np.dtype(dtype)} of shape {shape or "[rows, columns]"}'
+        expected = f'{np.dtype(dtype)} of shape {shape or "[rows, columns]"}'
         if values is None:
-            raise LavaError(field, None, right)
+            raise LavaError(field, None, expected)
         is_shaped = values.ndim == 2 if shape is None else values.shape == shape
         if values.dtype != dtype or not is_shaped:
-            raise LavaError(field, f'{values.dtype} of shape {values.shape}', right)
+            raise LavaError(field, f'{values.dtype} of shape {values.shape}', expected)
         return values
 
-    def check(name: str, is_good: np.ndarray, right: str) -> None:
-        if not is_good.all():
-            raise LavaError(f'{name} of {path}', stored[name][~is_good][0].item(), right)
+    def check(name: str, is_valid: np.ndarray, expected: str) -> None:
+        if not is_valid.all():
+            raise LavaError(f'{name} of {path}', stored[name][~is_valid][0].item(), expected)
 
     look = array('look', np.uint16)
     millimetres = array('millimetres', np.uint32, look.shape)
     corner, left = array('corner', np.int32, (2,)), array('left', np.float64, (1,))
     check('look', (look < plan.looks) | (look == NEVER), f'less than {plan.looks}, or {NEVER}')
-    most = round(1e3 * MAX_ELEVATION)
-    check('millimetres', millimetres <= most, f'a thickness of at most {most} mm')
+    maximum = round(1e3 * MAX_ELEVATION)
+    check('millimetres', millimetres <= maximum, f'a thickness of at most {maximum} mm')
     check('left', (left >= 0.0) & (left <= 1.0), 'a fraction from 0 to 1')
     cells = plan.scene.terrain.shape
     inside = (corner >= 0) & (corner.astype(np.int64) + look.shape <= cells)
@@ -259,7 +259,6 @@ def _member_path(folder: Path, index: int) -> Path:
 
 
 def _switched_on(manifest: Any) -> tuple[CalledEffect, ...]:
-    """Read the effects that sentinels have called for; none of a file without such a list."""
     try:
         return tuple(map(CalledEffect.from_dict, manifest['plan']['switched_on']))
     except (KeyError, TypeError, ValueError):
@@ -267,11 +266,11 @@ def _switched_on(manifest: Any) -> tuple[CalledEffect, ...]:
 
 
 def _check_same(old: Any, new: Any, folder: Path, name: str = '') -> None:
-    """Refuse a folder whose members are of another ensemble, and name the first difference."""
+    """Raise LavaError, with the first difference, if a folder belongs to another ensemble."""
     if isinstance(old, dict) and isinstance(new, dict):
         for key in {**old, **new}:
             inner = f'{name}.{key}' if name else key
             _check_same(old.get(key), new.get(key), folder, inner)
     elif old != new:
-        right = f'{old!r}, as the members in {folder} have it, or another folder'
-        raise LavaError(name, new, right)
+        expected = f'{old!r}, as the members in {folder} have it, or another folder'
+        raise LavaError(name, new, expected)

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Calibration: a search for constants with which hindcasts match mapped flow fields.
 
 The constants are the same for all cases, and the score is the mean of the cases' scores. The
@@ -192,13 +191,13 @@ def near_best(trials: Sequence[Trial]) -> list[Trial]:
     return [trial for trial in ranked if trial.jaccard >= ranked[0].jaccard - NEARLY]
 
 
-def can_tell(trials: Sequence[Trial]) -> bool:
+def has_enough_samples(trials: Sequence[Trial]) -> bool:
     """Return True if there are enough runs to detect a rank correlation of ``CLEAR``."""
     return CLEAR * math.sqrt(len(trials) - 1) > WEAK
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class CrossValidation:
     """Score of constants on a case to which they were not fitted.
 
     ``values`` is the best set for the other cases, ``jaccard`` its score on this case, and
@@ -211,14 +210,14 @@ class LeftOut:
     best: float
 
 
-def leave_one_out(trials: Sequence[Trial]) -> list[LeftOut]:
+def leave_one_out(trials: Sequence[Trial]) -> list[CrossValidation]:
     """Score each case with the set that is best for the other cases; empty for one case."""
     cases, result = list(trials[0].numbers), []
     for case in cases if len(cases) > 1 else []:
         others = [other for other in cases if other != case]
         chosen = max(trials, key=lambda trial: trial.mean(others))
         best = max(trial.mean([case]) for trial in trials)
-        result.append(LeftOut(case, chosen.values, chosen.mean([case]), best))
+        result.append(CrossValidation(case, chosen.values, chosen.mean([case]), best))
     return result
 
 
@@ -259,8 +258,8 @@ def _evaluate(
         results = run_together(jobs, settings)
         taken = time.perf_counter() - begun
     except LavaError as error:
-        said = '; '.join(map(str, sets))
-        raise LavaError('the unknowns', said, f'values that can be simulated ({error})') from error
+        text = '; '.join(map(str, sets))
+        raise LavaError('the unknowns', text, f'values that can be simulated ({error})') from error
     # concurrent runs on a GPU each count an equal part of the wall time
     parts, count = iter(results), len(sets) * len(cases)
     return [
@@ -310,9 +309,9 @@ def read_trials(path: Path, unknowns: Sequence[Unknown], cases: Sequence[str]) -
             trials.append(Trial({name: float(part[0][name]) for name in names}, numbers))
         return trials
     except (OSError, KeyError, TypeError, ValueError) as error:
-        right = f'a table of runs with {", ".join(names)} of {", ".join(cases)}, or --fresh'
-        right += f' ({error!r})'
-        raise LavaError('output', str(path), right) from error
+        expected = f'a table of runs with {", ".join(names)} of {", ".join(cases)}, or --fresh'
+        expected += f' ({error!r})'
+        raise LavaError('output', str(path), expected) from error
 
 
 def _key(values: Mapping[str, float]) -> tuple[tuple[str, float], ...]:

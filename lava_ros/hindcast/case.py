@@ -1,11 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
+"""Cases: mapped eruptions, each a folder of files, which docs/VALIDATION.md describes.
 
-"""A case: an eruption that has been mapped, as a folder of files.
-
-docs/VALIDATION.md says what each file holds. Coordinates are those of the elevation; times are
-seconds, 0 is that of ``effusion_rate.csv``.
+Coordinates are those of the elevation. Times are in seconds since time 0 of ``effusion_rate.csv``.
 """
 
 from collections.abc import Callable, Mapping
@@ -37,7 +35,7 @@ from lava_ros.scene.effusion_rates import (
 from lava_ros.scene.events import read_events
 from lava_ros.scene.features import ENDINGS, TABLES
 from lava_ros.scene.materials import lava_from_dict, Material, with_material_in_lava
-from lava_ros.scene.on_terrain import areas_on, raster_on
+from lava_ros.scene.on_terrain import read_polygons_on, read_raster_on
 from lava_ros.scene.reshaping import low_pass
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.scene.uncertainty import Distribution, Uncertainty, uncertainty_from_dict
@@ -48,7 +46,7 @@ def _vector_files(stem: str) -> tuple[str, ...]:
     return tuple(f'{stem}{ending}' for ending in ENDINGS if ending not in TABLES)
 
 
-#: Names that the files may have, the first that is there is taken.
+#: Possible names of each file; the first that exists is used.
 FILES = (
     ('elevation.asc', 'elevation.tif'),
     ('footprint.asc', 'footprint.tif', *_vector_files('footprint')),
@@ -69,7 +67,7 @@ KEYS = (
 
 @dataclass(frozen=True)
 class Event:
-    """Ground that is another from a time [s] on, and what has happened, in a few words."""
+    """A change of the terrain at a time [s], with a short description."""
 
     time: float
     terrain: Terrain
@@ -78,19 +76,20 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """An eruption, and what it covered; its name is that of its folder.
+    """An eruption and its mapped flow field; ``name`` is that of the folder.
 
     Attributes:
-        source: Where the data are from; may be empty.
-        scene: Ground, vents and lava. The map frame's origin is the grid's lower-left corner.
-        material: The lava whose constants the file replaces; None if there is no such lava.
-        footprint: Where the ground was covered, bool, shape [rows, columns], row 0 in the south.
-        start: When the simulation begins [s].
-        end: When it ends [s].
-        volume: Volume that comes out between [m3].
-        low_pass: Width of the filter that the ground went through [m]; 0: none.
-        rate_error: Factor on all effusion rates that the errors of the table amount to, if any.
-        onset: Date of the beginning of the simulation, None if the case does not state it.
+        source: Source of the data; may be empty.
+        scene: Terrain, vents and lava. The map frame's origin is the grid's lower-left corner.
+        material: Material of the lava; None without one.
+        footprint: Mapped flow field, bool, shape [rows, columns], row 0 in the south.
+        start: Start of the simulation [s].
+        end: End of the simulation [s].
+        volume: Volume erupted during the simulation [m3].
+        low_pass: Width of the filter applied to the terrain [m]; 0: none.
+        rate_error: Distribution of a factor on all effusion rates, None without errors in the
+            table.
+        onset: Date of the start of the simulation, None if the case does not state it.
     """
 
     name: str
@@ -109,21 +108,24 @@ class Case:
 
     @property
     def duration(self) -> float:
-        """Time that is simulated [s]."""
+        """Simulated duration [s]."""
         return self.end - self.start
 
     @property
     def area(self) -> float:
-        """Area that was mapped [m2]."""
+        """Area of the mapped flow field [m2]."""
         return float(self.footprint.sum()) * self.scene.terrain.resolution**2
 
     def with_lava(
         self, lava: Mapping[str, Any], *, temperature: float | None = None, discharge: float = 1.0
     ) -> 'Case':
-        """The same eruption with other constants of the lava, by name.
+        """Return the case with other constants of the lava, by name.
 
-        ``temperature`` is the eruption temperature [K], None for the present one; ``discharge`` is
-        a factor on all discharges. LavaError for a value that is not usable.
+        ``temperature`` is the eruption temperature [K], None for the current one; ``discharge`` is
+        a factor on all discharges.
+
+        Raises:
+            LavaError: If a value is not valid.
         """
         vents = tuple(
             replace(
@@ -146,13 +148,14 @@ def load_case(
 ) -> Case:
     """Read a case from its folder.
 
-    ``material``, the name of a lava, and ``low_pass_width``, that of a filter of the ground [m],
-    take the place of the case's. ``vents`` is given the case's vents and its ground, and returns
-    the vents to take.
+    Args:
+        directory: The folder.
+        material: Name of a material in place of the case's.
+        low_pass_width: Width of the filter of the terrain [m] in place of the case's.
+        vents: Returns the vents to use for those of the case and its terrain.
 
     Raises:
-        LavaError: A file is missing or cannot be used, or the files do not go together; the
-            message says which and why.
+        LavaError: If a file is missing or not valid, or the files are not consistent.
     """
     folder = Path(directory)
     if not folder.is_dir():
@@ -227,7 +230,6 @@ def load_case(
 
 
 def _onset(first: str | None, start: float) -> Onset | None:
-    """The date of the beginning of a simulation, from that of time 0, and its time [s]."""
     if first is None:
         return None
     zero = datetime.fromisoformat(first.strip().upper().replace('Z', '+00:00'))
@@ -236,7 +238,6 @@ def _onset(first: str | None, start: float) -> Onset | None:
 
 
 def _options(folder: Path) -> dict[str, Any]:
-    """What ``case.yaml`` says, nothing where there is none."""
     path = folder / 'case.yaml'
     data = read_yaml('case', path) if path.exists() else None
     known = [*KEYS, 'material']
@@ -245,33 +246,33 @@ def _options(folder: Path) -> dict[str, Any]:
 
 
 def _footprint(path: Path, ground: Terrain) -> np.ndarray:
-    """Where the ground was covered: a grid of 0 and 1, or areas, of any system, cells and part."""
+    """Read the mapped flow field: areas, or a grid of 0 and 1 in any system, cells and extent."""
     if path.suffix.lower() in ENDINGS:
-        values = areas_on(ground, path, field='the footprint').astype(float)
+        values = read_polygons_on(ground, path, field='the footprint').astype(float)
     else:
-        values = np.nan_to_num(raster_on(ground, path, field='the footprint'))
+        values = np.nan_to_num(read_raster_on(ground, path, field='the footprint'))
     other = values[(values != 0.0) & (values != 1.0)]
     if other.size:
-        right = '0 (not covered) and 1 (covered) only, and no data'
-        raise LavaError('a cell of the footprint', float(other[0]), right)
+        expected = '0 (not covered) and 1 (covered) only, and no data'
+        raise LavaError('a cell of the footprint', float(other[0]), expected)
     covered = values == 1.0
     if not covered.any():
-        right = 'at least one cell of the elevation that was covered'
-        raise LavaError('the footprint', f'{path.name} without one', right)
+        expected = 'at least one cell of the elevation that was covered'
+        raise LavaError('the footprint', f'{path.name} without one', expected)
     return covered
 
 
 def _uncertainty(options: Mapping[str, Any], error: Distribution | None) -> Uncertainty:
-    """What case.yaml says is uncertain, and the error of the table where it says nothing of it."""
+    """Read the uncertainty in ``case.yaml``; the discharge defaults to the table's error."""
     found = uncertainty_from_dict(options.get('uncertainty', {}))
-    # without such a section published ranges apply (chances.py)
+    # without this section, published ranges apply (chances.py)
     if 'uncertainty' not in options or error is None or found.discharge is not None:
         return found
     return replace(found, discharge=error)
 
 
 def _from(start: float, series: Series) -> list[tuple[float, float]]:
-    """A discharge from a time [s] on, which becomes 0."""
+    """Return a discharge after a time ``start`` [s], which becomes 0."""
     before = [flux for time, flux in series if time <= start]
     later = [(time - start, flux) for time, flux in series if time > start]
     return [(0.0, before[-1] if before else 0.0), *later]
@@ -280,7 +281,7 @@ def _from(start: float, series: Series) -> list[tuple[float, float]]:
 def _events(
     folder: Path, items: Any, ground: Terrain, width: float, read: Callable[[Path], Terrain]
 ) -> tuple[Event, ...]:
-    """Read the changes of the ground; each builds on the one before."""
+    """Read the changes of the terrain; each applies to the terrain after the previous one."""
     events = []
     for item in read_events('case.events', items, folder, ground, read):
         ground = item.ground(ground)

@@ -34,8 +34,8 @@ def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Pl
         LavaError: If the case has events, or an argument is not valid.
     """
     if case.events:
-        right = 'none in an ensemble: all members run on the ground before the first event'
-        raise LavaError('case.events', len(case.events), right)
+        expected = 'none in an ensemble: all members run on the ground before the first event'
+        raise LavaError('case.events', len(case.events), expected)
     scene = case.scene
     if scene.uncertainty == Uncertainty():
         uncertainty = published_uncertainty(case)
@@ -60,7 +60,7 @@ def mapped_on(case: Case, plan: Plan) -> np.ndarray:
     return outline_on(plan.scene.terrain, mask, plan.horizon).lava
 
 
-def chances_of(probability: np.ndarray, came: np.ndarray) -> dict[str, Any]:
+def score_probability(probability: np.ndarray, came: np.ndarray) -> dict[str, Any]:
     """Score a map of probability (0 to 100 %, NaN without data) against the inundated cells.
 
     Dry cells with a probability of 0 are easy to forecast, so the skill is given without them,
@@ -70,17 +70,17 @@ def chances_of(probability: np.ndarray, came: np.ndarray) -> dict[str, Any]:
         Brier score, its skill against the base rate, this rate, the bins of the reliability
         diagram and the largest gap in a bin of at least ``CELLS`` cells (None without one).
     """
-    said = np.asarray(probability, dtype=np.float64) / 100.0
-    near = np.where((said > 0.0) | came, said, np.nan)
+    forecast = np.asarray(probability, dtype=np.float64) / 100.0
+    near = np.where((forecast > 0.0) | came, forecast, np.nan)
     # bins of all cells: in ``near``, all cells with a probability of 0 were inundated
-    parts, bins = brier_parts(near, came), reliability(said, came)
+    parts, bins = brier_parts(near, came), reliability(forecast, came)
     gaps = [abs(item.forecast - item.observed) for item in bins if item.count >= CELLS]
     return {
         'cells': int(np.isfinite(near).sum()),
         'base_rate': float(came[np.isfinite(near)].mean()),
         'brier_score': parts.score,
         'brier_skill': parts.skill,
-        'brier_skill_of_terrain': brier_parts(said, came).skill,
+        'brier_skill_of_terrain': brier_parts(forecast, came).skill,
         'largest_gap': max(gaps) if gaps else None,
         'reliability': [asdict(item) for item in bins if item.count],
     }

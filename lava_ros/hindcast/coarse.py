@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Coarsening of terrain to the particle spacing, and conversion of maps back to its cells.
 
 Particles do not resolve features smaller than their spacing, and may not move further than a cell
@@ -14,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: The maps of a snapshot.
 GRIDS = ('thickness', 'temperature', 'frozen', 'arrived')

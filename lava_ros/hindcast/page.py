@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a hindcast leaves: GeoTIFF maps, a picture beside what was mapped, and a page."""
+"""Results of a hindcast: GeoTIFF maps, a picture of the comparison, and a page."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -22,14 +22,14 @@ from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.raster_layers import NODATA
 from lava_ros.maps.sheet import draw_sheet, Panel
-from lava_ros.pages.report.page import write_still
+from lava_ros.pages.report.page import write_static_page
 from lava_ros.pages.runs import system_words
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.inundation import raise_peak
+from lava_ros.simulation.output.inundation import raise_peak
+from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.selection import Decision
-from lava_ros.simulation.snapshot import Snapshot
 
 _DAY = 86400.0
 
@@ -46,13 +46,14 @@ def write_page(
 ) -> None:
     """Write the page of a hindcast as one HTML file that includes the picture, a PNG.
 
-    LavaError if the page cannot be written, or the picture cannot be read.
+    Raises:
+        LavaError: If the page cannot be written, or the picture cannot be read.
     """
     material = case.material
     assert material is not None
     note = f'{material.name}: {material.title}. Constants that are not listed are off.'
     constants, sources = _constants(case, material)
-    write_still(
+    write_static_page(
         output,
         picture,
         template='hindcast.html',
@@ -71,16 +72,16 @@ def write_page(
 def facts(
     judged: Score, expected: ExpectedError, several: Agreement | None = None
 ) -> dict[str, str]:
-    """The comparison as people read it."""
-    told = {
+    """Return the comparison as text, by label."""
+    result = {
         'Jaccard': f'{judged.jaccard:.3f}',
-        'fit, its root': f'{judged.fit:.3f}',
+        'fit index': f'{judged.fit:.3f}',
         'recall': f'{judged.recall:.3f}',
         'precision': f'{judged.precision:.3f}',
         'inundated area': f'{judged.area / 1e6:.3f} of {judged.mapped_area / 1e6:.3f} km² '
         f'({100 * judged.area_error:+.0f} %)',
         'standing lava': f'{judged.standing_area / 1e6:.3f} km² at the end',
-        'length': f'{judged.length / 1e3:.3g} of {judged.mapped_length / 1e3:.3g} km '
+        'runout length': f'{judged.length / 1e3:.3g} of {judged.mapped_length / 1e3:.3g} km '
         f'({100 * judged.length_error:+.0f} %)',
         'volume': f'{judged.volume / 1e6:.3g} million m³',
         'mean thickness': f'{judged.mean_thickness:.1f} m '
@@ -90,28 +91,27 @@ def facts(
     }
     if several is not None:
         found = several.as_dict()
-        told[f'Jaccard of {found["count"]} runs'] = (
+        result[f'Jaccard of {found["count"]} runs'] = (
             f'{found["mean"]:.3f} on average, standard deviation '
             f'{found["standard_deviation"]:.3f}, {found["lowest"]:.3f} to {found["highest"]:.3f}'
         )
-        told['Jaccard of their majority'] = (
+        result['Jaccard of their majority'] = (
             f'{several.majority.jaccard:.3f} (where at least half of them have lava)'
         )
-    return told
+    return result
 
 
 def warnings(case: Case, result: Result) -> list[str]:
-    """What a reader has to know about the result."""
-    said = [f'{text[0].upper()}{text[1:]}.' for text in result.snapshot.budget.warnings()]
+    """Return warnings about the result, each a sentence."""
+    found = [f'{text[0].upper()}{text[1:]}.' for text in result.snapshot.budget.warnings()]
     if result.resolution.is_coarse:
-        said.append(f'{result.resolution.text()}.')
+        found.append(f'{result.resolution.text()}.')
     if case.low_pass:
-        said.append(f'The elevation was smoothed over {case.low_pass:g} m.')
-    return said
+        found.append(f'The elevation was smoothed over {case.low_pass:g} m.')
+    return found
 
 
 def _constants(case: Case, material: Material) -> tuple[list[tuple[str, ...]], list[str]]:
-    """Rows of the constants that are in use, and the list of their sources."""
     usual, units = asdict(Lava()), constant_units()
     rows: list[tuple[str, ...]] = []
     used: dict[str, list[Any]] = {
@@ -161,18 +161,18 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
 
 
 def _described(decision: Decision) -> str:
-    """Name of an effect that is on, with the time from which it was if that is not the start."""
+    """Return the name of an active effect, with its start if it was off at first."""
     if math.isnan(decision.since):
         return decision.name
     return f'{decision.name} (from {duration(decision.since)} on)'
 
 
-#: What a cell of the comparison says.
+#: Codes of the cells of a comparison.
 NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA
 
 
 def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
-    """Hits, misses and false alarms, int16, shape [rows, columns]."""
+    """Return the codes of hits, misses and false alarms, int16, shape [rows, columns]."""
     table = np.array([[NEITHER, MISS], [FALSE_ALARM, HIT]], np.int16)
     codes = table[snapshot.inundated.astype(int), footprint.astype(int)]
     codes[~snapshot.terrain.has_data & ~footprint] = UNKNOWN
@@ -188,8 +188,10 @@ def write_maps(
 ) -> list[Path]:
     """Write the maps of a hindcast, north up, on the grid of its elevation; return their paths.
 
-    ``several``, the agreement of several runs, adds a map of the percentage of them that reach
-    each cell. LavaError if rasterio is not installed, or a file cannot be written.
+    ``several`` adds a map of the percentage of replicates that inundate each cell.
+
+    Raises:
+        LavaError: If rasterio is not installed, or a file cannot be written.
     """
     snapshot, terrain = result.snapshot, case.scene.terrain
     assert snapshot.arrived is not None
@@ -216,16 +218,17 @@ def write_maps(
 
 
 def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path) -> None:
-    """Draw hits, misses and false alarms of a flow at its end; the suffix chooses the format.
+    """Draw hits, misses and false alarms of a flow at its end; the suffix sets the format.
 
-    LavaError if matplotlib is not installed, or the picture cannot be written.
+    Raises:
+        LavaError: If matplotlib is not installed, or the picture cannot be written.
     """
     codes = comparison(snapshot, case.footprint).astype(np.float64)
     codes[(codes < HIT) | (codes > FALSE_ALARM)] = np.nan
     cell = case.scene.terrain.resolution**2
     areas = {'hit': judged.hits, 'miss': judged.misses, 'false alarm': judged.false_alarms}
     fissures = [(item.position, item.end) for item in case.scene.vents if item.end is not None]
-    shares = [f'{name} {area_words(count * cell)}' for name, count in areas.items()]
+    parts = [f'{name} {area_words(count * cell)}' for name, count in areas.items()]
     facts = {
         'mapped': f'{area_words(case.area)}, {case.volume / 1e6:.3g} million m³ in '
         f'{duration(case.duration)}',
@@ -234,13 +237,13 @@ def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path)
     }
     if case.source:
         facts['source'] = case.source
-    # with the barriers that were built meanwhile
+    # including barriers built during the eruption
     ground = case.events[-1].terrain if case.events else case.scene.terrain
     frame = frame_of(replace(case.scene, terrain=ground))
     draw_sheet(
         [Panel(frame, 'comparison', codes, fissures=fissures)],
         output,
         title=case.title,
-        subtitle='  ·  '.join([f'Jaccard {judged.jaccard:.3f}', *shares]),
+        subtitle='  ·  '.join([f'Jaccard {judged.jaccard:.3f}', *parts]),
         notes=facts,
     )

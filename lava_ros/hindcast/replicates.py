@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Replicates: several rotated and mirrored runs of a case, and their agreement.
 
 Where decimetres decide at a fork of a flow, its path depends on rounding errors. The cells that
@@ -26,11 +25,11 @@ from lava_ros.hindcast.run import Result, Run, Settings
 from lava_ros.hindcast.score import judge, Score
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.batch import side_by_side
-from lava_ros.simulation.defaults import device_of
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
+from lava_ros.simulation.setup.defaults import device_of
 
 #: Maximum number of replicates.
-MOST = 64
+MAX_REPLICATES = 64
 
 #: Displacement of vents for runs beyond the eight directions [m]: any length gives a new sample.
 _MOVED = 1e-3
@@ -118,7 +117,7 @@ def run_replicates(
     progress: Callable[[float], None] | None = None,
 ) -> list[Result]:
     """Run a case in several directions with ``run_together``."""
-    runs = validation.whole('--runs', runs, at_least=2, at_most=MOST)
+    runs = validation.whole('--runs', runs, at_least=2, at_most=MAX_REPLICATES)
     jobs = [(case, direction) for direction in directions(runs)]
     return run_together(jobs, settings, folder=folder, progress=progress)
 

@@ -1,8 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
-"""Runs a case, map by map, and goes on where an earlier run was cut off."""
+"""Runs of cases, which resume from the last map after an interruption."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -26,42 +25,46 @@ from lava_ros.scene import scene_to_dict, Terrain
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.checkpoint import from_bytes
-from lava_ros.simulation.measurement import measure_resolution
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.checkpoint import from_bytes
+from lava_ros.simulation.output.measurement import measure_resolution
+from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import Resolution, resolved_accuracy
 from lava_ros.simulation.selection import Decision
-from lava_ros.simulation.snapshot import Snapshot, StepReport
 
-#: Maps of a run.
+#: Default number of maps of a run.
 MAPS = 24
 
-#: Displacement in a step over a cell, in place of the usual half: weeks take half the steps, and
-#: what it changes is less than what a change of the ground by its own error does.
+#: Maximum displacement per step over the cell size, twice the usual one: half as many steps for an
+#: error below that of the terrain.
 COURANT = 1.0
 
-#: What is left out unless it is asked for: momentum matters metres from a vent, and asks for steps
-#: that resolve waves through weeks of creeping. Lateral stress is in no model that materials have
-#: been calibrated with, these ones included, and takes six times the time (docs/VALIDATION.md).
+#: Effects that are off by default. Inertia matters only within metres of a vent, and needs steps
+#: that resolve waves during weeks of creeping flow. Lateral stress is in none of the models with
+#: which materials were calibrated, and takes six times as long (docs/VALIDATION.md).
 FORCED = {'inertia': False, 'helmholtz': False}
 
-#: Wall time between two looks at the progress [s].
-LOOK = 1.0
+#: Wall time between two reports of the progress [s].
+PROGRESS_INTERVAL = 1.0
 
-#: Name of the folder of what a run that is not finished needs, inside its output.
+#: Name of the folder, inside the output, with the state of an unfinished run.
 UNFINISHED = '.unfinished'
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How a case is run.
+    """Settings of a run.
 
-    A spacing [m] takes the place of the preset's; a device of None is the best there is. Effects
-    that are not forced on or off are chosen from the scene. Maps are even over the simulated time,
-    each at the first end of a time step at or after its time: their number does not change the
-    flow, and there are fewer of them where a step passes the times of several. ``courant`` is the
-    largest displacement in a step over a cell, where the preset has the usual one.
+    Attributes:
+        preset: Preset of the accuracy.
+        spacing: Particle spacing [m]; None for that of the preset.
+        device: Warp device; None for the first GPU, or the CPU without one.
+        forced: Effects forced on or off; others are chosen from the scene.
+        maps: Number of maps, evenly spaced over the simulated time, each at the end of the time
+            step in which it is due. It does not change the flow. A step in which several are due
+            makes one map.
+        courant: Maximum displacement per step over the cell size, unless the preset has its own.
     """
 
     preset: str = DEFAULT
@@ -72,15 +75,15 @@ class Settings:
     courant: float = COURANT
 
     def accuracy(self, case: Case) -> Accuracy:
-        """The accuracy of a case: the preset's, with longer steps, and deterministic."""
-        # a flow that forks goes the same way again, on a GPU too
+        """Return the accuracy for a case: the preset's with longer steps, and deterministic."""
+        # repeated runs take the same path at a fork of a flow, also on a GPU
         accuracy = replace(preset_accuracy(self.preset), spacing=self.spacing, deterministic=True)
         if accuracy.courant_number == Accuracy().courant_number:
             accuracy = replace(accuracy, courant_number=self.courant)
         return resolved_accuracy(accuracy, case.scene, horizon=case.duration)
 
     def coarseness(self, case: Case) -> int:
-        """Cells of the elevation to a side of the simulation's: none finer than particles."""
+        """Return the side of a simulated cell in cells of the elevation: about the spacing."""
         spacing = self.accuracy(case).spacing
         assert spacing is not None
         return max(1, round(spacing / case.scene.terrain.resolution))
@@ -88,12 +91,18 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """The result of a run: the flow at its end, and how it was simulated.
+    """The result of a run.
 
-    ``peak`` is the largest thickness in any map [m], float32, shape [rows, columns]. The wall time
-    [s] is without file access; of one of several runs on a GPU it is only what the host did for
-    it. ``accuracy`` has every automatic value filled in. ``decisions`` say why each effect is on
-    or off. ``resolution`` is measured if the flow is large enough, else the expected one.
+    Attributes:
+        snapshot: The flow at the end.
+        peak: Largest thickness in any map [m], float32, shape [rows, columns].
+        wall_time: Wall time without file access [s]. Of one of several runs on a GPU, only that of
+            the host.
+        most_particles: Largest number of particles.
+        effects: Names of the effects that are on.
+        accuracy: The accuracy, without automatic values.
+        resolution: Measured resolution; the expected one if the flow is too small.
+        decisions: Reasons why each effect is on or off.
     """
 
     snapshot: Snapshot
@@ -108,18 +117,19 @@ class Result:
 
     @property
     def effects_error(self) -> float:
-        """Expected error of the footprint by the effects that were left out."""
+        """Expected error of the inundated area because of effects that are off."""
         return math.fsum(item.cost for item in self.decisions)
 
 
 class Run:
-    """A case on its way, from its start or, if ``is_resumed``, from where it was cut off."""
+    """A run of a case, from its start or, if ``is_resumed``, from its last map."""
 
     def __init__(self, case: Case, settings: Settings, *, folder: Path | None = None) -> None:
-        """Start a run, or resume the one whose state is in ``folder``; None keeps nothing.
+        """Start a run, or resume the one whose state is in ``folder``; None stores no state.
 
         Raises:
-            LavaError: A setting is not usable, or the folder is of another case or other settings.
+            LavaError: If a setting is not valid, or the folder belongs to another case or other
+                settings.
         """
         validation.number('--maps', settings.maps, at_least=1, at_most=10_000)
         self.case, self.settings, self._folder = case, settings, folder
@@ -135,17 +145,17 @@ class Run:
         """Simulate.
 
         Yields:
-            The share of the time that is simulated, from time to time, and at each map a snapshot.
+            The simulated fraction of the time, and at each map a snapshot, otherwise None.
         """
-        looked = wall_clock.monotonic()
+        reported = wall_clock.monotonic()
         for snapshot in self.parts():
-            if snapshot is None and wall_clock.monotonic() < looked + LOOK:
+            if snapshot is None and wall_clock.monotonic() < reported + PROGRESS_INTERVAL:
                 continue
             yield self._simulation.time / self.case.duration, snapshot
-            looked = wall_clock.monotonic()
+            reported = wall_clock.monotonic()
 
     def parts(self) -> Iterator[Snapshot | None]:
-        """Simulate in parts, so that others can go on while a GPU is at work.
+        """Simulate in parts, so that the caller can do other work while a GPU computes.
 
         Yields:
             A snapshot at each map, None after the other parts.
@@ -154,7 +164,7 @@ class Run:
         times = [*(case.duration * (index / maps) for index in range(1, maps)), case.duration]
         for time in times:
             if time <= self._simulation.time:
-                # a map that was kept, or that of the last step, is of this time as well
+                # a stored map, or that of the last step, is also for this time
                 continue
             yield from self._advancing(time, limit=case.duration)
             with self._timed():
@@ -168,7 +178,7 @@ class Run:
             yield snapshot
 
     def result(self) -> Result:
-        """The result so far."""
+        """Return the result so far."""
         simulation, snapshot = self._simulation, self._snapshot()
         return Result(
             snapshot=snapshot,
@@ -183,7 +193,7 @@ class Run:
         )
 
     def kept(self) -> list[Snapshot]:
-        """The snapshots that were kept in the folder, by time."""
+        """Read the snapshots in the folder, in the order of time."""
         folder, terrain = self._folder, self.case.scene.terrain
         assert folder is not None
         return [_read(folder / f'map_{index:04d}.npz', terrain) for index in range(self._maps)]
@@ -204,9 +214,9 @@ class Run:
 
     @cached_property
     def _simulation(self) -> Simulation:
-        # only when it is needed: it may have to be compiled first
+        # made on first use, because it may have to be compiled
         case = self.case
-        # an event before the start has happened by then
+        # an event before the start is applied at the start
         events = tuple(
             TerrainEvent(max(event.time - case.start, 0.0), event.text, event.terrain)
             for event in case.events
@@ -231,7 +241,7 @@ class Run:
         self._most_particles = max(self._most_particles, simulation.most_particles)
 
     def _identity(self) -> str:
-        """What tells this run from any other."""
+        """Return a hash that differs for every other case and other settings."""
         case, settings = self.case, self.settings
         digest = hashlib.sha256(case.footprint.tobytes())
         for terrain in (case.scene.terrain, *(event.terrain for event in case.events)):
@@ -248,7 +258,7 @@ class Run:
         return digest.hexdigest()
 
     def _keep(self, folder: Path, snapshot: Snapshot) -> None:
-        """Write what is needed to go on; the last file to be replaced makes it count."""
+        """Write the state for a resume; ``run.json``, written last, makes it valid."""
         plain = {
             'identity': self._identity(),
             'maps': self._maps,
@@ -269,16 +279,16 @@ class Run:
         try:
             plain = json.loads((folder / 'run.json').read_text(encoding='utf-8'))
             if plain['identity'] != self._identity():
-                right = 'a folder without an unfinished run of another case or of other settings; '
-                right += '--fresh starts anew'
-                raise LavaError('output', str(folder.parent), right)
+                expected = 'a folder without an unfinished run of another case or of other '
+                expected += 'settings; --fresh starts again from time 0'
+                raise LavaError('output', str(folder.parent), expected)
             self._maps = int(plain['maps'])
             checkpoint = from_bytes((folder / f'checkpoint_{self._maps:04d}').read_bytes())
         except LavaError:
             raise
         except (OSError, KeyError, ValueError) as error:
-            right = f'a complete unfinished run; --fresh starts anew ({error})'
-            raise LavaError('output', str(folder), right) from error
+            expected = f'a complete unfinished run; --fresh starts again from time 0 ({error})'
+            raise LavaError('output', str(folder), expected) from error
         for snapshot in self.kept():
             np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
         self._wall_time = float(plain['wall_time'])
@@ -287,7 +297,7 @@ class Run:
 
 
 def simulate(case: Case, settings: Settings) -> Result:
-    """Run a case to its end, and keep nothing."""
+    """Run a case to its end without storing its state."""
     run = Run(case, replace(settings, maps=1))
     for _ in run.parts():
         pass
@@ -319,5 +329,5 @@ def _read(path: Path, terrain: Terrain) -> Snapshot:
             **{name: arrays[name] for name in GRIDS if name in arrays},
         )
     except (OSError, KeyError, TypeError, ValueError) as error:
-        right = f'a map of an earlier run; --fresh starts anew ({error})'
-        raise LavaError('output', str(path), right) from error
+        expected = f'a map of an earlier run; --fresh starts again from time 0 ({error})'
+        raise LavaError('output', str(path), expected) from error

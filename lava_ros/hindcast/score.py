@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Agreement of the inundated area of a simulated flow with a mapped flow field.
 
 All numbers are invariant if both are rotated by 90 degrees or mirrored.
@@ -15,7 +14,7 @@ import numpy as np
 
 from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
-from lava_ros.simulation.inundation import standing_cells
+from lava_ros.simulation.output.inundation import standing_cells
 
 #: Steps of a path to 16 neighbours: its length then has an error of at most 2.7 %.
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))

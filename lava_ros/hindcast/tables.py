@@ -54,8 +54,8 @@ def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[S
     spans += [(vent.start, vent.end) for vent in vents]
     for vent in vents:
         if vent.discharge is not None and not isinstance(vent.discharge, float):
-            right = 'one number: the effusion rates of a case are those of its table'
-            raise LavaError(f'effusion rate of {vent.name}', 'a series', right)
+            expected = 'one number: the effusion rates of a case are those of its table'
+            raise LavaError(f'effusion rate of {vent.name}', 'a series', expected)
     result: list[list[tuple[float, float]]] = [[] for _ in vents]
     row = 0
     has_shares = any(vent.discharge is None for vent in vents)
@@ -72,8 +72,8 @@ def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[S
             for vent, now in zip(vents, is_open, strict=True)
         ]
         if discharge > 0.0 and has_shares and not any(shares):
-            right = 'at least one row of vent.csv with start_s <= t < end_s: lava comes out then'
-            raise LavaError(f'vents open at {time:g} s', 0, right)
+            expected = 'at least one row of vent.csv with start_s <= t < end_s: lava erupts then'
+            raise LavaError(f'vents open at {time:g} s', 0, expected)
         for series, share, vent, now in zip(result, shares, vents, is_open, strict=True):
             flux = discharge * share / sum(shares) if share else 0.0
             if isinstance(vent.discharge, float):
@@ -88,14 +88,14 @@ def check_elevation(ground: Terrain) -> None:
     low, high = float(np.nanmin(ground.elevation)), float(np.nanmax(ground.elevation))
     if low < LOWEST or high > HIGHEST:
         wrong = low if low < LOWEST else high
-        right = f'{LOWEST:g} to {HIGHEST:g} m; a cell without data has the value that the header '
-        raise LavaError('a height of the elevation', wrong, right + 'calls NODATA_value')
+        expected = f'{LOWEST:g} to {HIGHEST:g} m; a cell without data has the value that the '
+        raise LavaError('a height of the elevation', wrong, expected + 'header calls NODATA_value')
     rise = np.abs(np.diff(ground.elevation, axis=1)) / ground.resolution
     rise = rise[np.isfinite(rise)]
     slope = float(np.median(rise)) if rise.size else 0.0
     if slope > STEEPEST:
-        right = f'at most {STEEPEST:g}: heights and cells both in metres'
-        raise LavaError("the elevation's median slope", round(slope, 2), right)
+        expected = f'at most {STEEPEST:g}: heights and cells both in metres'
+        raise LavaError("the elevation's median slope", round(slope, 2), expected)
 
 
 def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarray) -> None:
@@ -108,31 +108,31 @@ def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarra
     for name, place in ((vent.name, place) for vent in vents for place in vent.places):
         cell = ground.cell_at(*ground.to_map(*place))
         if cell is None:
-            right = f'a place {ground.bounds(projected=True)}'
-            raise LavaError(f'{name!r} of vent.csv', place, right + _other_system(place, ground))
+            expected = f'a place {ground.bounds(projected=True)}{_other_system(place, ground)}'
+            raise LavaError(f'{name!r} of vent.csv', place, expected)
         if not ground.has_data[cell]:
-            right = 'a place where the elevation has data: this cell has none'
-            raise LavaError(f'{name!r} of vent.csv', place, right)
+            expected = 'a place where the elevation has data: this cell has none'
+            raise LavaError(f'{name!r} of vent.csv', place, expected)
         found.append(cell)
     distance, turned = _distance(found, footprint), _distance(found, footprint[::-1])
     shown = f'{distance * ground.resolution:.0f} m from the nearest vent'
     if distance > NEAR and turned < distance / _NEARER:
-        right = f'near it; with its rows in the opposite order it is {turned:.0f} cells away: '
-        raise LavaError('the footprint', shown, right + 'its rows seem to be upside down')
+        expected = f'near it; with its rows in the opposite order it is {turned:.0f} cells away: '
+        raise LavaError('the footprint', shown, expected + 'its rows seem to be upside down')
     size = math.hypot(*(np.ptp(np.argwhere(footprint), axis=0) + 1))
     if distance > max(NEAR, FAR * size):
-        right = 'near it: vents and footprint are not of the same eruption'
-        raise LavaError('the footprint', shown, right)
+        expected = 'near it: vents and footprint are not of the same eruption'
+        raise LavaError('the footprint', shown, expected)
     top = max(ground.elevation[cell] for cell in found)
     heights = ground.elevation[footprint & ground.has_data]
     if not heights.size:
         raise LavaError('the elevation', 'no data under the footprint', 'data there')
     above = float((heights > top + _CLIMB).mean())
     if above > 0.5:
-        right = 'below them: lava does not flow up; the elevation, on which the highest vent is '
-        right += f'at {top:.0f} m and the lava at {np.median(heights):.0f} m, seems to be '
+        expected = 'below them: lava does not flow up; the elevation, on which the highest vent '
+        expected += f'is at {top:.0f} m and the lava at {np.median(heights):.0f} m, seems to be '
         shown = f'{100 * above:.0f} % above all vents'
-        raise LavaError('the footprint', shown, right + 'upside down')
+        raise LavaError('the footprint', shown, expected + 'upside down')
 
 
 def check_discharge(vents: Sequence[Series], area: float) -> None:
@@ -156,7 +156,6 @@ def check_discharge(vents: Sequence[Series], area: float) -> None:
 
 
 def _distance(cells: Sequence[tuple[int, int]], footprint: np.ndarray) -> float:
-    """Return the distance of the nearest vent from the outline, in cells."""
     covered = np.argwhere(footprint)
     return min(float(np.hypot(*(covered - cell).T).min()) for cell in cells)
 
@@ -166,8 +165,8 @@ def _other_system(place: tuple[float, float], ground: Terrain) -> str:
     x, y = ground.to_map(*place)
     x0, y0, x1, y1 = ground.extent
     if is_degrees(place) and sum(map(abs, ground.offset)) > 1e3:
-        right = ': these are degrees of another place (longitude comes first), or the elevation '
-        return right + 'has no coordinate system (epsg in case.yaml)'
+        hint = ': these are degrees of another place (longitude comes first), or the elevation '
+        return hint + 'has no coordinate system (epsg in case.yaml)'
     away = math.hypot(x - 0.5 * (x0 + x1), y - 0.5 * (y0 + y1))
     if away > 10.0 * max(x1 - x0, y1 - y0):
         return ': these are coordinates of another system, or another place'

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Parameters that a calibration may change, with published ranges."""
 
 from collections.abc import Mapping
@@ -33,7 +32,7 @@ UNITS = {
     'vent_temperature': 'K',
 }
 
-_LOGARITHMIC = ('viscosity', 'yield_strength')
+_LOGARITHMIC = ('viscosity', 'yield_strength', 'crust_strength')
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class Unknown:
         return (value - self.low) / (self.high - self.low)
 
 
-def unknowns_of(
+def free_parameters_of(
     case: Case,
     names: tuple[str, ...] = (),
     ranges: Mapping[str, tuple[float, float]] | None = None,
@@ -90,8 +89,8 @@ def unknowns_of(
         if span is None and name in published:
             span, source = published[name].range, published[name].range_source
         if span is None:
-            right = f'a range ({name}=LOW:HIGH): none has been published for this material'
-            raise LavaError('--unknown', name, right)
+            expected = f'a range ({name}=LOW:HIGH): none has been published for this material'
+            raise LavaError('--unknown', name, expected)
         is_log = name in _LOGARITHMIC
         low = validation.number(f'{name}, lowest', span[0], at_least=0.0)
         high = validation.number(f'{name}, highest', span[1], above=low)
@@ -126,7 +125,7 @@ def published_uncertainty(case: Case) -> Uncertainty:
         LavaError: If a constant of the case is outside the range of a factor.
     """
     found: dict[str, Any] = {'constants': {}}
-    for item in unknowns_of(case, tuple(_published(case))):
+    for item in free_parameters_of(case, tuple(_published(case))):
         name, usual, span, place = item.name, item.usual, (item.low, item.high), found
         if name == 'vent_temperature':
             name, span = 'temperature', (item.low - usual, item.high - usual)
@@ -141,7 +140,6 @@ def published_uncertainty(case: Case) -> Uncertainty:
 
 
 def _published(case: Case) -> dict[str, Constant]:
-    """Return the published constants of a case that have a range."""
     assert case.material is not None
     known = {**case.material.constants, 'vent_temperature': case.material.vent_temperature}
     known['discharge'] = DISCHARGE

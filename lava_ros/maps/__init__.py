@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""From snapshots and bags to hazard layers, arrival times, GIS files, pictures and pages."""
+"""Hazard layers, arrival times, GIS files and pictures from snapshots and bags."""

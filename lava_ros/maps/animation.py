@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The frames of a bag as a moving picture: GIF, or MP4 where there is ffmpeg."""
+"""Animation of the frames of a bag: a GIF, or an MP4 if ffmpeg is installed."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -22,15 +22,15 @@ from lava_ros.maps.colours import picture_of, scale_of, STYLES
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
 
-#: Most pictures that are made: those of a GIF are in memory until it is written.
-MOST_FRAMES = 300
+#: Maximum number of pictures; all those of a GIF are in memory until it is written.
+MAX_FRAMES = 300
 
-#: How long the last picture stays [s].
-STAY = 2.0
+#: Additional display time of the last picture [s].
+HOLD_TIME = 2.0
 
 FORMATS = ('.gif', '.mp4')
 
-#: Pixels per inch of an MP4, whose pictures are drawn before.
+#: Resolution of an MP4 [pixels/inch].
 _DPI = 100.0
 
 _MAP = (0.075, 0.07, 0.79, 0.835)
@@ -47,27 +47,38 @@ def animate_bag(
     width: int = 800,
     progress: Progress = silent,
 ) -> int:
-    """Draw frames of a bag over shaded relief as .gif or .mp4; returns how many differ.
+    """Draw frames of a bag, evenly spread over its simulated time, over shaded relief.
 
-    They are evenly spread over its simulated time. The source is ``thickness``, ``temperature`` or
-    ``hazard``; ``seconds`` is how long the animation lasts [s], whose last picture stays for two
-    more; ``width`` that of the pictures [pixels]. LavaError where the bag cannot be read, an
-    argument is not usable, or a program or library that writes the format is missing.
+    Args:
+        path: The bag.
+        output: The .gif or .mp4.
+        source: Layer to draw: ``thickness``, ``temperature`` or ``hazard``.
+        seconds: Duration of the animation [s] without the hold time of the last picture.
+        fps: Pictures per second [1/s].
+        width: Width of the pictures [pixels].
+        progress: Called with the activity and its completed fraction.
+
+    Returns:
+        Number of distinct pictures.
+
+    Raises:
+        LavaError: If the bag cannot be read, an argument is not valid, or a program or library
+            that writes the format is missing.
     """
     output = file_to_write('output', output, FORMATS)
     validation.choice('layer', source, SOURCES)
     validation.number('fps', fps, at_least=1.0, at_most=60.0)
-    most = MOST_FRAMES / fps
+    most = MAX_FRAMES / fps
     seconds = validation.number('seconds', seconds, at_least=0.5, at_most=most, unit='s')
     width = int(validation.number('width', width, at_least=200, at_most=3840, unit='pixels'))
     is_gif = output.suffix.lower() == '.gif'
     if not is_gif and shutil.which('ffmpeg') is None:
-        right = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
-        raise LavaError('format', '.mp4', right)
+        expected = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
+        raise LavaError('format', '.mp4', expected)
     recording = Recording(path)
-    last, start = _survey(recording, source)
+    last, start = _peak_frame(recording, source)
     moments = np.linspace(start, last.time or 0.0, max(2, round(seconds * fps)))
-    # Video codecs want even sides.
+    # video codecs require even sides
     pixels = (2 * (width // 2), 2 * round(0.8 * width / 2))
     dpi = width / 7.6
     with new_figure('animate', source, (pixels[0] / dpi, pixels[1] / dpi), dpi) as figure:
@@ -80,8 +91,8 @@ def animate_bag(
             return _write_mp4(pictures, partial, fps)
 
 
-def _survey(recording: Recording, source: str) -> tuple[Frame, float]:
-    """The last frame, with the largest value that each cell ever had, and the first time [s]."""
+def _peak_frame(recording: Recording, source: str) -> tuple[Frame, float]:
+    """Return the last frame with the maximum value of each cell, and the first time [s]."""
     last: Frame | None = None
     start = 0.0
     for frame in recording.frames():
@@ -96,13 +107,13 @@ def _survey(recording: Recording, source: str) -> tuple[Frame, float]:
         last = replace(frame, layers={source: peak})
     if last is None:
         names = ', '.join(sorted({layer.source for layer in recording.layers.values()}))
-        right = f'a layer the bag has with its simulated times; it has {names}'
-        raise LavaError('layer', source, right)
+        expected = f'a layer of the bag with simulated times; it has {names}'
+        raise LavaError('layer', source, expected)
     return last, start
 
 
 class _Canvas:
-    """The drawing, of which only the map and the title change."""
+    """The figure, of which only the map and the title change between frames."""
 
     def __init__(self, figure: Any, frame: Frame, source: str) -> None:
         self._source, self._canvas = source, figure.canvas
@@ -114,7 +125,7 @@ class _Canvas:
         least = plot.LEAST_CELLS * frame.resolution
         window = plot.window_of(bounds, plot.extent_of(frame), aspect, least)
         self._part, extent = _part(frame, window)
-        # Half the memory of what it comes as.
+        # float32 halves the memory
         self._ground = plot.shaded_ground(frame)[self._part].astype(np.float32)
         self._image, self._vents = plot.draw_map(axes, frame, self._ground, window, extent=extent)
         plot.draw_contours(axes, frame, window, plot.contour_interval(frame, window))
@@ -126,12 +137,12 @@ class _Canvas:
         self._shape = frame.elevation.shape
 
     def shows(self, frame: Frame) -> bool:
-        """Whether a frame has the layer, on the terrain that is drawn."""
+        """Return True if a frame has the layer on a terrain of the same shape."""
         shown = frame.layers.get(self._source)
         return shown is not None and shown.values.shape == self._shape
 
     def draw(self, frame: Frame) -> np.ndarray:
-        """Draw a frame with a time: RGB, uint8, shape [height, width, 3]."""
+        """Draw a frame and return RGB pixels, uint8, shape [height, width, 3]."""
         values = frame.layers[self._source].values[self._part]
         picture = picture_of(values, self._ground, self._scale)
         self._image.set_data((255.0 * picture).astype(np.uint8))
@@ -145,7 +156,7 @@ class _Canvas:
 def _part(
     frame: Frame, window: tuple[float, float, float, float]
 ) -> tuple[tuple[slice, slice], tuple[float, float, float, float]]:
-    """The cells that are in a window, and their edges: left, right, bottom, top [m]."""
+    """Return the cells in a window, and their edges: left, right, bottom, top [m]."""
     start, cell = np.array(frame.origin), frame.resolution
     first = np.maximum(0, np.floor((window[:2] - start) / cell)).astype(int)
     last = np.ceil((window[2:] - start) / cell).astype(int)
@@ -157,7 +168,7 @@ def _part(
 def _pictures(
     recording: Recording, canvas: _Canvas, moments: np.ndarray, progress: Progress
 ) -> Iterator[tuple[np.ndarray, int]]:
-    """Each frame that is the newest at some of the moments, drawn, and at how many it is."""
+    """Yield each distinct picture and the number of moments at which it is the newest."""
     newest: Frame | None = None
     done = 0
     shown = (item for item in recording.frames() if item.time is not None and canvas.shows(item))
@@ -175,9 +186,8 @@ def _write_gif(
 ) -> int:
     from PIL import Image
 
-    # One palette for all: what does not change from picture to picture then takes no space. The
-    # writer of matplotlib has one a picture: its files are four times as large.
-    # Few pixels have the colours of the lava: their count must not decide.
+    # With one palette for all pictures, unchanged pixels take no space: matplotlib's writer makes
+    # files four times as large. MAXCOVERAGE keeps the colours of lava, which few pixels have.
     palette = Image.fromarray(colours).quantize(256, Image.Quantize.MAXCOVERAGE)
     images: list[Any] = []
     durations: list[int] = []
@@ -185,7 +195,7 @@ def _write_gif(
         image = Image.fromarray(picture)
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
         durations.append(count * round(1000.0 / fps))
-    durations[-1] += round(1000.0 * STAY)
+    durations[-1] += round(1000.0 * HOLD_TIME)
     first, *others = images
     first.save(path, 'GIF', save_all=True, append_images=others, duration=durations, loop=0)
     return len(images)
@@ -194,14 +204,14 @@ def _write_gif(
 def _write_mp4(pictures: Iterator[tuple[np.ndarray, int]], path: Path, fps: float) -> int:
     from matplotlib.animation import FFMpegWriter
 
-    # yuv420p plays everywhere; the index goes to the front, so that it plays while it loads.
+    # all players support yuv420p; faststart allows playback while the file loads
     options = ['-crf', '20', '-pix_fmt', 'yuv420p', '-movflags', '+faststart']
-    rate: Any = fps  # the writer is declared for whole numbers, and takes others
+    rate: Any = fps  # declared as int, but floats work
     writer = FFMpegWriter(rate, codec='libx264', extra_args=options)
     first, count = next(pictures)
     drawn = 0
     height, width = first.shape[:2]
-    # the pictures are drawn already: to draw one again for each repetition would take long
+    # shows the drawn pixels: redrawing a map for each repetition would be slow
     with new_figure('animate', path, (width / _DPI, height / _DPI), _DPI) as figure:
         shown = figure.figimage(first)
         try:
@@ -211,9 +221,9 @@ def _write_mp4(pictures: Iterator[tuple[np.ndarray, int]], path: Path, fps: floa
                     shown.set_data(picture)
                     for _ in range(repeats):
                         writer.grab_frame()
-                for _ in range(round(STAY * fps)):
+                for _ in range(round(HOLD_TIME * fps)):
                     writer.grab_frame()
         except subprocess.CalledProcessError as error:
-            right = f'an MP4 that ffmpeg can write ({error.stderr.strip()[-300:]})'
-            raise LavaError('output', str(path), right) from error
+            expected = f'an MP4 that ffmpeg can write ({error.stderr.strip()[-300:]})'
+            raise LavaError('output', str(path), expected) from error
     return drawn

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""When lava came to each cell, and how thick it got, from the frames of a bag."""
+"""First arrival time and peak thickness of lava in each cell, from the frames of a bag."""
 
 import math
 
@@ -11,33 +11,32 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import IMAGE, Layer
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.inundation import standing_cells
+from lava_ros.simulation.output.inundation import standing_cells
 
 THICKNESS = 'thickness'
 
 
 class Arrival:
-    """First times and largest thicknesses, gathered frame by frame.
+    """First arrival times and peak thicknesses, accumulated frame by frame.
 
-    Times are those that the simulation noted at its steps, where the bag has them and the
-    threshold is the thickness that inundates ground. Else a frame shows lava that came since the
-    frame before: it is at most ``longest_gap`` older than the time of its cell. Frames on another
-    terrain than the newest do not count.
+    Times are those of the simulation's steps if the bag contains them and the threshold is the
+    inundation thickness. Otherwise the time of a cell is that of the first frame with lava in it,
+    and late by at most ``longest_gap``. Frames on earlier terrains are discarded.
 
     Attributes:
-        threshold: Thickness from which on lava has arrived [m].
-        times: Simulated time [s] at which lava that thick came, at the latest, float64, shape
-            [rows, columns]; NaN where there was none. None before the first frame.
-        peak: Largest thickness [m], float32, same shape; 0 without lava.
-        is_saturated: Whether a thickness was the largest that its grid can hold.
-        longest_gap: Longest time from one frame to the next [s].
-        is_noted: Whether the simulation noted the times.
-        frame_count: Frames with a thickness so far.
-        frame: The newest of them, None before the first.
+        threshold: Lava has arrived where its thickness is at or above this value [m].
+        times: First arrival time [s], float64, shape [rows, columns]; NaN in cells without
+            arrival. None before the first frame.
+        peak: Peak thickness [m], float32, same shape; 0 without lava.
+        is_saturated: True if a thickness was the maximum of its grid.
+        longest_gap: Longest time between consecutive frames [s].
+        is_noted: True if the times are those of the simulation's steps.
+        frame_count: Number of frames with a thickness so far.
+        frame: The newest of these frames; None before the first.
     """
 
     def __init__(self, threshold: float) -> None:
-        """Start without frames; lava counts as arrived from ``threshold`` [m] on."""
+        """Initialize without frames; ``threshold`` is the thickness of arrived lava [m]."""
         self.threshold = threshold
         self.times: np.ndarray | None = None
         self.peak: np.ndarray | None = None
@@ -49,9 +48,10 @@ class Arrival:
         self.longest_gap, self.frame_count = 0.0, 0
 
     def add(self, frame: Frame) -> None:
-        """Add a frame, later than the one before; frames without thickness or time are ignored.
+        """Add the next frame; frames without thickness or time are ignored.
 
-        LavaError where the frame's layer does not show lava as thin as the threshold.
+        Raises:
+            LavaError: If the frame's layer does not show lava as thin as the threshold.
         """
         shown = frame.layers.get(THICKNESS)
         if shown is None or frame.time is None:
@@ -82,18 +82,18 @@ def _grid(frame: Frame) -> tuple[object, ...]:
 
 
 def check_threshold(threshold: float, layer: Layer) -> None:
-    """Refuse a threshold [m] that is not above 0, or below what a layer of thickness shows."""
+    """Raise LavaError if a threshold [m] is not above 0, or is below that of a thickness layer."""
     if threshold <= 0.0 or threshold < layer.threshold * (1.0 - 1e-6):
-        right = f'at least {layer.threshold:g} m: the layer {layer.name} shows no thinner lava'
+        expected = f'at least {layer.threshold:g} m: the layer {layer.name} shows no thinner lava'
         if layer.threshold <= 0.0:
-            right = 'above 0 m'
-        raise LavaError('threshold', threshold, right)
+            expected = 'above 0 m'
+        raise LavaError('threshold', threshold, expected)
 
 
 def rounding(layer: Layer) -> float:
-    """Half the step between the values a layer can show, in its unit; 0 where it is not rounded.
+    """Return half the step between the values of a layer, in its unit; 0 if it is not rounded.
 
-    Values beyond the layer's range are at its ends, however far beyond they are.
+    Values beyond the layer's range are set to its ends, with a larger error.
     """
     if layer.message == IMAGE or layer.range is None:
         return 0.0

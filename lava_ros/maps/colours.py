@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The colours of maps: a style for each quantity, and the scale of a map by its values."""
+"""Colours of maps: a style for each quantity, and a colour scale for the values of a map."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,8 +20,8 @@ GROUND = ('#7f8f7a', '#a3a383', '#bfb293', '#cfc4ae', '#e4ded2')
 class Style:
     """Title, unit and colours of a map, the colours from the lowest value to the highest.
 
-    ``classes`` has the largest value and the name of each class above 0, the lowest first, of a
-    map that consists of classes. Each class has one colour.
+    ``classes`` maps the largest value of each class above 0 to its name, lowest first; each class
+    has one colour. It is empty for a map of continuous values.
     """
 
     title: str
@@ -30,13 +30,12 @@ class Style:
     classes: Mapping[float, str] = field(default_factory=dict)
 
     def class_numbers(self, values: np.ndarray) -> np.ndarray:
-        """Return the number of the class of each value: 1 for the lowest; NaN stays NaN."""
+        """Return the class number of each value: 1 for the lowest; NaN stays NaN."""
         numbers = np.searchsorted(np.array([*self.classes]) + 0.5, values) + 1.0
         return np.where(np.isfinite(values), numbers, np.nan)
 
 
-#: Styles of maps by quantity. Colours of a comparison remain distinct to people with red-green
-#: colour blindness.
+#: Styles of maps by quantity. The comparison is readable with red-green colour blindness.
 STYLES = {
     'thickness': Style(
         'Lava thickness', 'm',
@@ -50,15 +49,15 @@ STYLES = {
         'Hazard index', '', ('#feb24c', '#a50026'), HAZARD_CLASSES,
     ),
     'arrival': Style(
-        'Arrival of the lava', 's',
+        'First arrival time', 's',
         ('#5c0018', '#b2182b', '#e8602c', '#f6b32e', '#7fc7b0', '#2f8fc4', '#20418f'),
     ),
     'probability': Style(
-        'Probability that lava comes', '%',
+        'Inundation probability', '%',
         ('#fff3c4', '#fdd17a', '#f99a3b', '#e2571e', '#a81d1d', '#5a0a2a'),
     ),
     'change': Style(
-        'Change of the probability', 'percentage points',
+        'Change of inundation probability', 'percentage points',
         ('#08306b', '#2171b5', '#6baed6', '#c6dbef', '#f7f7f7', '#fdd0a2', '#fd8d3c', '#d94801',
          '#7f2704'),
     ),
@@ -70,7 +69,7 @@ STYLES = {
     ),
 }
 
-#: Words on a colour bar for units of times.
+#: Labels of colour bars by unit of time.
 UNIT_WORDS = {
     'd': 'days after the start',
     'h': 'hours after the start',
@@ -84,11 +83,11 @@ _TIMES = (('d', 86_400.0), ('h', 3600.0), ('min', 60.0), ('s', 1.0))
 
 @dataclass(frozen=True)
 class Scale:
-    """Which value has which colour: a colour map of matplotlib and its normalisation.
+    """Colour scale of a map: a matplotlib colour map and its normalisation.
 
-    ``past`` is the side on which values go past it: ``neither`` or ``max``. ``label`` names the
-    unit of the values it takes, and ``unit`` is that unit in the unit of the style. ``names`` are
-    those of classes, none where values are numbers.
+    ``past`` is the side on which values exceed the scale: ``neither`` or ``max``. ``label`` names
+    the unit of the scale, and ``unit`` is its size in the unit of the style. ``names`` are the
+    names of classes; empty for numeric values.
     """
 
     colours: Any
@@ -102,7 +101,7 @@ class Scale:
 def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
     """Return the values of the first and the last colour of a map, which are round numbers.
 
-    ``source`` is one of ``STYLES``; ``values`` are those of the map, NaN where nothing is shown.
+    ``source`` is a key of ``STYLES``; ``values`` are those of the map, NaN where it is empty.
     """
     known = values[np.isfinite(values)]
     most = float(known.max()) if known.size else 1.0
@@ -121,19 +120,19 @@ def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
     if source == 'temperature':
         low = math.floor(float(known.min()) / 100.0) * 100.0 if known.size else 0.0
         return low, max(math.ceil(most / 100.0) * 100.0, low + 100.0)
-    # A few deep cells must not make the rest all one colour.
+    # a few thick cells must not give all others one colour
     return 0.0, round_up(max(float(np.percentile(known, 99.5)), 1e-6)) if known.size else 1.0
 
 
 def _time_unit(longest: float) -> tuple[str, float]:
-    """Name and length [s] of the unit that suits times up to a longest one [s]."""
+    """Return name and length [s] of the unit for times up to a longest one [s]."""
     return next(item for item in _TIMES if longest >= 2.0 * item[1] or item[1] == 1.0)
 
 
 def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> Scale:
-    """Choose the colour scale of a map from its values, NaN where nothing is shown.
+    """Choose the colour scale of a map from its values, NaN where it is empty.
 
-    ``source`` is one of ``STYLES``. With ``is_saturated``, true values may exceed those given.
+    ``source`` is a key of ``STYLES``. With ``is_saturated``, true values may exceed those given.
     """
     from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, Normalize
 
@@ -153,16 +152,16 @@ def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> 
 def round_up(
     value: float, steps: Sequence[float] = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 ) -> float:
-    """The next larger of some steps times a power of ten."""
+    """Return the smallest step times a power of ten that is at or above a value."""
     power = 10.0 ** math.floor(math.log10(value))
     return power * next(step for step in steps if step * power >= value * (1.0 - 1e-9))
 
 
 def picture_of(values: np.ndarray, ground: np.ndarray, scale: Scale) -> np.ndarray:
-    """A map over the ground, RGBA 0..1, shape [rows, columns, 4]; NaN leaves the ground."""
+    """Draw a map over the ground: RGBA 0..1, shape [rows, columns, 4]; NaN leaves the ground."""
     picture = ground.copy()
     here = np.isfinite(values)
-    # The relief shows through the lava by its brightness alone.
+    # only the brightness of the relief shows through the lava
     bright = ground[..., :3].mean(axis=-1)
     shown = scale.colours(scale.norm(values[here] / scale.unit))[..., :3]
     picture[here, :3] = shown * (0.72 + 0.4 * bright[here])[:, None]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The maps of a bag -> GeoTIFF, and what else GIS programs read."""
+"""Export of the maps of a bag as GeoTIFF and other GIS files."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -25,20 +25,19 @@ from lava_ros.maps.plot import time_note
 from lava_ros.scene import Vent
 from lava_ros.scene.projection import coordinate_system, system_name
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.inundation import inundated_cells, raise_peak
+from lava_ros.simulation.output.inundation import inundated_cells, raise_peak
 
 _LOG = logging.getLogger(__name__)
 
-#: Maps for export: those of a frame, and those accumulated from all frames up to it.
+#: Maps for export: those of a frame, and those accumulated over all frames up to it.
 MAPS = (*SOURCES, 'arrival', 'peak_thickness')
 
-#: What maps are written as: GeoTIFF with styles of QGIS, outline and isochrones as vector files,
-#: all maps in a NetCDF.
+#: File formats: GeoTIFF with QGIS styles, vector files of outline and isochrones, and NetCDF.
 FORMATS = ('tif', *WRITTEN, 'nc')
 
 
 class Placement(NamedTuple):
-    """Where the map frame is: easting and northing [m] of its origin; its system if known."""
+    """Coordinate system of the map frame, and easting and northing [m] of its origin."""
 
     epsg: int | None
     offset: tuple[float, float]
@@ -46,12 +45,12 @@ class Placement(NamedTuple):
 
     @property
     def system(self) -> str | None:
-        """The coordinate system as GDAL takes it, None without one."""
+        """The coordinate system in the notation of GDAL; None if it is unknown."""
         return self.wkt if self.epsg is None else f'EPSG:{self.epsg}'
 
 
 class Exported(NamedTuple):
-    """The files written, and where in the world their maps are."""
+    """The written files and the position of their map frame."""
 
     files: tuple[Path, ...]
     placement: Placement
@@ -70,26 +69,25 @@ def export_bag(
     offset: tuple[float, float] | None = None,
     progress: Progress = silent,
 ) -> Exported:
-    """Write maps of a bag as GeoTIFF files, north up, with coordinate system, units and nodata.
+    """Write maps of a bag as GeoTIFF, north up, and in other formats.
 
-    Arrival and peak thickness are those of all maps up to the time. Maps the bag has no layer for
-    are left out. The directory is made when it is not there, otherwise it has to be empty.
+    Maps without a layer in the bag are left out.
 
     Args:
         path: The bag.
-        directory: Where the files go.
-        maps: What to write, of ``MAPS``.
-        formats: What to write it as, of ``FORMATS``; of several frames only GeoTIFF has all.
-        time: Simulated time [s] to show the newest maps up to; None for the last ones.
-        every: Whether thickness, temperature and hazard are written for each frame up to the time.
-        threshold: Thickness from which on lava has arrived [m].
-        epsg: EPSG code, in place of the coordinate system of the bag.
-        offset: Easting and northing [m] of the map frame's origin, for a bag without a system, or
-            together with ``epsg``.
-        progress: Is told what is being done, and the share of the frames that is done.
+        directory: Folder of the files, which is created if it does not exist. It must be empty.
+        maps: Maps to write, of ``MAPS``.
+        formats: File formats, of ``FORMATS``. Only GeoTIFF can contain several frames.
+        time: Simulated time [s] of the newest frame to read; None for the end of the bag.
+        every: True to write thickness, temperature and hazard of each frame up to the time.
+        threshold: Lava has arrived where its thickness is at or above this value [m].
+        epsg: EPSG code that replaces the coordinate system of the bag.
+        offset: Easting and northing [m] of the map frame's origin, for a bag without a coordinate
+            system, or together with ``epsg``.
+        progress: Called with the activity and its completed fraction.
 
     Raises:
-        LavaError: The bag cannot be read, an argument is not usable or contradicts the bag, or a
+        LavaError: If the bag cannot be read, an argument is not valid or contradicts the bag, or a
             file cannot be written.
     """
     for name in maps:
@@ -122,7 +120,7 @@ def export_bag(
     for index, frame in enumerate(recording.frames()):
         if time is not None and frame.time is not None and frame.time > time:
             break
-        progress('maps', recording.share_at(frame))
+        progress('maps', recording.progress_at(frame))
         if wants_history:
             history.add(frame)
         last = frame
@@ -131,9 +129,8 @@ def export_bag(
             for name in current:
                 writer.write_layer(name, frame, f'{name}_{index:04d}_{seconds}s.tif')
     if last is None:
-        # nobody looks for what failed in an empty folder
         target.rmdir()
-        raise recording.lack(time, 'terrain and a map')
+        raise recording.missing_error(time, 'terrain and a map')
     if note := time_note(None if every else time, last):
         _LOG.warning(note)
     for name in () if every else current:
@@ -144,7 +141,7 @@ def export_bag(
     writer.finish(last, history)
     if not writer.written:
         have = sorted({layer.source for layer in recording.layers.values()})
-        raise LavaError('maps', ', '.join(maps), f'maps of what the bag has: {", ".join(have)}')
+        raise LavaError('maps', ', '.join(maps), f'maps of layers in the bag: {", ".join(have)}')
     return Exported(tuple(writer.written), placement)
 
 
@@ -154,10 +151,12 @@ def placement_of(
     epsg: int | None = None,
     offset: tuple[float, float] | None = None,
 ) -> Placement:
-    """Where the map frame of a bag is.
+    """Return the position of the map frame of a bag from its scene.
 
-    ``epsg``, and ``offset`` [m] beside it, replace what the scene in the bag states. LavaError
-    where ``offset`` alone contradicts it, or its own values are not usable.
+    ``epsg``, and ``offset`` [m] together with it, replace the values of the scene.
+
+    Raises:
+        LavaError: If ``offset`` alone contradicts the scene, or the scene is not valid.
     """
     terrain = scene.get('terrain')
     terrain = terrain if isinstance(terrain, Mapping) else {}
@@ -178,7 +177,7 @@ def placement_of(
 
 
 def _vents(scene: Mapping[str, Any]) -> list[Vent]:
-    """The vents that a bag describes; none where it does not, with a warning if it tries to."""
+    """Return the vents of a scene; none, with a warning, if they are not valid."""
     names = {item.name for item in fields(Vent)}
     items = scene.get('vents', [])
     try:
@@ -192,14 +191,14 @@ def _vents(scene: Mapping[str, Any]) -> list[Vent]:
 
 
 def provenance_of(recording: Recording) -> gis.Provenance:
-    """Return the origin of the maps of a bag, as far as the bag describes it."""
+    """Return the origin of the maps of a bag."""
     data = recording.bag.custom_data
-    told = described(data)
-    parameters = told['parameters'] or {}
+    description = described(data)
+    parameters = description['parameters'] or {}
     scene = data.get('case') or parameters.get('scene') or recording.bag.path.resolve().name
     return gis.Provenance(
         scene=str(scene),
-        effects=effects_on(told),
+        effects=effects_on(description),
         preset=str(parameters.get('preset') or 'unknown'),
         version=data.get('version') or 'unknown',
         onset=recorded_onset(data),
@@ -218,7 +217,7 @@ def _make_empty(directory: Path) -> None:
 
 @dataclass
 class _Writer:
-    """Writes the files, and lists them in ``written``."""
+    """Writer of the files, which it lists in ``written``."""
 
     directory: Path
     crs: Any
@@ -233,13 +232,13 @@ class _Writer:
     vents: Sequence[Vent] = ()
 
     def write_layer(self, name: str, frame: Frame, file_name: str) -> None:
-        """Write a layer of a frame, when it has it."""
+        """Write a layer of a frame if the frame has it."""
         shown = frame.layers.get(name)
         if shown is None:
             return
         values = shown.values
         if name == 'hazard':
-            # 0 says that there is no lava.
+            # 0 is the value of cells without lava
             values = np.nan_to_num(np.clip(np.rint(values), 1, 100))
         values = np.where(np.isfinite(frame.elevation), values, np.float32(np.nan))
         tags = _layer_tags(shown)
@@ -250,7 +249,7 @@ class _Writer:
         self._write(name, values, frame, file_name, tags)
 
     def write_history(self, name: str, frame: Frame, history: Arrival) -> None:
-        """Write arrival or peak thickness."""
+        """Write the map of arrival times or of peak thickness."""
         shown = frame.layers[THICKNESS]
         assert history.times is not None and history.peak is not None
         tags = _layer_tags(shown) | {'maps': str(history.frame_count)}
@@ -280,14 +279,14 @@ class _Writer:
         if 'tif' in self.formats:
             path, tags = self.directory / file_name, {'bag': self.bag, **tags}
             files = gis.write_map(path, name, values, self.place, self.origin, tags)
-            # the style belongs to its GeoTIFF
+            # the style file is not listed
             self.written.append(files[0])
 
     def finish(self, frame: Frame, history: Arrival) -> None:
-        """Write the newest maps in the formats that have them in one file.
+        """Write the newest maps in the formats with all maps in one file.
 
-        The outline is that of the inundated area up to the frame; where the bag does not say, that
-        of the lava that stands then.
+        The outline is that of the area inundated so far, or of the standing lava if the bag has no
+        arrival times.
         """
         if self.place is None:
             return
@@ -310,7 +309,7 @@ class _Writer:
 
 
 def _layer_tags(shown: LayerFrame) -> dict[str, str]:
-    """What a file says about the layer it comes from, in the layer's unit."""
+    """Return tags that describe the recorded layer of a map, in the layer's unit."""
     layer = shown.layer
     half = rounding(layer)
     tags = {

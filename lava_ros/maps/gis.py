@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Maps as what GIS programs read: GeoTIFF with styles of QGIS, vector files, NetCDF.
+"""Maps as files of GIS programs: GeoTIFF with QGIS styles, vector files, NetCDF.
 
-What writes a file raises LavaError where it cannot be written.
+Functions that write a file raise LavaError if it cannot be written.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -25,20 +25,20 @@ from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.scene import Terrain, Vent
 from lava_ros.scene.projection import coordinate_system
 
-#: Probabilities that contours are drawn at [%].
+#: Probabilities of contours [%].
 PROBABILITIES = (10.0, 50.0, 90.0)
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Origin of maps, which every GeoTIFF states in its tags.
+    """Origin of maps, for the tags of each GeoTIFF.
 
     Attributes:
         scene: Name of the scene, case or terrain.
         effects: Names of the physical effects that were on; None where they are unknown.
         preset: Name of the accuracy preset.
         version: Version of lava_ros that computed the maps.
-        observation: The observation that the maps were weighted by or compared with.
+        observation: Observation with which the maps were weighted or compared.
         onset: Date and time of simulated time 0; None if it is unknown.
     """
 
@@ -64,10 +64,10 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the cells of a map are.
+    """Position of the cells of a map.
 
     ``corner`` is easting and northing [m] of the lower-left corner of cell [0, 0], ``resolution``
-    the side of a cell [m], and ``crs`` what ``coordinate_system`` gives.
+    the side of a cell [m], and ``crs`` a result of ``coordinate_system``.
     """
 
     corner: tuple[float, float]
@@ -76,7 +76,11 @@ class Place:
 
 
 def place_of(terrain: Terrain) -> Place:
-    """Where the cells of a terrain are; LavaError where GDAL does not know its system."""
+    """Return the position of the cells of a terrain.
+
+    Raises:
+        LavaError: If GDAL does not support its coordinate system.
+    """
     corner = (terrain.offset[0] + terrain.origin[0], terrain.offset[1] + terrain.origin[1])
     return Place(corner, terrain.resolution, coordinate_system(terrain.epsg, terrain.wkt))
 
@@ -89,14 +93,14 @@ def write_map(
     origin: Provenance,
     tags: Mapping[str, str] | None = None,
 ) -> list[Path]:
-    """Write a map as GeoTIFF, north up, with its QGIS style; each file is written completely.
+    """Write a map as GeoTIFF, north up, with its QGIS style.
 
     Args:
         path: The GeoTIFF.
-        name: Which of ``RASTER_LAYERS`` the map is, and the description of its band.
+        name: Key of the map in ``RASTER_LAYERS``, and description of its band.
         values: The map, NaN without data, shape [rows, columns]; row 0 is the southernmost.
-        place: Where the cells are.
-        origin: Where the map is from.
+        place: Position of the cells.
+        origin: Origin of the map.
         tags: Further tags by name.
 
     Returns:
@@ -114,7 +118,7 @@ def write_map(
     rows, columns = cells.shape
     side, (east, south) = place.resolution, place.corner
     try:
-        # GDAL only prints that a disk is full: it writes into memory, and we write the file
+        # GDAL raises no error if the disk is full, so it writes into memory
         with MemoryFile() as memory, memory.open(
             driver='COG',
             overview_resampling='nearest',
@@ -129,7 +133,7 @@ def write_map(
             predictor=2 if layer.is_whole else 3,
             bigtiff='if_safer',
         ) as file:
-            # Row 0 is the southernmost here and the northernmost in the file.
+            # row 0 of the file is the northernmost
             file.write(cells[::-1], 1)
             file.set_band_description(1, name)
             file.set_band_unit(1, layer.unit)
@@ -153,16 +157,17 @@ def write_grid(
     origin: Provenance,
     tags: Mapping[str, str] | None = None,
 ) -> list[Path]:
-    """Write values on the cells of a terrain as ``write_map`` does.
+    """Write values on the cells of a terrain with ``write_map``.
 
-    LavaError also where rasterio is not installed, or GDAL does not know the coordinate system.
+    Raises:
+        LavaError: Also if rasterio is missing, or GDAL does not support the coordinate system.
     """
     require('rasterio', 'GeoTIFF', str(path))
     return write_map(path, name, values, place_of(terrain), origin, tags)
 
 
 def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, Any]]:
-    """Cells as a list of one GeoJSON feature in the map's coordinates; empty without cells.
+    """Return cells as a list of one GeoJSON feature in map coordinates; empty without cells.
 
     ``cells`` is bool, shape [rows, columns], row 0 the southernmost. The feature has
     ``properties`` and its ``area_m2``.
@@ -184,10 +189,10 @@ def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, A
 def isochrones(
     times: np.ndarray, place: Place, onset: Onset | None = None
 ) -> list[dict[str, Any]]:
-    """GeoJSON features of the area that lava had reached by each of several round times.
+    """Return GeoJSON features of the area inundated by each of several round times.
 
-    ``times`` are arrival times [s], shape [rows, columns], NaN where no lava came. Each feature
-    includes the area of the earlier ones, and with an ``onset`` has its date.
+    ``times`` are arrival times [s], shape [rows, columns], NaN without arrival. Each feature
+    includes the area of the earlier ones, and has a date if ``onset`` is given.
     """
     if not np.isfinite(times).any():
         return []
@@ -204,18 +209,16 @@ def isochrones(
 
 
 def vents(items: Sequence[Vent], offset: tuple[float, float]) -> dict[str, list[dict[str, Any]]]:
-    """Make layers of GeoJSON features of vents: points (``vents``) and lines (``fissures``).
+    """Return layers of GeoJSON features of vents: points (``vents``) and lines (``fissures``).
 
-    Args:
-        items: The vents.
-        offset: Easting and northing [m] of the map frame's origin.
+    ``offset`` is easting and northing [m] of the map frame's origin.
     """
     layers: dict[str, list[dict[str, Any]]] = {}
     for item in items:
         places = [
             np.add(place, offset).tolist() for place in (item.position, item.end) if place
         ]
-        # of a rate that changes the peak, which --vents does not take for a constant
+        # another name for a rate that changes, so that --vents does not read a constant rate
         name = 'effusion_rate' if isinstance(item.discharge, float) else 'peak_effusion_rate'
         known = {'name': item.name, name: item.peak, 'radius': item.radius}
         if item.temperature is not None:
@@ -230,7 +233,7 @@ def vents(items: Sequence[Vent], offset: tuple[float, float]) -> dict[str, list[
 
 
 def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
-    """Where lava comes at least as likely as ``PROBABILITIES``; NaN is unknown."""
+    """Return features of the areas at or above each of ``PROBABILITIES``; NaN is unknown."""
     return [
         feature
         for least in PROBABILITIES
@@ -239,16 +242,16 @@ def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
 
 
 def usual_formats(crs: Any) -> tuple[str, ...]:
-    """Return the formats of an ensemble beside GeoTIFF: GeoJSON in a known coordinate system."""
+    """Return the formats in addition to GeoTIFF: GeoJSON if the coordinate system is known."""
     return () if crs is None else ('geojson',)
 
 
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
-    """Refuse formats that lack a library, and GeoJSON and KML without a coordinate system."""
+    """Raise LavaError if a library is missing, or a coordinate system for GeoJSON or KML."""
     for name in formats:
         if crs is None and _in_degrees(name):
-            right = f'the EPSG code of the map: {name} has longitudes and latitudes'
-            raise LavaError('epsg', None, right)
+            expected = f'the EPSG code of the map: {name} has longitudes and latitudes'
+            raise LavaError('epsg', None, expected)
         if name in vectors.WRITTEN:
             require('pyogrio', name, str(folder))
     if 'nc' in formats:
@@ -269,10 +272,10 @@ def write_formats(
     title: str,
     onset: Onset | None = None,
 ) -> list[Path]:
-    """Write the formats that hold several layers or maps, and return the paths of their files.
+    """Write files of several layers or maps, and return their paths.
 
-    Those of ``vectors.WRITTEN`` hold ``layers``, lists of features by name. ``nc`` holds ``maps``,
-    as ``write_netcdf`` takes them. Other formats are ignored. LavaError as in ``require_formats``.
+    Formats of ``vectors.WRITTEN`` contain ``layers``, lists of features by name; ``nc`` contains
+    ``maps``, the argument of ``write_netcdf``. Other formats are ignored.
     """
     require_formats(formats, folder, place.crs)
     written = []
@@ -291,16 +294,15 @@ def write_formats(
 
 
 def _geographic(features: Sequence[Mapping[str, Any]], place: Place) -> list[dict[str, Any]]:
-    """Features in longitude and latitude."""
     from rasterio.warp import transform_geom
 
     geometries = [item['geometry'] for item in features]
     try:
         geometries = transform_geom(place.crs, 'EPSG:4326', geometries, precision=7)
-    # what GDAL says of places has no public class
+    # the class of this error is not public in rasterio
     except Exception as error:
-        right = f'easting and northing that have a longitude and latitude ({error})'
-        raise LavaError('the corner of the map', place.corner, right) from error
+        expected = f'easting and northing that have a longitude and latitude ({error})'
+        raise LavaError('the corner of the map', place.corner, expected) from error
     return [
         {**item, 'geometry': geometry}
         for item, geometry in zip(features, geometries, strict=True)
@@ -314,17 +316,17 @@ def write_netcdf(
     """Write maps to a NetCDF file that follows the CF conventions.
 
     ``maps`` has the values of each map, NaN without data, by its name in ``RASTER_LAYERS``. The
-    file states the ``onset`` if it is known.
+    file contains the ``onset`` if it is known.
     """
     from scipy.io import netcdf_file
 
     content = BytesIO()
     with netcdf_file(content, 'w', version=2) as file:
-        told = {
+        attributes = {
             'Conventions': 'CF-1.11', 'title': title, 'source': f'lava_ros {lava_ros.__version__}',
             **({} if onset is None else {'onset': onset.text}),
         }
-        _describe(file, told)
+        _describe(file, attributes)
         shape = next(iter(maps.values())).shape
         for name, start, count in zip('xy', place.corner, shape[::-1], strict=True):
             file.createDimension(name, count)
@@ -349,6 +351,6 @@ def write_netcdf(
 
 
 def _describe(item: Any, texts: Mapping[str, str]) -> None:
-    """Give a NetCDF file or variable attributes; scipy takes texts as ASCII, or as bytes."""
+    """Set attributes of a NetCDF file or variable; scipy accepts non-ASCII text as bytes."""
     for name, text in texts.items():
         setattr(item, name, text.encode())

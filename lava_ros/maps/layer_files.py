@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files of msg_configs/ -> layers."""
+"""Layer configurations: the files of msg_configs/."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -33,7 +33,7 @@ from lava_ros.maps.layers import (
 )
 from lava_ros.validation import choice, flag, keys, number, whole
 
-#: What a file may call a message type, and its full name.
+#: Full names of message types, by the names in a file.
 MESSAGES = {
     name: full
     for full in (OCCUPANCY_GRID, IMAGE, POINT_CLOUD, GRID_MAP)
@@ -49,10 +49,10 @@ _UNITS = {
     PROBABILITY: '%',
 }
 
-#: Largest end of a range, in its unit.
-MOST = 1e12
+#: Maximum absolute value of the end of a range, in its unit.
+MAX_RANGE_END = 1e12
 
-#: Widest margin around lava [m].
+#: Maximum margin around lava [m].
 MAX_MARGIN = 1000.0
 
 #: Maximum ``min_cells``: the maximum number of rows or columns of a grid.
@@ -61,13 +61,13 @@ MAX_MIN_CELLS = 32767
 #: Minimum and maximum heartbeat of a layer [s].
 MIN_HEARTBEAT, MAX_HEARTBEAT = 1.0, 3600.0
 
-#: Most classes of a layer.
-MOST_CLASSES = 20
+#: Maximum number of classes of a layer.
+MAX_CLASSES = 20
 
 TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
 
 
-#: Checks of the keys of a layer, of its ``qos`` and of its ``hazard`` that stand by themselves.
+#: Checks of the keys of a layer, its ``qos`` and its ``hazard`` that depend on no other key.
 CHECKS: Mapping[str, Callable[[str, object], Any]] = {
     'message': partial(choice, allowed=tuple(MESSAGES)),
     'source': partial(
@@ -91,34 +91,35 @@ CHECKS: Mapping[str, Callable[[str, object], Any]] = {
 #: Keys of ``qos``.
 QOS_KEYS = ('reliability', 'durability', 'depth')
 
-#: Check of an end of a range, and of the grid values at the ends.
-RANGE_CHECK = partial(number, at_least=-MOST, at_most=MOST)
+#: Checks of the end of a range, and of the grid value at it.
+RANGE_CHECK = partial(number, at_least=-MAX_RANGE_END, at_most=MAX_RANGE_END)
 SCALE_CHECK = partial(whole, at_least=0, at_most=100)
 
 
 def find_config(name: str, *, field: str) -> Path:
-    """Find a file of layers by its path, or by its name in msg_configs/.
-
-    Args:
-        name: Path or file name.
-        field: Name of the field in an error.
-
-    Returns:
-        Path of the file.
+    """Find a layer configuration by its path, or by its name in msg_configs/.
 
     Raises:
-        LavaError: If there is no such file.
+        LavaError: If there is no such file; the error names ``field``.
     """
     return find_file(name, 'msg_configs', field=field, expected='a readable YAML file')
 
 
 def load_layers(path: str | Path) -> tuple[Layer, ...]:
-    """Read a file of msg_configs/; LavaError names what is wrong in it."""
+    """Read a layer configuration.
+
+    Raises:
+        LavaError: If the file is not valid; the error names the key.
+    """
     return layers_from_dict(read_yaml('msg_config', path))
 
 
 def layers_from_dict(data: object) -> tuple[Layer, ...]:
-    """Build layers from the plain data of a file; LavaError says what is allowed."""
+    """Build layers from the plain data of a layer configuration.
+
+    Raises:
+        LavaError: If the data are not valid; the error names the key.
+    """
     top = keys('msg_config', data, allowed=['layers'], required=['layers'])
     entries = top['layers']
     if not isinstance(entries, Mapping) or not entries:
@@ -127,16 +128,17 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
     topics: dict[str, str] = {}
     for layer in layers:
         if layer.topic in topics:
-            right = f'a topic of its own: layer {topics[layer.topic]} has this one'
-            raise LavaError(f'layers.{layer.name}.topic', layer.topic, right)
+            expected = f'a topic of its own: layer {topics[layer.topic]} has this one'
+            raise LavaError(f'layers.{layer.name}.topic', layer.topic, expected)
         topics[layer.topic] = layer.name
     return layers
 
 
 def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) -> list[Layer]:
-    """Enable the layers named in ``on`` and disable those in ``off``, whatever their file says.
+    """Enable the layers named in ``on`` and disable those named in ``off``.
 
-    LavaError where a name is not that of a layer, or is in both lists.
+    Raises:
+        LavaError: If a name is not that of a layer, or is in both lists.
     """
     known = [layer.name for layer in layers]
     for field_name, names in (('layers_on', on), ('layers_off', off)):
@@ -152,7 +154,7 @@ def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) 
 
 
 class _Entry:
-    """A mapping in a file, whose values are read one by one; errors name the key."""
+    """A mapping in a file; errors about its values name the key."""
 
     def __init__(
         self, where: str, value: object, allowed: Iterable[str], required: Sequence[str] = ()
@@ -164,21 +166,21 @@ class _Entry:
         return CHECKS[key](f'{self.where}.{key}', self.data.get(key, default), **options)
 
     def listed(
-        self, key: str, right: str, default: object = None, least: int = 2, most: int = 2
+        self, key: str, expected: str, default: object = None, least: int = 2, most: int = 2
     ) -> list[tuple[str, object]]:
-        """The items of a list, each with what errors call it."""
+        """Return the items of a list, each with its name in errors."""
         value = self.data.get(key, default)
         if not isinstance(value, (list, tuple)) or not least <= len(value) <= most:
-            raise self.error(key, right)
+            raise self.error(key, expected)
         return [(f'{self.where}.{key}[{index}]', item) for index, item in enumerate(value)]
 
-    def refuse(self, names: Sequence[str], right: str) -> None:
+    def refuse(self, names: Sequence[str], expected: str) -> None:
         for key in names:
             if key in self.data:
-                raise self.error(key, right)
+                raise self.error(key, expected)
 
-    def error(self, key: str, right: str) -> LavaError:
-        return LavaError(f'{self.where}.{key}', self.data.get(key), right)
+    def error(self, key: str, expected: str) -> LavaError:
+        return LavaError(f'{self.where}.{key}', self.data.get(key), expected)
 
 
 def _layer(name: str, value: object) -> Layer:
@@ -192,8 +194,8 @@ def _layer(name: str, value: object) -> Layer:
     source = entry.read('source', allowed=allowed)
     topic = entry.data.get('topic', name)
     if not isinstance(topic, str) or not TOPIC.fullmatch(topic):
-        right = 'a relative topic name: letters, digits, _ and / between'
-        raise LavaError(f'{where}.topic', topic, right)
+        expected = 'a relative topic name: letters, digits, _ and / between'
+        raise LavaError(f'{where}.topic', topic, expected)
     result: dict[str, Any] = {
         'name': name,
         'topic': topic,
@@ -221,7 +223,7 @@ def _layer(name: str, value: object) -> Layer:
 
 
 def _scaling(entry: _Entry, quantity: str) -> dict[str, Any]:
-    """How an occupancy grid shows a quantity, and what is around and outside it."""
+    """Return the fields of a layer for the values of an occupancy grid."""
     result: dict[str, Any] = {
         'margin': entry.read('margin', 0.0),
         'outside': entry.read('outside', -1),
@@ -229,23 +231,23 @@ def _scaling(entry: _Entry, quantity: str) -> dict[str, Any]:
     }
     unit = _UNITS[quantity]
     if 'step' in entry.data:
-        entry.refuse(('range', 'scale', 'classes'), 'absent beside step')
+        entry.refuse(('range', 'scale', 'classes'), 'absent if step is set')
         return {**result, 'step': number(f'{entry.where}.step', entry.data['step'], unit=unit)}
     if 'classes' in entry.data:
-        entry.refuse(('range', 'scale', 'margin'), 'absent beside classes')
+        entry.refuse(('range', 'scale', 'margin'), 'absent if classes is set')
         return {**result, 'classes': _classes(entry, unit)}
     if quantity in (ARRIVAL, PROBABILITY) and result['margin']:
-        raise entry.error('margin', 'absent, or beside step')
+        raise entry.error('margin', 'absent unless step is set')
     if quantity == PROBABILITY:
-        entry.refuse(('range', 'scale'), 'absent: a probability is 0 to 100 as it is')
+        entry.refuse(('range', 'scale'), 'absent: a probability is always 0 to 100')
         return result
     return {**result, 'range': _range(entry, quantity), 'scale': _scale(entry, quantity)}
 
 
 def _classes(entry: _Entry, unit: str) -> tuple[float, ...]:
-    right = f'1 to {MOST_CLASSES - 1} numbers {unit}, each larger than the one before'
+    expected = f'1 to {MAX_CLASSES - 1} numbers {unit}, each larger than the previous'
     bounds: list[float] = []
-    for field, item in entry.listed('classes', right, least=1, most=MOST_CLASSES - 1):
+    for field, item in entry.listed('classes', expected, least=1, most=MAX_CLASSES - 1):
         bounds.append(number(field, item, above=bounds[-1] if bounds else 0.0, unit=unit))
     return tuple(bounds)
 
@@ -260,11 +262,11 @@ def _range(entry: _Entry, quantity: str) -> tuple[float, float] | None:
 
 
 def _scale(entry: _Entry, quantity: str) -> tuple[int, int]:
-    right = 'two whole numbers, the grid values at the ends of range'
-    ends = entry.listed('scale', right, (100, 0) if quantity == ARRIVAL else (0, 100))
+    expected = 'two whole numbers, the grid values at the ends of range'
+    ends = entry.listed('scale', expected, (100, 0) if quantity == ARRIVAL else (0, 100))
     first, last = (SCALE_CHECK(*item) for item in ends)
     if max(first, last) == 0:
-        raise entry.error('scale', 'a value above 0 at one end: 0 says that there is no lava')
+        raise entry.error('scale', 'a value above 0 at one end: 0 means no lava')
     return first, last
 
 

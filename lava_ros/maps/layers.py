@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The layers of a simulation that are published, as a file in msg_configs/ describes them."""
+"""Published layers of a simulation, as configured in msg_configs/."""
 
 from dataclasses import dataclass, replace
 import math
@@ -12,16 +12,16 @@ import numpy as np
 from lava_ros.bag.qos import LATCHED, QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, occupancy, UNKNOWN
-from lava_ros.simulation.inundation import inundated_cells, standing_cells
+from lava_ros.simulation.output.inundation import inundated_cells, standing_cells
 
 if TYPE_CHECKING:
-    # The solver's package loads Warp, which files and messages do not need.
-    from lava_ros.simulation.snapshot import Snapshot
+    # importing the solver loads Warp, which is not needed here
+    from lava_ros.simulation.output.snapshot import Snapshot
 
-    #: The flow of now, or the largest of what comes.
+    #: The current flow, or its maxima within the horizon of a forecast.
     Flow = Snapshot | Forecast
 
-    #: What a layer shows: that, or how likely it is.
+    #: Input of a layer.
     Shown = Flow | EnsembleForecast
 
 #: 0 C in kelvin.
@@ -32,53 +32,53 @@ IMAGE = 'sensor_msgs/msg/Image'
 POINT_CLOUD = 'sensor_msgs/msg/PointCloud2'
 GRID_MAP = 'grid_map_msgs/msg/GridMap'
 
-#: Quantities that a message may show alone.
+#: Sources with one quantity of the current flow.
 SOURCES = ('thickness', 'temperature', 'hazard')
 
-#: The source that says when lava has come, in simulated time.
+#: Source of first arrival times (simulated times).
 ARRIVED = 'arrived'
 
-#: The source that says when lava comes.
+#: Source of times to arrival.
 ARRIVAL = 'arrival'
 
-#: What stands before a source of ``SOURCES`` for the worst of it within a forecast's horizon.
+#: Prefix of a source of ``SOURCES`` for its maximum within the horizon of a forecast.
 PEAK = 'peak_'
 
-#: Quantities of a forecast, each shown alone.
+#: Sources with one quantity of a forecast.
 FORECAST_SOURCES = (ARRIVAL, *(PEAK + source for source in SOURCES))
 
-#: The source that says how likely lava comes within the horizon of an ensemble.
+#: Source of the inundation probability within the horizon of an ensemble.
 PROBABILITY = 'inundation_probability'
 
-#: Share of an ensemble's members that have lava by a time, by the source that says when.
+#: Fraction of ensemble members with lava by a time, by the source of that time.
 QUANTILE_SOURCES = {'arrival_p10': 0.1, 'arrival_p50': 0.5, 'arrival_p90': 0.9}
 
-#: The source that says how thick lava gets at most, on average over an ensemble.
+#: Source of the peak thickness averaged over an ensemble.
 EXPECTED = 'expected_peak_thickness'
 
-#: Quantities of an ensemble, each shown alone.
+#: Sources with one quantity of an ensemble.
 ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)
 
-#: The source of messages that show several quantities side by side.
+#: Source of messages with several quantities.
 LAVA = 'lava'
 
 #: QoS deadline and liveliness lease of a layer with a heartbeat, in heartbeats.
 DEADLINE_HEARTBEATS = 2
 
-#: Hazard index of a cell that lava has reached and left: its ground is hot, and real lava leaves a
-#: crust that the model does not have, so nobody may go there; no lava can bury anything in it now.
+#: Hazard index of a cell that lava has reached and left. The cell must not be entered: its ground
+#: is hot, and real lava leaves a crust that is not modelled. Nothing can be buried there now.
 DRAINED = 50
 
-#: Classes of the hazard index above 0: the largest value of each, and its name. Of the harmful
-#: values only ``DRAINED`` occurs, unless lava is below limits (``HazardLimits``) of a user's own.
+#: Names of the classes of the hazard index above 0, by the largest value of each. ``DRAINED`` is
+#: the only harmful value, unless a user sets ``HazardLimits`` above the values of the lava.
 HAZARD_CLASSES = {99.0: 'harmful: lava has drained away', 100.0: 'lethal lava'}
 
-#: Where classes of depth end that people can picture: a knee, somebody's height, a roof [m].
+#: Upper bounds of depth classes: a knee, the height of a person, a roof [m].
 DEPTHS = (0.5, 2.0, 5.0)
 
 
 def plain_source(source: str) -> str:
-    """What a source is about: ``thickness`` of its peak and its mean, ``arrival`` of quantiles."""
+    """Return the quantity of a source: that of its peak, its mean or its quantiles."""
     if source in QUANTILE_SOURCES:
         return ARRIVAL
     return 'thickness' if source == EXPECTED else source.removeprefix(PEAK)
@@ -86,14 +86,14 @@ def plain_source(source: str) -> str:
 
 @dataclass(frozen=True)
 class HazardLimits:
-    """Where burial and heat become dangerous.
+    """Limits of dangerous burial and heat.
 
     Attributes:
         lethal_thickness: Thickness at which burial alone is lethal [m].
-        safe_temperature: Temperature up to which heat does no harm [K]; by default 50 C, the
+        safe_temperature: Maximum temperature at which heat does no harm [K]; by default 50 C, the
             limit of most machines.
-        lethal_temperature: Temperature from which heat alone is lethal to people and machines [K],
-            by default 300 C.
+        lethal_temperature: Minimum temperature at which heat alone is lethal to people and
+            machines [K]; by default 300 C.
     """
 
     lethal_thickness: float = 0.5
@@ -103,25 +103,24 @@ class HazardLimits:
 
 @dataclass(frozen=True)
 class Layer:
-    """One output of the node: what is shown and how it becomes a message.
+    """One output of the node: a quantity and its message.
 
     Attributes:
         name: The layer's key in its file.
         topic: Relative topic name.
         source: ``thickness``, ``temperature`` or ``hazard``; in images ``arrived``; in point
-            clouds and grid maps ``lava``, which is all of them. Of a forecast ``arrival`` or
-            ``peak_thickness``, ``peak_temperature``, ``peak_hazard``; of an ensemble one of
+            clouds and grid maps ``lava``, which is all of them. For a forecast, ``arrival`` or
+            ``peak_thickness``, ``peak_temperature``, ``peak_hazard``; for an ensemble, one of
             ``ENSEMBLE_SOURCES``.
         message: Full name of the message type.
-        range: Values that map to the two ends of ``scale`` [m, Celsius, hazard, or s]; None for
-            what is not scaled and for masks with a step, and for the arrival, whose range is that
-            of its forecast.
-        scale: Grid values at the ends of ``range``; the second may be the smaller.
-        step: Value from which on a cell is 100, and 0 below it: a mask; for the arrival up to
-            which, and 0 beyond it; None for a scale.
-        classes: Values at which one class of a quantity ends and the next begins, increasing: a
-            cell is 100 k / n in the k-th of n classes, the last one the worst, for an arrival the
-            soonest; None for a scale or a mask.
+        range: Values at the two ends of ``scale`` [m, Celsius, hazard, or s]. None for layers
+            without a scale, and for times to arrival from 0 to the horizon.
+        scale: Grid values at the ends of ``range``; the second may be the smaller one.
+        step: Threshold of a mask: cells are 100 at or above it (times to arrival: at or below),
+            otherwise 0. None for a scale.
+        classes: Increasing bounds between the classes of a quantity. A cell in the k-th of n
+            classes is 100 k / n; the last class is the worst, for times to arrival the soonest.
+            None for a scale or a mask.
         margin: Clearance [m]. A cell without lava that has a point nearer than this to a cell with
             lava gets the first value of ``scale``, or 100 with a step.
         threshold: Thickness below which a cell counts as dry [m].
@@ -130,11 +129,11 @@ class Layer:
             surrounded by cells of -1.
         heartbeat: Wall time after which the newest message is published again if nothing has
             changed [s]; 0: never.
-        enabled: Whether the layer is published at all.
-        rate: Messages per second [Hz], at most.
-        record: Whether the messages go into a bag that is being recorded.
-        qos: Delivery of the messages.
-        hazard: Limits of the hazard, where it is shown.
+        enabled: True if the layer is published.
+        rate: Maximum message rate [Hz].
+        record: True if the messages are recorded in bags.
+        qos: QoS of the messages.
+        hazard: Limits of the hazard, for layers that show it.
     """
 
     name: str
@@ -158,7 +157,7 @@ class Layer:
 
     @property
     def is_mask(self) -> bool:
-        """Whether it says where not to go now, not what is there."""
+        """True if the layer marks cells to avoid now instead of showing a quantity."""
         is_wider = self.step is not None or self.margin > 0.0
         return is_wider and self.message == OCCUPANCY_GRID and not self.is_forecast
 
@@ -177,29 +176,28 @@ class Layer:
 
     @property
     def is_forecast(self) -> bool:
-        """Whether it shows what comes in place of a snapshot."""
+        """True if the layer shows a forecast."""
         return self.source in FORECAST_SOURCES or self.is_ensemble
 
     @property
     def is_ensemble(self) -> bool:
-        """Whether it shows an ensemble."""
+        """True if the layer shows an ensemble."""
         return self.source in ENSEMBLE_SOURCES
 
     def raw_values(self, snapshot: 'Shown') -> np.ndarray:
         """Return the layer's quantity on the terrain's cells; LavaError if it shows several.
 
         float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard index
-        (``DRAINED`` where lava has been) or probability 0..100, arrival [s], or time [s] of it.
-        Dry cells are 0, or NaN for temperature and both of these; cells of which nothing is known,
-        as outside the terrain, are NaN, and for the
-        arrival ``UNKNOWN``.
+        (``DRAINED`` where lava has been), probability 0..100, or time to or of arrival [s].
+        Dry cells are 0, or NaN for temperature and times. Unknown cells, including those outside
+        the terrain, are NaN, or ``UNKNOWN`` for times to arrival.
         """
         if self.source == ARRIVED:
             times = getattr(snapshot, 'arrived', None)
             return np.full(snapshot.terrain.shape, np.nan, np.float32) if times is None else times
         if self.source == LAVA:
-            right = f'one of {", ".join(SOURCES)}; maps and points have them all'
-            raise LavaError(f'layers.{self.name}.source', self.source, right)
+            expected = f'one of {", ".join(SOURCES)}; maps and points have them all'
+            raise LavaError(f'layers.{self.name}.source', self.source, expected)
         if isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY:
             return snapshot.maps.probability
         return self._raw(plain_source(self.source), self._flow(snapshot))
@@ -213,7 +211,7 @@ class Layer:
         """Return a point on the lava's surface for each wet cell, row by row.
 
         Columns are ``x``, ``y``, ``z`` [m], ``thickness`` [m] and ``temperature`` [Celsius, NaN
-        where it is unknown], float32, one value a point.
+        where it is unknown], float32, one value per point.
         """
         wet, thickness = self._quantity('thickness', snapshot)
         rows, columns = np.nonzero(wet)
@@ -231,10 +229,12 @@ class Layer:
         """Return the layer's quantity on the scale of an occupancy grid.
 
         int8, shape [rows, columns]: 0 without lava, 1 to 100 with lava, ``outside`` outside the
-        terrain. With a step 100 from it on and 0 below, with classes theirs. A wet cell whose
-        quantity is unknown is as one at the range's high end, or beyond the step. A probability is
-        0 only where no member has lava, and 100 only where all have. LavaError where the layer has
-        neither a range, a step nor classes.
+        terrain; with a step or classes, as in the attributes. Wet cells of unknown quantity have
+        the value at the high end of the range, or beyond the step. A probability is 0 only if no
+        member has lava, and 100 only if all have.
+
+        Raises:
+            LavaError: If the layer has no range, step or classes.
         """
         if isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY:
             return self._probabilities(snapshot)
@@ -245,7 +245,7 @@ class Layer:
         values = np.zeros(flow.thickness.shape, dtype=np.int8)
         if self.step is not None:
             reached = wet.copy()
-            # The comparison is false for what is unknown.
+            # false for NaN: unknown values are above the step
             is_below = quantity < np.float32(self.step)
             reached[wet] = quantity <= np.float32(self.step) if is_time else ~is_below
             values[within(reached, distance)] = 100
@@ -262,19 +262,19 @@ class Layer:
             scaled = np.rint(np.float32(first) + (quantity - np.float32(ends[0])) * gain)
             scaled = np.where(np.isnan(scaled), last, scaled)
             values[within(wet, distance)] = max(1, first)
-            # never 0
+            # wet cells are never 0
             values[wet] = np.clip(scaled, max(1, min(self.scale)), max(self.scale))
         values[np.isnan(flow.thickness)] = self.outside
         return values
 
     def values(self, snapshot: 'Shown') -> np.ndarray:
-        """Return what a grid or an image carries: grid values or raw values by message type."""
+        """Return grid values for an occupancy grid, or raw values for an image."""
         if self.message == OCCUPANCY_GRID:
             return self.grid_values(snapshot)
         return self.raw_values(snapshot)
 
     def _flow(self, shown: 'Shown') -> 'Flow':
-        """What is shown, of an ensemble the forecast by this layer's share of the members."""
+        """Return the flow; for an ensemble, its forecast by this layer's fraction of members."""
         if isinstance(shown, EnsembleForecast):
             return shown.forecast(QUANTILE_SOURCES.get(self.source, 0.5))
         return shown
@@ -292,11 +292,11 @@ class Layer:
         return values
 
     def _classed(self, quantity: np.ndarray, *, is_time: bool) -> np.ndarray:
-        """Grid values of the classes that a quantity is in; what is unknown is in the worst."""
+        """Return the grid values of classes; unknown values are in the worst class."""
         assert self.classes is not None
         bounds = np.array(self.classes, dtype=np.float32)
         if is_time:
-            # up to a bound, and sooner
+            # a class includes its upper bound
             place = len(bounds) - np.searchsorted(bounds, quantity, side='left')
         else:
             place = np.searchsorted(bounds, quantity, side='right')
@@ -311,9 +311,9 @@ class Layer:
         return values
 
     def _quantity(self, source: str, snapshot: 'Flow') -> tuple[np.ndarray, np.ndarray]:
-        """Where this layer sees lava, bool, shape [rows, columns], and a quantity there.
+        """Return the cells with lava, bool, shape [rows, columns], and a quantity in them.
 
-        The hazard index is above 0 in all inundated cells as well.
+        For the hazard index, all inundated cells are among them.
         """
         if isinstance(snapshot, Forecast) and source == ARRIVAL:
             wet = inundated_cells(snapshot.arrival)
@@ -326,9 +326,9 @@ class Layer:
             return wet, temperature - np.float32(ZERO_CELSIUS)
         index = np.full(wet.shape, np.float32(DRAINED))
         index[wet] = hazard(thickness, temperature, self.hazard)
-        came = snapshot.arrival if isinstance(snapshot, Forecast) else snapshot.arrived
-        if came is not None:
-            wet = wet | (inundated_cells(came) & np.isfinite(snapshot.thickness))
+        times = snapshot.arrival if isinstance(snapshot, Forecast) else snapshot.arrived
+        if times is not None:
+            wet = wet | (inundated_cells(times) & np.isfinite(snapshot.thickness))
         return wet, index[wet]
 
 
@@ -367,17 +367,17 @@ def within(marked: np.ndarray, distance: float) -> np.ndarray:
 def hazard(
     thickness: np.ndarray, temperature: np.ndarray, limits: HazardLimits = HazardLimits()
 ) -> np.ndarray:
-    """Combine burial and heat into one index of severity per cell; it is no probability.
+    """Combine burial and heat into one hazard index per cell: a severity, not a probability.
 
     Burial grows linearly from 0 to 1 at the lethal thickness, heat from 0 at the safe to 1 at the
-    lethal temperature; the hazard is ``100 (1 - (1 - burial) (1 - heat))``, as if the two struck
-    independently. It never decreases when the lava gets thicker or hotter.
+    lethal temperature. The index is ``100 (1 - (1 - burial) (1 - heat))``, the formula for
+    independent events. It never decreases when the lava becomes thicker or hotter.
 
     Args:
         thickness: Lava thickness [m], shape [rows, columns], NaN outside the terrain.
-        temperature: Lava temperature [K], same shape, NaN where there is no lava. Lava of unknown
+        temperature: Lava temperature [K], same shape, NaN without lava. Lava of unknown
             temperature counts as lethally hot.
-        limits: Where burial and heat become dangerous.
+        limits: Limits of dangerous burial and heat.
 
     Returns:
         Hazard, float32, same shape: 0 without lava, 1 to 100 with lava, NaN outside the terrain.

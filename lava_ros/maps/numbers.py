@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of Markdown, and numbers as people read them."""
+"""Markdown tables, and numbers formatted for people."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[str]:
 
 
 def percent(value: float) -> str:
-    """A share in per cent, to two digits."""
+    """Format a fraction as a percentage with two digits."""
     if not math.isfinite(value):
         return 'none'
     if 0.0 < value < 1e-5:
@@ -25,7 +25,7 @@ def percent(value: float) -> str:
 
 
 def seconds(value: float) -> str:
-    """A time [s] to two digits, in the unit that suits it."""
+    """Format a time [s] with two digits, in a suitable unit."""
     if math.isnan(value):
         return '-'
     if value < 0.1:

@@ -33,14 +33,14 @@ class Onset:
         Raises:
             LavaError: If the text cannot be read, or has no offset from UTC.
         """
-        right = 'a date and time with its offset from UTC, such as 2006-07-14T22:00Z'
+        expected = 'a date and time with its offset from UTC, such as 2006-07-14T22:00Z'
         try:
             start = datetime.fromisoformat(onset.strip().replace('Z', '+00:00'))
             is_usable = start.tzinfo is not None and start.year > 1
         except ValueError:
             is_usable = False
         if not is_usable:
-            raise LavaError(field, onset, right)
+            raise LavaError(field, onset, expected)
         return cls(start)
 
     @property
@@ -71,25 +71,24 @@ class Onset:
         return f'{text} ({day}{local:%H:%M %Z})'
 
     def _date(self, seconds: float) -> datetime:
-        """Return a simulated time [s] as a date, UTC."""
         try:
             return (self.start + timedelta(seconds=seconds)).astimezone(timezone.utc)
         except OverflowError as error:
-            right = f'a date, {seconds:g} s after which the year is at most 9999'
-            raise LavaError('onset', self.text, right) from error
+            expected = f'a date, {seconds:g} s after which the year is at most 9999'
+            raise LavaError('onset', self.text, expected) from error
 
 
 def time_zone(name: str) -> ZoneInfo:
     """Return a time zone by its name.
 
     Raises:
-        LavaError: If this machine does not have it.
+        LavaError: If it is not available on this machine.
     """
     try:
         return ZoneInfo(name)
     except (KeyError, ValueError, OSError) as error:
-        right = 'a time zone that this machine knows, such as Europe/Rome (package tzdata)'
-        raise LavaError('--timezone', name, right) from error
+        expected = 'a time zone of this machine, such as Europe/Rome (package tzdata)'
+        raise LavaError('--timezone', name, expected) from error
 
 
 def recorded_onset(custom_data: Mapping[str, str]) -> Onset | None:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points, lines and areas of other people's files on a map: reach, style and names."""
+"""Points, lines and areas of users' files on a map: reach, style and names."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from lava_ros.scene.features import Feature
 
 _LOG = logging.getLogger(__name__)
 
-#: Places up to this distance from the lava are on the map by default, in largest sides of the
-#: rectangle around lava and vents: the lava then still takes a fifth of the map.
+#: Maximum distance from the lava of places on the map, in larger sides of the rectangle around
+#: lava and vents. The lava then takes at least a fifth of the width of the map.
 REACH = 2.0
 
 #: Maximum number of names on a map.
 MAX_NAMES = 200
 
-#: Colours, markers and lines; their combination differs for the first 25 files.
+#: Colours, markers and lines; the first 25 files have different combinations.
 COLOURS = ('#0b3c8c', '#111111', '#00693c', '#7b1fa2', '#8c510a')
 _MARKERS = ('o', 's', 'D', 'P', 'v')
 _LINES: tuple[Any, ...] = ('-', '--', '-.', ':', (0, (6, 1.5, 1, 1.5, 1, 1.5)))
@@ -30,20 +30,20 @@ _LINES: tuple[Any, ...] = ('-', '--', '-.', ':', (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 #: Size of a marker [points].
 _MARKER_SIZE = 5.5
 
-#: Where the name of a point is, relative to it [points]: offset, horizontal alignment. The first
-#: place that is free is taken.
+#: Positions of a name relative to its point: offset [points], horizontal alignment. The first
+#: free position is used.
 _PLACES = (
     ((5, 3), 'left'), ((-5, 3), 'right'), ((5, -9), 'left'), ((-5, -9), 'right'),
     ((0, 8), 'center'), ((0, -14), 'center'),
 )
 
-#: Points along a line or an outline that are considered: for each width of the map, and at most.
+#: Number of sample points along a line per width of the map, and its maximum.
 _SAMPLES, _MAX_SAMPLES = 100, 20_000
 
 
 @dataclass(frozen=True)
 class OverlayStyle:
-    """How the features of one file are drawn."""
+    """Style of the features of one file."""
 
     colour: str
     marker: str
@@ -69,7 +69,7 @@ class OverlayStyle:
         return {'color': self.colour, 'linewidth': 1.4, 'linestyle': self.line}
 
     def handle(self, features: Sequence[Feature]) -> Any:
-        """Return what the legend shows of a file with these features."""
+        """Return the legend symbol of a file with these features."""
         from matplotlib.lines import Line2D
 
         kinds = {feature.kind == 'Point' for feature in features}
@@ -86,8 +86,8 @@ def bounds_with_places(
     Args:
         bounds: Rectangle around lava and vents [m].
         limits: Rectangle of the terrain; places outside it are not shown.
-        overlays: Features of each file, in the same coordinates. Of lines and areas each vertex
-            counts alone.
+        overlays: Features of each file, in the same coordinates. Each vertex of a line or an area
+            counts as a place.
     """
     reach = REACH * max(bounds[2] - bounds[0], bounds[3] - bounds[1])
     low = np.maximum(np.subtract(bounds[:2], reach), limits[:2])
@@ -99,7 +99,7 @@ def bounds_with_places(
 
 
 def hidden(features: Sequence[Feature], window: Window) -> list[Feature]:
-    """Return the features that are not on the map, not even in part."""
+    """Return the features that are completely outside the map."""
     return [
         feature
         for feature in features
@@ -119,7 +119,7 @@ def draw_overlays(
     Args:
         axes: Axes of the map.
         overlays: Features of each file in projected coordinates [m], and their style.
-        window: What the map shows, in the coordinates of the axes [m].
+        window: Extent of the map, in the coordinates of the axes [m].
         offset: Easting and northing [m] of the origin of the axes.
     """
     names: list[tuple[str, np.ndarray, OverlayStyle, bool]] = []
@@ -135,19 +135,19 @@ def draw_overlays(
                 axes.plot(
                     *ring.T, path_effects=halo(), zorder=5, scalex=False, scaley=False, **look
                 )
-            seen = np.concatenate([_samples(ring, window) for ring in parts])
-            seen = seen[_inside(seen, window)]
-            if is_point and len(seen):
-                taken.append(_box_around(axes, seen[0]))
-            name, place = feature.name, _place_of_name(feature, seen, window, offset)
+            visible = np.concatenate([_samples(ring, window) for ring in parts])
+            visible = visible[_inside(visible, window)]
+            if is_point and len(visible):
+                taken.append(_box_around(axes, visible[0]))
+            name, place = feature.name, _place_of_name(feature, visible, window, offset)
             if not name or place is None:
                 continue
             if not is_point:
-                # several parts have one name, on the part of which most is on the map
-                if len(seen) < most.get(name, -1):
+                # parts with one name are labelled once, on the most visible part
+                if len(visible) < most.get(name, -1):
                     continue
                 names = [item for item in names if item[::2] != (name, style) or item[3]]
-                most[name] = len(seen)
+                most[name] = len(visible)
             names.append((name, place, style, is_point))
     if len(names) > MAX_NAMES:
         _LOG.warning(f'only {MAX_NAMES} of {len(names)} names of overlays are written on the map')
@@ -156,19 +156,19 @@ def draw_overlays(
 
 
 def _place_of_name(
-    feature: Feature, seen: np.ndarray, window: Window, offset: tuple[float, float]
+    feature: Feature, visible: np.ndarray, window: Window, offset: tuple[float, float]
 ) -> np.ndarray | None:
-    """Return where a name belongs: on a line, or in an area; None for a feature off the map."""
-    if len(seen):
+    """Return the position of a name on a line or in an area; None for a feature off the map."""
+    if len(visible):
         is_area = feature.kind == 'Polygon'
-        return np.asarray(seen.mean(axis=0) if is_area else seen[len(seen) // 2])
+        return np.asarray(visible.mean(axis=0) if is_area else visible[len(visible) // 2])
     if _surrounds(feature, (*np.add(window[:2], offset), *np.add(window[2:], offset))):
         return np.asarray(0.5 * np.add(window[:2], window[2:]))
     return None
 
 
 def _box_around(axes: Any, place: np.ndarray) -> Any:
-    """Box of the marker of a point [pixels]."""
+    """Return the box of the marker of a point [pixels]."""
     from matplotlib.transforms import Bbox
 
     x, y = axes.transData.transform(place)
@@ -179,7 +179,7 @@ def _box_around(axes: Any, place: np.ndarray) -> Any:
 def _draw_name(
     axes: Any, name: str, place: np.ndarray, colour: str, taken: list[Any], is_point: bool
 ) -> None:
-    """Write a name where it hides no other one, and is not cut off at the edge."""
+    """Write a name where it does not hide another name, and is not cut off at the edge."""
     at = (float(place[0]), float(place[1]))
     label = axes.annotate(
         name, at, (0, 0), textcoords='offset points', fontsize=7, color=colour,
@@ -205,7 +205,7 @@ def _inside(places: np.ndarray, window: Sequence[float]) -> np.ndarray:
 
 
 def _samples(ring: np.ndarray, window: Sequence[float]) -> np.ndarray:
-    """Points evenly along a line; a point itself."""
+    """Return evenly spaced points along a line, or a point itself."""
     steps = np.hypot(*np.diff(ring, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     if along[-1] <= 0.0:

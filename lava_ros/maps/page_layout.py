@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The layout of a page to print: title, imprint, legend and notes around the maps."""
+"""Layout of a printed page: title, imprint, legend and notes around the maps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.maps.plot import INK, Window
 
-#: What every page says.
+#: Warning on every page.
 BANNER = 'SIMULATION, NOT VERIFIED'
 
-#: Sides of A4 [inches], and pixels per inch of a picture.
+#: Sides of A4 [inches], and resolution of a picture [pixels/inch].
 _LONG, _SHORT, DPI = 11.69, 8.27, 150
 
-#: Around the page, above the maps, and around each map: left, right, bottom, top [inches].
+#: Margins around the page, above the maps, and around each map: left, right, bottom, top [inches].
 _MARGIN, _HEADER, _AROUND = 0.4, 0.98, (0.42, 0.78, 0.42, 0.3)
 
-#: Room for the title of a map beyond its right edge, above the colour bar [inches].
+#: Space for the title of a map beyond its right edge, above the colour bar [inches].
 _BAR_ROOM = 0.7
 
 #: Height of a line of the notes, and width of a letter [inches].
@@ -47,7 +47,7 @@ class Imprint:
 
 @dataclass(frozen=True)
 class Page:
-    """The layout of a page: its size, the height of its footer [inches], and its grid."""
+    """The layout of a page: its size [inches], its grid of maps, and its footer [inches]."""
 
     width: float
     height: float
@@ -64,7 +64,7 @@ class Page:
         return width, room / self.rows - _AROUND[2] - _AROUND[3]
 
     def axes(self, figure: Any, index: int) -> tuple[Any, tuple[float, float, float, float]]:
-        """Axes for a map, and where its colours go."""
+        """Return axes for a map, and the rectangle of its colour bar."""
         width, height = self.map_size
         row, column = divmod(index, self.columns)
         left = _MARGIN + column * (width + _AROUND[0] + _AROUND[1]) + _AROUND[0]
@@ -84,7 +84,7 @@ class Page:
         imprint: Imprint,
         logo: Any,
     ) -> None:
-        """Write all that is not on a map."""
+        """Write the texts, the legend and the logo outside the maps."""
         from matplotlib.patches import Rectangle
 
         strip = (0.0, 1.0 - 0.22 / self.height)
@@ -101,7 +101,7 @@ class Page:
         for down, words, look in texts:
             _shrink(self._text(figure, _MARGIN, down, ' '.join(words.split()), **look), room)
         if legend:
-            # a name that begins with _ is a name too
+            # matplotlib hides names that begin with _
             names = ['\u200b' + name if name.startswith('_') else name for name, _ in legend]
             figure.legend(
                 [handle for _, handle in legend],
@@ -153,21 +153,21 @@ class Page:
 
 
 def _shrink(text: Any, room: float) -> float:
-    """Make a text so small that it fits into a width [inches], and return its width."""
+    """Reduce the font of a text to fit a width [inches], and return its width."""
     width = float(text.get_window_extent().width) / DPI
     if width > room:
-        # sizes of letters are not exactly proportional
+        # text width is not exactly proportional to font size
         text.set_fontsize(0.97 * text.get_fontsize() * room / width)
     return min(width, room)
 
 
 def shrink_title(text: Any, axes: Any) -> None:
-    """Make the title of a map so small that it ends before the next map."""
+    """Reduce the font of a map's title so that it ends before the next map."""
     _shrink(text, axes.get_position().width * axes.figure.get_figwidth() + _BAR_ROOM)
 
 
 def _legend_columns(names: Sequence[str], width: float) -> int:
-    """Number of columns of a legend, all as wide as the longest name."""
+    """Return the number of columns of a legend, all as wide as the longest name."""
     longest = _LEGEND_SYMBOL + _LEGEND_LETTER * max(map(len, names))
     return max(1, min(len(names), int((width - 2.0 * _MARGIN) / longest)))
 
@@ -175,12 +175,12 @@ def _legend_columns(names: Sequence[str], width: float) -> int:
 def choose_page(
     count: int, bounds: Window, notes: Mapping[str, str], legend: Sequence[str]
 ) -> Page:
-    """The page on which the lava is largest."""
+    """Return the page layout with the largest lava; LavaError if the maps do not fit."""
     width, height = (max(bounds[axis + 2] - bounds[axis], 1.0) for axis in (0, 1))
 
     def size(page: Page) -> float:
         room = page.map_size
-        # a place that stays empty looks like a map that is missing
+        # an empty place in the grid looks like a missing map
         full = count / (page.rows * page.columns)
         return min(room[0] / width, room[1] / height) * math.sqrt(full)
 
@@ -201,7 +201,7 @@ def choose_page(
 
 
 def _columns(notes: Mapping[str, str], width: float) -> list[list[str]]:
-    """The notes as lines, in as many columns as are readable."""
+    """Return the lines of the notes in readable columns."""
     count = round(width / 3.9)
     letters = int((width - 2.0 * _MARGIN) / count / _LETTER) - 2
     blocks = [

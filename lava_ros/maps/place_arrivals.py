@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""When lava arrives at places, from maps of its arrival.
+"""Arrival of lava at places, from maps of arrival times.
 
-Arrival maps are the source: their finite cells are the inundated area. Lava has arrived at a place
-when it is in the first cell that the place touches.
+The finite cells of an arrival map are the inundated area. Lava has arrived at a place when it is
+in the first cell that the place touches.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,26 +19,26 @@ import numpy as np
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, QUANTILES
 from lava_ros.maps.places import front_distances, Places
 from lava_ros.maps.plot import area_words, duration
-from lava_ros.simulation.inundation import inundated_cells
+from lava_ros.simulation.output.inundation import inundated_cells
 
 if TYPE_CHECKING:
-    # The solver's package loads Warp, which files and messages do not need.
-    from lava_ros.simulation.snapshot import Snapshot
+    # importing the solver loads Warp, which is not needed here
+    from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Measure of a kind of place, and its unit.
 _MEASURES = {'line': ('length', 'm'), 'area': ('area', 'm2')}
 
-#: Columns of the table, of which JSON has those that a kind of place has.
+#: Columns of the table; JSON has those of the kind of place.
 COLUMNS = (
     'name', 'kind', 'off_map_percent', 'probability_percent',
-    *(f'arrival_p{100 * share:.0f}_s' for share in QUANTILES),
+    *(f'arrival_p{100 * fraction:.0f}_s' for fraction in QUANTILES),
     'front_distance_m',
     *(
         name
         for measure, unit in _MEASURES.values()
         for name in (
             f'{measure}_{unit}',
-            *(f'inundated_{measure}_p{100 * share:.0f}_{unit}' for share in QUANTILES),
+            *(f'inundated_{measure}_p{100 * fraction:.0f}_{unit}' for fraction in QUANTILES),
         )
     ),
 )
@@ -46,19 +46,19 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class PlaceArrival:
-    """When lava arrives at a place; None stands for what is not known, or does not happen.
+    """Arrival of lava at a place; values are None if unknown, or if lava does not arrive.
 
     Attributes:
         name: Name of the place.
         kind: ``point``, ``line`` or ``area``.
-        off_map: Fraction of it that is not on the map. Nothing is known of that part.
-        probability: Probability that lava arrives, 0 to 100; of a single run 0 or 100. None also
-            where nothing looks ahead.
+        off_map: Fraction of the place outside the map.
+        probability: Probability of arrival, 0 to 100; 0 or 100 for a single run. None also
+            without a forecast.
         arrival: Simulated time [s] by which lava has arrived in a fraction of the members, by the
-            fractions in ``QUANTILES``; of a single run all are alike.
-        front_distance: Distance to the nearest inundated cell now [m].
-        whole: Length [m] or area [m2].
-        inundated: The part of it that lava reaches in at least a fraction of the members [m, m2].
+            fractions in ``QUANTILES``; all equal for a single run.
+        front_distance: Distance to the nearest cell inundated so far [m].
+        whole: Length [m] or area [m2] of the place.
+        inundated: Length [m] or area [m2] inundated in at least a fraction of the members.
     """
 
     name: str
@@ -76,38 +76,37 @@ class PlaceArrival:
         return self.off_map < 1.0
 
     def record(self) -> dict[str, Any]:
-        """Return the place as a row of the table, by ``COLUMNS``; without those of other kinds."""
+        """Return the place as a row of the table, with the columns of its kind."""
         result: dict[str, Any] = {
             'name': self.name,
             'kind': self.kind,
             'off_map_percent': _rounded(100.0 * self.off_map),
             'probability_percent': self.probability,
-            **{f'arrival_p{100 * share:.0f}_s': time for share, time in self.arrival.items()},
+            **{f'arrival_p{100 * part:.0f}_s': time for part, time in self.arrival.items()},
             'front_distance_m': _rounded(self.front_distance),
         }
         if self.kind in _MEASURES:
             measure, unit = _MEASURES[self.kind]
             result[f'{measure}_{unit}'] = _rounded(self.whole)
-            for share, size in self.inundated.items():
-                result[f'inundated_{measure}_p{100 * share:.0f}_{unit}'] = _rounded(size)
+            for fraction, size in self.inundated.items():
+                result[f'inundated_{measure}_p{100 * fraction:.0f}_{unit}'] = _rounded(size)
         return result
 
-    def size_words(self, share: float) -> str:
-        """Format how much of it lava reaches in a fraction of the members; empty of a point."""
-        size = self.inundated[share]
+    def size_words(self, fraction: float) -> str:
+        """Format the inundated length or area in a fraction of the members; empty for a point."""
+        size = self.inundated[fraction]
         if self.kind not in _MEASURES or size is None:
             return ''
         return f'{size:.0f} m' if self.kind == 'line' else area_words(size)
 
     def map_words(self) -> str:
-        """Say which part of it is off the map; empty if none is."""
+        """Describe the part of the place off the map; empty if there is none."""
         if not self.is_known:
             return 'off the map: nothing is known'
         return f'{100.0 * self.off_map:.2g} % of it off the map' if self.off_map else ''
 
 
 def _rounded(value: float | None) -> float | None:
-    """Round a percentage, a distance or an area, of which people need no further digits."""
     return None if value is None else round(value, 3)
 
 
@@ -119,27 +118,26 @@ def arrivals(
     first: Mapping[float, np.ndarray] | None = None,
     front: np.ndarray | None = None,
 ) -> tuple[PlaceArrival, ...]:
-    """Find out when lava arrives at places.
+    """Return the arrival of lava at places.
 
     Args:
         places: The places.
-        cells: Times of arrival [s] in the cells that they touch (``Places.at``), by the fraction
-            of the members; NaN where lava arrives in fewer.
+        cells: Arrival times [s] in the cells that they touch (``Places.at``), by the fraction of
+            the members; NaN where lava arrives in fewer.
         probability: Probability that lava arrives at a place, 0 to 100, shape [places]; None for
             a single run.
         first: Times [s] by which lava has arrived at a place, by the fraction of the members, NaN
-            where it does in fewer, shape [places]. At a line or an area, lava of one member may
-            come first where that of another does not come at all, so that the cells do not tell.
-            None for a single run.
+            where it arrives in fewer, shape [places]. They do not follow from ``cells``: members
+            may reach different cells of a line or an area. None for a single run.
         front: Distance of each place from the lava now [m], NaN without lava, shape [places].
 
     Returns:
         A row for each place.
     """
-    first = first or {share: places.first(values) for share, values in cells.items()}
+    first = first or {fraction: places.first(values) for fraction, values in cells.items()}
     if probability is None:
         probability = 100.0 * np.isfinite(first[QUANTILES[0]])
-    sizes = {share: places.inundated(values) for share, values in cells.items()}
+    sizes = {fraction: places.inundated(values) for fraction, values in cells.items()}
 
     def known(values: np.ndarray | None, index: int) -> float | None:
         value = math.nan if values is None else float(values[index])
@@ -151,12 +149,12 @@ def arrivals(
             kind=places.kinds[index],
             off_map=float(places.off_map[index]),
             probability=known(probability, index),
-            arrival={share: known(times, index) for share, times in first.items()},
-            # where a place is, is known off the map too
+            arrival={fraction: known(times, index) for fraction, times in first.items()},
+            # known for places off the map too
             front_distance=None if front is None or math.isnan(front[index])
             else float(front[index]),
             whole=float(places.whole[index]),
-            inundated={share: known(values, index) for share, values in sizes.items()},
+            inundated={fraction: known(values, index) for fraction, values in sizes.items()},
         )
         for index, name in enumerate(places.names)
     )
@@ -164,9 +162,9 @@ def arrivals(
 
 @dataclass(frozen=True)
 class ArrivalTable:
-    """When lava arrives at places: a row for each, and what holds for all of them.
+    """Arrival of lava at places: a row for each place, and facts about the table.
 
-    ``facts`` are plain data: the threshold, the time up to which the table reaches, the members.
+    ``facts`` are plain data: the threshold, the end of the covered time, the number of members.
     """
 
     rows: tuple[PlaceArrival, ...]
@@ -175,7 +173,7 @@ class ArrivalTable:
 
     @property
     def summary(self) -> str:
-        """What the times mean, in words."""
+        """Definition of the times, for people."""
         facts = self.facts
         words = f'lava at least {facts["threshold_m"]:g} m thick, times from the start'
         if facts.get('time_s') is not None:
@@ -185,11 +183,11 @@ class ArrivalTable:
         return f'{words}; {facts["note"]}' if 'note' in facts else words
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the table as plain data for JSON; what is not known is None."""
+        """Return the table as plain data for JSON; unknown values are None."""
         return {**self.facts, 'places': [row.record() for row in self.rows]}
 
     def as_csv(self) -> str:
-        """Format the table as CSV; what is not known is empty."""
+        """Format the table as CSV; unknown values are empty."""
         text = StringIO()
         writer = csv.DictWriter(text, COLUMNS, lineterminator='\n')
         writer.writeheader()
@@ -201,45 +199,45 @@ class ArrivalTable:
 
         A single run has one time of arrival and no probability.
         """
-        shares = QUANTILES if self.is_ensemble else QUANTILES[:1]
-        names = [f' ({100 * share:.0f} %)' if self.is_ensemble else '' for share in shares]
+        fractions = QUANTILES if self.is_ensemble else QUANTILES[:1]
+        names = [f' ({100 * part:.0f} %)' if self.is_ensemble else '' for part in fractions]
         titles = (
             'place', *['probability'] * self.is_ensemble, *(f'arrival{name}' for name in names),
             'distance of the front', *(f'inundated{name}' for name in names), 'note',
         )
-        texts = [titles, *(self._texts(row, shares) for row in self.rows)]
-        # the place, the times, and what is known of any place
+        texts = [titles, *(self._texts(row, fractions) for row in self.rows)]
+        # the place, the times, and columns with a value
         kept = [
             index for index, column in enumerate(zip(*texts, strict=True))
             if index == 0 or column[0].startswith('arrival') or {*column[1:]} - {'-', ''}
         ]
         return [tuple(line[index] for index in kept) for line in texts]
 
-    def _texts(self, row: PlaceArrival, shares: Sequence[float]) -> tuple[str, ...]:
+    def _texts(self, row: PlaceArrival, fractions: Sequence[float]) -> tuple[str, ...]:
         never = '-' if self.is_ensemble or not row.is_known else 'not reached'
-        times = (row.arrival[share] for share in shares)
-        chance = '-' if row.probability is None else f'{row.probability:.0f} %'
+        times = (row.arrival[fraction] for fraction in fractions)
+        probability = '-' if row.probability is None else f'{row.probability:.0f} %'
         front = row.front_distance
         return (
-            row.name, *[chance] * self.is_ensemble,
+            row.name, *[probability] * self.is_ensemble,
             *(never if time is None else duration(time) for time in times),
             '-' if front is None else f'{front:.0f} m',
-            *(row.size_words(share) or '-' for share in shares), row.map_words(),
+            *(row.size_words(fraction) or '-' for fraction in fractions), row.map_words(),
         )
 
 
 @dataclass(frozen=True)
 class LiveArrivals:
-    """When lava arrives at places, for a simulation that runs.
+    """Arrival of lava at places in a running simulation.
 
     Attributes:
         time: Simulated time of the newest maps [s].
-        rows: A row for each place; times are simulated times, those of the forecasts too.
-        reached: Whether lava has arrived, for each place.
-        source: What says when lava comes: ``ensemble``, ``forecast``, or ``none``.
-        start: Simulated time from which that looks ahead [s]; ``time`` without any.
-        end: Simulated time up to which it does [s]; ``time`` without any.
-        members: Number of members of the ensemble, None without one.
+        rows: A row for each place; all times are simulated times.
+        reached: True for each place at which lava has arrived.
+        source: Source of future arrivals: ``ensemble``, ``forecast``, or ``none``.
+        start: Simulated time at which the source starts [s]; ``time`` without a source.
+        end: Simulated time at the horizon of the source [s]; ``time`` without a source.
+        members: Number of members of the ensemble, None without an ensemble.
     """
 
     time: float
@@ -252,13 +250,13 @@ class LiveArrivals:
 
     @property
     def summary(self) -> str:
-        """Say that no lava arrives, and within which time."""
+        """Message for people if lava arrives at no place."""
         if self.source == 'none':
             return 'no lava yet at any place, and no forecast'
         return f'no lava at any place within {duration(max(self.end - self.time, 0.0))}'
 
     def words(self, index: int) -> str:
-        """Say in a sentence when lava arrives at a place."""
+        """Describe in a sentence when lava arrives at a place."""
         row = self.rows[index]
         if not row.is_known:
             return row.map_words()
@@ -276,26 +274,26 @@ class LiveArrivals:
         if not row.probability:
             return f'no lava within {duration(max(self.end - self.time, 0.0))}{where}'
         times = [
-            (share, max(time - self.time, 0.0))
-            for share, time in row.arrival.items() if time is not None
+            (fraction, max(time - self.time, 0.0))
+            for fraction, time in row.arrival.items() if time is not None
         ]
         if self.source == 'forecast':
             return f'lava arrives in {duration(times[0][1])}{where}'
-        spread = ', '.join(f'{duration(time)} ({100 * share:.0f} %)' for share, time in times)
+        spread = ', '.join(f'{duration(time)} ({100 * part:.0f} %)' for part, time in times)
         return (
             f'lava arrives with a probability of {row.probability:.0f} %'
             + (f', in {spread}' if spread else '') + where
         )
 
     def values(self, index: int) -> dict[str, Any]:
-        """Return the numbers of a place; those with ``time_to_`` count from the newest maps."""
+        """Return the values of a place; keys with ``time_to_`` count from the newest maps."""
         row = self.rows[index]
         return {
             **row.record(),
             **{
-                f'time_to_arrival_p{100 * share:.0f}_s': None if time is None
+                f'time_to_arrival_p{100 * fraction:.0f}_s': None if time is None
                 else max(time - self.time, 0.0)
-                for share, time in row.arrival.items()
+                for fraction, time in row.arrival.items()
             },
             'reached': self.reached[index] if row.is_known else None,
             'time_s': self.time,
@@ -312,13 +310,13 @@ def live_arrivals(
     forecast: Forecast | None = None,
     ensemble: EnsembleForecast | None = None,
 ) -> LiveArrivals:
-    """Find out when lava has arrived at places so far, and when it arrives at others.
+    """Return past and forecast arrivals of lava at places.
 
     Args:
         places: Places on the terrain of the snapshot.
-        snapshot: The newest state of the simulation, which notes when lava arrives.
-        forecast: A forecast of the same terrain that holds; None without any.
-        ensemble: An ensemble of the same terrain that holds, which goes before a forecast.
+        snapshot: The newest state of the simulation, with first arrival times.
+        forecast: A valid forecast on the same terrain, or None.
+        ensemble: A valid ensemble on the same terrain, which replaces ``forecast``, or None.
     """
     arrived = snapshot.arrived
     assert arrived is not None
@@ -329,7 +327,7 @@ def live_arrivals(
     source, start, end = 'none', snapshot.time, snapshot.time
     cells = dict.fromkeys(QUANTILES, known)
     later = members = None
-    # no member and no forecast makes lava that has come go away
+    # a forecast cannot undo an arrival
     probability = np.where(reached, 100.0, np.nan)
     if ensemble is not None and ensemble.maps.places is not None:
         ahead, source = ensemble.maps.places, 'ensemble'
@@ -337,11 +335,11 @@ def live_arrivals(
         members = ensemble.maps.members
         probability = np.where(reached, 100.0, ahead.probability)
         cells = {
-            share: _first_of(known, places.at(times), ensemble.time)
-            for share, times in ensemble.maps.arrival.items()
+            fraction: _first_of(known, places.at(times), ensemble.time)
+            for fraction, times in ensemble.maps.arrival.items()
         }
         later = {
-            share: _first_of(first, times, ensemble.time) for share, times in ahead.arrival.items()
+            part: _first_of(first, times, ensemble.time) for part, times in ahead.arrival.items()
         }
     elif forecast is not None:
         source = 'forecast'
@@ -355,5 +353,5 @@ def live_arrivals(
 
 
 def _first_of(known: np.ndarray, ahead: np.ndarray, start: float) -> np.ndarray:
-    """Take times that are known, and elsewhere those that a forecast counts from its start."""
+    """Return known times, and elsewhere times of a forecast, which count from its start."""
     return np.where(np.isfinite(known), known, start + ahead.astype(np.float64))

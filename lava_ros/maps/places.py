@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Places that people name: points, lines and areas of others on the cells of a terrain."""
+"""Named places (points, lines and areas of users' files) on the cells of a terrain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
 
-#: What people call the kinds of features.
+#: Kind of place by type of feature.
 KINDS = {'Point': 'point', 'LineString': 'line', 'Polygon': 'area'}
 
-#: Fraction of a cell below which an area does not touch it, and of a place that is not missed.
-_LEAST_OVERLAP, _LEAST_OFF_MAP = 1e-9, 1e-6
+#: Smallest overlap of an area with a cell, and smallest part of a place off the map [fractions].
+_MIN_OVERLAP, _MIN_OFF_MAP = 1e-9, 1e-6
 
 #: Maximum number of cells whose overlap with an area, or distance, is computed at once.
 _MAX_BAND_CELLS = 1_000_000
 
 
 class _Part(NamedTuple):
-    """Cells that a part of a place touches, the length or area [m, m2] in each, and in all."""
+    """Cells that a part of a place touches, its length or area [m, m2] in each, and in total."""
 
     rows: np.ndarray
     columns: np.ndarray
@@ -39,14 +39,14 @@ class Places:
     """Places on the cells of a terrain.
 
     Attributes:
-        names: Their names, no two alike.
+        names: Unique names.
         kinds: ``point``, ``line`` or ``area``.
-        whole: Length [m] or area [m2] of each, 1 of a point, shape [places].
-        off_map: Fraction of each that is not on cells with data, shape [places].
+        whole: Length [m] or area [m2] of each, 1 for a point, shape [places].
+        off_map: Fraction of each outside cells with data, shape [places].
         segments: Ends of the segments of each [m], map frame, shape [segments, 2, 2]; both ends of
-            a point are alike.
-        rows, columns: Cells that places touch, shape [cells]; only those with data.
-        owner: Number of the place that touches a cell, same shape.
+            a point are equal.
+        rows, columns: Cells with data that places touch, shape [cells].
+        owner: Index of the place that touches a cell, same shape.
         sizes: Length [m] or area [m2] of the place in the cell, same shape.
     """
 
@@ -61,7 +61,7 @@ class Places:
     sizes: np.ndarray
 
     def __len__(self) -> int:
-        """Number of places."""
+        """Return the number of places."""
         return len(self.names)
 
     def middle(self, index: int) -> tuple[float, float]:
@@ -73,19 +73,19 @@ class Places:
         return (x, y)
 
     def at(self, values: np.ndarray) -> np.ndarray:
-        """Take the values of the cells that places touch from a map, shape [cells]."""
+        """Return the values of a map in the cells that places touch, shape [cells]."""
         return np.asarray(values[self.rows, self.columns])
 
     def first(self, values: np.ndarray) -> np.ndarray:
-        """Find the smallest value [cells] of each place, float64; NaN where there is none."""
+        """Return the minimum value [cells] of each place, float64; NaN without a value."""
         result = np.full(len(self), np.nan)
-        # of a large area, lava has reached few cells
+        # lava reaches few cells of a large area
         found = np.flatnonzero(np.isfinite(values))
         np.fmin.at(result, self.owner[found], values[found])
         return result
 
     def inundated(self, values: np.ndarray) -> np.ndarray:
-        """Add up the length or area of each place on the cells with a value, shape [places]."""
+        """Return the length or area of each place in cells with a value, shape [places]."""
         found = np.flatnonzero(np.isfinite(values))
         return np.bincount(self.owner[found], self.sizes[found], len(self))
 
@@ -93,11 +93,12 @@ class Places:
 def places_on(features: Sequence[Feature], terrain: Terrain) -> Places:
     """Find the cells of a terrain that features touch; the parts of a feature are one place.
 
-    A point is in one cell. A line is in the cells that it crosses, with its length in each, and an
-    area in the cells that it overlaps, with the overlap: no place is too small for the cells.
+    A point is in one cell. A line is in the cells that it crosses, with its length in each. An
+    area is in the cells that it overlaps, with the overlap in each.
 
     Raises:
-        LavaError: A feature has no place in the system of the terrain, or no length or area.
+        LavaError: If a feature has no position in the coordinate system of the terrain, or no
+            length or area.
     """
     names: list[str] = []
     kinds, segments, parts = [], [], list[_Part]()
@@ -112,9 +113,9 @@ def places_on(features: Sequence[Feature], terrain: Terrain) -> Places:
         scale = {'Point': 1.0, 'LineString': terrain.resolution}.get(kind, terrain.resolution**2)
         size = scale * sum(part.whole for part in found)
         if not size > 0.0:
-            right = {'LineString': 'a line of two or more places that differ'}
+            expected = {'LineString': 'a line of two or more places that differ'}
             raise LavaError(
-                where, f'a {KINDS[kind]} of no size', right.get(kind, 'an area above 0 m2')
+                where, f'a {KINDS[kind]} of no size', expected.get(kind, 'an area above 0 m2')
             )
         rows, columns, sizes = (
             np.concatenate([part[index] for part in found]) for index in range(3)
@@ -127,11 +128,11 @@ def places_on(features: Sequence[Feature], terrain: Terrain) -> Places:
     whole = np.array([part.whole for part in parts])
     inside = np.array([part.sizes.sum() for part in parts])
     off_map = 1.0 - inside / whole
-    # what floating-point numbers leave of a whole
-    off_map = np.where(off_map < _LEAST_OFF_MAP, 0.0, np.where(inside == 0.0, 1.0, off_map))
+    # removes rounding errors
+    off_map = np.where(off_map < _MIN_OFF_MAP, 0.0, np.where(inside == 0.0, 1.0, off_map))
     return Places(
         tuple(names), tuple(kinds), whole, off_map, tuple(segments),
-        # small numbers: a large area has millions of cells, which go to another process
+        # small types: a large area has millions of cells, which are sent to another process
         rows=np.concatenate([part.rows for part in parts]).astype(np.int32),
         columns=np.concatenate([part.columns for part in parts]).astype(np.int32),
         owner=np.repeat(np.arange(len(parts), dtype=np.int32), [len(item.rows) for item in parts]),
@@ -140,7 +141,7 @@ def places_on(features: Sequence[Feature], terrain: Terrain) -> Places:
 
 
 def _unused(name: str, names: Sequence[str]) -> str:
-    """Return a name, with the first number behind it that makes it differ from all others."""
+    """Return a name, with a number appended if it is in use."""
     number, result = 1, name
     while result in names:
         number += 1
@@ -171,7 +172,7 @@ def _part(kind: str, rings: Sequence[np.ndarray], shape: tuple[int, int]) -> _Pa
 def _area(rings: Sequence[np.ndarray], shape: tuple[int, int]) -> _Part:
     """Find the overlap of an area with each cell, from its outer ring and its holes."""
     outer = rings[0]
-    # the part of the grid around it
+    # the cells around the area
     low = np.clip(np.floor(outer.min(axis=0)), 0, shape[::-1]).astype(np.int64)
     high = np.clip(np.floor(outer.max(axis=0)) + 1, 0, shape[::-1]).astype(np.int64)
     columns = max(int(high[0] - low[0]), 0)
@@ -184,7 +185,7 @@ def _area(rings: Sequence[np.ndarray], shape: tuple[int, int]) -> _Part:
         for number, ring in enumerate(rings):
             part = _overlap(np.concatenate([ring, ring[:1]]) - (low[0], first), band)
             overlap += part if number == 0 else -part
-        row, column = np.nonzero(overlap > _LEAST_OVERLAP)
+        row, column = np.nonzero(overlap > _MIN_OVERLAP)
         found.append((row + first, column + low[0], overlap[row, column]))
     nothing = np.zeros(0, dtype=np.int64)
     rows, places, overlaps = (
@@ -194,13 +195,12 @@ def _area(rings: Sequence[np.ndarray], shape: tuple[int, int]) -> _Part:
 
 
 def _enclosed(ring: np.ndarray) -> float:
-    """Return the area that a ring encloses."""
     x, y = np.concatenate([ring, ring[:1]]).T - ring[0][:, None]
     return 0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])))
 
 
 def _overlap(ring: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Find the fraction of each cell inside a closed ring, from the ground to the right of it."""
+    """Find the fraction of each cell inside a closed ring, by signed areas right of its edges."""
     rows, columns = shape
     starts, ends = ring[:-1], ring[1:]
     bottoms, tops = np.minimum(starts[:, 1], ends[:, 1]), np.maximum(starts[:, 1], ends[:, 1])
@@ -230,15 +230,15 @@ def _pieces(
             if low < high:
                 edges = np.arange(max(math.ceil(low), 0), min(math.floor(high), count) + 1)
                 cuts.append((edges - start[axis]) / (end[axis] - start[axis]))
-        shares = np.unique(np.clip(np.concatenate(cuts), 0.0, 1.0))[:, None]
-        places = start + shares * (end - start)
+        fractions = np.unique(np.clip(np.concatenate(cuts), 0.0, 1.0))[:, None]
+        places = start + fractions * (end - start)
         pieces[0].append(places[:-1])
         pieces[1].append(places[1:])
     return np.concatenate(pieces[0]), np.concatenate(pieces[1])
 
 
 def front_distances(places: Places, inundated: np.ndarray, terrain: Terrain) -> np.ndarray:
-    """Measure how far places are from lava.
+    """Measure the distance of places from lava.
 
     Args:
         places: The places, also those off the map.
@@ -246,8 +246,8 @@ def front_distances(places: Places, inundated: np.ndarray, terrain: Terrain) -> 
         terrain: The ground.
 
     Returns:
-        Distance [m] from each place to the middle of the nearest inundated cell, float64, shape
-        [places]: 0 where lava has reached it, NaN where there is no lava.
+        Distance [m] from each place to the centre of the nearest inundated cell, float64, shape
+        [places]: 0 if lava has reached the place, NaN without lava.
     """
     box = tuple(
         slice(found[0], found[-1] + 1) if len(found) else slice(0)
@@ -270,7 +270,7 @@ def front_distances(places: Places, inundated: np.ndarray, terrain: Terrain) -> 
 
 
 def _border(marked: np.ndarray) -> np.ndarray:
-    """Mark those of the marked cells that have a neighbour that is not marked."""
+    """Mark the marked cells with an unmarked neighbour."""
     padded = np.pad(marked, 1)
     inner = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
     return np.asarray(marked & ~inner)
@@ -281,6 +281,6 @@ def _distances(segments: np.ndarray, places: np.ndarray) -> np.ndarray:
     start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
     x, y = (places[:, axis] - start[:, axis, None] for axis in (0, 1))
     length = np.maximum(np.square(along).sum(axis=1), 1e-30)[:, None]
-    share = np.clip((x * along[:, :1] + y * along[:, 1:]) / length, 0.0, 1.0)
-    squares = np.square(x - share * along[:, :1]) + np.square(y - share * along[:, 1:])
+    fraction = np.clip((x * along[:, :1] + y * along[:, 1:]) / length, 0.0, 1.0)
+    squares = np.square(x - fraction * along[:, :1]) + np.square(y - fraction * along[:, 1:])
     return np.asarray(np.sqrt(squares.min(axis=1)))

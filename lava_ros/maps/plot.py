@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What maps over shaded relief are drawn with; ``sheet.py`` makes a page of them."""
+"""Elements of maps over shaded relief; ``sheet.py`` combines maps into a page."""
 
 import math
 from textwrap import fill
@@ -15,15 +15,15 @@ from lava_ros.maps.colours import GROUND, round_up, Scale, UNIT_WORDS
 from lava_ros.maps.frames import Frame
 from lava_ros.scene.terrain import crest_lines
 
-#: Share of the flow's size left free around it.
+#: Margin around the flow, as a fraction of its size.
 MARGIN = 0.18
 
-#: Fewest cells along a side of the part that is drawn.
+#: Minimum number of cells along a side of the drawn part.
 LEAST_CELLS = 24
 
 INK = '#222222'
 
-#: How vents are drawn, in maps and in their legend.
+#: Style of vents in maps and legends.
 VENT: dict[str, Any] = {
     'linestyle': 'none',
     'marker': '^',
@@ -33,13 +33,13 @@ VENT: dict[str, Any] = {
     'markeredgewidth': 0.9,
 }
 
-#: How contours of the elevation and isochrones are drawn.
+#: Styles of elevation contours and isochrones.
 CONTOUR: dict[str, Any] = {'colors': '#3b352a', 'alpha': 0.5}
 ISOCHRONE: dict[str, Any] = {'colors': '#101010', 'linewidths': 0.7}
-#: How the crests of barriers are drawn, in maps and in their legend.
+#: Style of the crests of barriers in maps and legends.
 BARRIER: dict[str, Any] = {'color': '#3d2b1f', 'linewidth': 1.5}
 
-# Steps of a grid that people reckon with.
+# Round steps of coordinates and elevations.
 _GRID = (1.0, 2.0, 5.0, 10.0)
 
 Window = tuple[float, float, float, float]
@@ -56,7 +56,7 @@ MAX_DRAWN_ISOCHRONES = 6
 
 
 def titles(frame: Frame) -> tuple[str, str]:
-    """Title of a frame with its time, and a line with its areas and the largest thickness."""
+    """Return the title of a frame, and a line with its areas and maximum thickness."""
     sets = {'inundated': frame.inundated, 'standing lava': frame.standing}
     areas = {name: frame.area(cells) for name, cells in sets.items() if cells is not None}
     facts = [f'{area_words(area)} {name}' for name, area in areas.items() if area]
@@ -69,7 +69,7 @@ def titles(frame: Frame) -> tuple[str, str]:
 
 
 def time_note(asked: float | None, frame: Frame) -> str:
-    """Return a note if the maps of a frame are older than the time that was asked for [s]."""
+    """Return a note if the maps of a frame are older than the requested time [s]."""
     if asked is None or frame.time is None or asked - frame.time < 1.0:
         return ''
     shown, wanted = (f'{duration(time)} ({time:.0f} s)' for time in (frame.time, asked))
@@ -102,34 +102,34 @@ def isochrone_times(last: float, most: int = MAX_ISOCHRONES) -> np.ndarray:
 
 
 def extent_of(frame: Frame) -> Window:
-    """Smallest x, smallest y, largest x, largest y of the terrain [m]."""
+    """Return the extent of the terrain [m]: minimum x and y, maximum x and y."""
     rows, columns = frame.elevation.shape
     x, y = frame.origin
     return (x, y, x + columns * frame.resolution, y + rows * frame.resolution)
 
 
-def middles_of(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """Map coordinates of the middles of the columns and of the rows [m]."""
+def cell_centers(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Return the map coordinates of the centres of columns and of rows [m]."""
     rows, columns = frame.elevation.shape
     x = frame.origin[0] + (np.arange(columns) + 0.5) * frame.resolution
     return x, frame.origin[1] + (np.arange(rows) + 0.5) * frame.resolution
 
 
 def barriers_of(frame: Frame) -> list[np.ndarray]:
-    """Crests of the barriers on the ground, map positions [m], each of shape [places, 2]."""
+    """Return the crests of barriers, map positions [m], each of shape [points, 2]."""
     terrain = frame.scene.get('terrain') or {}
     try:
         crests = crest_lines('barriers', terrain.get('barriers', ()))
         offset = validation.pair('offset', terrain.get('offset', (0.0, 0.0)))
     except LavaError:
-        # a foreign bag may say anything
+        # bags of other programs may contain anything
         return []
     return [np.array(crest) - offset for crest in crests]
 
 
 def bounds_of(frame: Frame, shown: np.ndarray) -> Window:
-    """Bounding box of a mask, bool, shape [rows, columns], and the vents; the terrain if empty."""
-    x, y = middles_of(frame)
+    """Return the bounds of a mask [rows, columns] and the vents; the terrain if both are empty."""
+    x, y = cell_centers(frame)
     xs = [*x[shown.any(axis=0)], *frame.vents[:, 0]]
     ys = [*y[shown.any(axis=1)], *frame.vents[:, 1]]
     return (min(xs), min(ys), max(xs), max(ys)) if xs else extent_of(frame)
@@ -138,12 +138,11 @@ def bounds_of(frame: Frame, shown: np.ndarray) -> Window:
 def window_of(
     bounds: Window, limits: Window, aspect: float, least: float, margin: float = MARGIN
 ) -> Window:
-    """The part of the map to draw: ``bounds`` with a margin, inside ``limits`` where it fits.
+    """Return the window to draw: ``bounds`` with a margin, inside ``limits`` where it fits.
 
     The window is ``aspect`` times as wide as high, and at least ``least`` [m] in both directions.
     """
     x0, y0, x1, y1 = bounds
-    # a margin does not go beyond the ground
     x0, x1 = _widened(x0, x1, margin, limits[0], limits[2])
     y0, y1 = _widened(y0, y1, margin, limits[1], limits[3])
     width, height = max(x1 - x0, least), max(y1 - y0, least)
@@ -156,27 +155,27 @@ def window_of(
 def _widened(
     first: float, last: float, margin: float, low: float, high: float
 ) -> tuple[float, float]:
-    """Add a margin, a fraction of the length, to both ends of a span, but not beyond limits."""
+    """Add a margin, a fraction of the length, to both ends of a span, within limits."""
     more = margin * (last - first)
     return min(first, max(first - more, low)), max(last, min(last + more, high))
 
 
 def _inside(start: float, length: float, low: float, high: float) -> float:
-    """Move a span into limits; one that is longer is centred on them."""
+    """Move a span into limits; a longer span is centred on them."""
     if length >= high - low:
         return 0.5 * (low + high - length)
     return min(max(start, low), high - length)
 
 
 def shaded_ground(frame: Frame) -> np.ndarray:
-    """Relief lit from the north-west, RGBA 0..1, shape [rows, columns, 4]."""
+    """Return the relief lit from the north-west, RGBA 0..1, shape [rows, columns, 4]."""
     from matplotlib.colors import LightSource, LinearSegmentedColormap
 
     known = np.isfinite(frame.elevation)
     low, high = float(np.nanmin(frame.elevation)), float(np.nanmax(frame.elevation))
     elevation = np.where(known, frame.elevation, low)
     light = LightSource(azdeg=315.0, altdeg=42.0)
-    # Row 0 is the south here and the top for LightSource.
+    # row 0 is the south here, and the top for LightSource
     shade = light.hillshade(
         elevation[::-1], vert_exag=1.6, dx=frame.resolution, dy=frame.resolution
     )[::-1]
@@ -195,12 +194,18 @@ def draw_map(
     fissures: Any = (),
     extent: Window | None = None,
 ) -> tuple[Any, Any]:
-    """Draw the terrain's cells and the vents, and return the artists of both.
+    """Draw the terrain's cells and the vents.
 
-    The picture is RGBA of the cells, 0 to 1, shape [rows, columns, 4]; the window the part of the
-    map that the axes show: left, bottom, right, top [m]. Fissures are ends of vents [m], shape
-    [count, 2, 2]. ``extent`` has the edges of a picture of only some cells: left, right, bottom,
-    top [m]; None for all.
+    Args:
+        axes: Axes of the map.
+        frame: Ground and vents.
+        picture: RGBA of the cells, 0 to 1, shape [rows, columns, 4].
+        window: Extent of the axes: left, bottom, right, top [m].
+        fissures: Ends of vents that are lines [m], shape [count, 2, 2].
+        extent: Edges of a picture of some cells: left, right, bottom, top [m]; None for all.
+
+    Returns:
+        The artists of the cells and of the vents.
     """
     x0, y0, x1, y1 = extent_of(frame)
     image = axes.imshow(
@@ -219,7 +224,7 @@ def draw_map(
 
 
 def draw_colour_bar(figure: Any, axes: Any, scale: Scale) -> None:
-    """Draw colours and their values into axes of their own."""
+    """Draw a colour bar into its axes."""
     from matplotlib.cm import ScalarMappable
 
     bar = figure.colorbar(ScalarMappable(scale.norm, scale.colours), cax=axes, extend=scale.past)
@@ -243,8 +248,8 @@ def contour_interval(frame: Frame, window: Window) -> float:
 
 
 def _part(frame: Frame, window: Window) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coordinates of the columns and rows in a window [m], and their elevation."""
-    x, y = middles_of(frame)
+    """Return coordinates of the columns and rows in a window [m], and their elevation."""
+    x, y = cell_centers(frame)
     columns = (x >= window[0]) & (x <= window[2])
     rows = (y >= window[1]) & (y <= window[3])
     return x[columns], y[rows], frame.elevation[np.ix_(rows, columns)]
@@ -270,7 +275,7 @@ def draw_contours(axes: Any, frame: Frame, window: Window, interval: float) -> N
 def draw_isochrones(axes: Any, frame: Frame, times: np.ndarray) -> None:
     """Draw and label lines of equal arrival time at round times.
 
-    ``times`` are arrival times [s], shape [rows, columns], NaN where no lava arrived.
+    ``times`` are arrival times [s], shape [rows, columns], NaN without arrival.
     """
     known = times[np.isfinite(times)]
     if not known.size or min(times.shape) < 2:
@@ -280,7 +285,7 @@ def draw_isochrones(axes: Any, frame: Frame, times: np.ndarray) -> None:
     levels = [time for time in times_drawn if first < time < last]
     if not levels:
         return
-    lines = axes.contour(*middles_of(frame), times, levels=levels, zorder=4, **ISOCHRONE)
+    lines = axes.contour(*cell_centers(frame), times, levels=levels, zorder=4, **ISOCHRONE)
     lines.set_path_effects(halo(1.5))
     for time, parts in zip(levels, lines.allsegs, strict=True):
         # one label for each, in the middle of its longest part
@@ -296,14 +301,14 @@ def draw_isochrones(axes: Any, frame: Frame, times: np.ndarray) -> None:
 def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
     """Draw coordinates along the edges, and a thin grid.
 
-    ``offset`` is the map frame's origin [m]; coordinates are then easting and northing. None draws
-    those of the map frame.
+    ``offset`` is easting and northing [m] of the map frame's origin; None draws coordinates in the
+    map frame.
     """
     from matplotlib.ticker import FuncFormatter
 
     names = ('easting [m]', 'northing [m]') if offset else ('x [m], map frame', 'y [m], map frame')
     both = (axes.xaxis, axes.yaxis)
-    # a grid of squares, at round numbers of what people read
+    # a grid of squares at round coordinates
     inches = axes.get_position().width * axes.figure.get_figwidth()
     step = round_up(float(np.ptp(axes.get_xlim())) / max(inches / 0.7, 2.0), _GRID)
     for axis, name, start in zip(both, names, offset or (0, 0), strict=True):
@@ -322,7 +327,7 @@ def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
 
 
 def halo(width: float = 2.5) -> list[Any]:
-    """Path effects that keep thin lines and texts readable on any ground."""
+    """Return path effects that keep thin lines and texts readable on any ground."""
     from matplotlib.patheffects import withStroke
 
     return [withStroke(linewidth=width, foreground='#ffffff')]
@@ -364,7 +369,7 @@ def draw_north(axes: Any) -> None:
 
 
 def draw_overview(axes: Any, frame: Frame, shown: np.ndarray, window: Window) -> None:
-    """The whole terrain in the corner that hides the least lava, unless it is shown anyway."""
+    """Draw the whole terrain into a corner, unless the window already shows most of it."""
     x0, y0, x1, y1 = extent_of(frame)
     if (window[2] - window[0]) * (window[3] - window[1]) > 0.6 * (x1 - x0) * (y1 - y0):
         return
@@ -376,7 +381,7 @@ def draw_overview(axes: Any, frame: Frame, shown: np.ndarray, window: Window) ->
     width = height * (x1 - x0) / (y1 - y0)
     width *= box.height * figure.get_figheight() / (box.width * figure.get_figwidth())
     width = min(width, 0.45)
-    # between it and the edge is room for a line of text
+    # leaves room for a line of text at the edge
     edge = 0.16 / (box.width * figure.get_figwidth())
     left, bottom = _emptiest_corner(frame, shown, window, width, height, edge)
     inset = axes.inset_axes((left, bottom, width, height))
@@ -384,8 +389,8 @@ def draw_overview(axes: Any, frame: Frame, shown: np.ndarray, window: Window) ->
     picture[shown] = (0.75, 0.10, 0.05, 1.0)
     inset.imshow(picture, extent=(x0, x1, y0, y1), origin='lower', interpolation='antialiased')
     sides = (window[2] - window[0], window[3] - window[1])
-    seen = Rectangle(window[:2], *sides, fill=False, edgecolor='black', linewidth=1.1)
-    inset.add_patch(seen)
+    outline = Rectangle(window[:2], *sides, fill=False, edgecolor='black', linewidth=1.1)
+    inset.add_patch(outline)
     inset.set(xticks=[], yticks=[])
     for spine in inset.spines.values():
         spine.set(color='white', linewidth=1.8)
@@ -394,9 +399,9 @@ def draw_overview(axes: Any, frame: Frame, shown: np.ndarray, window: Window) ->
 def _emptiest_corner(
     frame: Frame, shown: np.ndarray, window: Window, width: float, height: float, edge: float
 ) -> tuple[float, float]:
-    """Lower-left corner, in shares of the window, of the right or lower corner with least lava.
+    """Return the position, in fractions of the window, in the right-hand corner with less lava.
 
-    The upper left belongs to the north arrow and the lower left to the scale bar.
+    The left-hand corners have the north arrow and the scale bar.
     """
     rows, columns = np.nonzero(shown)
     x = (frame.origin[0] + frame.resolution * columns - window[0]) / (window[2] - window[0])

@@ -24,7 +24,7 @@ NODATA = -9999
 _TRANSPARENT_AT_ZERO = ('thickness', 'hazard', 'probability', 'comparison')
 
 #: Smallest value that such a map draws, as a fraction of the largest one.
-_LEAST_DRAWN = 1e-3
+_MIN_DRAWN = 1e-3
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class RasterLayer:
     def cells(self, values: np.ndarray) -> np.ndarray:
         """Return the values as stored in a file, NaN without data.
 
-        A thickness of 0 is no lava, and a change of 0 none: no data in every file.
+        Files have no data where a thickness or a change is 0.
         """
         is_known = {'thickness': values > 0.0, 'change': values != 0.0}.get(self.drawn)
         return values if is_known is None else np.where(is_known, values, np.float32(np.nan))
@@ -119,13 +119,13 @@ RASTER_LAYERS = {
 
 
 def write_style(path: Path, name: str, values: np.ndarray) -> Path:
-    """Write the QGIS style of a map beside its GeoTIFF, and return its path (.qml).
+    """Write the QGIS style of a map next to its GeoTIFF, and return its path (.qml).
 
     Cells without lava are transparent. Colours and their limits are those of printed pages.
 
     Args:
         path: The GeoTIFF.
-        name: Which of ``RASTER_LAYERS`` the map is.
+        name: Key of the map in ``RASTER_LAYERS``.
         values: The map, NaN without data; any shape.
 
     Raises:
@@ -143,7 +143,7 @@ def write_style(path: Path, name: str, values: np.ndarray) -> Path:
     shader = ElementTree.SubElement(drawn, 'rastershader')
     shader = ElementTree.SubElement(
         shader, 'colorrampshader', classificationMode='1', clip='0',
-        # each colour of a discrete ramp is that of the values up to its own
+        # a discrete ramp uses a colour for all values up to that of the item
         colorRampType='DISCRETE' if style.classes else 'INTERPOLATED',
         minimumValue=repr(low), maximumValue=repr(high),
     )
@@ -157,7 +157,7 @@ def write_style(path: Path, name: str, values: np.ndarray) -> Path:
     ]
     if layer.drawn in _TRANSPARENT_AT_ZERO:
         if not style.classes:
-            stops[0] = (_LEAST_DRAWN * high, *stops[0][1:3], f'above 0{_unit(layer)}')
+            stops[0] = (_MIN_DRAWN * high, *stops[0][1:3], f'above 0{_unit(layer)}')
         stops.insert(0, (0.0, style.colours[0], '0', 'no lava'))
     for value, colour, alpha, label in stops:
         item = {'value': repr(value), 'color': colour, 'alpha': alpha, 'label': label}
@@ -176,7 +176,7 @@ def _unit(layer: RasterLayer) -> str:
 
 
 def _label(layer: RasterLayer, value: float) -> str:
-    """Label of a colour; times are in hours."""
+    """Return the label of a colour; times are in hours."""
     if layer.unit == 's':
         return f'{value / 3600.0:.3g} h'
     return f'{value:.4g}{_unit(layer)}'

@@ -1,8 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
-"""A page of maps that can be printed: legend, scale, north, coordinates, and how it was made."""
+"""Printed page of maps with legend, scale, north arrow, coordinates and notes."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +30,7 @@ _LOG = logging.getLogger(__name__)
 #: Metres in an inch of paper.
 _INCH = 0.0254
 
-#: Room for half of a label in degrees [inches].
+#: Space for half of a label in degrees [inches].
 _DEGREES_ROOM = 0.36
 
 #: Limits of the denominator of a scale.
@@ -44,10 +43,10 @@ class Panel:
 
     Attributes:
         frame: Ground and vents.
-        source: What it shows: a key of ``colours.STYLES``.
+        source: Its quantity: a key of ``colours.STYLES``.
         values: float, shape [rows, columns]; NaN leaves the ground.
-        title: What is above it; empty: that of the style.
-        is_saturated: Whether there may be larger values than these.
+        title: Its title; that of the style if empty.
+        is_saturated: True if true values may be larger than these.
         fissures: Ends of vents that are lines [m], shape [count, 2, 2].
         outlines: Cells whose outline is drawn, bool, shape [rows, columns], by name.
     """
@@ -62,13 +61,13 @@ class Panel:
 
     @property
     def shown(self) -> np.ndarray:
-        """Cells that are to be seen, bool, shape [rows, columns]."""
+        """Cells with values or inside outlines, bool, shape [rows, columns]."""
         cells = [np.isfinite(self.values), *(self.outlines or {}).values()]
         return np.asarray(np.logical_or.reduce(cells))
 
     @property
     def offset(self) -> tuple[float, float]:
-        """Easting and northing [m] of the map frame's origin; 0, 0 where nobody knows."""
+        """Easting and northing [m] of the map frame's origin; 0, 0 if unknown."""
         return placement_of(self.frame.scene).offset
 
 
@@ -85,7 +84,7 @@ def draw_sheet(
     scale: float | None = None,
     imprint: Imprint | None = None,
 ) -> None:
-    """Draw maps, and optional charts, on one page whose layout shows the lava largest.
+    """Draw maps and charts on one page, in the layout with the largest lava.
 
     All maps show the same area, and maps of the same kind share a colour scale. Panels and
     overlays must be in the same coordinate system. The suffix of the file chooses the format.
@@ -95,13 +94,13 @@ def draw_sheet(
         output: The file.
         title: Title of the page, and of the file in its metadata.
         subtitle: Line below the title.
-        notes: What is known of the maps, by term.
+        notes: Facts about the maps, by term.
         overlays: Features of each file by its name.
-        charts: Each draws into axes that it is given.
-        extent: What the maps show at least: easting and northing [m] of the south-western and of
+        charts: Functions that draw into the given axes.
+        extent: Minimum extent of the maps: easting and northing [m] of the south-western and of
             the north-eastern corner; None for the lava with the places within reach.
-        scale: The N of a scale 1:N on paper; None for the largest one.
-        imprint: Who publishes the page.
+        scale: The N of a scale 1:N on paper; None for the largest possible scale.
+        imprint: Publisher of the page.
 
     Raises:
         LavaError: If matplotlib is not installed, the maps do not fit on the page, the logo
@@ -109,7 +108,7 @@ def draw_sheet(
     """
     notes, overlays, imprint = dict(notes or {}), overlays or {}, imprint or Imprint()
     logo = read_picture('--logo', imprint.logo) if imprint.logo else None
-    # what all maps show, in projected coordinates
+    # the area of all maps, in projected coordinates
     limits = _union(_moved(plot.extent_of(item.frame), item) for item in panels)
     bounds, margin = extent, 0.0
     if bounds is None:
@@ -120,22 +119,22 @@ def draw_sheet(
     if scale is not None:
         notes['scale'] = f'1:{scale:,.0f} on A4 paper'.replace(',', ' ')
     least = plot.LEAST_CELLS * min(item.frame.resolution for item in panels)
-    # the note on places beyond the map takes room, which makes the map smaller
+    # the note on places beyond the map makes the map smaller
     for _ in range(2):
         page = choose_page(charted, bounds, notes, [name for name, _ in legend])
         width, height = page.map_size
         if scale is None:
             around = _union([limits, bounds])
-            seen = plot.window_of(bounds, around, width / height, least, margin)
+            view = plot.window_of(bounds, around, width / height, least, margin)
         else:
-            seen = _at_scale(bounds, scale, page.map_size)
-        gone = [item for known in overlays.values() for item in overlay_files.hidden(known, seen)]
+            view = _at_scale(bounds, scale, page.map_size)
+        gone = [item for known in overlays.values() for item in overlay_files.hidden(known, view)]
         if beyond := ', '.join(filter(None, dict.fromkeys(item.name for item in gone))):
             notes['beyond the map'] = beyond
     for name, features in overlays.items():
         if count := sum(item in gone for item in features):
             _LOG.warning(f'{name}: {count} of {len(features)} features lie outside the map')
-    interval = plot.contour_interval(panels[0].frame, _moved(seen, panels[0], -1.0))
+    interval = plot.contour_interval(panels[0].frame, _moved(view, panels[0], -1.0))
     legend = [
         (f'elevation contours every {interval:g} m' if name == _CONTOURS else name, handle)
         for name, handle in legend
@@ -145,12 +144,12 @@ def draw_sheet(
     with new_figure('plot', output, (page.width, page.height), DPI) as figure:
         for index, panel in enumerate(panels):
             axes, bar = page.axes(figure, index)
-            _draw_panel(axes, panel, scales[panel.source], seen, interval, overlays)
+            _draw_panel(axes, panel, scales[panel.source], view, interval, overlays)
             if index == 0:
                 plot.draw_north(axes)
                 # an overview would hide places
                 if len(panels) < 4 and not overlays:
-                    window = _moved(seen, panel, -1.0)
+                    window = _moved(view, panel, -1.0)
                     plot.draw_overview(axes, panel.frame, panel.shown, window)
             plot.draw_colour_bar(figure, figure.add_axes(bar), scales[panel.source])
         for index, draw in enumerate(charts, len(panels)):
@@ -164,12 +163,12 @@ def _draw_panel(
     axes: Any,
     panel: Panel,
     scale: Scale,
-    seen: Window,
+    view: Window,
     interval: float,
     overlays: Mapping[str, Sequence[Feature]],
 ) -> None:
-    """Draw all that is on a map that shows a window in projected coordinates."""
-    frame, window = panel.frame, _moved(seen, panel, -1.0)
+    """Draw a map of an area in projected coordinates."""
+    frame, window = panel.frame, _moved(view, panel, -1.0)
     picture = picture_of(panel.values, plot.shaded_ground(frame), scale)
     plot.draw_map(axes, frame, picture, window, panel.fissures)
     plot.draw_contours(axes, frame, window, interval)
@@ -183,7 +182,7 @@ def _draw_panel(
         if cells.any():
             look = _outline_style(number)
             axes.contour(
-                *plot.middles_of(frame), cells.astype(float), levels=[0.5],
+                *plot.cell_centers(frame), cells.astype(float), levels=[0.5],
                 colors=look['color'], linewidths=look['linewidth'], linestyles=look['linestyle'],
             )
     first = len(panel.outlines or {})
@@ -198,14 +197,14 @@ def _draw_panel(
     shrink_title(text, axes)
 
 
-#: Stands in a legend for the contours until their interval is chosen; not shorter than its text.
+#: Placeholder in a legend until the interval is chosen, at least as long as the final text.
 _CONTOURS = 'elevation contours every 00000 m'
 
 
 def _legend(
     panels: Sequence[Panel], overlays: Mapping[str, Sequence[Feature]]
 ) -> list[tuple[str, Any]]:
-    """Names and symbols of everything on the maps that has no colour bar."""
+    """Return names and symbols of the elements of maps without a colour bar."""
     outlines = dict.fromkeys(name for panel in panels for name in panel.outlines or {})
     entries = [(_CONTOURS, _line(color=plot.CONTOUR['colors'], alpha=plot.CONTOUR['alpha']))]
     if any(plot.barriers_of(panel.frame) for panel in panels):
@@ -214,7 +213,7 @@ def _legend(
         entries.insert(0, ('vent', _line(**plot.VENT)))
     if any(panel.source == 'arrival' for panel in panels):
         look = {'color': plot.ISOCHRONE['colors'], 'linewidth': plot.ISOCHRONE['linewidths']}
-        entries.append(('isochrones of the arrival', _line(**look)))
+        entries.append(('isochrones of first arrival', _line(**look)))
     entries += [(name, _line(**_outline_style(index))) for index, name in enumerate(outlines)]
     count = len(outlines)
     return entries + [
@@ -229,7 +228,7 @@ def _outline_style(number: int) -> dict[str, Any]:
 
 
 def _at_scale(bounds: Window, scale: float, size: tuple[float, float]) -> Window:
-    """Return the window around a rectangle [m] that a map of a size [inches] shows at 1:N.
+    """Return the window around a rectangle [m] of a map of a size [inches] at a scale 1:N.
 
     Raises:
         LavaError: If the rectangle does not fit.
@@ -273,7 +272,7 @@ def _line(**look: Any) -> Any:
 
 
 def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system: str) -> None:
-    """Longitudes along the upper edge, latitudes along the right one, inside the map."""
+    """Draw longitudes along the upper edge and latitudes along the right edge, inside the map."""
     from matplotlib.ticker import MaxNLocator
 
     steps = np.linspace(0.0, 1.0, 9)
@@ -287,7 +286,7 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system
             easting, northing = x + offset[0], y + offset[1]
             degrees = transformed(system, 'EPSG:4326', easting, northing)[axis]
         except (LavaError, ValueError):
-            # without rasterio, or outside the projection
+            # rasterio is missing, or the map is outside the projection
             return
         low, high = degrees[0], degrees[-1]
         if not low < high:
@@ -295,12 +294,12 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system
         ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
         digits = max(0, math.ceil(-math.log10(ticks[1] - ticks[0]) - 1e-9))
         for value in ticks:
-            share = float(np.interp(value, degrees, steps, left=-1.0, right=2.0))
-            # the corner belongs to the north arrow, and at the ends half of a label is cut off
-            if 0.1 < share < 1.0 - max(_DEGREES_ROOM / inches[axis], 0.07):
+            along = float(np.interp(value, degrees, steps, left=-1.0, right=2.0))
+            # keeps the corner of the north arrow free, and labels away from the ends
+            if 0.1 < along < 1.0 - max(_DEGREES_ROOM / inches[axis], 0.07):
                 letter = ('WE', 'SN')[axis][int(value >= 0.0)]
                 words = f'{abs(value):.{digits}f}° {letter}'
-                place = (share, 1.0) if axis == 0 else (1.0, share)
+                place = (along, 1.0) if axis == 0 else (1.0, along)
                 inward = ((0, -3), (-3, 0))[axis]
                 axes.annotate(
                     words, place, inward, xycoords='axes fraction', textcoords='offset points',

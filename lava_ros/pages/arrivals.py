@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""When lava arrives at places in runs on disk: the table of `lava places` and `lava report`."""
+"""Arrival of lava at places in runs on disk: the table of `lava places` and `lava report`."""
 
 from collections.abc import Sequence
 import math
@@ -19,22 +19,22 @@ from lava_ros.maps.places import front_distances, Places, places_on
 from lava_ros.pages.runs import Members, read_run, Run
 from lava_ros.scene.features import read_features
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.inundation import inundated_cells
+from lava_ros.simulation.output.inundation import inundated_cells
 
 
 def table_of(
     path: str | Path, files: Sequence[str | Path], *, field: str, time: float | None = None
 ) -> ArrivalTable:
-    """Find out when lava arrives at the points, lines and areas of files.
+    """Return the arrival of lava at the points, lines and areas of files.
 
     Args:
         path: A bag or the folder of an ensemble.
         files: Files for ``features.load_features``.
         field: Name of the files in errors.
-        time: Simulated time [s] up to which a bag counts; None for all of it.
+        time: Simulated time [s] up to which a bag is read; None for all of it.
 
     Raises:
-        LavaError: A file or the run cannot be read, or the run does not tell when lava arrived.
+        LavaError: If a file or the run cannot be read, or the run has no arrival times.
     """
     run = read_run(path, wanted=('arrival',))
     if run.ensemble is not None and time is not None:
@@ -54,7 +54,7 @@ def _table_of_bag(
         raise LavaError('bag', str(path), 'a bag with the layer arrived, or one of the thickness')
     end, arrived = panel.frame.time, panel.values
     if time is not None:
-        # times that later maps have are known to the step, those of the map before are older
+        # the newest map has all earlier arrival times, to the step
         end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
         arrived = np.where(arrived <= end, arrived, np.nan)
     cells = places.at(arrived)
@@ -69,12 +69,12 @@ def _table_of_bag(
 def _table_of_members(folder: Path, members: Members, places: Places) -> ArrivalTable:
     maps = maps_at(folder, members.plan, places, members=members.count)
     if not math.isclose(maps.effective_members, members.effective, rel_tol=1e-6):
-        right = 'maps with the weights of its members; the same lava ensemble command writes them'
-        raise LavaError('ensemble', str(folder), right)
+        expected = 'maps with the weights of its members: repeat the lava ensemble command'
+        raise LavaError('ensemble', str(folder), expected)
     assert maps.places is not None
     rows = arrivals(
         places,
-        {share: places.at(times) for share, times in maps.arrival.items()},
+        {part: places.at(times) for part, times in maps.arrival.items()},
         probability=maps.places.probability,
         first=maps.places.arrival,
     )

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Comparison of an ensemble with barriers and one of the same members without."""
+"""Comparison of an ensemble with barriers and an ensemble of the same members without."""
 
 from collections.abc import Sequence
 import csv
@@ -23,8 +23,8 @@ from lava_ros.scene.features import read_features
 #: Files of a comparison: the map of the difference, the picture, and the table of places.
 CHANGE, PICTURE, TABLE = 'probability_change', 'barriers.png', 'places.csv'
 
-#: Smallest probabilities of areas [%].
-LEAST = (10, 50, 90)
+#: Minimum probabilities of areas [%].
+MIN_PROBABILITIES = (10, 50, 90)
 
 #: Columns of the table of places: each place, and its values without and with barriers.
 _VALUES = ('probability_percent', 'arrival_p10_s', 'arrival_p50_s', 'arrival_p90_s')
@@ -40,19 +40,19 @@ def compare_ensembles(
 
     Args:
         without: Folder of the ensemble without barriers.
-        with_barriers: Folder of the one with barriers, on the same terrain otherwise.
+        with_barriers: Folder of the ensemble with barriers.
         output: Folder for the files.
-        places: Files of points, lines and areas; empty: no table.
-        lines: Files of barriers that are built later, and that the terrain does not show.
-        built: Time at which the barriers are built [s].
+        places: Files of points, lines and areas; without files there is no table.
+        lines: Files of barriers that are built later and are not part of the terrain.
+        built: Simulated time at which the barriers are built [s].
         origin: Origin of the maps, for their tags.
 
     Returns:
-        Areas by their smallest probability [m2] and places, without and with barriers, and the
-        ``files`` that were written.
+        Areas by minimum probability [m2] and places, without and with barriers, and the written
+        ``files``.
 
     Raises:
-        LavaError: An ensemble or a file of places cannot be read, or a file cannot be written.
+        LavaError: If an ensemble or a file of places cannot be read, or a file cannot be written.
     """
     runs = [read_run(path) for path in (without, with_barriers)]
     likely = [np.nan_to_num(run.panels['inundation_probability'].values) for run in runs]
@@ -65,7 +65,7 @@ def compare_ensembles(
             name: float((values >= least).sum() * cell)
             for name, values in zip(_CASES, likely, strict=True)
         }
-        for least in LEAST
+        for least in MIN_PROBABILITIES
     }
     panels = [
         replace(run.panels['inundation_probability'], title=title)
@@ -73,11 +73,11 @@ def compare_ensembles(
     ]
     shown = np.where(change != 0.0, change, np.nan)
     panels.append(replace(panels[1], source='change', values=shown, title='Change'))
-    told = [area_words(areas['at least 50 %'][case]) for case in _CASES]
-    subtitle = f'{told[0]} at 50 % or more without barriers, {told[1]} with barriers'
+    texts = [area_words(areas['at least 50 %'][case]) for case in _CASES]
+    subtitle = f'{texts[0]} at 50 % or more without barriers, {texts[1]} with barriers'
     draw_sheet(
-        panels, output / PICTURE, title=f'What barriers change: {runs[0].title}',
-        subtitle=f'{subtitle} from {duration(built)} on' if built else subtitle,
+        panels, output / PICTURE, title=f'Effect of barriers: {runs[0].title}',
+        subtitle=f'{subtitle} built after {duration(built)}' if built else subtitle,
         overlays={
             Path(path).stem: read_features('--places', path, terrain)
             for path in (*places, *lines)
@@ -113,7 +113,7 @@ def place_texts(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
     """Format the table of places for people: titles, then a row for each place."""
     titles = ('place', 'probability without', 'with', 'arrival (50 %) without', 'with')
 
-    def chance(value: float | None) -> str:
+    def probability(value: float | None) -> str:
         return '-' if value is None else f'{value:.0f} %'
 
     def moment(value: float | None) -> str:
@@ -121,7 +121,7 @@ def place_texts(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
 
     return [titles, *(
         (
-            row['name'], *(chance(row[f'probability_percent_{case}']) for case in _CASES),
+            row['name'], *(probability(row[f'probability_percent_{case}']) for case in _CASES),
             *(moment(row[f'arrival_p50_s_{case}']) for case in _CASES),
         )
         for row in rows

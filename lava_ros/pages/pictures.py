@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A page of maps of runs on disk: `lava plot`, and the picture of `lava report`."""
+"""Page of maps of runs on disk: `lava plot`, and the picture of `lava report`."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -14,7 +14,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.picture import draw_reliability
-from lava_ros.forecast.rasters import seen_in_file
+from lava_ros.forecast.rasters import observed_in_file
 from lava_ros.forecast.scores import brier_parts
 from lava_ros.maps.colours import STYLES
 from lava_ros.maps.onset import Onset
@@ -47,16 +47,16 @@ def draw_runs(
     """Draw bags and ensembles on one page.
 
     Texts and files are the options of `lava plot`. ``time`` is a simulated time [s], None for the
-    last one; no ``layers`` are all there are. ``extent`` is west, south, east and north in the
-    coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N. Without ``onset`` it
-    is the one that all runs state, if they do; ``zone`` is that of local times, None for that of
-    this machine.
+    last one; without ``layers``, the default maps are drawn. ``extent`` is west, south, east and
+    north in the coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N. Without
+    ``onset``, the common onset of the runs is used; ``zone`` is the time zone of local times, None
+    for that of this machine.
 
     Returns:
         The text, titles and scores of the page as plain data.
 
     Raises:
-        LavaError: A run or a file cannot be read, the runs cannot be compared, or the picture
+        LavaError: If a run or a file cannot be read, the runs cannot be compared, or the picture
             cannot be written.
     """
     runs = [read_run(path, time=time, wanted=layers) for path in paths]
@@ -75,19 +75,19 @@ def draw_runs(
     charts: list[Callable[[Any], None]] = []
     scores = {}
     if observed is not None:
-        seen = {run.name: seen_in_file(observed, run.terrain) for run in runs}
+        masks = {run.name: observed_in_file(observed, run.terrain) for run in runs}
         shown = [
-            (run, replace(panel, outlines={'observed lava': seen[run.name][0]}))
+            (run, replace(panel, outlines={'observed lava': masks[run.name][0]}))
             for run, panel in shown
         ]
         for run in (run for run in runs if run.is_ensemble):
-            came, known = seen[run.name]
+            lava, known = masks[run.name]
             percent = run.panels['inundation_probability'].values[known]
             likely = 0.01 * np.nan_to_num(percent)
             shown_as = run.name if len(runs) > 1 else ''
-            chart = partial(draw_reliability, probability=likely, came=came[known], name=shown_as)
+            chart = partial(draw_reliability, probability=likely, came=lava[known], name=shown_as)
             charts.append(chart)
-            parts = brier_parts(likely, came[known])
+            parts = brier_parts(likely, lava[known])
             scores[run.name] = {'brier_score': parts.score, 'brier_skill': parts.skill}
     title = title or ' / '.join(dict.fromkeys(run.title for run in runs))
     if volcano:
@@ -116,7 +116,7 @@ def draw_runs(
 
 
 def _named(paths: Sequence[str]) -> dict[str, str]:
-    """Files by a name for each: that of the file, with as much of its path as tells it apart."""
+    """Return files by a unique name for each: that of the file, with folders where needed."""
     names: dict[str, str] = {}
     for path in dict.fromkeys(paths):
         parts = Path(path).resolve().with_suffix('').parts
@@ -126,7 +126,7 @@ def _named(paths: Sequence[str]) -> dict[str, str]:
 
 
 def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
-    """The extent in the terrain's coordinates; LavaError where no terrain is in it."""
+    """Return the extent in the terrain's coordinates; LavaError if a run has no terrain in it."""
     west, south, east, north = (float(value) for value in extent)
     shown = ' '.join(f'{value:g}' for value in extent)
     terrain = runs[0].terrain
@@ -146,7 +146,7 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
 
 
 def _onset(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Onset | None:
-    """The onset that is given, or that the runs have in common, with a zone of local times."""
+    """Return the given or common onset of the runs, with the zone of local times."""
     known = {run.onset for run in runs}
     onset = given or (known.pop() if len(known) == 1 else None)
     if onset is None and zone is not None:
@@ -155,7 +155,7 @@ def _onset(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Ons
 
 
 def _moments(onset: Onset, runs: Sequence[Run], panels: Sequence[Panel]) -> dict[str, str]:
-    """The onset, and the absolute times of maps and of isochrones."""
+    """Return the onset, and the dates of maps and of isochrones."""
     notes = {'start of the eruption': onset.words()}
     for end in dict.fromkeys(run.end for run in runs):
         if end is not None:
@@ -178,8 +178,8 @@ def _check_together(runs: Sequence[Run]) -> None:
         raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')
     systems = {(run.terrain.epsg, run.terrain.wkt) for run in runs}
     if len(systems) > 1:
-        told = ' and '.join(system_name(*item) for item in systems)
-        raise LavaError('coordinate systems of the runs', told, 'the same for all')
+        labels = ' and '.join(system_name(*item) for item in systems)
+        raise LavaError('coordinate systems of the runs', labels, 'the same for all')
 
 
 def _shown(runs: Sequence[Run], layers: Sequence[str]) -> Iterator[tuple[Run, Panel]]:
@@ -189,23 +189,23 @@ def _shown(runs: Sequence[Run], layers: Sequence[str]) -> Iterator[tuple[Run, Pa
     for name in names or ['thickness']:
         for run in runs:
             if name not in run.panels:
-                right = f'one of {", ".join(run.panels)}, which {run.name} has'
-                raise LavaError('--layers', name, right)
+                expected = f'one of {", ".join(run.panels)}, which {run.name} has'
+                raise LavaError('--layers', name, expected)
             panel = run.panels[name]
             title = panel.title or STYLES[panel.source].title
             yield run, replace(panel, title=f'{run.name}: {title}') if len(runs) > 1 else panel
 
 
 def _facts(runs: Sequence[Run]) -> dict[str, str]:
-    """Facts of the runs, each with the name of the run where they differ."""
+    """Return the facts of the runs, with the names of the runs where they differ."""
     notes = {}
     facts = [run.facts if len(runs) == 1 else {'result': run.summary, **run.facts} for run in runs]
     for term in dict.fromkeys(term for known in facts for term in known):
-        told = {
+        texts = {
             run.name: known[term] for run, known in zip(runs, facts, strict=True) if term in known
         }
-        if len(told) == len(runs) and len(set(told.values())) == 1:
-            notes[term] = next(iter(told.values()))
+        if len(texts) == len(runs) and len(set(texts.values())) == 1:
+            notes[term] = next(iter(texts.values()))
         else:
-            notes[term] = '; '.join(f'{name}: {text}' for name, text in told.items())
+            notes[term] = '; '.join(f'{name}: {text}' for name, text in texts.items())
     return notes

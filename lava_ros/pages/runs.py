@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What was computed and lies on disk, a bag or an ensemble -> maps and facts for people."""
+"""Runs on disk (bags and ensembles) as maps and facts for people."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 from lava_ros.files.optional import require
-from lava_ros.files.rasters import opened_raster
+from lava_ros.files.rasters import open_raster
 from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.picture import frame_of
@@ -34,19 +34,19 @@ from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.projection import coordinate_system, system_name
 from lava_ros.simulation.accuracy import Accuracy, COVERED
-from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.output.budget import VolumeBudget
 
 _LOG = logging.getLogger(__name__)
 
-#: Maps of an ensemble: file, what is drawn of it, title. They have the names of their files,
-#: except those that can be drawn beside the maps of a single run.
+#: Maps of an ensemble: file, style and title. The keys are the names of the files, except where a
+#: single run has the same kind of map.
 ENSEMBLE_MAPS = {
     'inundation_probability': (
         'inundation_probability', 'probability', STYLES['probability'].title
     ),
     **{
-        name: (f'arrival_time_p{share}', 'arrival', words)
-        for name, share, words in (
+        name: (f'arrival_time_p{percent}', 'arrival', words)
+        for name, percent, words in (
             ('arrival_time_p10', 10, 'Early arrival (1 run in 10)'),
             ('arrival', 50, 'Median arrival (1 run in 2)'),
             ('arrival_time_p90', 90, 'Late arrival (9 runs in 10)'),
@@ -55,7 +55,7 @@ ENSEMBLE_MAPS = {
     'thickness': ('expected_peak_thickness', 'thickness', 'Expected peak thickness of the lava'),
 }
 
-#: Maps that are drawn by default, of a bag and of an ensemble.
+#: Default maps of a bag and of an ensemble.
 _USUAL = (
     ('thickness', 'temperature', 'hazard'),
     ('inundation_probability', 'arrival_time_p10', 'arrival', 'arrival_time_p90'),
@@ -64,7 +64,7 @@ _USUAL = (
 
 @dataclass(frozen=True, eq=False)
 class Members:
-    """The members of an ensemble: their plan and number, and the effective number by weight."""
+    """Members of an ensemble: their plan, their number, and the effective number by weight."""
 
     plan: Plan
     count: int
@@ -75,9 +75,9 @@ class Members:
 class Run:
     """A bag or an ensemble: its maps by name, its facts by term, and the ground.
 
-    ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None where it
-    is unknown. ``ensemble`` is None for a bag. ``onset`` is the date of simulated time 0, None if
-    the run does not state it.
+    ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None if it is
+    unknown. ``ensemble`` is None for a bag. ``onset`` is the date of simulated time 0; None if it
+    is unknown.
     """
 
     name: str
@@ -93,24 +93,23 @@ class Run:
 
     @property
     def usual(self) -> list[str]:
-        """Names of the maps that are drawn by default."""
+        """Names of the default maps."""
         return [name for name in _USUAL[self.is_ensemble] if name in self.panels]
 
 
 def is_ensemble(path: str | Path) -> bool:
-    """Whether a path is the folder of an ensemble."""
+    """Return True if a path is the folder of an ensemble."""
     return (Path(path) / MANIFEST).is_file()
 
 
 def read_run(path: str | Path, *, time: float | None = None, wanted: Collection[str] = ()) -> Run:
     """Read a bag's directory, an .mcap file, or the output of ``lava ensemble``.
 
-    ``time`` is the simulated time of a bag's maps [s], None for the last ones. The map of arrival,
-    which takes long, is only made if it is ``wanted``.
+    ``time`` is the simulated time of a bag's maps [s], None for the last ones. The map of arrival
+    times is slow and is only computed if it is ``wanted``.
 
     Raises:
-        LavaError: The run cannot be read, lacks a wanted map, or is an ensemble and ``time`` is
-            set.
+        LavaError: If the run cannot be read, or is an ensemble and ``time`` is set.
     """
     if not is_ensemble(path):
         return _bag(Path(path), time, wanted)
@@ -124,7 +123,7 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
     frame = recording.frame_at(time)
     scene = _scene(frame)
     if scene is not None and not len(frame.vents):
-        # after the end of the emission the page still shows where the lava came from
+        # the page shows vents also after the end of the emission
         frame = replace(frame, vents=frame_of(scene).vents)
     fissures = _fissures(scene)
     maps = {
@@ -162,7 +161,7 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
 
 
 def _scene(frame: Frame) -> Scene | None:
-    """The scene of a recording, None where its description is not one."""
+    """Return the scene of a recording; None if its description is not valid."""
     terrain = Terrain(frame.elevation, frame.resolution, frame.origin)
     try:
         return _described(frame.scene, terrain) if frame.scene else None
@@ -171,13 +170,13 @@ def _scene(frame: Frame) -> Scene | None:
 
 
 def _described(known: Mapping[str, Any], terrain: Terrain) -> Scene:
-    """Make the scene of a description, which lacks the grids of emplaced flows and of events."""
+    """Return the scene of a description, which lacks the grids of emplaced flows and of events."""
     kept = {key: item for key, item in known.items() if key not in ('emplaced_flows', 'events')}
     return scene_from_dict(kept, terrain)
 
 
 def _changes(known: Mapping[str, Any]) -> dict[str, str]:
-    """Say which flows were there at the start, and how the ground changes later."""
+    """Describe the flows emplaced at the start and the later changes of the ground."""
     flows = [
         f'{item["source"]}, {item["volume"]:,.0f} m³ of lava'
         for item in known.get('emplaced_flows') or ()
@@ -196,7 +195,7 @@ def _fissures(scene: Scene | None) -> np.ndarray:
 def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
     if frame.arrived is not None and np.isfinite(frame.arrived).any():
         return frame.arrived
-    # a simulation that does not note the times publishes a map without any
+    # a simulation without arrival times publishes an empty map
     history = Arrival(COVERED)
     for item in recording.frames():
         if frame.time is None or item.time is None or item.time <= frame.time:
@@ -210,7 +209,7 @@ def _day(seconds: float) -> str:
 
 def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
     begun = (recording.bag.start_ns or 0) / 1e9
-    # a simulation's clock gives no date
+    # the clock of a simulation does not have a date
     facts = {
         **({'computed': _day(begun)} if begun > 1e9 else {}), **_vents(scene),
         **_changes(frame.scene),
@@ -237,11 +236,11 @@ def _vents(scene: Scene | None) -> dict[str, str]:
 
 
 def _model(recording: Recording) -> dict[str, str]:
-    told = described(recording.bag.custom_data)
+    description = described(recording.bag.custom_data)
     version = recording.bag.custom_data.get('version') or 'of unknown version'
     moments = recording.timeline.last_run
     words = [f'lava_ros {version}, depth-averaged lava as particles']
-    preset = (told['parameters'] or {}).get('preset')
+    preset = (description['parameters'] or {}).get('preset')
     if isinstance(preset, str):
         words.append(f'preset {preset}')
     if moments:
@@ -251,11 +250,10 @@ def _model(recording: Recording) -> dict[str, str]:
         error = moments[-1].number('footprint_error')
         if math.isfinite(error):
             words.append(f'expected error of the footprint {100.0 * error:.2g} %')
-    return {'model': ', '.join(words), **_processes(effects_on(told) or ())}
+    return {'model': ', '.join(words), **_processes(effects_on(description) or ())}
 
 
 def _processes(effects: Iterable[str]) -> dict[str, str]:
-    """The effects that are on, in plain words."""
     words = [_plain(name) for name in effects]
     return {'processes included': ', '.join(words)} if words else {}
 
@@ -275,7 +273,7 @@ def _ground(frame: Frame) -> dict[str, str]:
 
 
 def system_words(epsg: int | None, wkt: str | None) -> str:
-    """The coordinate system by its code, and by its name where GDAL is installed."""
+    """Return the code of a coordinate system, and its name if GDAL is installed."""
     if not epsg:
         return system_name(None, wkt) if wkt else 'of the map frame: no coordinate system'
     try:
@@ -308,7 +306,7 @@ def _ensemble(folder: Path) -> Run:
         members, effective = tags['members'], float(tags['effective_members'])
         observation = tags.get('observation', 'none')
         onset = stated_onset(tags.get('onset', 'unknown'), str(folder))
-        # an ensemble that runs again may still have the maps of before
+        # a repeated ensemble may still have its previous maps
         on = tags.get('effects', '').split()
         reasons = [
             f'{_plain(item.effect)}: {item.reason}' for item in reviewed if item.effect in on
@@ -318,8 +316,8 @@ def _ensemble(folder: Path) -> Run:
             int(plan['looks']),
         )
     except (OSError, KeyError, TypeError, ValueError) as error:
-        right = f'an ensemble whose maps are finished and undamaged ({error})'
-        raise LavaError('ensemble', str(folder), right) from error
+        expected = f'an ensemble whose maps are finished and undamaged ({error})'
+        raise LavaError('ensemble', str(folder), expected) from error
     likely = np.nan_to_num(maps['inundation_probability'].values)
     cell = terrain.resolution**2
     areas = [
@@ -356,12 +354,12 @@ def _ensemble(folder: Path) -> Run:
 def _raster(
     path: Path, shape: tuple[int, ...], least: float = -MAX_ELEVATION, most: float = MAX_ELEVATION
 ) -> tuple[np.ndarray, dict[str, str]]:
-    """A map of an ensemble, NaN without data, and what is noted with it."""
-    with opened_raster('a map', path) as source:
+    """Return a map of an ensemble, NaN without data, and its tags."""
+    with open_raster('a map', path) as source:
         values = np.flipud(source.read(1, masked=True).astype(np.float64).filled(np.nan))
         tags = dict(source.tags())
     if values.shape != shape:
-        raise ValueError(f'{path.name} has other cells than {MANIFEST} says')
+        raise ValueError(f'{path.name} has other cells than {MANIFEST}')
     wrong = values[(values < least) | (values > most)]
     if wrong.size:
         raise ValueError(f'{path.name} has {wrong[0]:g}, expected {least:g} to {most:g}')

@@ -25,11 +25,11 @@ from lava_ros.ros.publishers import LayerPublishers, published_layers, ScenePubl
 from lava_ros.ros.recorder import BagFolder, Recorder
 from lava_ros.ros.recording import CheckpointRecording, SceneRecording
 from lava_ros.ros.services import create_services
-from lava_ros.ros.sources import resumed_simulation, SimulationMaker, Sources
+from lava_ros.ros.sources import resumed_simulation, SimulationFactory, Sources
 from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Maximum wait for the simulation thread when closing [s]. It may be in a time step, or compiling.
 STOP_TIMEOUT = 4.0
@@ -90,7 +90,7 @@ class ActiveNode:
         )
         self._entities = entities
         snapshot_ready = entities.create('guard_condition', self._publish)
-        maker = SimulationMaker()
+        maker = SimulationFactory()
         self._worker = SimulationWorker(
             lambda scene: maker.make(scene, self._settings),
             clock=lambda: now_ns(node) * 1e-9,
@@ -123,7 +123,7 @@ class ActiveNode:
         )
         rates = self._layers.rates.union(*(item.rates for item in self._forecasts.publishers))
         for rate in sorted(rates):
-            entities.create('timer', 1.0 / rate, lambda rate=rate: self._make_due(rate))
+            entities.create('timer', 1.0 / rate, lambda rate=rate: self._mark_due(rate))
         self._scene = ScenePublisher(entities, frame_id=settings.frame_id)
         self._diagnostics = entities.create(
             'publisher', DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
@@ -263,8 +263,8 @@ class ActiveNode:
     def _check_recorder(self) -> None:
         status = self._recorder.status
         if status.error:
-            right = f'a bag that can be written ({status.error})'
-            raise LavaError('recorder', status.state, right)
+            expected = f'a bag that can be written ({status.error})'
+            raise LavaError('recorder', status.state, expected)
 
     def save(self) -> str:
         """Write the current maps and a checkpoint to a bag and return its name.
@@ -304,14 +304,14 @@ class ActiveNode:
     def _begin(self, sources: Sources) -> None:
         checkpoint, command = sources.checkpoint, self._inputs.command
         if checkpoint is not None:
-            going_on = self._worker.go_on_with(
+            resume_future = self._worker.resume_with(
                 lambda: resumed_simulation(checkpoint, self._settings),
                 checkpoint.scene,
                 sources.origin,
                 sources.before,
                 reached=sources.reached,
             )
-            going_on.add_done_callback(self._note_failure)
+            resume_future.add_done_callback(self._note_failure)
         elif sources.scene is not None:
             command('scene', self._worker.set_scene(sources.scene))
         elif sources.terrain is not None:
@@ -319,18 +319,16 @@ class ActiveNode:
         else:
             self._node.get_logger().info(self._inputs.wanted)
 
-    def _note_failure(self, going_on: 'Future[None]') -> None:
+    def _note_failure(self, resume_future: 'Future[None]') -> None:
         # a new simulation in its place would look like the resumed eruption
-        if not going_on.cancelled():
-            self.failure = going_on.exception()
+        if not resume_future.cancelled():
+            self.failure = resume_future.exception()
 
-    # outputs
-
-    def _make_due(self, rate: float) -> None:
+    def _mark_due(self, rate: float) -> None:
         if not self.is_active:
             return
-        self._layers.make_due(rate)
-        self._forecasts.make_due(rate)
+        self._layers.mark_due(rate)
+        self._forecasts.mark_due(rate)
         self._worker.request_snapshot()
         if self._is_at_rest():
             self._publish()
@@ -344,7 +342,7 @@ class ActiveNode:
         stamp_ns = now_ns(self._node)
         if scene is not None:
             self._recording.write(self._worker.eruption, snapshot, stamp_ns)
-            is_heard = self._inputs.has_heard(scene.terrain)
+            is_heard = self._inputs.came_from_topic(scene.terrain)
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
         self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
         self._forecasts.publish(repeat=repeat)
@@ -354,7 +352,6 @@ class ActiveNode:
         self._log.recorder(self._recorder)
 
     def _publish_places(self, *, repeat: bool = False) -> None:
-        """Publish the arrival times at places according to the newest maps."""
         snapshot = self._layers.shown
         if snapshot is not None and self.is_active:
             self._places.publish(
@@ -413,8 +410,6 @@ class ActiveNode:
         self._report_checkpoint(self._checkpoints.poll(period, stamp_ns, changes=changes))
         self._log.recorder(self._recorder)
 
-    # recording
-
     def _arm_recorder(self) -> None:
         new = self._settings
         directory = self._bag_folder.path(new.bag_directory)
@@ -436,5 +431,4 @@ class ActiveNode:
 
 
 def _effect_settings(settings: Settings) -> tuple[Mapping[str, bool], float]:
-    """Return the settings that the choice of effects depends on."""
     return settings.forced, settings.horizon

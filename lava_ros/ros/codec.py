@@ -114,8 +114,8 @@ def message_class(message_type: str) -> Any:
     try:
         return getattr(importlib.import_module(f'{package}.msg'), name)
     except (ImportError, AttributeError) as error:
-        right = f'a type that is installed here ({error})'
-        raise LavaError('message_type', message_type, right) from error
+        expected = f'a type that is installed here ({error})'
+        raise LavaError('message_type', message_type, expected) from error
 
 
 def type_name(message_class: Any) -> str:
@@ -155,8 +155,8 @@ def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> An
         return deserialize_message(data, message_class)
     # For undecodable bytes, rclpy raises a RuntimeError without a public name.
     except (RuntimeError, ValueError, MemoryError, SystemError) as error:
-        right = f'a serialised {type_name(message_class)}'
-        raise LavaError(topic, f'{len(data)} bytes', right) from error
+        expected = f'a serialised {type_name(message_class)}'
+        raise LavaError(topic, f'{len(data)} bytes', expected) from error
 
 
 class _Parts:
@@ -271,8 +271,8 @@ def layer_values(message: Any, layer: str, name: str) -> np.ndarray:
     """
     layers = list(message.layers)
     if len(layers) != len(message.data):
-        right = f'as many as layers, {len(layers)}'
-        raise LavaError(f'{name}.data', f'{len(message.data)} arrays', right)
+        expected = f'as many as layers, {len(layers)}'
+        raise LavaError(f'{name}.data', f'{len(message.data)} arrays', expected)
     if layer not in layers:
         raise LavaError(f'{name}.layers', layers, f'with the layer {layer!r}')
     matrix = _matrix(message.data[layers.index(layer)], f'{name}.data[{layers.index(layer)}]')
@@ -286,8 +286,8 @@ def layer_values(message: Any, layer: str, name: str) -> np.ndarray:
     for key, length, size in zip('xy', (info.length_x, info.length_y), matrix.shape, strict=True):
         # The negation also catches NaN.
         if not abs(length / info.resolution - size) <= LENGTH_TOLERANCE:
-            right = f'{size * info.resolution:g} m: {size} cells of {info.resolution:g} m'
-            raise LavaError(f'{name}.info.length_{key}', length, right)
+            expected = f'{size * info.resolution:g} m: {size} cells of {info.resolution:g} m'
+            raise LavaError(f'{name}.info.length_{key}', length, expected)
     unwrapped = np.roll(matrix, (-starts[0], -starts[1]), axis=(0, 1))
     return np.ascontiguousarray(unwrapped[::-1, ::-1].T)
 
@@ -303,7 +303,7 @@ def _matrix(array: Any, name: str) -> np.ndarray:
         raise LavaError(f'{name}.layout.dim', sizes, 'sizes of at least one cell')
     cells = sizes[0] * sizes[1]
     if len(array.data) != layout.data_offset + cells:
-        right = f'data_offset + {sizes[0]} x {sizes[1]} = {layout.data_offset + cells}'
-        raise LavaError(f'{name}.data', f'{len(array.data)} values', right)
+        expected = f'data_offset + {sizes[0]} x {sizes[1]} = {layout.data_offset + cells}'
+        raise LavaError(f'{name}.data', f'{len(array.data)} values', expected)
     stored = np.asarray(array.data, dtype=np.float32)[layout.data_offset :].reshape(sizes)
     return stored if labels[0] == ROW else stored.T

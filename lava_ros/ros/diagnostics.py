@@ -22,10 +22,10 @@ from lava_ros.ros.recording import LastCheckpoint
 from lava_ros.ros.session import Eruption, is_on
 from lava_ros.ros.sources import DeadlineChoice
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
-from lava_ros.scene import temperature_doubts, Terrain
-from lava_ros.simulation.inundation import inundated_cells
+from lava_ros.scene import suspicious_temperatures, Terrain
+from lava_ros.simulation.output.inundation import inundated_cells
+from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.resolution import Resolution
-from lava_ros.simulation.snapshot import Snapshot
 
 #: Levels of a status.
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -53,7 +53,7 @@ def simulation_status(
     level, message = _LEVELS.get(state, OK), state.value
     warnings = snapshot.budget.warnings() if snapshot is not None else []
     # the state 'starting' already explains a wait
-    warnings += [*clock.values(), worker.hold_up if state is not WorkerState.STARTING else '']
+    warnings += [*clock.values(), worker.blocked_by if state is not WorkerState.STARTING else '']
     warnings.append('running slower than the clock asks for' if worker.is_behind else '')
     if state is WorkerState.RUNNING and resolution is not None and resolution.is_coarse:
         warnings.append(resolution.text())
@@ -308,7 +308,7 @@ class NodeLog:
     def __init__(self, logger: Any) -> None:
         """Initialize with an empty history."""
         self._logger = logger
-        self._told: dict[str, object] = {'state': WorkerState.WAITING}
+        self._logged: dict[str, object] = {'state': WorkerState.WAITING}
 
     def scene(self, session: Eruption, snapshot: Snapshot | None) -> None:
         """Log changes of terrain, vents and effects up to the newest snapshot.
@@ -316,21 +316,21 @@ class NodeLog:
         Changes within the noise of a sensor (``Eruption.changes``) are not logged.
         """
         scene = session.scene
-        if scene is None or self._told.get('changes') == session.changes:
+        if scene is None or self._logged.get('changes') == session.changes:
             return
-        self._told['changes'] = session.changes
+        self._logged['changes'] = session.changes
         terrain, vents, effects = scene.terrain, scene.vents, session.effects
-        self._tell('terrain', terrain, lambda: _terrain_text(terrain))
+        self._log_change('terrain', terrain, lambda: _terrain_text(terrain))
         # without the discharge: a live feed changes it continually
         now = snapshot.time if snapshot is not None else 0.0
         discharge = sum(vent.discharge_at(now) for vent in vents)
         places = [(vent.position, vent.end, vent.radius) for vent in vents]
-        self._tell('vents', places, lambda: f'vents: {len(vents)}, {discharge:g} m3/s')
+        self._log_change('vents', places, lambda: f'vents: {len(vents)}, {discharge:g} m3/s')
         # the topics use Celsius
-        doubts = temperature_doubts(scene, is_celsius=True)[:3]
-        self._tell('doubts', doubts, lambda: '; '.join(doubts), 'warning')
+        doubts = suspicious_temperatures(scene, is_celsius=True)[:3]
+        self._log_change('doubts', doubts, lambda: '; '.join(doubts), 'warning')
         names = [name for name, text in effects.items() if is_on(text)]
-        self._tell('effects', names, lambda: f'effects: {", ".join(names) or "none"}')
+        self._log_change('effects', names, lambda: f'effects: {", ".join(names) or "none"}')
 
     def worker(
         self,
@@ -349,14 +349,14 @@ class NodeLog:
             # an inactive node holds time too, and reports that it is inactive
             text = ''
         failed = state is WorkerState.FAILED
-        self._tell('state', state, lambda: text, 'error' if failed else 'info')
+        self._log_change('state', state, lambda: text, 'error' if failed else 'info')
         if resolution is not None:
             severity = 'warning' if resolution.is_coarse else 'info'
-            self._tell('resolution', resolution.text(), resolution.text, severity)
+            self._log_change('resolution', resolution.text(), resolution.text, severity)
         # the text contains a duration, so only the kind is compared
         for kind in ('clock', 'ahead', 'back', 'lost'):
-            self._tell(kind, kind in clock, partial(str, clock.get(kind, '')), 'warning')
-        self._tell('hold-up', bool(worker.hold_up), lambda: worker.hold_up, 'warning')
+            self._log_change(kind, kind in clock, partial(str, clock.get(kind, '')), 'warning')
+        self._log_change('hold-up', bool(worker.blocked_by), lambda: worker.blocked_by, 'warning')
 
     def volumes(self, snapshot: Snapshot) -> None:
         """Log the volume of lava emitted, and where it is."""
@@ -370,16 +370,16 @@ class NodeLog:
         status = recorder.status
         if recorder.is_recording:
             place = Path(status.directory).absolute()
-            self._tell('recorder', place, lambda: f'recording to {place}')
-        self._tell('recorder error', status.error, lambda: status.error, 'error')
+            self._log_change('recorder', place, lambda: f'recording to {place}')
+        self._log_change('recorder error', status.error, lambda: status.error, 'error')
 
-    def _tell(
+    def _log_change(
         self, about: str, thing: object, text: Callable[[], str], severity: str = 'info'
     ) -> None:
         """Log ``text`` when ``thing`` has changed; an empty text is not logged."""
-        if about in self._told and self._told[about] == thing:
+        if about in self._logged and self._logged[about] == thing:
             return
-        self._told[about] = thing
+        self._logged[about] = thing
         words = text()
         # rclpy requires a constant severity for each line of code that logs
         if words and severity == 'error':

@@ -111,7 +111,7 @@ class EnsembleForecasts:
         self._seen: queue.SimpleQueue[_Seen] = queue.SimpleQueue()
         self._sent: dict[int, Future[None]] = {}
         self._number = 0
-        self._at_hand: int | None = None
+        self._current: int | None = None
         self._ordered: tuple[int, float] | None = None
         self._is_refused = False
         self._changes: int | None = None
@@ -123,7 +123,7 @@ class EnsembleForecasts:
     @property
     def is_busy(self) -> bool:
         """True while an ensemble is being computed."""
-        return self._at_hand is not None
+        return self._current is not None
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
         """Accept a mask of lava observed at ROS time ``clock`` [s]; any thread may call this.
@@ -138,14 +138,14 @@ class EnsembleForecasts:
         """Return True if no ensemble is being computed or has been requested for this state."""
         # a refused ensemble would fail again until something changes
         may_be = not self._is_refused or changes != self._changes
-        return may_be and self._at_hand is None and (changes, time) != self._ordered
+        return may_be and self._current is None and (changes, time) != self._ordered
 
     def order(self, fork: Fork, number: int, rules: ForecastRules) -> dict[str, Any] | None:
         """Return the ensemble part of the request for forecast ``number``, or None."""
         self._note(fork)
         if not rules.members or not self.is_wanted(fork.changes, fork.checkpoint.time):
             return None
-        self._at_hand = number
+        self._current = number
         self._ordered = fork.changes, fork.checkpoint.time
         self._put(progress=0.0)
         return {
@@ -183,10 +183,10 @@ class EnsembleForecasts:
 
     def hear(self, name: str, **values: Any) -> bool:
         """Process a reply of the child process; return True if ``latest`` has changed."""
-        if name == 'progress' and self._at_hand is not None:
+        if name == 'progress' and self._current is not None:
             self._put(progress=values['ensemble'])
         elif name == 'ensemble_refused':
-            self._at_hand, self._is_refused = None, True
+            self._current, self._is_refused = None, True
             self._put(progress=None, error=values['reason'])
         elif name == 'outline_refused':
             self._end(values['number'], values['error'])
@@ -200,7 +200,7 @@ class EnsembleForecasts:
 
     def drop(self, reason: str) -> None:
         """Discard the current ensemble; the child process discards it too, or has ended."""
-        self._at_hand = self._ordered = None
+        self._current = self._ordered = None
         self._put(progress=None)
         waiting = list(self._sent.values())
         self._sent = {}
@@ -242,8 +242,8 @@ class EnsembleForecasts:
         ensemble = EnsembleForecast(terrain=self._terrain, is_done=is_done, **values)
         self.latest = Live(ensemble, stamp_ns, changes)
         self._put(error='')
-        if is_done and number == self._at_hand:
-            self._at_hand = None
+        if is_done and number == self._current:
+            self._current = None
             self._put(progress=None, count=self.status.count + 1)
         return True
 

@@ -87,10 +87,10 @@ class ForecastTopics:
         """Start or stop making and publishing forecasts."""
         self._forecaster.want(is_active)
 
-    def make_due(self, rate: float) -> None:
+    def mark_due(self, rate: float) -> None:
         """Mark the layers of a rate [Hz] as due with the next forecast."""
         for publishers in self.publishers:
-            publishers.make_due(rate)
+            publishers.mark_due(rate)
         self.publish()
 
     def publish(self, *, repeat: bool = False) -> None:
@@ -198,6 +198,6 @@ def _threshold(layers: Sequence[Layer]) -> float:
     arrivals = [item for item in layers if plain_source(item.source) in (ARRIVAL, PROBABILITY)]
     thresholds = {layer.threshold for layer in arrivals}
     if len(thresholds) > 1 or 0.0 in thresholds:
-        right = 'one threshold above 0 for all arrivals'
-        raise LavaError('forecast_config', sorted(thresholds), right)
+        expected = 'one threshold above 0 for all arrivals'
+        raise LavaError('forecast_config', sorted(thresholds), expected)
     return thresholds.pop() if thresholds else _THRESHOLD

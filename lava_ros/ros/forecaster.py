@@ -32,7 +32,7 @@ from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 
 #: Minimum wall time between the starts of two forecasts [s].
-LEAST_PERIOD = 1.0
+MIN_PERIOD = 1.0
 
 #: Minimum wall time between two copies of the state, as a multiple of the time that a copy takes:
 #: the thread of the live simulation makes the copies.
@@ -48,10 +48,10 @@ _WATCH_TIME = 0.1
 #: Minimum fraction of a device's time for forecasts, by kind of device. Two busy processes get
 #: half of a GPU each, so the live simulation loses half of this fraction. On a CPU, forecasts have
 #: a low priority and slow the simulation only by their use of caches and memory.
-LEAST_SHARES = {'cpu': 0.25, 'cuda': 0.1}
+MIN_DUTY_CYCLES = {'cpu': 0.25, 'cuda': 0.1}
 
 #: Increase of the fraction per second [1/s] while the live simulation keeps up.
-SHARE_RATE = 0.1
+DUTY_CYCLE_RATE = 0.1
 
 #: First and maximum wall time before the retry after a failure [s]; each failure doubles it.
 _RETRY_TIMES = (2.0, 60.0)
@@ -73,12 +73,12 @@ class Pace:
         if is_behind:
             self._share = 0.0
         elif self._noted is not None:
-            self._share = min(1.0, self._share + SHARE_RATE * (now - self._noted))
+            self._share = min(1.0, self._share + DUTY_CYCLE_RATE * (now - self._noted))
         self._noted = now
 
     def share(self, most: float, device: str) -> float:
         """Return the current fraction on a device, at most ``most``."""
-        least = LEAST_SHARES[device.partition(':')[0]]
+        least = MIN_DUTY_CYCLES[device.partition(':')[0]]
         return min(max(round(self._share, 1), least), most)
 
 
@@ -171,7 +171,7 @@ class Forecaster:
         self.status = AheadStatus()
         self._pace = Pace()
         self.is_wanted = False
-        self._failures = self._number = self._told = 0
+        self._failures = self._number = self._reported = 0
         self._forked: tuple[int, float] | None = None
         self._changes: int | None = None
         # the fork from which the forecast in progress started
@@ -217,14 +217,14 @@ class Forecaster:
         while not self._stopping.is_set():
             self._report_changes()
             try:
-                self._turn()
+                self._step()
             except (LavaError, OSError, ValueError) as error:
                 self._fail(str(error))
         self._end_process()
 
-    def _turn(self) -> None:
+    def _step(self) -> None:
         """Begin a forecast that is due, forward outlines, and process one reply."""
-        self._drop_outdated()
+        self._cancel_outdated()
         is_another = self.worker.eruption.changes != self._changes
         due = self._due_after_change if is_another else self._due
         is_due = self.is_wanted and time.monotonic() >= due
@@ -247,11 +247,11 @@ class Forecaster:
         answer = self._process.answer(_WATCH_TIME)
         if answer is not None:
             name, values = answer
-            self._hear(name, **values)
+            self._handle_reply(name, **values)
 
     def _report_changes(self) -> None:
-        if self.worker.eruption.changes != self._told:
-            self._told = self.worker.eruption.changes
+        if self.worker.eruption.changes != self._reported:
+            self._reported = self.worker.eruption.changes
             self.on_change()
 
     def _is_something_new(self) -> bool:
@@ -262,16 +262,16 @@ class Forecaster:
         has_members = self.rules().members > 0
         return state != self._forked or (has_members and self.ensembles.is_wanted(*state))
 
-    def _drop_outdated(self) -> None:
+    def _cancel_outdated(self) -> None:
         changes = self.worker.eruption.changes
         is_outdated = not self.is_wanted or changes != self._changes
         if is_outdated and (self._current_fork is not None or self.ensembles.is_busy):
             if self._process is not None:
                 self._process.order('cancel')
             self._report_changes()
-            self._drop('the scene has changed' if self.is_wanted else 'the node is not active')
+            self._cancel('the scene has changed' if self.is_wanted else 'the node is not active')
 
-    def _drop(self, reason: str) -> None:
+    def _cancel(self, reason: str) -> None:
         # a state that has been dropped may be forked again
         self._current_fork = self._forked = None
         self.ensembles.drop(reason)
@@ -279,7 +279,7 @@ class Forecaster:
 
     def _fail(self, reason: str) -> None:
         self._end_process()
-        self._drop(reason)
+        self._cancel(reason)
         self._put_status(error=reason)
         rest = min(_RETRY_TIMES[0] * 2.0**self._failures, _RETRY_TIMES[1])
         self._failures += 1
@@ -301,9 +301,9 @@ class Forecaster:
         self._renew_share(rules)
         self._put_status(progress=0.0)
         self._current_fork = fork
-        # a changed scene has no forecast at all, so it need not wait for LEAST_PERIOD
+        # a changed scene has no forecast at all, so it need not wait for MIN_PERIOD
         self._due_after_change = begun + FORK_REST * fork.wall_time
-        self._due = max(begun + LEAST_PERIOD, self._due_after_change)
+        self._due = max(begun + MIN_PERIOD, self._due_after_change)
         self._process.order('share', share=self.status.share)
         self._process.order(
             'fork',
@@ -332,7 +332,7 @@ class Forecaster:
             return fork
         return None
 
-    def _hear(self, name: str, **values: Any) -> None:
+    def _handle_reply(self, name: str, **values: Any) -> None:
         if self.ensembles.hear(name, **values):
             self.on_change()
         fork = self._current_fork

@@ -203,7 +203,7 @@ class InputTopics:
         self._reject(topic, error)
         self.log.forgive(topic)
 
-    def has_heard(self, terrain: Terrain) -> bool:
+    def came_from_topic(self, terrain: Terrain) -> bool:
         """Return True if a terrain was received on ``terrain`` and ``terrain_info``."""
         return id(terrain) in self._heard
 
@@ -260,8 +260,8 @@ class InputTopics:
     def _on_clicked_point(self, point: PointStamped) -> None:
         settings, scene = self.settings(), self.worker.eruption.scene
         if scene is not None and len(scene.vents) >= settings.max_vents:
-            right = f'at most {settings.max_vents} (max_vents)'
-            raise LavaError('clicked_point', 'one more vent', right)
+            expected = f'at most {settings.max_vents} (max_vents)'
+            raise LavaError('clicked_point', 'one more vent', expected)
         self._clicks += 1
         vent = inputs.vent_from_point(point, settings, name=f'click {self._clicks}')
         self.command('clicked_point', self.worker.add_vent(vent))
@@ -271,8 +271,8 @@ class InputTopics:
         stamp_ns = codec.nanoseconds(grid.header.stamp)
         moment_ns = now_ns(self.entities.node)
         if not 0 < stamp_ns <= moment_ns + CLOCK_TOLERANCE * 1e9:
-            right = f'the time at which it was seen, not after now, {1e-9 * moment_ns:.3f} s'
-            raise LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', right)
+            expected = f'the time at which it was seen, not after now, {1e-9 * moment_ns:.3f} s'
+            raise LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', expected)
         assert self.observe is not None
         self.command(_OUTLINE, self.observe(mask, 1e-9 * stamp_ns))
         if self.recorder is not None and self.recorder.is_recording:

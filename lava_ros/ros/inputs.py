@@ -98,8 +98,8 @@ def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
         # comparisons with NaN are False
         beyond = columns[axis][np.abs(columns[axis]) > most]
         if len(beyond):
-            right = f'at most {most:g} m above or below zero, NaN for points without data'
-            raise LavaError(f'{name}.{axis}', float(beyond[0]), right)
+            expected = f'at most {most:g} m above or below zero, NaN for points without data'
+            raise LavaError(f'{name}.{axis}', float(beyond[0]), expected)
     points = np.stack([columns['x'], columns['y'], columns['z']], axis=-1)
     points = points[~np.isnan(points).any(axis=1)]
     if len(points) == 0:
@@ -130,8 +130,8 @@ def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
     for array in message.data:
         cells = len(array.data) - array.layout.data_offset
         if cells > settings.max_terrain_cells:
-            right = f'at most {settings.max_terrain_cells} (max_terrain_cells)'
-            raise LavaError(f'{name}.data', f'{cells} cells', right)
+            expected = f'at most {settings.max_terrain_cells} (max_terrain_cells)'
+            raise LavaError(f'{name}.data', f'{cells} cells', expected)
     elevation = codec.layer_values(message, codec.ELEVATION, name)
     _check_cells(f'{name}.size', elevation.shape[1], elevation.shape[0], settings)
     _check_elevation(name, elevation, settings)
@@ -170,8 +170,8 @@ def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Ve
         for point in points[1:]:
             # NaN differs from every value, and is refused below
             if point[key] != first[key]:
-                right = f'{first[key]:g} as at its first time'
-                raise LavaError(f"vent '{name}'.{key}", point[key], right)
+                expected = f'{first[key]:g} as at its first time'
+                raise LavaError(f"vent '{name}'.{key}", point[key], expected)
     series = [(point['time'], point['discharge']) for point in points] if is_timed else None
     place = first['x'], first['y']
     return _vent(name, place, series or first['discharge'], first['temperature'], first['radius'])
@@ -195,8 +195,8 @@ def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'obse
     info = grid.info
     resolution = check_info(info, settings, name=f'{name}.info')
     if len(grid.data) != info.width * info.height:
-        right = f'width x height = {info.width * info.height} cells'
-        raise LavaError(f'{name}.data', f'{len(grid.data)} cells', right)
+        expected = f'width x height = {info.width * info.height} cells'
+        raise LavaError(f'{name}.data', f'{len(grid.data)} cells', expected)
     cells = np.asarray(grid.data, dtype=np.int8).reshape(info.height, info.width)
     if cells.max() > MAX_CELL_VALUE:
         raise LavaError(f'{name}.data', int(cells.max()), f'cells from -1 to {MAX_CELL_VALUE}')
@@ -274,12 +274,12 @@ def _vent(
 
 def _check_message(name: str, header: Header, settings: Settings, data: Any = b'') -> None:
     if header.frame_id != settings.frame_id:
-        right = f'{settings.frame_id!r}: nothing is transformed here'
-        raise LavaError(f'{name}.header.frame_id', header.frame_id, right)
+        expected = f'{settings.frame_id!r}: nothing is transformed here'
+        raise LavaError(f'{name}.header.frame_id', header.frame_id, expected)
     size = memoryview(data).nbytes
     if size > settings.max_input_bytes:
-        right = f'at most {settings.max_input_bytes} (max_input_bytes)'
-        raise LavaError(f'{name}.data', f'{size} bytes', right)
+        expected = f'at most {settings.max_input_bytes} (max_input_bytes)'
+        raise LavaError(f'{name}.data', f'{size} bytes', expected)
 
 
 def _check_pose(name: str, pose: Pose) -> None:
@@ -293,16 +293,16 @@ def _check_pose(name: str, pose: Pose) -> None:
         raise LavaError(f'{name}.position.z', place.z, '0: the elevations carry the height')
     # The negation also catches NaN.
     if not (max(abs(turn.x), abs(turn.y), abs(turn.z)) < 1e-6 and abs(abs(turn.w) - 1.0) < 1e-6):
-        right = '(0, 0, 0, 1): rotated grids are not supported'
-        raise LavaError(f'{name}.orientation', (turn.x, turn.y, turn.z, turn.w), right)
+        expected = '(0, 0, 0, 1): rotated grids are not supported'
+        raise LavaError(f'{name}.orientation', (turn.x, turn.y, turn.z, turn.w), expected)
 
 
 def _check_cells(field: str, width: int, height: int, settings: Settings) -> None:
     if min(width, height) < 2 or max(width, height) > MAX_SIDE_CELLS:
         raise LavaError(field, f'{width} x {height}', f'2 to {MAX_SIDE_CELLS} cells a side')
     if width * height > settings.max_terrain_cells:
-        right = f'at most {settings.max_terrain_cells} cells (max_terrain_cells)'
-        raise LavaError(field, f'{width} x {height}', right)
+        expected = f'at most {settings.max_terrain_cells} cells (max_terrain_cells)'
+        raise LavaError(field, f'{width} x {height}', expected)
 
 
 def _check_elevation(name: str, elevation: np.ndarray, settings: Settings) -> None:

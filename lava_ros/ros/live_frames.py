@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hears the maps of a running node and keeps them, packed, as the frames of its run."""
+"""Frames of a running node, from the maps that it publishes."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -30,22 +30,20 @@ from lava_ros.ros.outputs import BARRIERS, LABELS, PLACES
 from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Frames, Level, Status, watched_layers
 
-#: Silence after which a node is said not to answer [s]: it speaks every second.
+#: Time without diagnostics after which the node counts as silent [s]; the normal period is 1 s.
 PATIENCE = 5.0
 
-#: Most frames that are kept: every second one is left out when there are more.
+#: Maximum number of frames. Beyond it, every second one is deleted.
 MOST_FRAMES = 600
 
-#: Most moments whose maps wait for the diagnostics that say their time.
-MOST_WAITING = 20
+#: Maximum number of stamps whose maps wait for the diagnostics with their simulated time.
+_MAX_PENDING = 20
 
-#: Most messages that are taken in one poll.
-_MOST_HEARD = 50
+#: Maximum number of messages that one poll receives.
+_MAX_MESSAGES = 50
 
 
 class _Packed:
-    """A layer at one moment as few bytes."""
-
     def __init__(self, shown: LayerFrame) -> None:
         self._layer, self._is_saturated = shown.layer, shown.is_saturated
         self.shape = shown.values.shape
@@ -64,23 +62,23 @@ class _Packed:
 
 
 class LiveFrames(Watcher, Frames):
-    """The frames of a node in a namespace since they are heard, at simulated ``times`` [s].
+    """Frames received from the node in a namespace, at simulated ``times`` [s].
 
-    ``version`` changes when they do.
+    ``version`` increases with every change of the frames.
     """
 
     def __init__(self, namespace: str = '', domain_id: int | None = None) -> None:
-        """Join the ROS graph of a domain, None for that of the environment.
+        """Subscribe in a ROS domain, None for that of the environment.
 
-        ``namespace`` is that of the node's topics, such as ``/etna``; LavaError where ROS has none
-        of that kind.
+        Raises:
+            LavaError: If ``namespace`` is not a ROS namespace, such as ``/etna``.
         """
         self._namespace = namespace.strip('/')
         try:
             validate_namespace(f'/{self._namespace}')
         except InvalidNamespaceException as error:
-            right = 'letters, digits and _ between slashes, such as /etna'
-            raise LavaError('--namespace', namespace, right) from error
+            expected = 'letters, digits and _ between slashes, such as /etna'
+            raise LavaError('--namespace', namespace, expected) from error
         Watcher.__init__(self, 'lava_watch', domain_id, self._namespace)
         Frames.__init__(self)
         self._maps: list[dict[str, _Packed]] = []
@@ -95,8 +93,8 @@ class LiveFrames(Watcher, Frames):
         self._senders: dict[str, Any] = {}
         self._lava = 'lava'
         self._moment: Moment | None = None
-        self._heard, self._heard_at = 0, time.monotonic()
-        self._said = Status(Level.WAITING, '')
+        self._received, self._received_at = 0, time.monotonic()
+        self._reported = Status(Level.WAITING, '')
         self._problems: dict[str, str] = {}
         self._others: set[str] = set()
         latched = qos.ros_profile(qos.LATCHED)
@@ -110,24 +108,24 @@ class LiveFrames(Watcher, Frames):
             (MarkerArray, 'vents_markers', self._on_vents),
             (DiagnosticArray, 'place_arrivals', self._on_places),
         ]
-        for kind, topic, take in subscribed:
-            self._node.create_subscription(kind, topic, partial(self._take, topic, take), latched)
+        for kind, topic, read in subscribed:
+            self._node.create_subscription(kind, topic, partial(self._read, topic, read), latched)
         self._node.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )
 
     def poll(self) -> None:
-        """Take what has come."""
-        for _ in range(_MOST_HEARD):
-            heard = self._heard
+        """Process the messages that have arrived."""
+        for _ in range(_MAX_MESSAGES):
+            received = self._received
             self.listen(0.0)
-            if self._heard == heard:
+            if self._received == received:
                 return
 
     @property
     def status(self) -> Status:
-        """What the node says of itself, or that none is heard."""
-        silence = time.monotonic() - self._heard_at
+        """Status that the node reports, or the reason why there is none."""
+        silence = time.monotonic() - self._received_at
         if self._moment is None:
             domain = os.environ.get('ROS_DOMAIN_ID', '0')
             where = f'in namespace /{self._namespace} of ROS domain {domain}'
@@ -142,16 +140,20 @@ class LiveFrames(Watcher, Frames):
         if self._problems:
             return Status(Level.BAD, next(iter(self._problems.values())))
         lacks_ground = self._info is None or self._elevation is None
-        if self._maps and lacks_ground and self._said.level is not Level.BAD:
-            return Status(Level.WAITING, 'maps are heard, but no terrain with terrain_info')
-        return self._said
+        if self._maps and lacks_ground and self._reported.level is not Level.BAD:
+            return Status(Level.WAITING, 'received maps, but no terrain with terrain_info')
+        return self._reported
 
     def frame(self, index: int) -> Frame:
-        """The maps at one of the times; a layer that was not published then has its last one."""
+        """Return the frame at ``times[index]``, with the newest map of each layer at that time.
+
+        Raises:
+            LavaError: If there is no terrain, or its size differs from ``terrain_info``.
+        """
         if self._info is None or self._elevation is None:
-            raise LavaError('terrain', None, 'a terrain with its terrain_info: none was heard')
+            raise LavaError('terrain', None, 'a message on terrain and one on terrain_info')
         if self._elevation.shape != (self._info.height, self._info.width):
-            raise LavaError('terrain', self._elevation.shape, 'of the size that terrain_info says')
+            raise LavaError('terrain', self._elevation.shape, 'height and width of terrain_info')
         found: dict[str, _Packed] = {}
         for maps in self._maps[: index + 1]:
             shape = self._elevation.shape
@@ -207,11 +209,11 @@ class LiveFrames(Watcher, Frames):
     def _on_answer(self, name: str, future: Any) -> None:
         self.answer = f'{name}: {future.result().message}'
 
-    def _take(self, topic: str, take: Any, message: Any) -> None:
-        """Let a message be taken; one that is not what it says is told, and left out."""
-        self._heard += 1
+    def _read(self, topic: str, read: Any, message: Any) -> None:
+        """Read a message; an invalid one is reported in ``status`` and otherwise ignored."""
+        self._received += 1
         try:
-            take(message)
+            read(message)
             self._problems.pop(topic, None)
         except ValueError as error:
             self._problems[topic] = f'{topic}: {error}'
@@ -227,7 +229,7 @@ class LiveFrames(Watcher, Frames):
         else:
             stamp_ns = nanoseconds(message.header.stamp)
             self._waiting.setdefault(stamp_ns, {})[layer.source] = _Packed(shown)
-            if len(self._waiting) > MOST_WAITING:
+            if len(self._waiting) > _MAX_PENDING:
                 del self._waiting[min(self._waiting)]
 
     def _on_places(self, message: DiagnosticArray) -> None:
@@ -265,7 +267,7 @@ class LiveFrames(Watcher, Frames):
         self._vents = np.array([(item.x, item.y) for item in points]).reshape(-1, 2)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self._heard += 1
+        self._received += 1
         for status in message.status:
             node, _, task = status.name.partition(': ')
             if not task:
@@ -277,16 +279,16 @@ class LiveFrames(Watcher, Frames):
             if task != 'simulation':
                 continue
             self._lava = node
-            self._heard_at = time.monotonic()
+            self._received_at = time.monotonic()
             levels = {status.OK: Level.WELL, status.ERROR: Level.BAD}
             level = levels.get(status.level, Level.WAITING)
-            self._said = Status(level, f'{node}: {status.message}')
+            self._reported = Status(level, f'{node}: {status.message}')
             moment = moment_of(status)
             if moment is not None:
-                self._keep(moment)
+                self._add_frames(moment)
 
-    def _keep(self, moment: Moment) -> None:
-        """Make frames of the maps whose simulated time is known by now."""
+    def _add_frames(self, moment: Moment) -> None:
+        """Add frames of the pending maps, whose simulated time is interpolated."""
         before, self._moment = self._moment or moment, moment
         if moment.time < before.time:
             self.times.clear()
@@ -297,8 +299,8 @@ class LiveFrames(Watcher, Frames):
             since, span = stamp - before.stamp_ns, moment.stamp_ns - before.stamp_ns
             if since < 0:
                 continue
-            share = since / span if span else 1.0
-            now = before.time + share * (moment.time - before.time)
+            fraction = since / span if span else 1.0
+            now = before.time + fraction * (moment.time - before.time)
             if self.times and self.times[-1] == now:
                 self._maps[-1] |= maps
             else:

@@ -40,21 +40,21 @@ def probe() -> dict[str, Any]:
         rclpy.create_node(f'{topic}_{part}', start_parameter_services=False)
         for part in ('sender', 'receiver')
     )
-    heard: list[str] = []
+    received: list[str] = []
     for node in (sender, receiver):
         executor.add_node(node)
 
     def wait_for(text: str) -> bool:
-        while text not in heard and time.monotonic() < end:
+        while text not in received and time.monotonic() < end:
             executor.spin_once(timeout_sec=0.05)
-        return text in heard
+        return text in received
 
     started = time.monotonic()
     publisher = sender.create_publisher(String, topic, ros_profile(LATCHED))
     # Publish before subscribing: a latched message must reach a late subscriber.
     publisher.publish(String(data='first'))
     receiver.create_subscription(
-        String, topic, lambda message: heard.append(message.data), ros_profile(LATCHED)
+        String, topic, lambda message: received.append(message.data), ros_profile(LATCHED)
     )
     if not wait_for('first'):
         return {'error': f'a latched message did not arrive within {PATIENCE:g} s'}

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes around a lava node: what watches it from outside, and what stands for the sensors."""
+"""Nodes beside the lava node: monitors of its outputs, and a feed in place of sensors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,15 +24,16 @@ _FRAME = 'map'
 
 @dataclass(frozen=True)
 class Observation:
-    """What was heard last.
+    """Newest diagnostics, and the height maps so far.
 
     Attributes:
-        state: Words for what the simulation does, empty before anything was heard.
-        message: What the diagnostics say about the simulation; with ``values``, by key.
-        refused: The newest input that was refused, empty when all are taken.
-        recorder_error: What is wrong with the recording, empty when nothing is.
-        frames: Height maps heard.
-        frame_stamp_ns: Stamp of the newest of them [ns].
+        state: State of the simulation (``WorkerState``), empty before the first diagnostics.
+        message: Message of the status ``simulation``.
+        values: Values of the status ``simulation``, by key.
+        refused: Newest refused input, empty if all inputs are accepted.
+        recorder_error: Error of the recording, empty without one.
+        frames: Number of height maps received.
+        frame_stamp_ns: Stamp of the newest height map [ns].
     """
 
     state: str = ''
@@ -50,18 +51,18 @@ class Observation:
 
     @property
     def has_failed(self) -> bool:
-        """Whether the simulation has given up."""
+        """True if the simulation has failed."""
         return self.state == WorkerState.FAILED.value
 
     @property
     def is_finished(self) -> bool:
-        """Whether the simulation is at its end and its last height map was heard."""
+        """True if the simulation is finished and its last height map has been received."""
         last = int(self.values.get('frame_stamp_ns', -1))
         return self.state == WorkerState.FINISHED.value and self.frame_stamp_ns >= last
 
 
 class DiagnosticsWatch(Watcher):
-    """Keeps the newest diagnostic status of each name, with its stamp [ns]."""
+    """Stores the newest diagnostic status of each name, with its stamp [ns]."""
 
     def __init__(self, name: str, domain_id: int) -> None:
         """Join the ROS graph of a domain as the node ``name``."""
@@ -72,7 +73,7 @@ class DiagnosticsWatch(Watcher):
         )
 
     def values(self, task: str) -> dict[str, str]:
-        """The newest values of a status, with its message and the time of both, by key."""
+        """Return a status by key: its values, ``message``, ``stamp_ns`` and ``error``."""
         stamp_ns, status = self._statuses.get(f'lava: {task}', (0, DiagnosticStatus()))
         known = {item.key: item.value for item in status.values}
         is_error = 'yes' if status.level == DiagnosticStatus.ERROR else ''
@@ -84,7 +85,7 @@ class DiagnosticsWatch(Watcher):
 
 
 class Monitor(DiagnosticsWatch):
-    """Listens to ``/diagnostics`` and ``height``."""
+    """Subscribes to ``/diagnostics`` and ``height``."""
 
     def __init__(self, domain_id: int) -> None:
         """Join the graph of a domain."""
@@ -98,7 +99,7 @@ class Monitor(DiagnosticsWatch):
         )
 
     def observe(self, timeout: float) -> Observation:
-        """Listen for at most a while [s] and say what is known."""
+        """Receive messages for up to ``timeout`` [s], and return the observation."""
         self.listen(timeout)
         values, inputs, recorder = map(self.values, ('simulation', 'inputs', 'recorder'))
         return Observation(
@@ -113,44 +114,45 @@ class Monitor(DiagnosticsWatch):
 
 
 @dataclass(frozen=True, eq=False)
-class HeardGrid:
-    """A grid with a stamp [ns] that was heard at a monotonic wall time [s].
+class ReceivedGrid:
+    """A grid with its stamp [ns], received at the monotonic wall time ``received`` [s].
 
     ``cells`` are int8, shape [rows, columns].
     """
 
     stamp_ns: int
-    heard: float
+    received: float
     cells: np.ndarray
 
 
 class ForecastWatch(DiagnosticsWatch):
     """Opens vents, publishes an outline, and receives forecasts.
 
-    ``arrivals`` and ``probabilities`` are all maps of ``arrival`` and ``inundation_probability``.
+    ``arrivals`` and ``probabilities`` list all received maps of ``arrival`` and
+    ``inundation_probability``.
     """
 
     def __init__(self, domain_id: int) -> None:
         """Join the graph of a domain."""
         super().__init__('lava_forecast_watch', domain_id)
-        self.arrivals: list[HeardGrid] = []
-        self.probabilities: list[HeardGrid] = []
+        self.arrivals: list[ReceivedGrid] = []
+        self.probabilities: list[ReceivedGrid] = []
         latched, commands = qos.ros_profile(qos.LATCHED), qos.ros_profile(qos.COMMANDS)
         self._vents = self._node.create_publisher(PointCloud2, 'vents', commands)
         self._outline = self._node.create_publisher(OccupancyGrid, 'observed_outline', commands)
-        heard = {'arrival': self.arrivals, 'inundation_probability': self.probabilities}
-        for topic, grids in heard.items():
+        received = {'arrival': self.arrivals, 'inundation_probability': self.probabilities}
+        for topic, grids in received.items():
             take = partial(self._on_grid, grids)
             self._node.create_subscription(OccupancyGrid, topic, take, latched)
 
     @property
-    def is_heard(self) -> bool:
-        """Whether a node hears what is published here."""
+    def has_subscribers(self) -> bool:
+        """True if both topics have a subscriber."""
         publishers = self._vents, self._outline
         return all(publisher.get_subscription_count() for publisher in publishers)
 
     def open_vents(self, vents: Sequence[Vent], terrain: Terrain) -> float:
-        """Publish vents, and return when that was on the monotonic clock [s]."""
+        """Publish vents, and return the monotonic time [s]."""
         rows, stamp_ns = outputs.vent_rows(vents, 0.0), now_ns(self._node)
         self._vents.publish(
             outputs.vents_message(rows, terrain, frame_id=_FRAME, stamp_ns=stamp_ns)
@@ -158,7 +160,7 @@ class ForecastWatch(DiagnosticsWatch):
         return time.monotonic()
 
     def show_outline(self, lava: np.ndarray, terrain: Terrain, stamp_ns: int) -> float:
-        """Publish where lava was observed at a ROS time [ns], and return the monotonic time [s].
+        """Publish an outline observed at a ROS time [ns], and return the monotonic time [s].
 
         ``lava`` is bool, shape [rows, columns]; every cell counts as observed.
         """
@@ -168,25 +170,24 @@ class ForecastWatch(DiagnosticsWatch):
         return time.monotonic()
 
     @staticmethod
-    def _on_grid(grids: list[HeardGrid], grid: OccupancyGrid) -> None:
+    def _on_grid(grids: list[ReceivedGrid], grid: OccupancyGrid) -> None:
         cells = np.asarray(grid.data, dtype=np.int8).reshape(grid.info.height, grid.info.width)
         stamp_ns = codec.nanoseconds(grid.header.stamp)
-        grids.append(HeardGrid(stamp_ns, time.monotonic(), cells))
+        grids.append(ReceivedGrid(stamp_ns, time.monotonic(), cells))
 
 
 class SceneFeed(Node):
-    """Publishes terrain, latched, and the vents whenever they change or somebody joins.
+    """Publishes terrain, latched, and the vents when they change or a subscriber joins.
 
-    A discharge that changes with time follows the simulated time on ``/diagnostics``, which also
-    say what the node has refused: whoever runs the feed does not see the node's log. So does the
-    ground: the events of the scene are published at their times. The lava's constants are not
-    sent; these are parameters of the simulation.
+    Effusion rates and terrain events follow the simulated time on ``/diagnostics``. Inputs that
+    the node refuses are logged here too, for a user of the feed who does not see the node's log.
+    The constants of the lava are parameters of the node and are not published.
     """
 
     def __init__(
         self, scene: Scene, *, frame_id: str = _FRAME, has_vents: bool = True
     ) -> None:
-        """Create the publishers, and publish the terrain; without vents that alone."""
+        """Create the publishers, and publish the terrain; ``has_vents`` adds the vents."""
         super().__init__('lava_feed')
         self._scene = scene
         self._frame_id = frame_id
@@ -200,7 +201,7 @@ class SceneFeed(Node):
             'terrain': self.create_publisher(Image, 'terrain', latched),
             'terrain_info': self.create_publisher(MapMetaData, 'terrain_info', latched),
         }
-        # who comes late gets them when published again: the node does not ask for old ones
+        # not latched, because the node subscribes volatile: published again to new subscribers
         self._vents = self.create_publisher(PointCloud2, 'vents', commands)
         self.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
@@ -212,7 +213,7 @@ class SceneFeed(Node):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            # Other namespaces have eruptions of their own.
+            # a node in another namespace simulates another eruption
             node, _, task = status.name.rpartition(': ')
             if node.rpartition('/')[0] != self.get_namespace().strip('/'):
                 continue

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node `lava`: a managed node, from its parameters to the active node that does the work."""
+"""The node `lava`: its lifecycle, its parameters and its main loop."""
 
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
@@ -32,22 +32,23 @@ from lava_ros.scene import constants_of
 #: Exit status for invalid arguments and parameters, as of the other commands.
 USAGE_ERROR = 2
 
-# The parameters that are there before the node is configured; those of lava follow a scene.
+# Declared before the node is configured. Configuring declares `lava.*`, whose defaults are those
+# of the scene.
 _DECLARED = parameters.SOURCES + parameters.PARAMETERS
 
 
 class LavaNode(LifecycleNode):
-    """A managed node (ROS 2 design, "Managed nodes"); starts by itself unless told otherwise.
+    """A managed node (ROS 2 design, "Managed nodes") that starts itself if ``autostart`` is true.
 
-    configure    reads parameters and files, joins the graph, starts on the scene or takes terrain
-                 and vents; time stands still and no layer is published
-    activate     lets time pass, publishes, records when it shall
-    deactivate   holds time; inputs are still taken and diagnostics told
+    configure    reads parameters and files, joins the graph, and loads the scene or waits for
+                 terrain and vents; simulated time is held and no layer is published
+    activate     lets simulated time advance, publishes, and records if configured
+    deactivate   holds simulated time; inputs and diagnostics continue
     cleanup      finishes the bag, ends the simulation and leaves the graph
 
-    A transition that is refused leaves the node where it was, and the log contains the reason. A
-    transition that ends in an unexpected error leaves it unconfigured. ``refusal`` is the reason
-    why a transition was not made; ``has_failed`` is True after an unexpected error.
+    A refused transition leaves the state unchanged, and the log contains the reason. A transition
+    with an unexpected error leaves the node unconfigured. ``refusal`` is the reason of the last
+    failed transition; ``has_failed`` is True after an unexpected error.
     """
 
     def __init__(self, *, typed: Collection[str] = (), **options: Any) -> None:
@@ -73,7 +74,7 @@ class LavaNode(LifecycleNode):
         self._is_autostarting = bool(declared['autostart'])
         parameters.fix(self, parameters.LIFECYCLE, fixed=True)
         for spec in _DECLARED:
-            # a value of the wrong type is refused when the node is configured
+            # configuring refuses a value of the wrong type
             with suppress(LavaError):
                 parameters.declare(self, (spec,))
         self.add_pre_set_parameters_callback(partial(parameters.with_types, self))
@@ -82,11 +83,11 @@ class LavaNode(LifecycleNode):
 
     @property
     def failure(self) -> BaseException | None:
-        """Error because of which the node has to end, None without one."""
+        """Error that ends the node, None without one."""
         return self._active.failure if self._active is not None else None
 
     def autostart(self) -> bool:
-        """Configure and activate unless told not to; whether it went well (``refusal``)."""
+        """Configure and activate if ``autostart`` is true; return True without a ``refusal``."""
         good = TransitionCallbackReturn.SUCCESS
         steps = (self.trigger_configure, self.trigger_activate) if self._is_autostarting else ()
         self._is_starting = True
@@ -96,7 +97,7 @@ class LavaNode(LifecycleNode):
             self._is_starting = False
 
     def close(self) -> bool:
-        """Finish the bag and end the simulation, and say whether its thread has ended."""
+        """Finish the bag and end the simulation; return True if its thread has ended."""
         active, self._active = self._active, None
         parameters.fix(self, _DECLARED, fixed=False)
         if active is not None:
@@ -107,24 +108,22 @@ class LavaNode(LifecycleNode):
         return self._ending is None
 
     def report_callback(self, error: Exception) -> None:
-        """Report what a callback of the middleware itself raised."""
+        """Report an error that the middleware itself raised in a callback."""
         if self._active is not None:
             self._active.report_callback(error)
         else:
             self.get_logger().error(f'{type(error).__name__}: {error}')
-
-    # transitions
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files, and join the graph."""
         return self._transition('configure', 'configured', self._configure)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let time pass, and publish."""
+        """Let simulated time advance, and publish."""
         return self._transition('activate', 'active', lambda: self._configured().activate())
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Hold time, and publish no more layers."""
+        """Hold simulated time, and publish no more layers."""
         return self._transition('deactivate', 'inactive', lambda: self._configured().deactivate())
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -136,18 +135,18 @@ class LavaNode(LifecycleNode):
         return self._transition('shut down', 'shut down', self._close)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin anew, unconfigured, after an error nobody expected."""
+        """Clean up after an unexpected error, which leaves the node unconfigured."""
         return self._transition('clean up after an error', 'cleaned up', self._close)
 
     def _transition(
         self, name: str, done: str, action: Callable[[], None]
     ) -> TransitionCallbackReturn:
-        # rclpy drops what a transition raises without a word.
+        # rclpy discards an exception of a transition without a message
         try:
             action()
         except LavaError as error:
             self.refusal = str(error)
-            # at the start main() prints the reason
+            # during autostart main() prints the reason
             if not self._is_starting:
                 self.get_logger().error(f'cannot {name}: {self.refusal}')
             return TransitionCallbackReturn.FAILURE
@@ -161,8 +160,8 @@ class LavaNode(LifecycleNode):
 
     def _configure(self) -> None:
         if not self.close():
-            right = 'ended; configure again in a while'
-            raise LavaError('simulation', 'still in the last step before cleanup', right)
+            expected = 'ended; configure again in a while'
+            raise LavaError('simulation', 'still in the last step before cleanup', expected)
         # a later configure starts from the scene: the bags of this process are finished
         sources = load_sources(self, may_restart=self._constants is None)
         settings = self._declare_parameters(sources)
@@ -182,12 +181,12 @@ class LavaNode(LifecycleNode):
 
     def _close(self) -> None:
         if not self.close():
-            self.get_logger().warning('a step of the simulation goes on until it has ended')
-        # Maps are in reference cycles, which an idle process would keep for long.
+            self.get_logger().warning('the current step of the simulation ends in the background')
+        # maps are in reference cycles, which an idle process would keep for a long time
         gc.collect()
 
     def _answer_all_requests(self) -> None:
-        """Refuse a transition that the state does not have; rclpy would leave it unanswered."""
+        """Reply to a request for a transition that the state lacks; rclpy would not reply."""
         change = self._service_change_state
         change_state = change.callback
 
@@ -203,12 +202,10 @@ class LavaNode(LifecycleNode):
 
         change.callback = answer
 
-    # parameters
-
     def _declare_parameters(self, sources: Sources) -> parameters.Settings:
         constants = constants_of(sources.scene)
         specs = parameters.PARAMETERS + parameters.constant_parameters(constants)
-        former, self._constants = self._constants, constants
+        previous, self._constants = self._constants, constants
         self._values = parameters.declare(self, specs)
         for text in parameters.without_effect(self, self._typed):
             self.get_logger().warning(text)
@@ -221,9 +218,9 @@ class LavaNode(LifecycleNode):
             )
             if sources.onset and not self._values['onset']:
                 self._change({'onset': sources.onset})
-        elif former is not None:
-            # from a scene file that has changed, but for those set by hand
-            old = parameters.constant_values(former)
+        elif previous is not None:
+            # the scene file may have changed: update the parameters that the user has not set
+            old = parameters.constant_values(previous)
             self._change({
                 name: value
                 for name, value in parameters.constant_values(constants).items()
@@ -237,7 +234,7 @@ class LavaNode(LifecycleNode):
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:
         try:
-            # Unconfigured, one wrong value after the other can be put right.
+            # unchecked while unconfigured, so that several wrong values can be corrected in turn
             if self._active is not None:
                 self._active.check(parameters.settings_from(self._with(changed)))
         except LavaError as error:
@@ -255,7 +252,7 @@ class LavaNode(LifecycleNode):
 
 
 class _PackageLog(logging.Handler):
-    """Passes what the package logs, Warp among it, on to the log of a node."""
+    """Forwards log records of the package, including those of Warp, to the log of a node."""
 
     def __init__(self, node: LavaNode) -> None:
         super().__init__()
@@ -278,9 +275,9 @@ def main(args: list[str] | None = None) -> int:
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopping.append(number))
-    # The default of Fast DDS sends from the thread that publishes, which then waits where sending
-    # again to a subscriber that has stopped reading is under way: seconds in which nobody is
-    # served. It has to be set before rclpy.init; other middleware ignores it.
+    # By default, Fast DDS sends in the publishing thread, which then blocks for seconds while data
+    # is resent to a subscriber that has stopped reading. Set this before rclpy.init; other
+    # middleware ignores it.
     os.environ.setdefault('RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS')
     words = sys.argv[1:] if args is None else args
     try:
@@ -292,7 +289,7 @@ def main(args: list[str] | None = None) -> int:
         rclpy.try_shutdown()
         return USAGE_ERROR
     package = logging.getLogger('lava_ros')
-    # in place of what prints it for the other commands
+    # replaces the handler that the command line installs
     package.handlers[:] = [_PackageLog(node)]
     package.setLevel(logging.INFO)
     if not node.autostart():
@@ -303,14 +300,14 @@ def main(args: list[str] | None = None) -> int:
     node.destroy_node()
     rclpy.shutdown()
     if not ended:
-        # Leaving normally would wait for, or crash in, the thread that is still in the solver.
+        # a normal exit would wait for, or crash in, the thread that is still in the solver
         sys.stdout.flush()
         os._exit(status)
     return status
 
 
 def _run(node: LavaNode, is_stopping: Callable[[], bool]) -> tuple[bool, int]:
-    """Run callbacks until it is time to stop; whether the simulation has ended, and the status."""
+    """Run callbacks until the stop; return whether the simulation has ended, and the status."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:

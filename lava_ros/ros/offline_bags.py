@@ -23,7 +23,7 @@ from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.layers import ARRIVED, Layer
 from lava_ros.ros import codec, diagnostics, outputs
 from lava_ros.scene import Scene, scene_to_dict, Terrain
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Namespace of the topics of an ensemble's bag.
 NAMESPACE = '/lava'
@@ -35,8 +35,6 @@ _FRAME = 'map'
 
 
 class _Bag(BagWriter):
-    """A bag that is written without a node."""
-
     def __init__(self, path: Path, namespace: str, scene: Scene, data: Mapping[str, str]) -> None:
         described = {
             'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),
@@ -135,6 +133,6 @@ def write_snapshots(
                 if layer.source != ARRIVED or snapshot.arrived is not None:
                     bag.put_layer(layer, snapshot, stamp)
             values = diagnostics.snapshot_values(snapshot, stamp)
-            told = diagnostics.status('lava: simulation', DiagnosticStatus.OK, 'finished', values)
-            message = DiagnosticArray(header=codec.header('', stamp), status=[told])
+            state = diagnostics.status('lava: simulation', DiagnosticStatus.OK, 'finished', values)
+            message = DiagnosticArray(header=codec.header('', stamp), status=[state])
             bag.put('diagnostics', message, stamp)

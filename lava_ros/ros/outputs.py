@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the simulation shows -> messages."""
+"""Messages made from scenes, snapshots and forecasts."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -20,17 +20,21 @@ from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec
 from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 
 def message_class(layer: Layer) -> Any:
-    """The class of a layer's message; LavaError where its package is not installed."""
+    """Return the class of a layer's message.
+
+    Raises:
+        LavaError: If the package of the message is not installed.
+    """
     try:
         return codec.message_class(layer.message)
     except LavaError as error:
-        right = 'a message whose package is installed: install ros-jazzy-grid-map-msgs, '
-        right += f"or switch the layer off (layers_off: ['{layer.name}'])"
-        raise LavaError(f'layers.{layer.name}.message', layer.message, right) from error
+        expected = 'a message whose package is installed: install ros-jazzy-grid-map-msgs, '
+        expected += f"or switch the layer off (layers_off: ['{layer.name}'])"
+        raise LavaError(f'layers.{layer.name}.message', layer.message, expected) from error
 
 
 def layer_message(
@@ -47,7 +51,7 @@ def layer_message(
         return codec.occupancy_grid(values, info, message_header)
     if layer.message == IMAGE:
         return codec.float_image(layer.raw_values(snapshot), message_header)
-    # all quantities side by side are those of the flow
+    # point clouds and grid maps contain quantities of one flow, not of an ensemble
     assert not isinstance(snapshot, EnsembleForecast)
     if layer.message == POINT_CLOUD:
         return codec.point_cloud(layer.points(snapshot), message_header)
@@ -71,15 +75,15 @@ def _extend(values: np.ndarray, added: Sequence[int], info: MapMetaData) -> np.n
 def terrain_messages(
     terrain: Terrain, *, frame_id: str, stamp_ns: int
 ) -> dict[str, Image | MapMetaData]:
-    """Make the image and its description that stand for a terrain, by their topics."""
+    """Make the messages of a terrain, by topic."""
     image = codec.float_image(terrain.elevation, codec.header(frame_id, stamp_ns))
     return {'terrain': image, 'terrain_info': codec.map_metadata(terrain, stamp_ns)}
 
 
 def relief_message(terrain: Terrain, *, frame_id: str, stamp_ns: int) -> OccupancyGrid:
-    """Make the grid that shows a terrain: 0 in the light to 100 in the shade, -1 without data.
+    """Make the hillshade of a terrain: 0 for lit to 100 for shaded cells, -1 without data.
 
-    The light is from the north-west, 45 degrees high, as on printed maps.
+    The light is from the north-west, 45 degrees above the horizon.
     """
     info = codec.map_metadata(terrain, stamp_ns)
     return codec.occupancy_grid(_shade(terrain), info, codec.header(frame_id, stamp_ns))
@@ -88,7 +92,6 @@ def relief_message(terrain: Terrain, *, frame_id: str, stamp_ns: int) -> Occupan
 # cached: 25 million cells take a second, and publisher and bag need the same cells
 @lru_cache(maxsize=1)
 def _shade(terrain: Terrain) -> np.ndarray:
-    """Compute the cells of a relief, int8, shape [rows, columns]."""
     north, east = np.gradient(terrain.elevation, terrain.resolution)
     facing = 0.5 * (east - north) + math.sqrt(0.5)
     shade = 100.0 * (1.0 - np.clip(facing / np.sqrt(1.0 + east**2 + north**2), 0.0, 1.0))
@@ -96,11 +99,11 @@ def _shade(terrain: Terrain) -> np.ndarray:
 
 
 def vent_rows(vents: Sequence[Vent], time: float) -> list[tuple[float, ...]]:
-    """List the vents as they are at a simulated time [s].
+    """Return the rows of the vents at a simulated time [s].
 
     Returns:
-        (x, y, discharge [m3/s], temperature [Celsius], radius [m], id) of each vent; a fissure
-        is its two ends with half the discharge each.
+        (x, y, discharge [m3/s], temperature [Celsius], radius [m], id) of each vent; of a fissure
+        one row for each end, with half of the discharge.
     """
     rows: list[tuple[float, ...]] = []
     for index, vent in enumerate(vents):
@@ -116,23 +119,23 @@ def vent_rows(vents: Sequence[Vent], time: float) -> list[tuple[float, ...]]:
 def vents_message(
     rows: Sequence[tuple[float, ...]], terrain: Terrain, *, frame_id: str, stamp_ns: int
 ) -> PointCloud2:
-    """Make the cloud that stands for rows of ``vent_rows``, at the height of the terrain."""
+    """Make the cloud of rows of ``vent_rows``; z is the elevation of the terrain."""
     names = ('x', 'y', 'z', 'discharge', 'temperature', 'radius', 'id')
     points = [(*row[:2], _elevation(terrain, *row[:2]), *row[2:]) for row in rows]
     columns = {name: [point[index] for point in points] for index, name in enumerate(names)}
     return codec.point_cloud(columns, codec.header(frame_id, stamp_ns))
 
 
-#: Namespaces of the markers: vents, their labels, lines from the plane of the maps to the ground,
-#: and the crests of barriers.
+#: Namespaces of the markers: vents, their labels, lines from z = 0 to the ground, and the crests
+#: of barriers.
 PLACES, LABELS, ELEVATIONS, BARRIERS = 'vents', 'vent labels', 'vent elevations', 'barriers'
 
-#: Colours of a vent that emits lava, of one that does not, of labels and of crests [RGBA]. They
-#: are opaque because RViz draws a translucent map over a translucent marker.
+#: Colours of active vents, of inactive vents, of labels and of crests [RGBA]. They are opaque
+#: because RViz draws a translucent map over a translucent marker.
 OPEN, CLOSED, WORDS = (1.0, 0.35, 0.0, 1.0), (0.4, 0.65, 1.0, 1.0), (1.0, 1.0, 1.0, 1.0)
 CREST = (0.24, 0.17, 0.12, 1.0)
 
-#: Height of the letters as a fraction of the terrain's shorter side; thickness of a vent's disc as
+#: Height of the letters as a fraction of the terrain's shorter side. Thickness of a vent's disc as
 #: a fraction of its width, and its maximum [m].
 LETTERS, THICKNESS, MAX_THICKNESS = 0.028, 0.1, 1.0
 
@@ -140,17 +143,17 @@ LETTERS, THICKNESS, MAX_THICKNESS = 0.028, 0.1, 1.0
 def vent_markers(
     vents: Sequence[Vent], time: float, terrain: Terrain, *, frame_id: str, stamp_ns: int
 ) -> MarkerArray:
-    """Make markers of the vents, as they are at ``time``, simulated [s], and of barriers.
+    """Make markers of the vents at a simulated ``time`` [s] and of the barriers.
 
-    Viewers draw grids at z = 0, and RViz looks down from z = 500 m: a vent at the elevation of a
-    mountain would be drawn away from its lava, or not at all. The markers are therefore at z = 0,
-    and a line from there to the ground shows the elevation. The minimum width of a marker is the
-    height of the letters.
+    Viewers draw grids at z = 0, and the camera of RViz is at z = 500 m: a vent at the elevation of
+    a mountain would be drawn away from its lava, or not at all. The markers are therefore at
+    z = 0, and a line from there to the ground shows the elevation. The minimum width of a marker
+    is the height of the letters.
 
     Returns:
-        A marker that deletes the earlier ones, then for each vent its disc, or the line of a
-        fissure, a label with its name, discharge [m3/s] and temperature [Celsius], and a line to
-        the ground; and the crest of each barrier of the terrain.
+        A marker that deletes the earlier ones. Then for each vent a disc, or for a fissure a line;
+        a label with its name, discharge [m3/s] and temperature [Celsius]; and a line to the
+        ground. Then the crest of each barrier.
     """
     header = codec.header(frame_id, stamp_ns)
     letters = LETTERS * min(terrain.shape) * terrain.resolution
@@ -196,7 +199,7 @@ def vent_markers(
 
 
 class SceneMessages:
-    """Makes the messages that show a scene, each only when its content has changed.
+    """Makes the messages of a scene, each only when its content has changed.
 
     The node publishes these messages, and every bag contains them.
     """
@@ -207,7 +210,7 @@ class SceneMessages:
         self.forget()
 
     def forget(self) -> None:
-        """Make all messages again in the next call of ``update``."""
+        """Force the next ``update`` to make all messages again."""
         self._ground: Terrain | None = None
         self._vents: object = None
 
@@ -218,9 +221,9 @@ class SceneMessages:
 
         Args:
             scene: The scene.
-            time: Simulated time for which the vents are shown [s].
+            time: Simulated time of the vents [s].
             stamp_ns: ROS time of the messages [ns].
-            ground: Terrain under the flow that is shown, by default that of the scene.
+            ground: Current terrain under the flow; None for that of the scene.
 
         Returns:
             Messages by topic: ``terrain``, ``terrain_info`` and ``relief`` for new ground,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node's parameters: descriptions, ranges, and the settings they make."""
+"""The node's parameters: descriptions, ranges, and the settings made of their values."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lava_ros import validation
-from lava_ros.effects import EFFECTS, Effects, possible, without_replaced
+from lava_ros.effects import drop_superseded, EFFECTS, Effects, possible
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import MAX_MARGIN
 from lava_ros.maps.layers import ZERO_CELSIUS
@@ -31,10 +31,10 @@ from lava_ros.simulation.selection import HORIZON
 #: Prefix of the parameters that are fields of ``Lava``.
 LAVA = 'lava.'
 
-#: What is said of a parameter that is read when the node is configured.
+#: Constraint that tools show for a parameter that is read when the node is configured.
 WHEN = 'read-only while the node is configured'
 
-#: Wall time from one checkpoint to the next unless the user says otherwise [s].
+#: Default wall time between checkpoints [s].
 CHECKPOINT_PERIOD = 60.0
 
 
@@ -44,14 +44,14 @@ _EXAMPLES = {'effects': 'inertia', 'layers': 'lava_points', 'places': 'villages.
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """One parameter, whose default gives it its type; a list is one of texts.
+    """A parameter. Its type is that of its default; a list contains strings.
 
     Attributes:
-        description: What it means and in which unit.
-        limits: Smallest and largest value, for numbers.
+        description: Meaning and unit.
+        limits: Smallest and largest value of a number.
         read_only: Whether it is fixed while the node is configured.
-        choices: The texts it may be, or have in its list; empty: any.
-        read: Makes the setting of a value that is no list.
+        choices: Valid strings or, of a list, valid elements; empty: any.
+        read: Converts the value of a parameter that is not a list to its setting.
     """
 
     name: str
@@ -64,19 +64,20 @@ class ParameterSpec:
 
     @property
     def is_list(self) -> bool:
-        """Whether it is a list of texts."""
+        """True if the parameter is a list of strings."""
         return isinstance(self.default, list)
 
     @property
     def range_text(self) -> str:
-        """Range of a number as text, such as ``0 to 100``; empty without a range."""
+        """Range of a number as a string, such as ``0 to 100``; empty without a range."""
         style = '.12g' if isinstance(self.default, float) else '.0f'
         return ' to '.join(format(limit, style) for limit in self.limits or ())
 
     def setting(self, value: Any) -> Any:
-        """What a value stands for in ``Settings``; a list becomes a tuple without empty texts.
+        """Convert a value to its setting; a list becomes a tuple without empty strings.
 
-        LavaError where it is no list but has to be one, or none of the choices.
+        Raises:
+            LavaError: If a list is expected and ``value`` is not one, or it is not a valid choice.
         """
         texts = (value,)
         if self.is_list:
@@ -84,21 +85,21 @@ class ParameterSpec:
                 kind = self.name.partition('_')[0]
                 example = _EXAMPLES[kind]
                 raise LavaError(self.name, value, f"a list of {kind}, such as ['{example}']")
-            # a list with one empty text is how ROS writes an empty list of texts
+            # in ROS, an empty list of strings is a list with one empty string
             texts = tuple(text for text in value if text != '')
         for text in texts if self.choices else ():
             validation.choice(self.name, text, self.choices)
         return texts if self.is_list else self.read(value)
 
     def descriptor(self) -> ParameterDescriptor:
-        """The descriptor that tools show and rclpy checks."""
+        """Return the descriptor that tools show and rclpy checks."""
         constraints = [WHEN] * self.read_only
         if self.choices:
             constraints.append(f'{"each " * self.is_list}one of {", ".join(self.choices)}')
         result = ParameterDescriptor(
             description=self.description, additional_constraints='; '.join(constraints)
         )
-        # An empty list has no type of its own: tools send it as one of anything.
+        # tools may send an empty list with any type
         result.dynamic_typing = self.is_list
         if self.limits is not None and isinstance(self.default, float):
             low, high = self.limits
@@ -111,7 +112,7 @@ class ParameterSpec:
 
 _FixedSpec = partial(ParameterSpec, read_only=True)
 
-#: What is known before the node is configured.
+#: Parameters that are read when the node starts, before it is configured.
 LIFECYCLE = (
     _FixedSpec(
         'autostart',
@@ -120,7 +121,7 @@ LIFECYCLE = (
     ),
 )
 
-#: What says where terrain and lava come from; the defaults of ``lava.*`` depend on it.
+#: Sources of terrain and lava; the defaults of ``lava.*`` depend on them.
 SOURCES = (
     _FixedSpec(
         'scene',
@@ -142,7 +143,7 @@ SOURCES = (
 
 
 def _parameter(*values: Any, **options: Any) -> Any:
-    """Declare a field of ``Settings`` and its parameter, whose name is that of the field."""
+    """Return a field of ``Settings`` with its parameter, which has the name of the field."""
     spec = ParameterSpec('', *values, **options)
     return field(default=spec.setting(spec.default), metadata={'spec': spec})
 
@@ -154,10 +155,10 @@ _hours = partial(_parameter, read=lambda hours: 3600.0 * hours)
 
 @dataclass(frozen=True)
 class Settings:
-    """What the parameters say, checked: a field for each, of its name and meaning, in SI units.
+    """Checked values of the parameters: one field for each, in SI units.
 
-    What is automatic or absent is None, where the parameter is 0 or empty. A list of texts is a
-    tuple. ``constants`` are lava and surroundings (``scene.constants_of``).
+    A field is None if the parameter is 0 or empty for automatic or absent. A list of strings is a
+    tuple. ``constants`` are the constants of lava and surroundings (``scene.constants_of``).
     """
 
     device: str | None = _optional(
@@ -244,8 +245,8 @@ class Settings:
     )
     places: tuple[str, ...] = _fixed(
         [''],
-        'Files of points, lines and areas (.geojson, .gpkg, .csv) for which place_arrivals and '
-        'the diagnostics tell when lava arrives there',
+        'Files of points, lines and areas (.geojson, .gpkg, .csv); place_arrivals and the '
+        'diagnostics report when lava arrives there',
     )
     clicked_point_enabled: bool = _fixed(
         True,
@@ -360,7 +361,7 @@ PARAMETERS = tuple(
 
 
 def constant_parameters(constants: Mapping[str, Any]) -> tuple[ParameterSpec, ...]:
-    """Parameters of surroundings and lava (``lava.*``); ``constants`` has the defaults."""
+    """Return the parameters of surroundings and lava (``lava.*``), with their defaults."""
     lava, result = constants['lava'], []
     around = [(item, constants[item.name]) for item in fields(Scene) if item.name in ENVIRONMENT]
     for item, value in [*around, *((item, getattr(lava, item.name)) for item in fields(Lava))]:
@@ -374,7 +375,7 @@ def constant_parameters(constants: Mapping[str, Any]) -> tuple[ParameterSpec, ..
 
 
 def constant_values(constants: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of the parameters of lava and surroundings, by name."""
+    """Return the values of the parameters of lava and surroundings, by name."""
     return {spec.name: spec.default for spec in constant_parameters(constants)}
 
 
@@ -417,7 +418,6 @@ def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
 
 
 def _is_empty(value: Any) -> bool:
-    """Return True if a value stands for an empty list of strings."""
     if value is None or isinstance(value, str):
         return value in _EMPTY_LISTS
     return hasattr(value, '__len__') and len(value) == 0
@@ -445,15 +445,18 @@ def with_types(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
 
 
 def typed(args: Sequence[str]) -> set[str]:
-    """Names of the parameters that a command line sets for this node: ``-p name:=value``."""
+    """Return the names of the parameters that a command line sets with ``-p name:=value``."""
     words = [word for flag, word in pairwise(args) if flag in ('-p', '--param')]
     return {word.partition(':=')[0].removeprefix('lava:') for word in words}
 
 
 def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
-    """What to say of each parameter given at the start that the node does not have.
+    """Return a warning for each parameter given at the start that the node does not have.
 
-    Files may speak to many nodes, so that one more is no error; LavaError where it was typed.
+    A parameter file may contain parameters of other nodes, so these are not errors.
+
+    Raises:
+        LavaError: If such a parameter is in ``typed_names``, those of the command line.
     """
     known = list(node._parameters)
     result = []
@@ -472,17 +475,21 @@ def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
 
 
 def fix(node: Node, specs: Iterable[ParameterSpec], *, fixed: bool) -> None:
-    """Let parameters that are read when a node is configured be set, or not, as tools are told."""
+    """Make the read-only parameters of a node fixed or settable."""
     for spec in specs:
         if spec.read_only and node.has_parameter(spec.name):
-            # the descriptor in use; rclpy lets nobody put another in the place of a fixed one
+            # changes the descriptor in place, because rclpy does not replace a read-only one
             node.describe_parameter(spec.name).read_only = fixed
 
 
 def put(node: Node, values: Mapping[str, Any]) -> None:
-    """Set parameters of a node, all or none; LavaError where one cannot have its value."""
+    """Set parameters of a node, all or none.
+
+    Raises:
+        LavaError: If a value is refused.
+    """
     if not values:
-        # rclpy refuses to set nothing
+        # rclpy raises for an empty list
         return
     new = [Parameter(name, value=value) for name, value in values.items()]
     result = node.set_parameters_atomically(new)
@@ -491,12 +498,16 @@ def put(node: Node, values: Mapping[str, Any]) -> None:
 
 
 def plain(value: Any) -> Any:
-    """A parameter's value, with a list in place of any array."""
+    """Return a parameter's value; an array becomes a list."""
     return value if value is None or isinstance(value, str | bool | int | float) else list(value)
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:
-    """Make settings of parameter values by name; LavaError where one is not usable."""
+    """Make the settings of parameter values by name.
+
+    Raises:
+        LavaError: If a value, or a combination of values, is not valid.
+    """
     if not values['frame_id']:
         raise LavaError('frame_id', '', 'the name of a frame, such as map')
     if values['onset']:
@@ -514,9 +525,9 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         if name in names_on:
             raise LavaError('effects_off', name, 'an effect that is not in effects_on as well')
     for name in names_on:
-        if name not in without_replaced(possible(lava)):
-            right = 'an effect that the material has by its constants, lava.*'
-            raise LavaError('effects_on', name, right)
+        if name not in drop_superseded(possible(lava)):
+            expected = 'an effect that the material has by its constants, lava.*'
+            raise LavaError('effects_on', name, expected)
     try:
         Effects(**{name: name in names_on for name in EFFECTS})
     except LavaError as error:

@@ -17,7 +17,7 @@ from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.spinning import Entities
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature, load_features
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Relative name of the topic.
 TOPIC = 'place_arrivals'
@@ -108,18 +108,18 @@ class PlaceTopic:
             level = ERROR if self._error else OK
             return [diagnostics.status('places', level, self._error or 'no maps yet', {})]
         # sort by level, most severe first
-        told = sorted(
+        statuses = sorted(
             (
                 (_level(latest, index), row.name, latest.words(index))
                 for index, row in enumerate(latest.rows)
             ),
             key=lambda item: item[0], reverse=True,
         )
-        worst = told[0][0]
-        said = [f'{name}: {words}' for level, name, words in told if level == worst != OK]
-        more = f'; and {len(said) - _MAX_NAMED} more' if len(said) > _MAX_NAMED else ''
-        message = '; '.join(said[:_MAX_NAMED]) + more or latest.summary
-        values = {name: words for _, name, words in told[:_MAX_DESCRIBED]}
+        worst = statuses[0][0]
+        sentences = [f'{name}: {words}' for level, name, words in statuses if level == worst != OK]
+        more = f'; and {len(sentences) - _MAX_NAMED} more' if len(sentences) > _MAX_NAMED else ''
+        message = '; '.join(sentences[:_MAX_NAMED]) + more or latest.summary
+        values = {name: words for _, name, words in statuses[:_MAX_DESCRIBED]}
         return [diagnostics.status('places', worst, message, values)]
 
     def _arrivals(

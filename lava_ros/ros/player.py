@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishes a bag into the graph: the recorded bytes with the recorded QoS, and /clock."""
+"""Replay of a bag in a ROS graph: the recorded bytes with the recorded QoS, and /clock."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -30,10 +30,10 @@ SHARED_TOPICS = frozenset(
     (CLOCK_TOPIC, '/diagnostics', '/parameter_events', '/rosout', '/tf', '/tf_static')
 )
 
-#: Time between steps when no clock is published [s]: often enough for a progress bar.
+#: Time between steps without a clock [s], short enough for a progress bar.
 QUIET_TICK = 0.1
 
-#: Longest time to wait at the end until reliable subscribers have everything [s].
+#: Maximum wait at the end until reliable subscribers have received everything [s].
 ACKNOWLEDGE_TIMEOUT = 2.0
 
 
@@ -50,16 +50,16 @@ def play(
 ) -> int:
     """Replay a bag in this process until it ends or SIGINT or SIGTERM arrives.
 
-    For the main thread, in a ROS context of its own. Topics whose message type is not installed
-    are left out with a warning.
+    Call it in the main thread; it makes a ROS context of its own. Topics whose message type is not
+    installed are left out with a warning.
 
     Args:
         bag: The bag.
         clock: Whether to publish /clock, in place of a recorded one.
-        wait_for_subscribers: Longest time to wait for a subscriber on every topic [s].
-        rate: Bag time that passes in a second of wall time [s/s].
-        loop: Whether to start over at the end, for ever.
-        start_offset: Where to start, from the bag's first message [s of bag time].
+        wait_for_subscribers: Maximum wait for a subscriber on every topic [s].
+        rate: Bag time per wall time [s/s].
+        loop: Whether to start again at the end, without limit.
+        start_offset: Bag time of the start after the bag's first message [s].
         on_step: Called after every message and clock tick.
         ros_arguments: ROS arguments, beginning with ``--ros-args``: a namespace, remapped topics.
 
@@ -148,16 +148,16 @@ class _Player:
             self.published += 1
 
     def wait_until_acknowledged(self) -> None:
-        """Wait until reliable subscribers have everything, at most a while."""
+        """Wait up to ``ACKNOWLEDGE_TIMEOUT`` until reliable subscribers have everything."""
         deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT
         for name, publisher in self._publishers.items():
             seconds = max(deadline - time.monotonic(), 0.0)
             if not publisher.wait_for_all_acked(Duration(nanoseconds=round(seconds * 1e9))):
-                self._logger.warning(f'a subscriber of {name} has not got everything')
+                self._logger.warning(f'a subscriber of {name} has not received every message')
 
 
 def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
-    """Return the name that a topic of a bag has in a namespace.
+    """Return the name of a bag's topic in a namespace.
 
     In the root namespace topics keep their recorded names. Elsewhere a topic below the namespace
     of the recorded node gets a relative name; a topic that was remapped out of that namespace, or
@@ -171,7 +171,7 @@ def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
 
 @contextmanager
 def _set_on_signals(stop: StopRequest) -> Iterator[None]:
-    """Request a stop on SIGINT and SIGTERM, and put back the handlers afterwards."""
+    """Request a stop on SIGINT and SIGTERM, and restore the handlers afterwards."""
     previous = {
         number: signal.signal(number, lambda *_: stop.set())
         for number in (signal.SIGINT, signal.SIGTERM)

@@ -26,7 +26,7 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.spinning import Entities
 from lava_ros.scene import Scene
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: A snapshot, forecast or ensemble that layers show.
 Shown = TypeVar('Shown', Snapshot, Forecast, EnsembleForecast)
@@ -45,19 +45,19 @@ def published_layers(
             the package of a message is missing, or there is a ``mask_margin`` but no mask.
     """
     known: list[Layer] = []
-    for path, is_forecast, right in (
+    for path, is_forecast, expected in (
         (config, False, 'a source of the current state; forecasts are in forecast_config'),
         (forecast, True, 'a source of a forecast'),
     ):
         for layer in load_layers(path) if path is not None else ():
             if layer.is_forecast is not is_forecast:
-                raise LavaError(f'layers.{layer.name}.source', layer.source, right)
+                raise LavaError(f'layers.{layer.name}.source', layer.source, expected)
             known.append(layer)
     topics = [layer.topic for layer in known]
     for layer in known:
         if topics.count(layer.topic) > 1:
-            right = 'a topic that msg_config and forecast_config do not share'
-            raise LavaError(f'layers.{layer.name}.topic', layer.topic, right)
+            expected = 'a topic that msg_config and forecast_config do not share'
+            raise LavaError(f'layers.{layer.name}.topic', layer.topic, expected)
     layers = switched(known, on=settings.layers_on, off=settings.layers_off)
     has_ensembles = settings.ensemble_members > 0
     enabled = [
@@ -124,7 +124,7 @@ class LayerPublishers(Generic[Shown]):
         self.shown: Shown | None = None
         self.shown_stamp_ns = 0
 
-    def make_due(self, rate: float) -> None:
+    def mark_due(self, rate: float) -> None:
         """Mark the layers of a rate [Hz] as due with the next new snapshot."""
         for output in self._outputs:
             output.is_due |= output.layer.rate == rate

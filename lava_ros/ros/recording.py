@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What goes into a bag beside the layers: the scene, as it changes, and checkpoints."""
+"""Recording of scenes and checkpoints in a bag, in addition to the layers."""
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
@@ -20,25 +20,24 @@ from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.session import Eruption, is_on, Origin
 from lava_ros.scene import Scene, scene_to_dict, Terrain
-from lava_ros.simulation.checkpoint import MEDIA_TYPE, summary_of
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.checkpoint import MEDIA_TYPE, summary_of
+from lava_ros.simulation.output.snapshot import Snapshot
 
-#: ROS time after which terrain and vents are written again [ns]: players that start in the middle
-#: of a bag pass over what is latched from before.
+#: ROS time after which terrain and vents are written again [ns], because a player that starts in
+#: the middle of a bag skips earlier latched messages.
 REPEAT_PERIOD_NS = 60 * 10**9
 
 
 @dataclass(eq=False)
 class SceneRecording:
-    """Opens an armed bag, and writes terrain and vents into it whenever they have changed.
+    """Opens an armed bag, describes it, and writes terrain and vents when they have changed.
 
-    They are written again from time to time, though never so often that they are most of the bag.
-    What describes the bag is replaced when the scene changes, all but the effects: their list has
-    one entry for the start and one for each time that some went on or off, in JSON. A bag that
-    begins in the middle of an eruption names the checkpoint it has gone on from, in JSON.
+    Terrain and vents are also repeated (``REPEAT_PERIOD_NS``), but take at most half of the bag.
+    The description is updated when the scene changes. It lists in JSON the effects at the start
+    and each later switch, and the checkpoint from which the simulation was resumed, if any.
 
-    ``configs`` has the texts of the layer files by their parameters, ``parameters`` returns all of
-    the node by name.
+    ``configs`` contains the texts of the layer files by the names of their parameters;
+    ``parameters`` returns all parameters of the node by name.
     """
 
     node: Node
@@ -48,11 +47,11 @@ class SceneRecording:
     parameters: Callable[[], Mapping[str, Any]]
 
     def __post_init__(self) -> None:
-        """Begin without a bag."""
+        """Initialize without a bag."""
         self._scene: Scene | None = None
         self._origin: Origin | None = None
         self._messages = outputs.SceneMessages(self.frame_id)
-        self._told_ns = self._told_size = 0
+        self._written_ns = self._written_size = 0
         self._effects: dict[str, str] = {}
         self._history: list[dict[str, Any]] = []
 
@@ -76,18 +75,18 @@ class SceneRecording:
         for topic, message in messages.items():
             self._write(topic, message, stamp_ns)
         if 'terrain' in messages:
-            self._told_ns, self._told_size = stamp_ns, self.recorder.size
+            self._written_ns, self._written_size = stamp_ns, self.recorder.size
 
     def _is_to_repeat(self, terrain: Terrain, stamp_ns: int) -> bool:
-        grown = self.recorder.size - self._told_size
-        is_late = stamp_ns - self._told_ns >= REPEAT_PERIOD_NS
-        # what it has grown by begins with the terrain itself
-        return is_late and grown >= 2 * terrain.elevation.nbytes
+        growth = self.recorder.size - self._written_size
+        is_late = stamp_ns - self._written_ns >= REPEAT_PERIOD_NS
+        # the growth includes the terrain that was written last
+        return is_late and growth >= 2 * terrain.elevation.nbytes
 
     def _note_effects(
         self, effects: Mapping[str, str], snapshot: Snapshot, stamp_ns: int
     ) -> bool:
-        """Add what has gone on or off to the list, all at first; whether there was anything."""
+        """Append the effects that were switched to the history; return True if there are any."""
         changed = {
             name: text
             for name, text in effects.items()
@@ -120,17 +119,17 @@ class SceneRecording:
         }
 
 
-#: Periods that a checkpoint waits at most for the bag to grow.
+#: Maximum number of periods for which a checkpoint is postponed until the bag has grown.
 PATIENCE = 10.0
 
-#: Periods between checkpoints after a change of scene or effects, which a restarted process could
-#: not find out otherwise.
+#: Number of periods between checkpoints after a change of scene or effects, which a restarted
+#: process can only read from a checkpoint.
 AFTER_CHANGE = 0.1
 
 
 @dataclass(frozen=True)
 class LastCheckpoint:
-    """The newest checkpoint in a bag: simulated time [s], size [bytes], and how many there are."""
+    """Newest checkpoint in a bag: simulated time [s] and size [bytes]; number of checkpoints."""
 
     time: float
     size: int
@@ -153,7 +152,7 @@ class CheckpointRecording:
     last: LastCheckpoint | None = None
 
     def __post_init__(self) -> None:
-        """Write nothing yet."""
+        """Initialize without a checkpoint."""
         self._directory = ''
         self._pending: Future[bytes] | None = None
         self._asked: float | None = None

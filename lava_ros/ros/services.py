@@ -9,7 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
 import traceback
-from typing import Any, TYPE_CHECKING
+from typing import Any, Protocol
 
 from std_srvs.srv import SetBool, Trigger
 
@@ -20,12 +20,31 @@ from lava_ros.ros.spinning import Entities
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 
-if TYPE_CHECKING:
-    from lava_ros.ros.active_node import ActiveNode
+
+class ControlledNode(Protocol):
+    """Parts of an active node that services control."""
+
+    is_active: bool
+
+    @property
+    def step_length(self) -> float:
+        """Length of one requested step [s]."""
+
+    def pause(self, paused: bool) -> Future[None]:
+        """Pause or resume the simulation."""
+
+    def save(self) -> str:
+        """Save maps, and return their path."""
+
+    def start_recording(self) -> str:
+        """Start a bag, and return its path."""
+
+    def stop_recording(self) -> str:
+        """Close the bag, and return its path; empty if there was none."""
 
 
 def create_services(
-    active: ActiveNode,
+    active: ControlledNode,
     entities: Entities,
     *,
     worker: SimulationWorker,
@@ -46,8 +65,8 @@ def create_services(
     def commanded(name: str, future: Future[None], text: str) -> str:
         """Return the response to a command, with the reason if it has to wait."""
         inputs.command(name, future)
-        hold_up = worker.status.hold_up
-        return f'{text}, but later: {hold_up}' if hold_up else text
+        blocked_by = worker.status.blocked_by
+        return f'{text}, but later: {blocked_by}' if blocked_by else text
 
     def reset(_: Any) -> str:
         if worker.eruption.scene is None:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scene in use and the simulation of it: what messages change. No rclpy in here."""
+"""Session of a simulation: the current scene, which messages change. Without rclpy."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace
@@ -17,13 +17,13 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.vents import are_alike, schedule
-from lava_ros.simulation.checkpoint import Checkpoint
-from lava_ros.simulation.measurement import measure_resolution
+from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.measurement import measure_resolution
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.selection import Decision
 
 if TYPE_CHECKING:
-    # The solver's package loads Warp; the worker's thread does that, not the importer.
+    # the solver loads Warp: done in the worker's thread, not at import
     from lava_ros.simulation import Simulation, Snapshot
 
 
@@ -32,13 +32,13 @@ ELEVATION_NOISE = 0.1
 
 
 class SimulationError(Exception):
-    """The simulation cannot go on; says why, and what helps."""
+    """The simulation cannot continue; the message contains the reason and a remedy."""
 
 
 class Origin(NamedTuple):
-    """The checkpoint that a simulation has gone on from.
+    """The checkpoint from which a simulation was resumed.
 
-    Its bag, its simulated time [s], and the ROS time at which it was taken, ``stamp_ns`` [ns].
+    ``bag`` contains it, ``time`` is its simulated time [s], ``stamp_ns`` its ROS time [ns].
     """
 
     bag: str
@@ -47,10 +47,10 @@ class Origin(NamedTuple):
 
 
 class Fork(NamedTuple):
-    """A copy of the state, from which another simulation can go on.
+    """A copy of the state, from which another simulation can start.
 
-    ``changes`` are those of scene or effects up to then, ``clock`` is the time on the clock that
-    simulated time follows [s], and ``wall_time`` is how long the copy took [s].
+    ``changes`` is ``Eruption.changes`` at the copy, ``clock`` the time of the clock that simulated
+    time follows [s], and ``wall_time`` the wall time of the copying [s].
     """
 
     checkpoint: Checkpoint
@@ -62,20 +62,20 @@ class Fork(NamedTuple):
 class Eruption:
     """A scene that changes while it is simulated.
 
-    What is refused raises LavaError and leaves scene and simulation as they were.
+    A refused change or request raises LavaError and leaves scene and simulation unchanged.
 
     Attributes:
-        simulation: The simulation, None before there is a terrain or after a failure.
-        scene: The scene in use, None before there is a terrain.
-        schedule: Its vents with all that they and those before them have emitted and will.
-        origin: The checkpoint that the simulation has gone on from, None when it began at time 0.
-        latest: The newest snapshot, None before the first; it stays after a failure.
-        effects: The table of effects (``effect_table``), empty before there is a simulation.
-        resolution: Expected resolution of the flow, None before there is a simulation.
+        simulation: The simulation, None without a terrain or after a failure.
+        scene: Current scene, None without a terrain.
+        schedule: Its vents with their discharges over the whole run, including earlier vents.
+        origin: Checkpoint from which the simulation was resumed, None if it started at time 0.
+        latest: Newest snapshot, None before the first; it stays after a failure.
+        effects: Table of effects (``effect_table``), empty without a simulation.
+        resolution: Expected resolution of the flow, None without a simulation.
         changes: Number of changes that make a forecast invalid: starts, changes of effects, and
             changes of vents or terrain beyond the noise of a sensor (``are_alike``,
             ``ELEVATION_NOISE``).
-        starts: How often a simulation has begun or gone on.
+        starts: Number of simulations started or resumed.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Eruption:
         *,
         constants: Mapping[str, Any] | None = None,
     ) -> None:
-        """Start without a terrain; ``constants`` apply until a scene brings its own."""
+        """Initialize without a terrain; ``constants`` apply until a scene replaces them."""
         self._make_simulation = make_simulation
         self._constants = constants or constants_of(None)
         self._is_changed = False
@@ -99,7 +99,7 @@ class Eruption:
         self._counted: tuple[Scene | None, Effects | None] = None, None
         self.resolution: Resolution | None = None
         self._measured: tuple[Snapshot | None, Resolution | None] = None, None
-        # the ground and the events before the first event, for a reset
+        # terrain and events before the first event, for a reset
         self._before_events: tuple[Terrain, tuple[TerrainEvent, ...]] | None = None
         self.changes = self.starts = 0
 
@@ -111,13 +111,13 @@ class Eruption:
     @property
     def device(self) -> str:
         """Name of the device, empty without a simulation."""
-        # the simulation may go at any time where another thread asks
+        # another thread may remove the simulation at any time
         simulation = self.simulation
         return simulation.device if simulation is not None else ''
 
     @property
     def measured_resolution(self) -> Resolution | None:
-        """Resolution of the newest snapshot; the expected one while its flow is small."""
+        """Resolution of the newest snapshot; the expected resolution while its flow is small."""
         simulation, latest = self.simulation, self.latest
         if simulation is None or latest is None:
             return self.resolution
@@ -126,20 +126,20 @@ class Eruption:
         return self._measured[1] or self.resolution
 
     def start(self, scene: Scene) -> None:
-        """Start a scene at time 0 in place of what there was; refused, that stays in place."""
-        self.go_on_with(self._make_simulation(scene), scene)
+        """Start a scene at time 0 in place of the current simulation."""
+        self.resume_with(self._make_simulation(scene), scene)
 
-    def go_on_with(
+    def resume_with(
         self,
         simulation: 'Simulation',
         scene: Scene,
         origin: Origin | None = None,
         before: tuple[Vent, ...] = (),
     ) -> None:
-        """Continue with a simulation of a scene, at any time, in place of the present one.
+        """Replace the current simulation by one of ``scene``, which may be at any time.
 
-        ``before`` has the vents up to its time if they differ from the scene's; it determines the
-        volume emitted so far.
+        ``before`` contains the vents up to that time if they differ from those of the scene; it
+        determines the volume emitted so far.
         """
         self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
         self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
@@ -149,19 +149,23 @@ class Eruption:
         self._note_change()
 
     def checkpoint(self) -> Checkpoint:
-        """Copy all that is needed to go on from here."""
+        """Copy the state to a checkpoint."""
         if self.simulation is None:
             raise LavaError('checkpoint', 'no simulation', 'one that has started and not failed')
         return self.simulation.checkpoint()
 
     def begin(self, terrain: Terrain, vents: tuple[Vent, ...]) -> None:
-        """Start on the first terrain."""
+        """Start at time 0 on the first terrain."""
         self.start(Scene(terrain, vents=vents, **self._constants))
 
     def advance(self, until: float, *, wall_limit: float, max_particles: int) -> float:
-        """Simulate up to a time [s], at most a wall time [s], and return the time reached [s].
+        """Simulate up to ``until`` [s] for at most ``wall_limit`` [s].
 
-        SimulationError where there are more than ``max_particles``; ``latest`` shows them.
+        Returns:
+            The time reached [s].
+
+        Raises:
+            SimulationError: If there are more than ``max_particles``; ``latest`` contains them.
         """
         assert self.simulation is not None
         before = self.simulation.time
@@ -182,18 +186,17 @@ class Eruption:
         return reached
 
     def _follow_events(self) -> None:
-        """Take over the ground from the simulation, where an event has changed it."""
         assert self.simulation is not None and self.scene is not None
-        now = self.simulation.scene
-        if len(now.events) < len(self.scene.events):
+        current = self.simulation.scene
+        if len(current.events) < len(self.scene.events):
             self._before_events = self._before_events or (self.scene.terrain, self.scene.events)
-            self.scene = replace(self.scene, terrain=now.terrain, events=now.events)
+            self.scene = replace(self.scene, terrain=current.terrain, events=current.events)
             self._note_change()
 
     def set_terrain(self, terrain: Terrain) -> bool:
-        """Replace the ground under the flow and say whether it is another."""
+        """Replace the terrain under the flow; return True if it differs from the current one."""
         assert self.scene is not None
-        # Publishers often repeat their map; the same ground again changes nothing.
+        # publishers often repeat their terrain: an identical terrain changes nothing
         if _is_same(terrain, self.scene.terrain):
             return False
         scene = replace(self.scene, terrain=terrain)
@@ -209,7 +212,8 @@ class Eruption:
     def set_vents(self, vents: tuple[Vent, ...]) -> None:
         """Replace all vents.
 
-        The first ones of a simulation without lava start it again: its resolution follows them.
+        The first vents of a simulation without lava restart it, because its resolution depends on
+        them.
         """
         assert self.scene is not None
         scene = replace(self.scene, vents=vents)
@@ -227,13 +231,13 @@ class Eruption:
             self._note_change(is_noise=self._is_like_counted(scene))
 
     def set_constants(self, constants: Mapping[str, Any]) -> None:
-        """Replace lava and surroundings from the next start on."""
+        """Replace lava and surroundings at the next start."""
         self._constants = constants
         if self.scene is not None:
             self.scene = replace(self.scene, **constants)
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
-        """Choose the effects anew, with some forced on or off, looking ahead by a time [s]."""
+        """Choose the effects again for ``horizon`` [s], with some forced on or off."""
         if self.simulation is not None:
             self.simulation.set_effects(forced, horizon=horizon)
             self._note_change()
@@ -249,14 +253,15 @@ class Eruption:
         self.start(scene)
 
     def fail(self) -> None:
-        """Give the simulation up; scene and last snapshot stay."""
+        """Drop the simulation after a failure; scene and last snapshot stay."""
         self.simulation = None
         self.changes += 1
 
     def renew_snapshot(self) -> bool:
-        """Bring ``latest`` up to date, and say whether it changed.
+        """Update ``latest``; return True if it changed.
 
-        SimulationError where the flow is no map; ``latest`` stays then.
+        Raises:
+            SimulationError: If the flow is not valid; ``latest`` is then unchanged.
         """
         if self.simulation is None or not self._is_changed:
             return False
@@ -265,9 +270,11 @@ class Eruption:
         return True
 
     def begin_snapshot(self) -> Callable[[], None] | None:
-        """Begin to bring ``latest`` up to date, if anything has changed.
+        """Begin an update of ``latest``.
 
-        What is returned does the rest, in any thread, and raises what ``renew_snapshot`` does.
+        Returns:
+            A function that completes the update in any thread and raises the same errors as
+            ``renew_snapshot``; None if nothing has changed.
         """
         if self.simulation is None or not self._is_changed:
             return None
@@ -280,7 +287,7 @@ class Eruption:
         if flaw:
             raise SimulationError(f'the flow has become unusable: {flaw}')
         with self._taking:
-            # One that was begun later may have been there sooner.
+            # a snapshot that was begun later may have been completed earlier
             if number > self._latest_number:
                 self.latest, self._latest_number = snapshot, number
 
@@ -297,10 +304,10 @@ class Eruption:
 
     def _is_like_counted(self, scene: Scene) -> bool:
         """Return True if a scene differs from the last counted one only by sensor noise."""
-        former = self._counted[0]
-        return former is not None and (
-            are_alike(scene.vents, former.vents)
-            and _is_same(scene.terrain, former.terrain, within=ELEVATION_NOISE)
+        counted = self._counted[0]
+        return counted is not None and (
+            are_alike(scene.vents, counted.vents)
+            and _is_same(scene.terrain, counted.terrain, within=ELEVATION_NOISE)
         )
 
     def _is_without_lava(self) -> bool:
@@ -318,7 +325,7 @@ def _is_same(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
 
 
 def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:
-    """Every effect, whether it is on, and why: ``on: slope = 0.82 > 0.12`` by its name."""
+    """Return the state of each effect with the reason, such as ``on: slope = 0.82 > 0.12``."""
     decided = {item.name: item for item in decisions}
     return {
         name: f'{"on" if is_on else "off"}: {_reason(name, effects, decided.get(name))}'
@@ -327,7 +334,7 @@ def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, s
 
 
 def is_on(text: str) -> bool:
-    """Whether a text of the table says that the effect is on."""
+    """Return True if a text of the table is that of an active effect."""
     return text.startswith('on:')
 
 
@@ -341,7 +348,7 @@ def _reason(name: str, effects: Effects, decision: Decision | None) -> str:
     return decision.reason
 
 
-#: What Warp says when a device has no memory left.
+#: Part of Warp's message if a device has no memory left.
 _NO_MEMORY = 'Failed to allocate'
 
 

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a node starts with: a scene, a terrain or a bag to resume; and the simulation of it.
+"""Initial scene, terrain or checkpoint of a node, and the simulation of it.
 
-The accuracy of a simulation goes with the deadline of its forecasts, where there is one.
+If forecasts have a deadline, it determines the accuracy of the simulation.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ from lava_ros.ros.session import Origin
 from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
 from lava_ros.scene.terrain_files import load_terrain, terrain_path
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
 from lava_ros.simulation.resolution import resolved_accuracy
 
@@ -40,15 +40,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sources:
-    """What a node starts with; with nothing it waits for the topics.
+    """Initial inputs of a node; without any, it waits for the topics.
 
     Attributes:
-        scene: The scene, that of the checkpoint where there is one.
+        scene: Initial scene; with a checkpoint, its scene.
         terrain: Terrain without a scene.
-        checkpoint: What to go on from.
-        origin: Where that has been found.
-        before: The vents up to then, with all they have emitted, as far as its bag says.
-        onset: Date of simulated time 0 that its bag states, empty without one.
+        checkpoint: Checkpoint to resume from.
+        origin: Origin of the checkpoint.
+        before: Vents up to the checkpoint with their discharges, as its bag describes them.
+        onset: Date of simulated time 0 in its bag, empty without one.
         is_restart: Whether a killed node is restarted. Its checkpoint takes precedence over
             parameters.
         reached: Newest simulated time that the killed node has published [s], 0 if unknown.
@@ -67,7 +67,7 @@ class Sources:
 
 
 def load_sources(node: Node, *, may_restart: bool = False) -> Sources:
-    """Declare the parameters that say where the scene comes from, and load what they name.
+    """Declare the parameters of the sources, and load the files that they name.
 
     Args:
         node: Node that has the parameters.
@@ -83,8 +83,8 @@ def load_sources(node: Node, *, may_restart: bool = False) -> Sources:
     if values['resume']:
         for name in ('scene', 'terrain_file'):
             if values[name]:
-                right = 'left out beside resume: the checkpoint has it'
-                raise LavaError(name, values[name], right)
+                expected = 'no value with resume: the checkpoint contains it'
+                raise LavaError(name, values[name], expected)
         return _resumed(node, values['resume'])
     name = values['terrain_file']
     terrain = load_terrain(terrain_path(name)) if name else None
@@ -138,18 +138,17 @@ def _resumed(node: Node, bag: str) -> Sources:
         f'particles, from a checkpoint of lava_ros {checkpoint.written_by} in {bag}'
     )
     origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)
-    told = BagReader(bag).custom_data
-    onset = recorded_onset(told)
+    description = BagReader(bag).custom_data
+    onset = recorded_onset(description)
     return Sources(
         scene=checkpoint.scene, checkpoint=checkpoint, origin=origin,
-        before=_vents_of(told, checkpoint.scene.terrain), onset=onset.text if onset else '',
+        before=_vents_of(description, checkpoint.scene.terrain), onset=onset.text if onset else '',
     )
 
 
-def _vents_of(told: Mapping[str, str], terrain: Terrain) -> tuple[Vent, ...]:
-    """What a bag says of its vents, nothing where that cannot be used."""
+def _vents_of(description: Mapping[str, str], terrain: Terrain) -> tuple[Vent, ...]:
     try:
-        scene = parse_yaml('scene', told.get('scene', ''))
+        scene = parse_yaml('scene', description.get('scene', ''))
         listed = scene['vents'] if isinstance(scene, Mapping) else []
         return vents_from_list(listed, terrain)
     except (LavaError, KeyError):
@@ -176,20 +175,20 @@ def adopted(
         LavaError: If a given parameter contradicts the checkpoint, except in a restart.
     """
     result = {}
-    for name, decided in _decided(checkpoint).items():
-        if _is_same(values[name], decided):
+    for name, stored in _checkpoint_parameters(checkpoint).items():
+        if _is_same(values[name], stored):
             continue
         if not is_restart and not _is_same(values[name], defaults[name]):
-            right = f'{decided!r} as in the checkpoint, or left out beside resume'
-            raise LavaError(name, values[name], right)
-        result[name] = decided
+            expected = f'{stored!r} as in the checkpoint, or no value with resume'
+            raise LavaError(name, values[name], expected)
+        result[name] = stored
     return result
 
 
-def _decided(checkpoint: Checkpoint) -> dict[str, Any]:
-    """The parameters that what is resumed has been made with, by name."""
+def _checkpoint_parameters(checkpoint: Checkpoint) -> dict[str, Any]:
+    """Return the parameters with which the simulation of a checkpoint was made, by name."""
     forced = checkpoint.forced or {}
-    # ROS writes an empty list of texts as one empty text
+    # in ROS, an empty list of strings is a list with one empty string
     result: dict[str, Any] = {
         'effects_on': [name for name in forced if forced[name]] or [''],
         'effects_off': [name for name in forced if not forced[name]] or [''],
@@ -216,17 +215,17 @@ def _is_same(one: Any, other: Any) -> bool:
 
 @dataclass(frozen=True)
 class DeadlineChoice:
-    """What was chosen at a start, and why.
+    """Choice of accuracy and members for a deadline.
 
     Attributes:
-        reason: In words.
-        is_met: Whether forecasts are expected to be there in time.
-        spacing: Distance between particles [m], None where it is that of the parameters.
-        members: Most members of an ensemble, None for those that are asked for.
+        reason: Reason of the choice, for the diagnostics.
+        is_met: Whether forecasts are expected to meet the deadline.
+        spacing: Distance between particles [m], None for that of the parameters.
+        members: Maximum number of members of an ensemble, None for ``ensemble_members``.
         wall_time: Expected wall time of a forecast with its ensemble [s].
-        error: Expected share of the covered area that is wrong for being coarse.
+        error: Expected fraction of the inundated area that is wrong because of the spacing.
         sampling_error: Expected standard error of a probability of one half, 0 without members.
-        spent: Wall time that the choice took [s].
+        spent: Wall time of the choice [s].
     """
 
     reason: str
@@ -239,19 +238,23 @@ class DeadlineChoice:
     spent: float = 0.0
 
 
-class SimulationMaker:
-    """Makes simulations of scenes; the worker's thread calls, others read.
+class SimulationFactory:
+    """Makes simulations of scenes. Called in the worker's thread; any thread may read ``choice``.
 
-    ``choice`` is that for the deadline at the last start, None without one or a vent.
+    ``choice`` is the choice at the last start, None without a deadline or a vent.
     """
 
     def __init__(self) -> None:
-        """Begin without a choice."""
+        """Initialize without a choice."""
         self.choice: DeadlineChoice | None = None
 
     def make(self, scene: Scene, settings: Settings) -> 'Simulation':
-        """Make one at time 0; LavaError where the settings do not suit the scene."""
-        # the solver loads Warp; the worker's thread does that, not the importer
+        """Make a simulation at time 0.
+
+        Raises:
+            LavaError: If the settings do not fit the scene.
+        """
+        # the solver loads Warp: done in the worker's thread, not at import
         from lava_ros.simulation import Simulation
 
         return Simulation(
@@ -263,14 +266,14 @@ class SimulationMaker:
         )
 
     def accuracy(self, scene: Scene, settings: Settings) -> Accuracy:
-        """The accuracy of a simulation of a scene."""
+        """Return the accuracy of a simulation of a scene."""
         self.choice = None
         if settings.deadline and scene.vents:
             begun = time.monotonic()
             try:
                 return self._afford(scene, settings, begun)
             except LavaError as error:
-                # late maps of a flow are better than none
+                # a late forecast is better than none
                 reason = f'preset {settings.preset}, as without a deadline: {error}'
                 self.choice = DeadlineChoice(reason, False, spent=time.monotonic() - begun)
         return preset_accuracy(settings.preset, spacing=settings.spacing)
@@ -288,12 +291,12 @@ class SimulationMaker:
             device=settings.device,
         )
         try:
-            # the next forecasts take turns with the members
+            # while the members run, forecasts take half of the time
             plan = how(members=1 + 2 * asked)
         except LavaError:
             if not asked:
                 raise
-            # not even the coarsest: as many as err least
+            # too many even at the coarsest spacing: plan the number with the smallest error
             plan = how(members=None)
         members = min(asked, max(plan.members - 1, 0) // 2)
         self.choice = DeadlineChoice(
@@ -314,7 +317,11 @@ class SimulationMaker:
 
 
 def resumed_simulation(checkpoint: Checkpoint, settings: Settings) -> 'Simulation':
-    """A simulation that goes on from a checkpoint; LavaError where it does not fit together."""
+    """Resume a simulation from a checkpoint.
+
+    Raises:
+        LavaError: If checkpoint, device and settings do not fit together.
+    """
     from lava_ros.simulation import Simulation
 
     return Simulation.resume(checkpoint, device=settings.device)

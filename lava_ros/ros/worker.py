@@ -131,7 +131,7 @@ class SimulationWorker:
         """Replace the simulation by one of ``scene`` at time 0."""
         return self._put(lambda: self.eruption.start(scene))
 
-    def go_on_with(
+    def resume_with(
         self,
         make_simulation: Callable[[], 'Simulation'],
         scene: Scene,
@@ -140,7 +140,7 @@ class SimulationWorker:
         *,
         reached: float = 0.0,
     ) -> 'Future[None]':
-        """Continue with another simulation of a scene (see ``Eruption.go_on_with``).
+        """Continue with another simulation of a scene (see ``Eruption.resume_with``).
 
         ``make_simulation`` is called in the worker's thread. The thread then simulates up to the
         time ``reached`` [s], for at most ``MAX_CATCH_UP`` of wall time, before its first snapshot.
@@ -148,7 +148,7 @@ class SimulationWorker:
         make = self._starting(make_simulation)
 
         def go_on() -> None:
-            self.eruption.go_on_with(make(), scene, origin, before)
+            self.eruption.resume_with(make(), scene, origin, before)
             self._catch_up(min(reached, self.end_time or reached))
 
         return self._put(go_on)
@@ -235,7 +235,6 @@ class SimulationWorker:
         self.eruption.fail()
 
     def _run_commands(self) -> None:
-        """Run the queued commands; wait for one if there is nothing else to do."""
         time.sleep(max(0.0, self._last_turn + TURN_WALL_TIME - time.monotonic()))
         is_behind = self._target > self.eruption.time
         wait = (0.0 if is_behind else IDLE_WALL_TIME) if self._is_moving() else None
@@ -289,7 +288,6 @@ class SimulationWorker:
             )
 
     def _advance(self) -> None:
-        """Advance simulated time by one slice towards the clock."""
         if not self._is_moving():
             return
         before = self.eruption.time

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from lava_ros.errors import LavaError
 
 #: A step or command is reported as a hold-up at or above this wall time [s]: ten slices.
-LONGEST_TURN = 1.0
+MAX_TASK_DURATION = 1.0
 
 
 class WorkerState(Enum):
@@ -67,9 +67,9 @@ class WorkerStatus:
     waiting: tuple[str, ...] = ()
 
     @property
-    def hold_up(self) -> str:
+    def blocked_by(self) -> str:
         """Description of a task that delays commands, with its duration; empty if it is short."""
-        if self.turn < LONGEST_TURN:
+        if self.turn < MAX_TASK_DURATION:
             return ''
         waiting = f'; waiting for it: {", ".join(self.waiting)}' if self.waiting else ''
         return f'{self.doing or "a step"} takes {self.turn:.1f} s or more{waiting}'

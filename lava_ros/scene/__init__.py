@@ -14,7 +14,7 @@ from lava_ros.scene.scene import (
     scene_from_dict,
     scene_from_yaml,
     scene_to_dict,
-    temperature_doubts,
+    suspicious_temperatures,
     warn_of_celsius,
     with_changes,
 )
@@ -53,7 +53,7 @@ __all__ = [
     'scene_from_dict',
     'scene_from_yaml',
     'scene_to_dict',
-    'temperature_doubts',
+    'suspicious_temperatures',
     'vents_from_list',
     'warn_of_celsius',
     'with_changes',

@@ -16,9 +16,9 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors
-from lava_ros.files.rasters import opened_raster
+from lava_ros.files.rasters import open_raster
 from lava_ros.scene.features import read_features
-from lava_ros.scene.on_terrain import areas_on, check_placed, resampled
+from lava_ros.scene.on_terrain import check_placed, read_polygons_on, resampled
 from lava_ros.scene.projection import (
     coordinate_system,
     horizontal,
@@ -200,7 +200,8 @@ def _thickness_on(
         height = THICKNESS_CHECK(f'{label}.thickness', given)
         features = read_features(name, path, terrain)
         rings = [item.rings[0] for item in features if item.kind == 'Polygon']
-        result = np.where(areas_on(terrain, path, field=name) & terrain.has_data, height, 0.0)
+        covered = read_polygons_on(terrain, path, field=name) & terrain.has_data
+        result = np.where(covered, height, 0.0)
         places = np.concatenate(rings)
         _check_on_terrain(name, path, terrain, places, np.ones(len(places)), is_ground)
     elif suffix in vectors.ENDINGS and suffix != '.gpkg':
@@ -216,7 +217,7 @@ def _thickness_on(
 
 def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.ndarray:
     """Read a raster of thickness on the cells of a terrain, or on finer cells [m]."""
-    with opened_raster(field, path) as source:
+    with open_raster(field, path) as source:
         kind = np.dtype(source.dtypes[0])
         if source.count != 1 or kind.kind not in 'iuf' or kind.itemsize == 1:
             found = f'{path.name}, {source.count} x {kind}'

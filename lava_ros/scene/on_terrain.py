@@ -11,13 +11,13 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
-from lava_ros.files.rasters import opened_raster
+from lava_ros.files.rasters import open_raster
 from lava_ros.scene.features import read_features
 from lava_ros.scene.projection import coordinate_system, horizontal
 from lava_ros.scene.terrain import Terrain
 
 
-def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
+def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     """Read a raster at the centres of a terrain's cells: float64, NaN without data.
 
     A raster without a coordinate system is assumed to be in that of the terrain. Errors name
@@ -27,7 +27,7 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
         LavaError: If the file cannot be read, has more than one band, has no data on the terrain,
             or has an unknown coordinate system.
     """
-    with opened_raster(field, path) as source:
+    with open_raster(field, path) as source:
         band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
         place, crs, count = source.transform, source.crs, source.count
     if count != 1:
@@ -89,7 +89,7 @@ def check_placed(place: Any, path: str | Path, *, field: str) -> None:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')
 
 
-def areas_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
+def read_polygons_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     """Mark the cells of a terrain whose centre is in a polygon of a file: bool.
 
     ``features.read_features`` reads the file; its points and lines are ignored. Errors name

@@ -246,8 +246,8 @@ def low_pass(terrain: Terrain, width: float) -> Terrain:
 def finer(terrain: Terrain, factor: int) -> Terrain:
     """Sample the quadratic B-spline of a terrain's heights on cells smaller by ``factor``.
 
-    This is the surface of the simulation (simulation/terrain.py). Cells within a cell without data
-    have no data.
+    This is the surface of the simulation (simulation/particles/terrain.py). Cells within a cell
+    without data have no data.
     """
     if factor == 1:
         return terrain

@@ -132,7 +132,7 @@ SCENE_KEYS = (
 )
 
 
-def temperature_doubts(scene: Scene, *, is_celsius: bool = False) -> list[str]:
+def suspicious_temperatures(scene: Scene, *, is_celsius: bool = False) -> list[str]:
     """Describe the vents whose temperature is probably in the wrong unit, Celsius or kelvin.
 
     In the other unit it would be closer to the temperature at which the lava's constants hold.
@@ -332,5 +332,5 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
 
 def warn_of_celsius(scene: Scene) -> None:
     """Log a warning for each temperature in kelvin that is probably in Celsius."""
-    for text in temperature_doubts(scene):
+    for text in suspicious_temperatures(scene):
         _LOG.warning(text)

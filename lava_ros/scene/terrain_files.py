@@ -21,7 +21,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import is_installed, require
-from lava_ros.files.rasters import opened_raster
+from lava_ros.files.rasters import open_raster
 from lava_ros.files.yaml import parse_json
 from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE, without_value
 from lava_ros.scene.projection import (
@@ -221,7 +221,7 @@ def _read_npz(path: Path, nodata: float | str | None) -> Raster:
 
 
 def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Raster:
-    with opened_raster('terrain file', path) as source:
+    with open_raster('terrain file', path) as source:
         _check_band(source, path)
         elevation = source.read(1, out_dtype=np.float32)
         elevation[source.read_masks(1) == 0] = np.nan

@@ -7,18 +7,18 @@ from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lava_ros.simulation.budget import VolumeBudget
+    from lava_ros.simulation.output.budget import VolumeBudget
+    from lava_ros.simulation.output.snapshot import Particles, Snapshot, StepReport
     from lava_ros.simulation.simulation import Simulation
-    from lava_ros.simulation.snapshot import Particles, Snapshot, StepReport
 
 #: Public names and their modules. Warp is loaded only by a name that needs it: accuracy, presets
 #: and checkpoints do not.
 _MODULES = {
-    'Particles': 'snapshot',
+    'Particles': 'output.snapshot',
     'Simulation': 'simulation',
-    'Snapshot': 'snapshot',
-    'StepReport': 'snapshot',
-    'VolumeBudget': 'budget',
+    'Snapshot': 'output.snapshot',
+    'StepReport': 'output.snapshot',
+    'VolumeBudget': 'output.budget',
 }
 
 __all__ = ['Particles', 'Simulation', 'Snapshot', 'StepReport', 'VolumeBudget']

@@ -73,7 +73,7 @@ class Accuracy:
     # energy: gradient of the particles' potential energy. difference: differences between
     # particles, 0 on a level surface. balanced: the energy form as far as the difference form
     # allows; equally accurate, at rest when level, for one more pass over the neighbours
-    # (simulation/flow.py). With inertia it is always energy, which conserves momentum.
+    # (simulation/step/flow.py). With inertia it is always energy, which conserves momentum.
     gradient: str = choice('energy', "Form of the surface's gradient", GRADIENTS)
     formulation: str = choice(
         'corrected', 'Equations of the velocity; as-published: 3.36 to 3.44 as they are printed, '

@@ -24,7 +24,15 @@ from lava_ros.simulation.backend.batched_launches import BatchedLaunches, BLOCK,
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import Readback
-from lava_ros.simulation.state import FULL, FULLEST, NEAR_BORDER, NEWCOMERS, PARTICLES, State, TIME
+from lava_ros.simulation.particles.state import (
+    FULL,
+    FULLEST,
+    NEAR_BORDER,
+    NEWCOMERS,
+    PARTICLES,
+    State,
+    TIME,
+)
 
 #: Default maximum number of active simulations.
 AT_ONCE = 256

@@ -8,7 +8,7 @@ import math
 
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy, expected_thickness, MAX_THICKNESS
-from lava_ros.simulation.course import course_of
+from lava_ros.simulation.setup.course import course_of
 
 #: Default time span for the choice of spacing and effects [s].
 HORIZON = 86400.0
@@ -21,7 +21,7 @@ ACROSS = 16.0
 EDGES = 1.5
 
 #: Minimum number of particles across a resolved flow.
-LEAST_ACROSS = 9.0
+MIN_ACROSS = 9.0
 
 #: Factor E and exponent P of the footprint error from the particles, E (d / h)^P d / w, with the
 #: particle spacing d, the thickness h and the width w (docs/benchmarks/README.md, expected error).
@@ -79,7 +79,7 @@ class Resolution:
     @property
     def is_coarse(self) -> bool:
         """True if the flow is under-resolved."""
-        return self.across < LEAST_ACROSS
+        return self.across < MIN_ACROSS
 
     def text(self) -> str:
         """Describe the resolution in one line."""
@@ -98,7 +98,7 @@ class Resolution:
         text += f' (spacing {self.spacing:.3g} m): expected error of the footprint {error:g} %'
         text += f' ({particles:g} % by the particles, {cells:g} % by cells of {self.cell:g} m)'
         if self.is_coarse:
-            text += f'; the flow is under-resolved, below {LEAST_ACROSS:g} particles across'
+            text += f'; the flow is under-resolved, below {MIN_ACROSS:g} particles across'
         if self.limit == 'particles':
             text += '; the largest number of particles limits the spacing'
         return text
@@ -111,7 +111,7 @@ def is_extended(area: float, distance: float) -> bool:
         area: Area of the flow [m2].
         distance: Distance between particles [m].
     """
-    return area >= _EXTENDED * (LEAST_ACROSS * distance) ** 2
+    return area >= _EXTENDED * (MIN_ACROSS * distance) ** 2
 
 
 def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON) -> Resolution:

@@ -24,9 +24,9 @@ from lava_ros.effects.laws import heat_loss
 from lava_ros.effects.scales import Columns, Scales
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy, expected_thickness
-from lava_ros.simulation.course import course_of
 from lava_ros.simulation.resolution import ACROSS, is_extended, resolution_of
 from lava_ros.simulation.resolution import HORIZON as HORIZON
+from lava_ros.simulation.setup.course import course_of
 
 #: Steps of the cooling of columns at rest, and the first of them as a fraction of the whole.
 _COOLING_STEPS, _FIRST_STEP = 300, 1e-6

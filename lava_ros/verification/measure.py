@@ -71,7 +71,7 @@ LITERAL = 4.74
 REPEATED_BELOW = 3.0
 
 #: Maximum expected time of a run [s], and that of a quick report.
-LONGEST, QUICK_LONGEST = 30.0, 2.0
+LONGEST, QUICK_MAX_RUN_TIME = 30.0, 2.0
 
 #: Factor by which a preset may take longer.
 PRESET_PATIENCE = 4.0

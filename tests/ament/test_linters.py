@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS's own linters, for `colcon test` in an installation that has them.
+"""ROS's own linters, for `colcon test` where they are installed: they are not on PyPI.
 
-They are not on PyPI: those that are missing are left out. The same rules hold everywhere through
-ruff (`make lint`) and tests/test_style.py.
+Elsewhere ruff (`make lint`) and tests/test_style.py check the same rules.
 """
 
 from importlib import import_module
@@ -16,11 +15,11 @@ import pytest
 ROOT = Path(__file__).parents[2]
 CODE = [str(ROOT / name) for name in ('lava_ros', 'launch', 'examples', 'setup.py')]
 
-#: What Google's form of docstrings leaves out, as ruff's `convention = "google"` has it.
+#: Rules that ruff's `convention = "google"` leaves out as well.
 IGNORED = ['D100', 'D104', 'D105', 'D107', 'D203', 'D204', 'D212', 'D213', 'D215']
 IGNORED += ['D400', 'D401', 'D402', 'D403', 'D404', 'D406', 'D407', 'D408', 'D409', 'D413']
 
-#: What each linter is told; flake8.ini leaves the rest to ruff.
+#: Arguments of each linter; flake8.ini leaves other rules to ruff.
 ARGUMENTS = {
     'flake8': ['--config', str(Path(__file__).with_name('flake8.ini')), *CODE],
     'pep257': ['--ignore', *IGNORED, '--', *CODE],
@@ -29,14 +28,10 @@ ARGUMENTS = {
 
 
 @pytest.mark.linter
-@pytest.mark.parametrize(
-    'name',
-    [
-        pytest.param(name, marks=getattr(pytest.mark, name))
-        for name in ARGUMENTS
-        if find_spec(f'ament_{name}')
-    ],
-)
-def test_code_is_as_the_linter_asks(name: str) -> None:
-    """Style, docstrings and package.xml: the linter says what is wrong."""
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=getattr(pytest.mark, name))
+    for name in ARGUMENTS
+    if find_spec(f'ament_{name}')
+])
+def test_code_passes_the_linter(name: str) -> None:
     assert import_module(f'ament_{name}.main').main(argv=ARGUMENTS[name]) == 0

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages and bags to test with, made without ROS."""
+"""Messages and bags for the tests, made without ROS."""
 
 from collections.abc import Callable
 import json
@@ -26,11 +26,11 @@ MakeGrid = Callable[[int], bytes]
 
 
 def messages_of(reader: BagReader) -> Messages:
-    """Everything a reader yields."""
+    """Return all messages of a reader."""
     return [(item.topic, item.stamp_ns, item.data) for item in reader.messages()]
 
 
-#: Writes latched frames for ever, stamped 0, 1, 2, ...; says each that is flushed.
+#: Program that writes latched frames with the stamps 0, 1, 2, ... and prints each flushed stamp.
 RECORDER = """
 import json, sys
 from lava_ros.bag import LATCHED, BagWriter
@@ -46,7 +46,7 @@ for stamp in range(10**9):
 
 
 def small_bag(directory: Path, *messages: tuple[int, bytes], **options: Any) -> BagReader:
-    """A finished bag with messages, stamp and data, on the latched topic /a."""
+    """Write a finished bag with messages (stamp, data) on the latched topic /a."""
     with BagWriter(directory, custom_data={}, **options) as writer:
         for stamp, data in messages:
             writer.write('/a', 'std_msgs/msg/Empty', data, stamp, qos=LATCHED)
@@ -55,7 +55,7 @@ def small_bag(directory: Path, *messages: tuple[int, bytes], **options: Any) -> 
 
 @pytest.fixture(scope='session')
 def make_grid() -> MakeGrid:
-    """Serialises an OccupancyGrid of 40 x 60 cells with the given stamp [ns]."""
+    """Return a function that serialises an OccupancyGrid of 40 x 60 cells with a stamp [ns]."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
     time = types['builtin_interfaces/msg/Time']
@@ -79,7 +79,7 @@ def make_grid() -> MakeGrid:
 
 @pytest.fixture
 def bag(tmp_path: Path, make_grid: MakeGrid) -> Bag:
-    """A finished bag and what was written: /hazard latched each second, /points each half."""
+    """Return a finished bag and its messages: latched /hazard at 1 Hz, /points at 2 Hz."""
     directory = tmp_path / 'eruption'
     messages: Messages = []
     with BagWriter(directory, custom_data={'scene': '{"gravity": 9.81}', 'note': 'a\nb'}) as out:
@@ -99,9 +99,9 @@ def bag(tmp_path: Path, make_grid: MakeGrid) -> Bag:
 
 @pytest.fixture
 def killed_bag(tmp_path: Path) -> Callable[..., tuple[Path, int]]:
-    """Records until a frame is flushed, kills the recorder with SIGKILL, gives the last flushed.
+    """Return a function that kills a recorder and returns its bag and the last flushed stamp.
 
-    Each message is its stamp, as often as ``size`` says.
+    Each message contains its stamp ``size`` times.
     """
 
     def kill(frames: int, *, size: int, topics: list[str], **limits: float) -> tuple[Path, int]:

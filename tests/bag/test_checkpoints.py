@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Attachments beside the messages: players pass over them, a resumed node finds checkpoints."""
+"""Checkpoints and other attachments, which players ignore and a resumed node finds."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,25 +25,25 @@ from lava_ros.bag.checkpoints import (
 from lava_ros.bag.records import MAX_RECORD_SIZE
 from lava_ros.bag.recovery import recover
 from lava_ros.errors import LavaError
-from lava_ros.simulation.checkpoint import MEDIA_TYPE
+from lava_ros.simulation.output.checkpoint import MEDIA_TYPE
 from small_checkpoint import small_checkpoint
 
 WRITTEN = {'first': b'lava ' * 8, 'second': bytes(range(50))}
 
 
 def checkpoint(time: float) -> bytes:
-    """One with as many particles as seconds."""
+    """Return a checkpoint with as many particles as seconds."""
     return small_checkpoint(time, int(time)).to_bytes()
 
 
 @pytest.fixture
 def directory(tmp_path: Path, make_grid: MakeGrid) -> Path:
-    """A finished bag of 20 messages in two files, a checkpoint after each fifth one."""
+    """Return a finished bag of 20 messages in two files, with a checkpoint after every fifth."""
     path = tmp_path / 'eruption'
     with BagWriter(path, custom_data={}) as writer:
         for second in range(20):
             if second == 10:
-                writer.begin_file()
+                writer.start_next_file()
             stamp = (100 + second) * SECOND
             writer.write('/hazard', GRID, make_grid(stamp), stamp, qos=LATCHED)
             if second % 5 == 4:
@@ -53,8 +53,8 @@ def directory(tmp_path: Path, make_grid: MakeGrid) -> Path:
     return path
 
 
-def test_they_are_beside_the_messages(directory: Path) -> None:
-    """Other readers find both; listed oldest first, over all files; bytes are those written."""
+def test_attachments_do_not_change_the_messages(directory: Path) -> None:
+    """Other readers find both. Checkpoints of all files are listed oldest first."""
     ours = messages_of(BagReader(directory))
     assert len(ours) == 20
     with Reader(directory) as reader:
@@ -78,11 +78,8 @@ def test_they_are_beside_the_messages(directory: Path) -> None:
     assert (newest.log_time_ns, newest.refused) == (119 * SECOND, ())
 
 
-def test_the_last_whole_one_of_a_file_that_is_cut_off_is_found(directory: Path) -> None:
-    """Wherever a kill cuts the file: each checkpoint is found once its last byte is there.
-
-    Without the index attachments are found by their records.
-    """
+def test_finds_every_complete_checkpoint_of_a_truncated_file(directory: Path) -> None:
+    """A checkpoint is found if its last byte is there, with or without the index."""
     path = directory / 'eruption_0.mcap'
     indexed = attachments_in(path)
     path.write_bytes(path.read_bytes()[:-1])
@@ -102,8 +99,8 @@ def test_the_last_whole_one_of_a_file_that_is_cut_off_is_found(directory: Path) 
         assert newest_checkpoint(directory).checkpoint.time == max([10.0, *whole])
 
 
-def test_no_checkpoint_is_an_error(tmp_path: Path) -> None:
-    """It says whether the bag is missing, is none, or has none."""
+def test_raises_without_a_checkpoint(tmp_path: Path) -> None:
+    """The error distinguishes a missing bag, another file, and a bag without a checkpoint."""
     with pytest.raises(LavaError, match='that exists'):
         newest_checkpoint(tmp_path / 'nothing')
     with pytest.raises(LavaError, match=r'with \.mcap files; this one has none'):
@@ -121,8 +118,8 @@ def test_no_checkpoint_is_an_error(tmp_path: Path) -> None:
         newest_checkpoint(tmp_path / 'later')
 
 
-def test_recovery_keeps_them(directory: Path, tmp_path: Path) -> None:
-    """A bag that is rewritten has the same checkpoints in the same files, and is finished."""
+def test_recovery_keeps_checkpoints(directory: Path, tmp_path: Path) -> None:
+    """The recovered bag is finished and has the same checkpoints in the same files."""
     path = directory / 'eruption_1.mcap'
     last = attachments_in(path)[1]
     end = last.offset + last.length
@@ -136,8 +133,8 @@ def test_recovery_keeps_them(directory: Path, tmp_path: Path) -> None:
     assert newest_checkpoint(tmp_path / 'whole').checkpoint.time == 20.0
 
 
-def test_a_clock_that_jumps_back_leaves_their_order(tmp_path: Path) -> None:
-    """The newest is the one written last, whatever its stamp says."""
+def test_newest_checkpoint_is_the_last_one_after_a_jump_of_the_clock(tmp_path: Path) -> None:
+    """The order is that of the file, not of the stamps."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         writer.write('/empty', 'std_msgs/msg/Empty', bytes(4), 50 * SECOND, qos=LATCHED)
         writer.attach(NAME, MEDIA_TYPE, checkpoint(4.0), 50 * SECOND)
@@ -148,7 +145,7 @@ def test_a_clock_that_jumps_back_leaves_their_order(tmp_path: Path) -> None:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """A finished file with a message and two attachments."""
+    """Return a finished file with a message and two attachments."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         writer.write('/empty', 'std_msgs/msg/Empty', bytes(4), SECOND, qos=LATCHED)
         for index, (name, data) in enumerate(WRITTEN.items()):
@@ -157,11 +154,11 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize('damage', [lambda byte: byte ^ 1, lambda byte: byte ^ 128, lambda _: 255])
-def test_no_damage_is_passed_over(path: Path, damage: Callable[[int], int]) -> None:
-    """Whichever byte it strikes: data that is read is what was written, all else is an error."""
+def test_detects_damage_of_every_byte(path: Path, damage: Callable[[int], int]) -> None:
+    """The data read are the data written, or reading raises an error."""
     whole = path.read_bytes()
     read = refused = 0
-    # to write the whole file each time would take most of the time
+    # writing the whole file each time would be slow
     with path.open('r+b', buffering=0) as file:
         for place, byte in enumerate(whole):
             file.seek(place)
@@ -178,8 +175,8 @@ def test_no_damage_is_passed_over(path: Path, damage: Callable[[int], int]) -> N
     assert refused > 100
 
 
-def test_a_file_that_changes_meanwhile(path: Path) -> None:
-    """One that is gone or shorter than it was, or a length that no memory holds, is an error."""
+def test_raises_when_a_file_has_changed(path: Path) -> None:
+    """A missing file, a shorter file and an attachment beyond the limit raise."""
     first, second = attachments_in(path)
     assert first.read() == WRITTEN['first']
     with pytest.raises(LavaError, match=f'expected at most {MAX_RECORD_SIZE}'):

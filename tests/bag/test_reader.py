@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading bags: whole, cut off, damaged, foreign."""
+"""Reading of complete, truncated, damaged and foreign bags."""
 
 from pathlib import Path
 import struct
@@ -23,7 +23,7 @@ from lava_ros.errors import LavaError
 
 
 def write_foreign(path: Path, stamps: list[int], **options: object) -> None:
-    """Write an MCAP file with one message per stamp, on two channels of a topic by turns."""
+    """Write an MCAP file with one message per stamp, alternating between two channels."""
     with path.open('wb') as stream:
         writer = Writer(stream, **options)
         writer.start('ros2')
@@ -35,8 +35,8 @@ def write_foreign(path: Path, stamps: list[int], **options: object) -> None:
         writer.finish()
 
 
-def test_a_bag_is_read_back(bag: Bag) -> None:
-    """Topics, QoS, custom data, times and messages are what was written."""
+def test_reads_what_was_written(bag: Bag) -> None:
+    """Topics, QoS, custom data, times and messages are equal."""
     directory, written = bag
     reader = BagReader(directory)
     assert messages_of(reader) == written
@@ -50,14 +50,14 @@ def test_a_bag_is_read_back(bag: Bag) -> None:
     assert [topic.count for topic in reader.topics.values()] == [10, 20]
     assert reader.message_count == 30
     assert reader.size == (directory / 'eruption_0.mcap').stat().st_size
-    # without metadata.yaml the record inside the file says the same
+    # the record in the file repeats metadata.yaml
     alone = BagReader(directory / 'eruption_0.mcap')
     assert messages_of(alone) == written
     assert alone.custom_data == reader.custom_data
 
 
-def test_what_is_asked_for_is_found(bag: Bag) -> None:
-    """Topics from a start on, inclusive; the newest of each strictly before a time, in order."""
+def test_selects_messages_by_topic_and_time(bag: Bag) -> None:
+    """The start is inclusive, the end of ``newest`` exclusive; the results are in order."""
     directory, written = bag
     reader = BagReader(directory)
     start = 104 * SECOND
@@ -73,8 +73,8 @@ def test_what_is_asked_for_is_found(bag: Bag) -> None:
     assert reader.newest(['/hazard'], 100 * SECOND) == []
 
 
-def test_a_cut_file_gives_what_is_whole(bag: Bag, tmp_path: Path) -> None:
-    """Wherever the file is cut, exactly the chunks before that place are read."""
+def test_reads_the_complete_chunks_of_a_truncated_file(bag: Bag, tmp_path: Path) -> None:
+    """Truncation at any byte leaves exactly the chunks before it."""
     directory, written = bag
     path = directory / 'eruption_0.mcap'
     data = path.read_bytes()
@@ -104,10 +104,8 @@ def test_a_cut_file_gives_what_is_whole(bag: Bag, tmp_path: Path) -> None:
         {'use_statistics': False},
     ],
 )
-def test_messages_come_in_the_order_of_log_time(
-    tmp_path: Path, options: dict[str, object]
-) -> None:
-    """However a foreign file is laid out, its messages are sorted by time and counted."""
+def test_sorts_messages_by_log_time(tmp_path: Path, options: dict[str, object]) -> None:
+    """This is true for every layout of a foreign file."""
     stamps = [5, 3, 9, 1, 7, 7, 2]
     write_foreign(tmp_path / 'a.mcap', stamps, **options)
     reader = BagReader(tmp_path / 'a.mcap')
@@ -121,8 +119,8 @@ def test_messages_come_in_the_order_of_log_time(
         assert newest.stamp_ns == stamp
 
 
-def test_split_bags_are_read_file_by_file(tmp_path: Path) -> None:
-    """Without metadata.yaml the files follow the numbers in their names; counts add up."""
+def test_reads_a_split_bag_without_metadata(tmp_path: Path) -> None:
+    """The numbers in the names set the order of the files."""
     for index, name in enumerate(['b_0.mcap', 'b_2.mcap', 'b_10.mcap']):
         write_foreign(tmp_path / name, [10 * index, 10 * index + 1])
     reader = BagReader(tmp_path)
@@ -132,8 +130,8 @@ def test_split_bags_are_read_file_by_file(tmp_path: Path) -> None:
     assert [item.stamp_ns for item in reader.newest(['/foreign'], 11)] == [10]
 
 
-def test_bags_of_other_writers_are_read(tmp_path: Path) -> None:
-    """A bag that the rosbags library wrote is read, custom data included."""
+def test_reads_a_bag_of_the_rosbags_library(tmp_path: Path) -> None:
+    """Messages and custom data are equal."""
     store = get_typestore(Stores.ROS2_JAZZY)
     with RosbagsWriter(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.set_custom_data('who', 'rosbags')
@@ -147,7 +145,7 @@ def test_bags_of_other_writers_are_read(tmp_path: Path) -> None:
 
 
 def test_memory_is_bounded_by_chunks(tmp_path: Path) -> None:
-    """Reading 200 MB of messages, finished or cut, takes a few chunks of memory."""
+    """Reading 200 MB of messages, finished or truncated, takes a few chunks of memory."""
     block = bytes([0, 1, 0, 0]) + bytes(1_000_000)
     (path,) = small_bag(tmp_path / 'bag', *((stamp, block) for stamp in range(200))).files
     cut = tmp_path / 'cut.mcap'
@@ -160,10 +158,8 @@ def test_memory_is_bounded_by_chunks(tmp_path: Path) -> None:
         assert peak < 40e6
 
 
-def test_a_chunk_beyond_the_limit_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A chunk larger than the limit is not decompressed."""
+def test_refuses_a_chunk_beyond_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The chunk is not decompressed."""
     monkeypatch.setattr('lava_ros.bag.records.MAX_CHUNK_SIZE', 4000)
     with pytest.raises(LavaError, match='bytes at once, more than 4000'):
         list(small_bag(tmp_path / 'bag', (0, bytes(5000))).messages())
@@ -172,10 +168,10 @@ def test_a_chunk_beyond_the_limit_is_refused(
 @pytest.mark.parametrize('compression', ['lz4', 'zstd'])
 @pytest.mark.parametrize('claimed', [1000, 2**22, 2**40])
 @pytest.mark.parametrize('count', [1, 12])
-def test_bombs_do_not_go_off(
+def test_decompression_bombs_do_not_exceed_the_memory_limit(
     tmp_path: Path, compression: str, claimed: int, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Chunks that unpack to far more than they are take no more memory than is allowed."""
+    """Chunks that expand to far more than their size are read within the limit, or refused."""
     monkeypatch.setattr('lava_ros.bag.records.MAX_CHUNK_SIZE', 2**22)
     monkeypatch.setattr('lava_ros.bag.mcap_file.MAX_HELD', 2**23)
     (path,) = small_bag(tmp_path / 'bag', (0, bytes(100))).files
@@ -219,10 +215,10 @@ def test_bombs_do_not_go_off(
         ),
     ],
 )
-def test_what_is_no_bag_is_refused(
+def test_raises_for_a_path_that_is_not_a_bag(
     tmp_path: Path, name: str, data: bytes | None, message: str
 ) -> None:
-    """What is missing or empty or of another format; metadata that are damaged or another's."""
+    """The path or its metadata is missing, empty, damaged or in another format."""
     (tmp_path / name).parent.mkdir(exist_ok=True)
     if data is not None:
         (tmp_path / name).write_bytes(data.replace(b'%', b'rosbag2_bagfile_information: {'))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The timing of a replay, against a clock that the test turns."""
+"""Timing of a replay with a fake clock."""
 
 from collections.abc import Iterator
 from itertools import islice, pairwise
@@ -18,7 +18,7 @@ from lava_ros.errors import LavaError
 
 
 class FakeClock:
-    """A clock that waiting moves on, by the time asked for plus a delay."""
+    """A clock that ``wait`` advances by the requested time plus a delay."""
 
     def __init__(self, delay: float = 0.0, stop_at: float = float('inf')) -> None:
         """Start at an arbitrary time."""
@@ -27,11 +27,11 @@ class FakeClock:
         self.stop_at = 1000.0 + stop_at
 
     def now(self) -> float:
-        """The time [s]."""
+        """Return the time [s]."""
         return self.time
 
     def wait(self, seconds: float) -> bool:
-        """Move on; True once it is time to stop."""
+        """Advance; return True at or after ``stop_at``."""
         if seconds > 0.0:
             self.time += seconds + self.delay
         return self.time >= self.stop_at
@@ -40,14 +40,14 @@ class FakeClock:
 def steps(
     dues: Iterator[Step], clock: FakeClock, rate: float = 1.0, tick: float | None = None
 ) -> list[tuple[float, Step]]:
-    """The steps with the time at which each is taken."""
+    """Return the steps, each with its wall time [s]."""
     taken = pace(dues, rate=rate, now=clock.now, wait=clock.wait, tick=tick)
     return [(clock.time - 1000.0, step) for step in taken]
 
 
 @pytest.mark.parametrize('rate', [0.5, 1.0, 4.0])
-def test_messages_are_due_at_their_time_over_the_rate(bag: Bag, rate: float) -> None:
-    """Without an offset every message is due once, at its distance from the first."""
+def test_schedule_divides_times_by_the_rate(bag: Bag, rate: float) -> None:
+    """Without an offset every message is due once."""
     directory, written = bag
     dues = list(schedule(BagReader(directory), rate=rate))
     assert [(due.message.topic, due.message.data) for due in dues] == [
@@ -58,8 +58,8 @@ def test_messages_are_due_at_their_time_over_the_rate(bag: Bag, rate: float) -> 
         assert due.clock_ns == stamp
 
 
-def test_an_offset_gives_latched_messages_first(bag: Bag) -> None:
-    """The newest latched map before the start is due at once, volatile ones are skipped."""
+def test_schedule_with_an_offset_begins_with_latched_messages(bag: Bag) -> None:
+    """The newest earlier message of a latched topic is due first; volatile ones are skipped."""
     directory, written = bag
     first, *rest = schedule(BagReader(directory), start_offset=3.25)
     assert (first.message.topic, first.message.stamp_ns) == ('/hazard', 103 * SECOND)
@@ -67,16 +67,13 @@ def test_an_offset_gives_latched_messages_first(bag: Bag) -> None:
     expected = [(topic, stamp) for topic, stamp, _ in written if stamp >= 103_250_000_000]
     assert [(due.message.topic, due.message.stamp_ns) for due in rest] == expected
     assert rest[0].at == pytest.approx(0.25)
-    # a map right at the start comes after the one before it, as recorded
+    # a map at the offset itself follows the previous map
     dues = list(islice(schedule(BagReader(directory), start_offset=3.0), 3))
     assert [due.message.stamp_ns for due in dues] == [102 * SECOND, 103 * SECOND, 103 * SECOND]
 
 
-def test_a_loop_starts_over_after_a_pause(bag: Bag, tmp_path: Path) -> None:
-    """Each round is the same, shifted by the length of the bag and the pause.
-
-    A bag of one message, which lasts no time, is not repeated as fast as it can be.
-    """
+def test_loop_repeats_after_a_pause(bag: Bag, tmp_path: Path) -> None:
+    """The period is the duration of the bag plus the pause, also of a bag with one message."""
     dues = list(islice(schedule(BagReader(bag[0]), rate=2.0, loop=True, start_offset=9.0), 15))
     rounds = [[due for due in dues if due.round == index] for index in range(3)]
     assert [len(item) for item in rounds] == [4, 4, 4]
@@ -98,10 +95,10 @@ def test_a_loop_starts_over_after_a_pause(bag: Bag, tmp_path: Path) -> None:
         ({'start_offset': 9.6}, 'start_offset'),
     ],
 )
-def test_arguments_out_of_range_are_refused(
+def test_schedule_raises_for_invalid_arguments(
     bag: Bag, options: dict[str, float], field: str, tmp_path: Path
 ) -> None:
-    """The error comes at the call, before anything is published; so it does for an empty bag."""
+    """The call raises, not the first step; an empty bag is refused too."""
     with pytest.raises(LavaError) as caught:
         schedule(BagReader(bag[0]), **options)
     assert caught.value.field == field
@@ -112,7 +109,7 @@ def test_arguments_out_of_range_are_refused(
 @pytest.mark.parametrize('delay', [0.0, 0.003, 0.3])
 @pytest.mark.parametrize('rate', [0.5, 8.0])
 def test_the_clock_ticks_and_never_goes_back(bag: Bag, delay: float, rate: float) -> None:
-    """Ticks come at 100 Hz as far as the waits allow, ahead of no message, following the rate."""
+    """Ticks follow the rate at up to 100 Hz and never pass the next message."""
     dues = schedule(BagReader(bag[0]), rate=rate, start_offset=0.25)
     taken = steps(dues, FakeClock(delay), rate=rate, tick=0.01)
     clocks = [step.clock_ns for _, step in taken]
@@ -128,7 +125,7 @@ def test_the_clock_ticks_and_never_goes_back(bag: Bag, delay: float, rate: float
 
 
 def test_the_clock_stands_still_between_rounds(bag: Bag) -> None:
-    """In the pause of a loop the clock stays at the end, then starts over."""
+    """In the pause of a loop it stays at the end of the bag."""
     dues = islice(schedule(BagReader(bag[0]), loop=True, start_offset=9.0), 8)
     taken = steps(dues, FakeClock(), tick=0.01)
     pause = [step for time, step in taken if 0.52 < time < 1.48]
@@ -141,8 +138,8 @@ def test_the_clock_stands_still_between_rounds(bag: Bag) -> None:
     assert back[1].round == 1
 
 
-def test_a_stop_may_be_requested_at_any_line_of_a_wait() -> None:
-    """The handler of a signal runs in the thread that waits, between any two lines of it."""
+def test_stop_may_be_requested_at_any_line_of_a_wait() -> None:
+    """A signal handler runs in the waiting thread, between any two of its lines."""
     stop, lines = StopRequest(), []
 
     def handle(frame: object, event: str, _: object) -> object:
@@ -163,7 +160,7 @@ def test_a_stop_may_be_requested_at_any_line_of_a_wait() -> None:
     assert stop.is_set() and stop.wait(0.0)
 
 
-def test_a_stop_ends_a_loop(bag: Bag) -> None:
-    """The replay ends at once."""
+def test_stop_ends_a_loop(bag: Bag) -> None:
+    """The replay ends immediately."""
     taken = steps(schedule(BagReader(bag[0]), loop=True), FakeClock(stop_at=30.2), tick=0.01)
     assert taken[-1][0] == pytest.approx(30.2, abs=0.02)

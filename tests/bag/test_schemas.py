@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Types, QoS profiles and messages of a bag."""
+"""Message definitions, QoS profiles and decoding of grids."""
 
 import json
 from pathlib import Path
@@ -41,13 +41,13 @@ TYPES = [
 
 @pytest.fixture
 def share(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The share directory of a prefix that AMENT_PREFIX_PATH names."""
+    """Return the share directory of a prefix in AMENT_PREFIX_PATH."""
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
     return tmp_path / 'share'
 
 
 def headings(name: str) -> list[str]:
-    """Types that the definition of a type contains beside its own."""
+    """Return the names of the dependencies in the definition of a type."""
     parts = message_schema(name).text.split(SEPARATOR)[1:]
     return [part.split('\n', 1)[0] for part in parts]
 
@@ -62,14 +62,14 @@ def define(share: Path, package: str, name: str, text: str) -> None:
 
 
 @pytest.mark.parametrize('name', TYPES)
-def test_definitions_are_complete_and_hashes_right(name: str) -> None:
-    """Another implementation parses each text alone and computes the same hash from it."""
+def test_definitions_are_complete_and_hashes_correct(name: str) -> None:
+    """Another implementation computes the same hash from the text alone."""
     schema = message_schema(name)
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(schema.text, name))
     assert store.hash_rihs01(name) == schema.type_hash
     assert len(headings(name)) == len(set(headings(name)))
-    # six other types, each once and depth first, as rosbag2 has them
+    # six dependencies, each once and depth first, as rosbag2 writes them
     assert headings('nav_msgs/msg/OccupancyGrid') == [
         'nav_msgs/MapMetaData',
         'builtin_interfaces/Time',
@@ -80,12 +80,8 @@ def test_definitions_are_complete_and_hashes_right(name: str) -> None:
     ]
 
 
-def test_installed_definitions_are_understood(share: Path) -> None:
-    """Bounds, arrays, constants, defaults and comments do not hide a dependency or make one.
-
-    A sourced workspace overrides what the interpreter has. What is missing is named, and so is a
-    distribution without type hashes.
-    """
+def test_finds_dependencies_among_installed_definitions(share: Path) -> None:
+    """A sourced workspace takes precedence; a missing definition or hash raises."""
     define(share, 'a_msgs', 'Leaf', 'uint8 value\n')
     define(share, 'b_msgs', 'Other', 'a_msgs/Leaf leaf\n')
     text = '# Missing type\nuint8 LIMIT=3\nstring<=5 name "x # y"\nwstring<=2[<=4] words\n'
@@ -106,13 +102,13 @@ def test_installed_definitions_are_understood(share: Path) -> None:
 @pytest.mark.parametrize(
     'name', ['OccupancyGrid', 'nav_msgs/OccupancyGrid', '../msg/x', 'a/srv/B']
 )
-def test_names_of_other_things_are_refused(name: str) -> None:
-    """Only full message type names are looked up."""
+def test_raises_for_a_name_that_is_not_a_message_type(name: str) -> None:
+    """Only full names of message types are looked up."""
     with pytest.raises(LavaError, match='a name such as nav_msgs/msg/OccupancyGrid'):
         message_schema(name)
 
 
-#: The keys, order, words and infinite durations that rosbag2 of Jazzy writes.
+#: Keys, order, words and infinite durations as rosbag2 in Jazzy writes them.
 WRITTEN = """
 - history: keep_last
   depth: 1
@@ -126,12 +122,8 @@ WRITTEN = """
 """
 
 
-def test_profiles() -> None:
-    """They are YAML lists of words, as rosbag2 writes them, and are read back.
-
-    Before metadata version 9 the policies are numbers. The offer that stands for several is as
-    strong as the strongest: it matches every subscriber.
-    """
+def test_reads_writes_and_merges_qos_profiles() -> None:
+    """Policies are words, before metadata version 9 numbers; a merged offer suits all."""
     (item,) = yaml.safe_load(profiles_to_yaml([LATCHED]))
     (expected,) = yaml.safe_load(WRITTEN)
     assert list(item.items()) == list(expected.items())
@@ -156,8 +148,8 @@ NOT_PROFILES += [profiles_to_yaml([LATCHED]).replace('sec: 9223372036', 'sec: x'
 
 
 @pytest.mark.parametrize('text', NOT_PROFILES)
-def test_text_that_is_no_profile_list_is_refused(text: str) -> None:
-    """Anything but a list of complete profiles raises, and a policy that rmw does not know."""
+def test_raises_for_an_invalid_qos_profile(text: str) -> None:
+    """An invalid list and a policy that rmw does not have raise."""
     with pytest.raises(LavaError, match='offered_qos_profiles'):
         profiles_from_yaml(text)
     with pytest.raises(LavaError, match=r'qos\.durability is .latched., expected one of'):
@@ -165,7 +157,7 @@ def test_text_that_is_no_profile_list_is_refused(text: str) -> None:
 
 
 def message(frame_id: str = 'map') -> BagMessage:
-    """A grid of 3 rows and 5 columns as it is in a bag."""
+    """Return a bag message with a grid of 3 rows and 5 columns."""
     grid = OccupancyGrid()
     grid.header.frame_id = frame_id
     grid.info.resolution, grid.info.width, grid.info.height = 2.5, 5, 3
@@ -174,8 +166,8 @@ def message(frame_id: str = 'map') -> BagMessage:
     return BagMessage('/height', 1, 1, codec.serialise(grid))
 
 
-def test_a_grid() -> None:
-    """Values and place are found whatever the length of the name before and the order of bytes."""
+def test_reads_a_grid_with_any_frame_name_and_byte_order() -> None:
+    """The length of the name changes the alignment of the fields after it."""
     names = ('', 'm', 'ma', 'map', 'odom', 'a/long/frame')
     found = [read_grid(message(name)) for name in names]
     body = bytearray(message().data)
@@ -190,10 +182,10 @@ def test_a_grid() -> None:
         assert (grid.resolution, grid.origin) == (2.5, (-7.0, 1e6))
 
 
-def test_every_cut_is_refused() -> None:
-    """A message that breaks off anywhere, or has other cells than its size says, is an error."""
+def test_raises_for_a_truncated_grid() -> None:
+    """Truncation at any byte raises, and so does a wrong number of cells."""
     whole = message()
-    # Serialisation pads the end to four bytes.
+    # serialisation pads the end to four bytes
     for length in range(len(whole.data) - 3):
         with pytest.raises(LavaError, match='message on /height'):
             read_grid(whole._replace(data=whole.data[:length]))

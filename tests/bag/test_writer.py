@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bags we write, of one file or several, as readers that are not ours see them."""
+"""Written bags of one or several files, as other readers read them."""
 
 from collections.abc import Callable
 import os
@@ -28,7 +28,7 @@ from lava_ros.errors import LavaError
 
 
 def test_rosbags_reads_what_was_written(bag: Bag) -> None:
-    """Every message, its time, QoS, hash and count; grids by the schema in the file alone."""
+    """Messages, times, QoS, hashes and counts are equal; the schema in the file suffices."""
     directory, written = bag
     with AnyReader([directory]) as reader:
         read = [(conn.topic, time, bytes(data)) for conn, time, data in reader.messages()]
@@ -53,7 +53,7 @@ def test_rosbags_reads_what_was_written(bag: Bag) -> None:
 
 
 def test_the_file_has_summary_index_statistics_and_both_records(bag: Bag) -> None:
-    """The raw MCAP reader finds all that rosbag2 and the mcap tool ask for."""
+    """The MCAP library finds everything that rosbag2 and the mcap tool use."""
     directory, written = bag
     path = directory / 'eruption_0.mcap'
     with path.open('rb') as stream:
@@ -86,8 +86,8 @@ def test_the_file_has_summary_index_statistics_and_both_records(bag: Bag) -> Non
     assert isinstance(second, Metadata)
 
 
-def test_metadata_yaml_is_as_rosbag2_writes_it(bag: Bag) -> None:
-    """Keys, their order and the values of metadata.yaml are those of Jazzy's version 9."""
+def test_metadata_yaml_has_the_format_of_rosbag2(bag: Bag) -> None:
+    """Keys, their order and values are those of version 9 in Jazzy."""
     directory, _ = bag
     document = yaml.safe_load((directory / 'metadata.yaml').read_text())
     assert list(document) == ['rosbag2_bagfile_information']
@@ -115,10 +115,7 @@ def test_metadata_yaml_is_as_rosbag2_writes_it(bag: Bag) -> None:
 
 
 def test_log_time_never_decreases(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """A stamp that goes back is logged at the latest time; it stays as publish time and inside.
-
-    Files are still divided by size.
-    """
+    """An earlier stamp is logged at the latest time; its publish time is unchanged."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for stamp in (5, 9, 2, 10):
             writer.write('/hazard', GRID, make_grid(stamp), stamp, qos=LATCHED)
@@ -138,8 +135,8 @@ def test_log_time_never_decreases(tmp_path: Path, make_grid: MakeGrid) -> None:
     assert {item.stamp_ns for item in found} == {1000 * SECOND}
 
 
-def test_an_existing_directory_is_left_alone(tmp_path: Path) -> None:
-    """Nothing is overwritten, and the message says what to do; nor is it made for a bad limit."""
+def test_refuses_an_existing_directory(tmp_path: Path) -> None:
+    """Nothing is overwritten, and an invalid limit creates no directory."""
     (tmp_path / 'kept').write_text('mine')
     with pytest.raises(LavaError, match='choose another name'):
         BagWriter(tmp_path, custom_data={})
@@ -151,8 +148,8 @@ def test_an_existing_directory_is_left_alone(tmp_path: Path) -> None:
     assert [item.name for item in tmp_path.iterdir()] == ['kept']
 
 
-def test_a_bag_is_finished_once_also_after_an_error(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """What was written before an exception is kept, be it nothing; a second close does nothing."""
+def test_finishes_the_bag_once_also_after_an_error(tmp_path: Path, make_grid: MakeGrid) -> None:
+    """Messages before the error are kept; a second close does nothing."""
     BagWriter(tmp_path / 'empty', custom_data={}).close()
     with Reader(tmp_path / 'empty') as reader:
         assert (reader.message_count, list(reader.messages())) == (0, [])
@@ -184,10 +181,10 @@ def test_a_bag_is_finished_once_also_after_an_error(tmp_path: Path, make_grid: M
         ({'topic': '/known', 'qos': QosProfile()}, 'message on /known'),
     ],
 )
-def test_messages_that_do_not_fit_are_refused(
+def test_write_raises_for_invalid_arguments(
     tmp_path: Path, make_grid: MakeGrid, change: dict[str, object], field: str
 ) -> None:
-    """A wrong argument raises, names itself and leaves the bag as it was."""
+    """The error names the argument, and the bag is unchanged."""
     good = {'topic': '/hazard', 'message_type': GRID, 'data': make_grid(0), 'stamp_ns': 0}
     good['qos'] = LATCHED
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
@@ -201,7 +198,7 @@ def test_messages_that_do_not_fit_are_refused(
 
 
 def test_custom_data_can_change(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """The newest description is in the file after a flush, and in metadata.yaml at the end."""
+    """A flush writes the newest description to the file, closing writes it to metadata.yaml."""
     with pytest.raises(LavaError, match=r"custom_data\['rate'\] is 3"):
         BagWriter(tmp_path / 'bag', custom_data={'rate': 3})  # type: ignore[dict-item]
     with BagWriter(tmp_path / 'bag', custom_data={'a': '1'}) as writer:
@@ -220,10 +217,10 @@ def test_custom_data_can_change(tmp_path: Path, make_grid: MakeGrid) -> None:
     assert BagReader(tmp_path / 'bag' / 'bag_0.mcap').custom_data == {'b': '2'}
 
 
-def test_description_that_always_changes_is_not_most_of_a_bag(
+def test_frequent_changes_of_the_description_do_not_fill_the_bag(
     tmp_path: Path, make_grid: MakeGrid
 ) -> None:
-    """It is at most a third of the file, and an attachment follows the newest description."""
+    """Descriptions take less than half of the file; an attachment follows the newest one."""
     path = tmp_path / 'bag' / 'bag_0.mcap'
     with BagWriter(tmp_path / 'bag', custom_data={'scene': ''}) as writer:
         for number in range(200):
@@ -235,7 +232,7 @@ def test_description_that_always_changes_is_not_most_of_a_bag(
         writer.flush()
         assert BagReader(tmp_path / 'bag').custom_data['scene'].startswith('199 ')
     with path.open('rb') as stream:
-        # the last two are those of the attachment and of the end
+        # the last two belong to the attachment and to the end of the file
         *described, _, last = [
             len(str(item.metadata)) for item in StreamReader(stream).records
             if isinstance(item, Metadata)
@@ -249,7 +246,7 @@ VOLATILE = QosProfile()
 def record(
     directory: Path, make_grid: MakeGrid, frames: int = 25, **limits: float
 ) -> Messages:
-    """Write terrain once, and each second a frame of a latched and a volatile grid."""
+    """Write terrain once, and a latched and a volatile grid per second; return the messages."""
     written = [('/terrain', 100 * SECOND, make_grid(1))]
     with BagWriter(directory, custom_data={'scene': 'Etna'}, **limits) as writer:
         writer.write('/terrain', GRID, written[0][2], 100 * SECOND, qos=LATCHED)
@@ -263,7 +260,7 @@ def record(
 
 
 def without_repeats(reader: BagReader) -> Messages:
-    """What was written: a repeated message was published before it is logged."""
+    """Return the messages except repeated ones, which were published before they were logged."""
     return [
         (item.topic, item.stamp_ns, item.data)
         for item in reader.messages()
@@ -273,15 +270,12 @@ def without_repeats(reader: BagReader) -> Messages:
 
 @pytest.fixture
 def split(tmp_path: Path, make_grid: MakeGrid) -> Bag:
-    """A bag of three files, 10 s each at most, and what was written."""
+    """Return a bag of three files of up to 10 s, and its messages without repeats."""
     return tmp_path / 'bag', record(tmp_path / 'bag', make_grid, max_duration=10.0)
 
 
-def test_a_bag_is_split_by_duration(split: Bag) -> None:
-    """Each file lasts as long as it may; metadata.yaml lists every file with its own numbers.
-
-    A start offset in the second file gives terrain and hazard at once, and what follows.
-    """
+def test_splits_a_bag_by_duration(split: Bag) -> None:
+    """metadata.yaml lists each file; a replay in the second begins with latched messages."""
     directory, written = split
     reader = BagReader(directory)
     assert [item.name for item in reader.files] == ['bag_0.mcap', 'bag_1.mcap', 'bag_2.mcap']
@@ -289,7 +283,7 @@ def test_a_bag_is_split_by_duration(split: Bag) -> None:
     document = yaml.safe_load((directory / 'metadata.yaml').read_text())
     data = document['rosbag2_bagfile_information']
     assert data['relative_file_paths'] == ['bag_0.mcap', 'bag_1.mcap', 'bag_2.mcap']
-    # The terrain again, and not the hazard, which the new file's first frame brings anyway.
+    # a new file repeats the terrain, but not the hazard map, which is in its first frame
     for index, (start, seconds, count) in enumerate([(100, 9, 21), (110, 9, 21), (120, 4, 11)]):
         assert data['files'][index] == {
             'path': f'bag_{index}.mcap',
@@ -310,8 +304,8 @@ def test_a_bag_is_split_by_duration(split: Bag) -> None:
     assert len([due for due in dues if due.message.topic == '/points']) == 9
 
 
-def test_others_read_a_split_bag(split: Bag, tmp_path: Path) -> None:
-    """The rosbags readers find every message, in the whole bag and in each file by itself."""
+def test_rosbags_reads_a_split_bag(split: Bag, tmp_path: Path) -> None:
+    """It finds every message in the whole bag and in each single file."""
     directory, written = split
     with AnyReader([directory]) as reader:
         assert reader.message_count == len(written) + 2
@@ -336,8 +330,8 @@ def test_others_read_a_split_bag(split: Bag, tmp_path: Path) -> None:
                 assert grid.info.width == 60
 
 
-def test_a_bag_is_split_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """A file that has reached the size gets no further frame; no frame is divided; 0: no limit."""
+def test_splits_a_bag_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
+    """A file that has reached the size ends after its frame; 0 sets no limit."""
     record(tmp_path / 'one', make_grid, max_size=0, max_duration=0.0)
     assert [item.name for item in BagReader(tmp_path / 'one').files] == ['one_0.mcap']
     written = record(tmp_path / 'bag', make_grid, frames=40, max_size=30_000)
@@ -355,7 +349,7 @@ def test_a_bag_is_split_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
 
 
 def test_large_latched_messages_do_not_fill_the_disk(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """A terrain larger than the size is not repeated for each frame."""
+    """A terrain larger than the maximum size is not repeated for each frame."""
     noise = b''.join(make_grid(seed) for seed in range(40))
     with BagWriter(tmp_path / 'bag', custom_data={}, max_size=10_000) as writer:
         writer.write('/terrain', GRID, noise, 0, qos=LATCHED)
@@ -368,11 +362,8 @@ def test_large_latched_messages_do_not_fill_the_disk(tmp_path: Path, make_grid: 
     assert reader.size < 3 * (200 + 40) * 2000
 
 
-def test_a_recovered_bag_has_the_same_files(split: Bag, tmp_path: Path) -> None:
-    """Recovery keeps the files, every message in them, and both of its times.
-
-    A last file with nothing in it, as of a writer killed between two files, does not matter.
-    """
+def test_recovered_bag_has_the_same_files_and_messages(split: Bag, tmp_path: Path) -> None:
+    """An empty last file, left by a writer killed between two files, is ignored."""
     directory, written = split
     (directory / 'metadata.yaml').unlink()
     last = directory / 'bag_2.mcap'
@@ -380,10 +371,10 @@ def test_a_recovered_bag_has_the_same_files(split: Bag, tmp_path: Path) -> None:
     source = BagReader(directory)
     assert source.recovered
     assert [item.finished for item in source.contents] == [True, True, False]
-    shares: list[float] = []
-    count = recover(source, tmp_path / 'new', on_progress=lambda _, share: shares.append(share))
+    done: list[float] = []
+    count = recover(source, tmp_path / 'new', on_progress=lambda _, part: done.append(part))
     assert count == len(list(source.messages()))
-    assert shares == sorted(shares) and (shares[0], shares[-1]) == (0.0, 1.0)
+    assert done == sorted(done) and (done[0], done[-1]) == (0.0, 1.0)
     result = BagReader(tmp_path / 'new')
     assert not result.recovered
     assert (result.topics, result.custom_data) == (source.topics, source.custom_data)
@@ -401,10 +392,10 @@ def test_a_recovered_bag_has_the_same_files(split: Bag, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('size', 'limits', 'files'), [(500, {'max_duration': 50e-9}, 5), (2000, {}, 1)]
 )
-def test_killed_writers_leave_every_flushed_message(
+def test_killed_writer_leaves_every_flushed_message(
     killed_bag: Callable[..., tuple[Path, int]], size: int, limits: dict[str, float], files: int
 ) -> None:
-    """After kill -9 the finished files and what was flushed of the last one are there."""
+    """After SIGKILL all finished files and the flushed part of the last one are readable."""
     topics = ['/height', '/hazard']
     directory, flushed = killed_bag(220, size=size, topics=topics, **limits)
     assert not (directory / 'metadata.yaml').exists()
@@ -421,10 +412,10 @@ def test_killed_writers_leave_every_flushed_message(
             assert item.data[4:] == item.stamp_ns.to_bytes(8, 'little') * size
 
 
-def test_an_error_between_two_files_leaves_the_finished_ones(
+def test_error_between_two_files_keeps_the_finished_ones(
     tmp_path: Path, make_grid: MakeGrid
 ) -> None:
-    """When the next file cannot be opened the bag can still be closed, and is complete."""
+    """If the next file cannot be opened, the bag can still be closed and is complete."""
     writer = BagWriter(tmp_path / 'bag', custom_data={}, max_duration=1.0)
     writer.write('/hazard', GRID, make_grid(0), 0, qos=LATCHED)
     (tmp_path / 'bag' / 'bag_1.mcap').mkdir()
@@ -437,10 +428,10 @@ def test_an_error_between_two_files_leaves_the_finished_ones(
         assert reader.message_count == 1
 
 
-def test_a_directory_that_is_moved_within_a_check(
+def test_check_reports_a_directory_that_is_moved_during_the_check(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is named, and not the file that went with it."""
+    """The error names the directory, not the file that was moved with it."""
     directory, stat, asked = _Directory(tmp_path / 'bag'), os.stat, list[Path]()
 
     def moved_then(path: Path, **options: Any) -> os.stat_result:

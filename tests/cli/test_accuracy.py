@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava accuracy`, `verify`, `bench` and `effects`: tables that are printed and written."""
+"""`lava accuracy`, `verify`, `bench` and `effects`: printed and written tables."""
 
 import csv
 from dataclasses import fields, replace
@@ -25,7 +25,7 @@ from lava_ros.verification.rows import read_csv
 
 ROOT = Path(__file__).parents[2]
 
-#: Runs the command where nothing but Warp, numpy, matplotlib and yaml is installed.
+#: Runs the command as if only Warp, numpy, matplotlib and yaml were installed.
 BARE = """
 import sys
 
@@ -51,19 +51,16 @@ sys.exit(main(sys.argv[1:]))
 
 @pytest.fixture
 def one_setting(monkeypatch):
-    """Let the report have one coarse setting."""
     coarse = [measure.Setting('coarse', Accuracy(refinement=0.25), 'draft')]
     monkeypatch.setattr(measure, 'all_settings', lambda quick: coarse)
 
 
 def table(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file."""
     with path.open(newline='', encoding='utf-8') as file:
         return list(csv.DictReader(file))
 
 
-def test_report_is_written(tmp_path):
-    """CSV, table, chart and JSON of a bare machine: without ROS, rich, rasterio, MCAP, scipy."""
+def test_accuracy_writes_its_report_without_optional_packages(tmp_path):
     words = ['accuracy', '--quick', '--case', 'fixed_volume', '--device', 'cpu']
     places = ['--output', str(tmp_path / 'a/b'), '--json', str(tmp_path / 'a.json')]
     ended = subprocess.run(
@@ -79,8 +76,7 @@ def test_report_is_written(tmp_path):
     assert '100 %' in ended.stdout and 'draft' in ended.stdout
 
 
-def test_a_case_is_measured_again_and_the_others_stay(tmp_path, one_setting, monkeypatch):
-    """The rows of a case that is named are replaced in an earlier report."""
+def test_accuracy_replaces_only_the_rows_of_named_cases(tmp_path, one_setting, monkeypatch):
     monkeypatch.setattr('lava_ros.verification.chart.draw', lambda *_: None)
     words = ['accuracy', '--device', 'cpu', '--repetitions', '1', '--output', tmp_path]
     for names in (('fixed_volume', 'dam_break'), ('slope_fixed_area',), ('fixed_volume',)):
@@ -96,8 +92,7 @@ def test_a_case_is_measured_again_and_the_others_stay(tmp_path, one_setting, mon
     assert all(command in text for command in commands.values())
 
 
-def test_what_is_interrupted_keeps_what_it_has(tmp_path, one_setting, monkeypatch):
-    """The rows of the first case are there when the second one fails."""
+def test_interrupted_accuracy_keeps_finished_cases(tmp_path, one_setting, monkeypatch):
     second = cases.CASES['dam_break']
 
     def stop(accuracy, device):
@@ -111,8 +106,7 @@ def test_what_is_interrupted_keeps_what_it_has(tmp_path, one_setting, monkeypatc
     assert 'Fixed volume' in (tmp_path / 'cpu.md').read_text()
 
 
-def test_a_real_case(tmp_path):
-    """A case is run, printed on one line and written with its bounds."""
+def test_verify_reports_a_case_with_its_bounds(tmp_path):
     path = tmp_path / 'a.json'
     words = ['verify', '--preset', 'draft', '--case', 'sheet', '--device', 'cpu']
     line, last = done(*words, '--json', path).splitlines()
@@ -127,39 +121,32 @@ def test_a_real_case(tmp_path):
         assert item['error'] == pytest.approx(abs(item['measured'] / item['exact'] - 1.0))
 
 
-def test_progress_is_told_before_a_case_runs(monkeypatch):
-    """Cases take minutes: which one is running, of how many, is known before it ends."""
-
+def test_verify_shows_progress_before_a_case_runs(monkeypatch):
     def run(accuracy: object, device: str) -> Run:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
-    status, _, said = lava('verify', '--device', 'cpu')
-    assert (status, said) == (130, '  0 %  1 of 1: a fake\n')
+    status, _, printed = lava('verify', '--device', 'cpu')
+    assert (status, printed) == (130, '  0 %  1 of 1: a fake\n')
 
 
-@pytest.mark.parametrize(
-    ('errors', 'words', 'status'),
-    [
-        # outside, or not measured at all
-        ((0.001, 0.02), (), 1),
-        ((math.nan, 0.001), (), 1),
-        # what is outside at one preset may be within at a cheaper one
-        ((0.015, 0.001), ('--preset', 'draft'), 0),
-        ((0.015, 0.001), ('--preset', 'standard'), 1),
-        ((0.001, 0.02), ('--json', '-'), 1),
-    ],
-)
-def test_an_error_outside_its_bound_fails(errors, words, status, monkeypatch):
-    """Bounds are 1 %, 2 % of a draft; `--json -` prints the report alone."""
-
+@pytest.mark.parametrize(('errors', 'words', 'status'), [
+    # outside, or not measured
+    ((0.001, 0.02), (), 1),
+    ((math.nan, 0.001), (), 1),
+    # a cheaper preset has a wider bound
+    ((0.015, 0.001), ('--preset', 'draft'), 0),
+    ((0.015, 0.001), ('--preset', 'standard'), 1),
+    ((0.001, 0.02), ('--json', '-'), 1),
+])
+def test_verify_fails_when_an_error_exceeds_its_bound(errors, words, status, monkeypatch):
     def run(accuracy: object, device: str) -> Run:
         first, second = errors
         measured = Measurement('q', 1 + first, 1.0, 'm'), Measurement('r', 1 + second, 1.0, 'm')
         return Run('fake', measured, 10, 2, 4, 60.0, 0.5)
 
     monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
-    limits = (0.02, 0.01)
+    limits = (0.02, 0.01)  # draft, other presets
     monkeypatch.setattr(bounds, 'BOUNDS', {'fake': {'q': limits, 'r': limits}})
     ended, out, _ = lava('verify', '--device', 'cpu', *words)
     assert ended == status
@@ -171,8 +158,7 @@ def test_an_error_outside_its_bound_fails(errors, words, status, monkeypatch):
     assert last == f'{2 - status} of 2 quantities are within their bounds'
 
 
-def test_every_effect_has_a_line(tmp_path):
-    """Effect, on or off, the number that decided, its cost, and what leaving it out would cost."""
+def test_effects_lists_every_effect(tmp_path):
     path = tmp_path / 'effects.json'
     lines = done('effects', '--json', path).splitlines()
     for name, effect in EFFECTS.items():
@@ -180,29 +166,28 @@ def test_every_effect_has_a_line(tmp_path):
             (line,) = [line for line in lines if line.startswith(name + ' ')]
             assert effect.admits in line
         assert ' x ' in line or ' ? ' in line
-    told = {item['effect']: item for item in json.loads(path.read_text())}
-    assert told['steep']['on']
-    assert told['steep']['value'] > told['steep']['threshold']
-    # the paper's lava has no strength
+    report = {item['effect']: item for item in json.loads(path.read_text())}
+    assert report['steep']['on']
+    assert report['steep']['value'] > report['steep']['threshold']
+    # the lava of this paper has no yield strength
     done('effects', '--material', 'kedadry2023', '--json', path)
-    told = {item['effect']: item for item in json.loads(path.read_text())}
-    assert told['yielding']['value'] is None and not told['yielding']['on']
-    assert told['green']['threshold'] is None and not told['green']['on']
+    report = {item['effect']: item for item in json.loads(path.read_text())}
+    assert report['yielding']['value'] is None and not report['yielding']['on']
+    assert report['green']['threshold'] is None and not report['green']['on']
 
 
 def test_effects_can_be_forced():
-    """Forced effects say so; an unknown one is an error that names it."""
-    said = done('effects', '--on', 'inertia', '--off', 'steep')
-    lines = {line.split()[0]: line.split()[1:3] for line in said.splitlines()}
+    printed = done('effects', '--on', 'inertia', '--off', 'steep')
+    lines = {line.split()[0]: line.split()[1:3] for line in printed.splitlines()}
     assert lines['inertia'] == ['on', 'forced']
     assert lines['steep'] == ['-', 'forced']
     assert 'effects.slope' in refused('effects', '--on', 'slope')
 
 
-def test_the_costs_are_those_that_were_measured():
-    """Effects are in the committed table, the bare step is 1, and its columns are complete."""
-    # two are not measured on that GPU yet
-    known = {'bare', *(item.name for item in fields(Effects))} - {'cover', 'wind'}
+def test_committed_costs_of_effects_are_complete():
+    # not measured on that GPU yet
+    missing = {'cover', 'crust_strength', 'wind'}
+    known = {'bare', *(item.name for item in fields(Effects))} - missing
     assert set(step_costs()) >= known
     assert step_costs()['bare'] == 1.0
     for path in (ROOT / 'docs/benchmarks').glob('effects_*.csv'):
@@ -212,7 +197,6 @@ def test_the_costs_are_those_that_were_measured():
 
 
 def test_bench_effects_writes_its_table(tmp_path, monkeypatch):
-    """The time of a step, over the particles, for the bare step and for an effect."""
     sets = effects.effect_sets()
     monkeypatch.setattr(effects, 'LEAST', 0.01)
     monkeypatch.setattr(
@@ -224,7 +208,7 @@ def test_bench_effects_writes_its_table(tmp_path, monkeypatch):
     rows = table(output)
     assert [row['benchmark'] for row in rows] == ['bare', 'green']
     assert float(rows[0]['ratio']) == 1.0
-    # two repetitions on a busy machine do not show which of them takes longer
+    # which of the two is slower is random on a busy machine
     bare, green = (float(row['value']) for row in rows)
     assert float(rows[1]['ratio']) == pytest.approx(green / bare, rel=1e-4)
     assert rows[0]['command'] == f'lava {words}'
@@ -232,7 +216,6 @@ def test_bench_effects_writes_its_table(tmp_path, monkeypatch):
 
 
 def test_bench_members_measures_a_batch(tmp_path, monkeypatch):
-    """The rate of all members, and their memory."""
     monkeypatch.setattr(members, 'MEMBERS', {'cpu': (2,)})
     monkeypatch.setattr(members, 'SETS', ('bare',))
     words = 'bench members --device cpu --particles 300 --repetitions 2 --json'

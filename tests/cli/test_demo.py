@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava demo`, and the processes that commands start."""
+"""`lava demo`, and the child processes of commands."""
 
 import json
 import os
@@ -33,27 +33,23 @@ ROOT = Path(__file__).parents[2]
 
 
 def start(directory: Path, *words: str) -> subprocess.Popen[str]:
-    """Start the demo on the CPU, as in a shell without a terminal."""
+    """Start the demo on the CPU, without a terminal."""
     return subprocess.Popen(
         [sys.executable, '-m', 'lava_ros.cli.main', 'demo', '--device', 'cpu', *words],
-        cwd=directory,
-        env=os.environ | {'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1'},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        cwd=directory, env=os.environ | {'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1'},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )
 
 
 def run(directory: Path, *words: str) -> tuple[str, dict[str, Any]]:
-    """Run the demo to its end: what it printed, and its result."""
+    """Return the output and the result of a complete demo."""
     demo = start(directory, *words, '--json', 'out.json')
     output, errors = demo.communicate(timeout=400)
     assert demo.returncode == 0, output + errors
     return output, json.loads((directory / 'out.json').read_text())
 
 
-def test_a_domain_in_use_is_not_free(monkeypatch):
-    """Whoever is in it would hear the demo, and the demo whoever is in it."""
+def test_demo_refuses_a_domain_in_use(monkeypatch):
     busy = own_domain()
     chosen = SimpleNamespace(sample=lambda *_: [busy])
     monkeypatch.setattr(ros.random, 'SystemRandom', lambda: chosen)
@@ -62,8 +58,7 @@ def test_a_domain_in_use_is_not_free(monkeypatch):
 
 
 @pytest.mark.nightly
-def test_the_demo_runs_again(tmp_path):
-    """It leaves a bag others can read, a picture and a table, and replaces its own earlier bag."""
+def test_demo_records_a_bag_and_replaces_it(tmp_path):
     output, result = run(tmp_path, '--duration', '900', '--max-speed', '300')
     assert 'volume emitted' in output
     assert result == json.loads((tmp_path / 'bags/demo/demo.json').read_text())
@@ -72,7 +67,7 @@ def test_the_demo_runs_again(tmp_path):
     assert result['volume_emitted'] == pytest.approx(100.0 * 900.0)
     parts = result['volume_held'] + result['volume_left'] + result['volume_frozen']
     assert parts == pytest.approx(result['volume_emitted'], rel=1e-5)
-    # a busy machine is slower than it is allowed to be; never faster
+    # a busy machine may be slower than --max-speed, but not faster
     assert 0.0 < result['speed'] < 330.0
     assert result['particles'] > 10
     assert result['inundated_area_m2'] >= result['standing_area_m2'] > 1000.0
@@ -83,7 +78,7 @@ def test_the_demo_runs_again(tmp_path):
     assert counts['/terrain'] >= 1
     assert counts['/vents'] >= 1
     assert min(counts[name] for name in ('/height', '/temperature', '/hazard')) >= 2
-    # again, of a discharge that changes, which gives its integral at any speed
+    # a variable discharge emits its integral at any speed
     np.savez(tmp_path / 'a.npz', elevation=np.zeros((40, 40)), resolution=10.0)
     vent = {'position': [200.0, 200.0], 'discharge': [[0.0, 30.0], [600.0, 0.0]], 'radius': 20.0}
     scene = {'terrain': {'file': 'a.npz'}, 'vents': [vent], 'gravity': 3.7}
@@ -96,8 +91,7 @@ def test_the_demo_runs_again(tmp_path):
     assert held['/terrain'] and held['/vents']
 
 
-def test_the_tutorial_with_files_of_an_observatory(tmp_path, monkeypatch):
-    """Its commands as they stand: a compound system, a KML fissure, a table with dates."""
+def test_observatory_tutorial_runs_as_written(tmp_path, monkeypatch):
     page = (ROOT / 'docs/tutorials/own_dem.md').read_text(encoding='utf-8')
     example = [sys.executable, ROOT / 'examples/observatory_files.py']
     subprocess.run(example, cwd=tmp_path, check=True)
@@ -122,8 +116,7 @@ def test_the_tutorial_with_files_of_an_observatory(tmp_path, monkeypatch):
     assert fissure['properties']['peak_effusion_rate'] == pytest.approx(12.0)
 
 
-def test_what_no_demo_made_is_not_touched(tmp_path, monkeypatch):
-    """A folder that is not an earlier demo's stays, whatever is in it; so does one in vain."""
+def test_demo_replaces_only_folders_of_earlier_demos(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'mine').mkdir()
     for names in (('metadata.yaml', 'a_0.mcap'), ('demo.json', 'notes.txt')):
@@ -131,14 +124,13 @@ def test_what_no_demo_made_is_not_touched(tmp_path, monkeypatch):
             (tmp_path / 'mine' / name).write_text('precious')
         assert 'that an earlier demo made' in refused('demo', '--output', 'mine')
     assert len(list((tmp_path / 'mine').iterdir())) == 4
-    # a result that cannot be written is named before an earlier demo is removed
+    # --json is checked before an earlier demo is removed
     (tmp_path / 'mine/notes.txt').unlink()
     assert '--json is' in refused('demo', '--output', 'mine', '--json', 'none/out.json')
     assert (tmp_path / 'mine/demo.json').exists()
 
 
-def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path):
-    """A device that does not exist ends the demo with status 1 and the node's own words."""
+def test_demo_reports_a_failed_node_with_its_log(tmp_path):
     demo = start(tmp_path, '--device', 'cuda:77', '--duration', '600')
     _, errors = demo.communicate(timeout=300)
     assert demo.returncode == 1
@@ -148,7 +140,6 @@ def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path):
 
 
 def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
-    """An interrupted demo ends its children, and its bag is whole and may be replaced."""
     demo = start(tmp_path, '--duration', '7200')
     assert demo.stdout is not None
     line = ''
@@ -167,12 +158,11 @@ def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
     assert str(tmp_path) not in running.stdout
 
 
-def test_what_is_seen_narrows_the_forecast(tmp_path):
-    """Forecasts come over DDS; after the outline less is undecided, and what is said is truer."""
+def test_observation_improves_the_forecast(tmp_path):
     words = ('--forecast', '--members', '6', '--max-speed', '200', '--picture', 'out.png')
     output, result = run(tmp_path, *words)
     assert 'a forecast of when lava comes' in output
-    # how soon it is depends on the machine; the order does not
+    # the times depend on the machine, their order does not
     assert 0.0 < result['forecast_after_s'] < result['all_members_after_s']
     assert result['members_effective'] < result['members'] == 6
     before, after = result['before'], result['after']
@@ -181,7 +171,7 @@ def test_what_is_seen_narrows_the_forecast(tmp_path):
     assert imread(tmp_path / 'out.png').shape[2] in (3, 4)
 
 
-#: A program that says that it is there, and does something when it is asked to end.
+#: A program that prints 100 lines and has a given handler for SIGINT.
 PROGRAM = """
 import signal, sys, time
 signal.signal(signal.SIGINT, {})
@@ -195,7 +185,7 @@ STUBBORN = PROGRAM.format('signal.SIG_IGN')
 
 @pytest.fixture
 def child_of(tmp_path):
-    """Starts a child of a program's text, and waits until it has said something."""
+    """Return a function that starts a program from its source and waits for its output."""
 
     def begin(text: str) -> Child:
         (tmp_path / 'a_program.py').write_text(text)
@@ -211,8 +201,7 @@ def child_of(tmp_path):
     return begin
 
 
-def test_a_child_that_follows(child_of):
-    """It ends when it is asked to; asking again does no harm."""
+def test_child_stops_when_asked(child_of):
     child = child_of(ENDS_WELL)
     child.check()
     child.stop()
@@ -222,21 +211,20 @@ def test_a_child_that_follows(child_of):
 
 
 @pytest.mark.parametrize(
-    ('program', 'what', 'status'),
+    ('program', 'outcome', 'status'),
     [(STUBBORN, 'did not end within 0.2 s', -9), (FAILS, 'ended with status 3', 3)],
 )
-def test_a_child_that_does_not_end_well(program, what, status, child_of):
-    """One that does not follow is killed; the error has the last lines of its log."""
+def test_error_of_a_child_has_the_end_of_its_log(program, outcome, status, child_of):
     child = child_of(program)
     with pytest.raises(ChildError) as caught:
         child.stop(0.2 if program == STUBBORN else 20.0)
     first, *lines = str(caught.value).splitlines()
-    assert first == f'the program {what}; its log ends with'
+    assert first == f'the program {outcome}; its log ends with'
     assert lines == [f'    line {number}' for number in range(100 - SHOWN_LINES, 100)]
     assert child.end(0.2) == status
 
 
-#: A command with a child, which says whether it was ended.
+#: A command that sends itself a signal and prints its child's exit status.
 COMMAND = """
 import os
 from pathlib import Path
@@ -246,7 +234,7 @@ import signal
 import sys
 import time
 from lava_ros.cli.ros import Child
-# whoever runs the tests may ignore it, as nohup does
+# the test runner may ignore it, as nohup does
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 child = Child('program', 'a_program', log=Path('a.log'), env=os.environ)
 try:
@@ -260,19 +248,13 @@ finally:
 
 
 @pytest.mark.parametrize('name', ['SIGTERM', 'SIGHUP'])
-def test_children_end_with_their_command(tmp_path, name):
-    """One that is told to end, or loses its terminal, ends its children first."""
+def test_command_stops_its_children_on_a_signal(tmp_path, name):
     (tmp_path / 'a_program.py').write_text(ENDS_WELL)
     (tmp_path / 'command.py').write_text(COMMAND)
     env = os.environ | {'PYTHONPATH': f'{ROOT}{os.pathsep}{tmp_path}'}
     ended = subprocess.run(
-        [sys.executable, 'command.py', name],
-        cwd=tmp_path,
-        env=env,
-        stdout=subprocess.PIPE,
-        text=True,
-        timeout=300.0,
-        check=False,
+        [sys.executable, 'command.py', name], cwd=tmp_path, env=env, stdout=subprocess.PIPE,
+        text=True, timeout=300.0, check=False,
     )
     assert ended.stdout == 'child 0\n'
     assert ended.returncode == 128 + getattr(signal, name)

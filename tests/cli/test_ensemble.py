@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava ensemble`: from a scene file to maps, and on from where it was."""
+"""`lava ensemble`: maps from a scene file, resumed runs, barriers and errors."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ from cli.calls import done, refused
 from command_line import lava
 from eruption import footprint, write_case
 from lava_ros.bag import BagReader
-from lava_ros.bag.decoding import Decoder, read_grid
+from lava_ros.bag.decoding import read_grid
 from lava_ros.cli.options import seconds_of
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
@@ -33,7 +33,7 @@ CORNER = (500_000.0, 4_180_000.0)
 
 @pytest.fixture
 def scene(tmp_path):
-    """A scene file: a slope of 24 x 30 cells of 20 m, in UTM zone 33."""
+    """Write a scene file: a slope of 24 x 30 cells of 20 m in UTM zone 33."""
     y, x = np.mgrid[0:30, 0:24] * 20.0
     np.savez(
         tmp_path / 'ground.npz', elevation=500.0 - 0.1 * y + 5.0 * np.sin(x / 60.0),
@@ -53,7 +53,7 @@ def scene(tmp_path):
 
 @pytest.fixture
 def lines(tmp_path):
-    """Barriers with names and columns of others, and a hut, as tables of well-known text."""
+    """Write two barriers, and a hut in a file of its own."""
     x, y = CORNER
     dams = [('upper', 12, 180, 300, 170), ('lower', 9, 150, 330, 200)]
     rows = [
@@ -66,7 +66,7 @@ def lines(tmp_path):
 
 
 def raster(path: Path, values: np.ndarray) -> str:
-    """A raster on the terrain's cells, row 0 in the south."""
+    """Write a GeoTIFF on the cells of the terrain, row 0 in the south."""
     with rasterio.open(
         path, 'w', driver='GTiff', width=24, height=30, count=1, dtype='float32',
         crs='EPSG:32633', transform=from_origin(CORNER[0], CORNER[1] + 600.0, 20.0, 20.0),
@@ -76,25 +76,24 @@ def raster(path: Path, values: np.ndarray) -> str:
 
 
 def read(path: Path) -> np.ndarray:
-    """A map, row 0 in the south."""
+    """Read a map, row 0 in the south."""
     with rasterio.open(path) as file:
         return file.read(1)[::-1]
 
 
 @pytest.mark.parametrize('built', [None, '2min'])
-def test_barriers_are_compared(scene, lines, tmp_path, built):
-    """The same members without and with them: maps, a picture, a table, and the earth."""
+def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path, built):
     out, report = tmp_path / 'out', tmp_path / 'report.json'
     words = ['ensemble', scene, '-o', out, '--horizon', '12min', '--members', '2']
     words += ['--workers', '1', '--device', 'cpu', '--json', report, '--barriers', lines]
     words += ['--places', tmp_path / 'hut.csv', *(['--barriers-at', built] if built else [])]
-    said = done(*words)
-    earth = [line for line in said.splitlines() if line.startswith('barrier ')]
+    output = done(*words)
+    earth = [line for line in output.splitlines() if line.startswith('barrier ')]
     assert [line.split()[1] for line in earth] == ['upper', 'lower']
     assert '120 m long, 12 m high, crest 30 m wide' in earth[0]
-    told = json.loads(report.read_text())['barriers']
-    assert told['built_s'] == (120.0 if built else 0.0)
-    assert [round(item['volume_m3']) for item in told['barriers']] == [
+    compared = json.loads(report.read_text())['barriers']
+    assert compared['built_s'] == (120.0 if built else 0.0)
+    assert [round(item['volume_m3']) for item in compared['barriers']] == [
         int(line.split(': ')[1].split()[0]) for line in earth
     ]
     without, dammed = (
@@ -104,55 +103,62 @@ def test_barriers_are_compared(scene, lines, tmp_path, built):
     changed = dammed - without
     np.testing.assert_array_equal(change, np.where(changed != 0.0, changed, -9999.0))
     assert changed.min() < 0.0
-    for percent, areas in told['area_m2'].items():
+    for percent, areas in compared['area_m2'].items():
         least = float(percent.split()[2])
         assert areas['without'] == (without >= least).sum() * 400.0
         assert areas['with'] == (dammed >= least).sum() * 400.0
-    (hut,) = told['places']
+    (hut,) = compared['places']
     assert hut['name'] == 'hut'
     assert hut['probability_percent_with'] <= hut['probability_percent_without']
     table = (out / 'comparison/places.csv').read_text().splitlines()
     assert table[0].startswith('name,kind,probability_percent_without,probability_percent_with')
     assert table[1].startswith('hut,point,')
     assert (out / 'comparison/barriers.png').stat().st_size > 10_000
-    # the same command finds all members, and the plain one its own
+    # running it again resumes all members
     done(*words)
     assert json.loads(report.read_text())['resumed'] == 2
 
 
-@pytest.mark.parametrize(
-    ('words', 'named'),
-    [
-        (['--barriers-at', '1h'], '--barriers-at'),
-        (['--places', 'hut.csv'], '--places'),
-        (['--barriers', 'none.geojson'], '--barriers'),
-        (['--barriers', 'hut.csv'], 'a line'),
-        (['--emplaced-as', 'ground'], '--emplaced-as'),
-        (['--emplaced-flow', 'hut.csv', '--emplaced-thickness', '3'], 'at least one area'),
-        (['--terrain-at', '1h', 'none.tif'], 'none.tif'),
-        (['--terrain-at', '-1h', 'ground.npz'], '--terrain-at'),
-    ],
-)
-def test_wrong_changes_are_named(scene, lines, tmp_path, monkeypatch, words, named):
-    """Before any member runs."""
+@pytest.mark.parametrize(('words', 'named'), [
+    (('--barriers-at', '1h'), '--barriers-at'),
+    (('--places', 'hut.csv'), '--places'),
+    (('--barriers', 'none.geojson'), '--barriers'),
+    (('--barriers', 'hut.csv'), 'a line'),
+    (('--emplaced-as', 'ground'), '--emplaced-as'),
+    (('--emplaced-flow', 'hut.csv', '--emplaced-thickness', '3'), 'at least one area'),
+    (('--terrain-at', '1h', 'none.tif'), 'none.tif'),
+    (('--terrain-at', '-1h', 'ground.npz'), '--terrain-at'),
+    (('--members', '0'), 'members'),
+    (('--horizon', 'soon'), '--horizon'),
+    (('--horizon=-1h',), '--horizon'),
+    (('--workers', '0'), '--workers'),
+    (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
+    (('--device', 'cuda:77'), '--device'),
+    (('--observed', 'outline.tif'), '--observed-at'),
+    (('--observed', 'none.tif', '--observed-at', '1h'), '--observed'),
+    (('--susceptibility', 'none.tif'), '--susceptibility'),
+    (('--json', 'none/report.json'), '--json'),
+    (('--threshold', '-1'), 'threshold'),
+])
+def test_refuses_unusable_options(scene, lines, tmp_path, monkeypatch, words, named):
     monkeypatch.chdir(tmp_path)
-    assert named in refused('ensemble', scene, '-o', tmp_path / 'out', '--members', '2', *words)
+    error = refused('ensemble', scene, '-o', 'out', *words)
+    assert error.startswith('lava ensemble: ') and named in error
     assert not (tmp_path / 'out').exists()
 
 
-def test_maps_of_a_scene(scene, tmp_path):
-    """Four members, then eight: GeoTIFF, bag and report agree; an outline sharpens them."""
+def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path):
     out, report = tmp_path / 'out', tmp_path / 'report.json'
     words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1']
     words += ['--device', 'cpu', '--json', report]
     done(*words, '--members', '4')
     first = json.loads(report.read_text())
     assert (first['members'], first['resumed'], first['workers']) == (4, 0, 1)
-    said = done(*words, '--members', '8')
+    output = done(*words, '--members', '8')
     second = json.loads(report.read_text())
     assert (second['members'], second['resumed']) == (8, 4)
     assert second['sampling_error_percent'] == pytest.approx(50.0 / 8**0.5)
-    assert '4 members run' in said
+    assert '4 members run' in output
 
     maps = {name: read(out / f'{name}.tif') for name in MAPS}
     probability = maps['inundation_probability']
@@ -173,21 +179,17 @@ def test_maps_of_a_scene(scene, tmp_path):
     assert {f'/lava/{name}' for name in (*MAPS, *others)} == set(messages)
     grid = read_grid(messages['/lava/inundation_probability'])
     np.testing.assert_array_equal(grid.cells, occupancy(probability))
-    image = Decoder(bag).decode(messages['/lava/arrival_time_p50'])
-    pixels = np.frombuffer(bytes(image.data), np.float32).reshape(30, 24)
-    np.testing.assert_array_equal(np.isfinite(pixels), half)
-    np.testing.assert_array_equal(pixels[half], maps['arrival_time_p50'][half])
 
-    seen = raster(tmp_path / 'seen.tif', maps['arrival_time_p10'] > 0.0)
-    done(*words, '--members', '8', '--observed', seen, '--observed-at', '600s')
+    outline = raster(tmp_path / 'outline.tif', maps['arrival_time_p10'] > 0.0)
+    done(*words, '--members', '8', '--observed', outline, '--observed-at', '600s')
     third = json.loads(report.read_text())
     assert third['resumed'] == 8 and third['effective_members'] < 8.0
     assert 0.3 < third['observed']['jaccard_mean'] < third['observed']['jaccard_best'] <= 1.0
     assert read(out / 'weighted/inundation_probability.tif').sum() > probability.sum()
-    # the maps without weights are as they were, in every file
+    # the maps without weights have not changed
     for name, values in maps.items():
         np.testing.assert_array_equal(read(out / f'{name}.tif'), values)
-        for folder, observation in ((out, 'none'), (out / 'weighted', 'seen.tif, 600 s')):
+        for folder, observation in ((out, 'none'), (out / 'weighted', 'outline.tif, 600 s')):
             with rasterio.open(folder / f'{name}.tif') as file:
                 assert file.tags()['observation'].startswith(observation)
             assert (folder / f'{name}.qml').exists()
@@ -200,19 +202,18 @@ def test_maps_of_a_scene(scene, tmp_path):
     page = tmp_path / 'page.json'
     words = ['plot', out, out / 'weighted', '--layers', 'inundation_probability', '--json', page]
     done(*words, '-o', tmp_path / 'page.png')
-    assert 'seen.tif, 600 s' in json.loads(page.read_text())['notes']['weighted by']
+    assert 'outline.tif, 600 s' in json.loads(page.read_text())['notes']['weighted by']
 
 
-def test_effects_that_the_flow_calls_for_are_named(scene, tmp_path):
-    """Where lava thins the yield strength matters: command, report, bag and page say so."""
+def test_effects_switched_on_by_the_flow_are_reported(scene, tmp_path):
     described = yaml.safe_load(scene.read_text())
     described['vents'][0]['discharge'] = [[0, 10], [300, 0]]
-    described['lava']['yield_strength'] = 12.0
+    described['lava'] |= {'yield_strength': 12.0, 'crust_strength': 0.0}
     scene.write_text(yaml.safe_dump(described))
     out, report = tmp_path / 'out', tmp_path / 'report.json'
     words = ['ensemble', scene, '-o', out, '--horizon', '15min', '--workers', '1']
     words += ['--device', 'cpu', '--json', report, '--members', '3']
-    status, said, warned = lava(*words)
+    status, output, warned = lava(*words)
     assert status == 0
     found = json.loads(report.read_text())
     (item,) = found['switched_on']
@@ -220,22 +221,20 @@ def test_effects_that_the_flow_calls_for_are_named(scene, tmp_path):
     assert item['number'] > item['threshold']
     reason = f'Bingham number = {item["number"]:.2g} > 0.01 in member 0 at {item["time_s"]:.4g} s'
     assert f'yielding is switched on for all members from the start: {reason}' in warned
-    assert f'effects of all members: {", ".join(found["effects"])}\n' in said
-    assert f'yielding was switched on from the start: {reason}\n' in said
+    assert f'effects of all members: {", ".join(found["effects"])}\n' in output
+    assert f'yielding was switched on from the start: {reason}\n' in output
     (change,) = json.loads(BagReader(out / 'atlas').custom_data['effects'])
     assert change['effects']['yielding'] == f'on: {reason}' and change['time'] == 0.0
     on = [name for name, text in change['effects'].items() if text.startswith('on')]
     assert on == found['effects']
     facts = read_run(out).facts
-    # pages say it in plain words
     assert facts['processes included'] == ', '.join(EFFECTS[name].title for name in on)
     assert facts['switched on'] == f'yield strength: {reason}'
-    # a finished ensemble says it again
+    # a finished ensemble reports it again
     assert reason in done(*words) and json.loads(report.read_text())['resumed'] == 3
 
 
-def test_vents_from_a_map(scene, tmp_path):
-    """Lava comes from where the map says a vent may open, not from where the scene has it."""
+def test_susceptibility_map_places_the_vents(scene, tmp_path):
     likelihood = np.zeros((30, 24))
     likelihood[5:8, 3] = 1.0
     where = raster(tmp_path / 'where.tif', likelihood)
@@ -246,43 +245,17 @@ def test_vents_from_a_map(scene, tmp_path):
     assert np.hypot(*(wet - [6.0, 3.0]).T).max() < 10.0
 
 
-@pytest.mark.parametrize(
-    ('words', 'named'),
-    [
-        (('--members', '0'), 'members'),
-        (('--horizon', 'soon'), '--horizon'),
-        (('--horizon=-1h',), '--horizon'),
-        (('--workers', '0'), '--workers'),
-        (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
-        (('--device', 'cuda:77'), '--device'),
-        (('--observed', 'seen.tif'), '--observed-at'),
-        (('--observed', 'none.tif', '--observed-at', '1h'), '--observed'),
-        (('--susceptibility', 'none.tif'), '--susceptibility'),
-        (('--json', 'none/report.json'), '--json'),
-        (('--threshold', '-1'), 'threshold'),
-    ],
-)
-def test_what_cannot_be_used_is_refused(words, named, scene, tmp_path, monkeypatch):
-    """In one sentence, before a member runs, and nothing is written."""
-    monkeypatch.chdir(tmp_path)
-    error = refused('ensemble', scene, '-o', 'out', *words)
-    assert error.startswith('lava ensemble: ') and named in error
-    assert not (tmp_path / 'out').exists()
-
-
-def test_an_interrupted_run_says_how_to_go_on(scene, tmp_path, monkeypatch):
-    """Ctrl+C ends with the status of one, and a sentence."""
+def test_interrupted_ensemble_explains_how_to_resume(scene, tmp_path, monkeypatch):
     def interrupted(*args: object, **options: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr('lava_ros.forecast.ensemble.run_ensemble', interrupted)
     words = ['--workers', '1', '--device', 'cpu']
-    status, _, said = lava('ensemble', scene, '-o', tmp_path / 'out', *words)
-    assert status == 130 and 'the same command' in said
+    status, _, output = lava('ensemble', scene, '-o', tmp_path / 'out', *words)
+    assert status == 130 and 'the same command' in output
 
 
-def test_times_as_people_write_them():
-    """With a unit, without one, and in no other way."""
+def test_parses_times_with_and_without_units():
     for text, seconds in (('6h', 21600.0), ('90min', 5400.0), ('1.5 d', 129600.0), ('30', 30.0),
                           ('1e3s', 1000.0)):
         assert seconds_of('--horizon', text) == seconds
@@ -292,13 +265,12 @@ def test_times_as_people_write_them():
             seconds_of('--horizon', text)
 
 
-def test_a_case_is_scored(tmp_path):
-    """The folder of a mapped eruption is run to its end, and its map says how good that was."""
+def test_ensemble_of_a_case_is_scored(tmp_path):
     case = write_case(tmp_path / 'valley', hours=1)
     words = ['ensemble', case, '-o', tmp_path / 'out', '--members', '2']
     words += ['--device', 'cpu', '--workers', '1', '--spacing', '20']
     assert "--horizon is '1h', expected no --horizon for" in refused(*words, '--horizon', '1h')
-    said = done(*words, '--json', tmp_path / 'report.json')
+    output = done(*words, '--json', tmp_path / 'report.json')
     report = json.loads((tmp_path / 'report.json').read_text())
     assert (report['case'], report['horizon_s']) == ('valley', 3600.0)
     assert set(report['uncertainty']['constants']) >= {'crust_cover', 'crust_temperature'}
@@ -306,4 +278,4 @@ def test_a_case_is_scored(tmp_path):
     assert 0.0 < score['brier_score'] < 1.0
     assert score['brier_skill_of_terrain'] > score['brier_skill']
     assert sum(item['count'] for item in score['reliability']) == footprint().size
-    assert f'skill {score["brier_skill"]:.2f}' in said
+    assert f'skill {score["brier_skill"]:.2f}' in output

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava info` and `lava recover`, as the command line calls them."""
+"""`lava info` and `lava recover`."""
 
 from dataclasses import replace
 import json
@@ -14,8 +14,8 @@ import pytest
 from cli.calls import done, refused
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.checkpoint import MEDIA_TYPE
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.checkpoint import MEDIA_TYPE
 import recording
 from small_checkpoint import small_checkpoint
 
@@ -28,7 +28,7 @@ SCENE = {
 
 @pytest.fixture
 def bag(tmp_path):
-    """A bag of three messages with a scene."""
+    """Record a bag of three messages with a scene."""
     data = {'scene': json.dumps(SCENE), 'device': 'cuda:0'}
     with BagWriter(tmp_path / 'bag', custom_data=data) as writer:
         for second in range(3):
@@ -38,12 +38,11 @@ def bag(tmp_path):
 
 
 def info(path: Path) -> tuple[list[str], dict[str, Any]]:
-    """The lines and the JSON that `lava info` prints about a bag."""
+    """Return the lines and the JSON that `lava info` prints about a bag."""
     return done('info', path).splitlines(), json.loads(done('info', path, '--json', '-'))
 
 
-def test_info_says_what_is_in_a_bag(bag):
-    """Scene, vents, topics, durability, duration and state are printed."""
+def test_info_lists_the_contents_of_a_bag(bag):
     lines = [' '.join(line.split()) for line in info(bag)[0]]
     assert '/hazard std_msgs/msg/Empty 3 reliable transient_local' in lines
     assert 'duration 2.000 s' in lines
@@ -54,7 +53,6 @@ def test_info_says_what_is_in_a_bag(bag):
 
 
 def test_info_as_json(bag, tmp_path):
-    """The same as JSON, in a file or on standard output."""
     done('info', bag, '--json', tmp_path / 'info.json')
     data = json.loads((tmp_path / 'info.json').read_text())
     assert data['scene'] == SCENE
@@ -64,8 +62,7 @@ def test_info_as_json(bag, tmp_path):
     refused('info', bag, '--json', tmp_path / 'gone' / 'info.json')
 
 
-def test_info_and_recover_of_a_bag_that_was_cut_off(bag, tmp_path):
-    """A cut bag is described as such, and made whole by recover."""
+def test_truncated_bag_is_described_and_recovered(bag, tmp_path):
     path = bag / 'bag_0.mcap'
     path.write_bytes(path.read_bytes()[:-50])
     (bag / 'metadata.yaml').unlink()
@@ -75,32 +72,30 @@ def test_info_and_recover_of_a_bag_that_was_cut_off(bag, tmp_path):
     assert 'choose another name' in refused('recover', bag, tmp_path / 'whole')
 
 
-def test_checkpoints_are_listed(tmp_path):
-    """The newest of them with time and size in the text, all of them in the JSON."""
+def test_info_lists_checkpoints(tmp_path):
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for count in range(7):
             checkpoint = small_checkpoint(100.0 * count, count)
             writer.attach(NAME, MEDIA_TYPE, checkpoint.to_bytes(), count * 10**9)
-    lines, told = info(tmp_path / 'bag')
+    lines, report = info(tmp_path / 'bag')
     start = next(index for index, line in enumerate(lines) if line.startswith('checkpoints  7, '))
     assert lines[start].endswith('; resume takes the newest')
     assert lines[start + 1] == '  2 older ones'
     assert lines[start + 2].startswith('  at 200.000 s simulated, 2.000 s, 2 particles, ')
     assert lines[start + 6].startswith('  at 600.000 s simulated, 6.000 s, 6 particles, ')
-    stored = told['checkpoints']
+    stored = report['checkpoints']
     assert [item['time'] for item in stored] == [100.0 * count for count in range(7)]
     assert stored[6]['size'] == len(checkpoint.to_bytes())
 
 
-def test_volume_that_is_no_number_is_told(tmp_path, monkeypatch):
-    """It is in the table, with a warning: as much is not accounted for."""
+def test_info_warns_of_a_volume_that_is_nan(tmp_path, monkeypatch):
     lost = VolumeBudget(10.0, math.nan, 0.0, 0.0)
     made = recording.snapshot_at
     monkeypatch.setattr(recording, 'snapshot_at', lambda *of: replace(made(*of), budget=lost))
-    lines, told = info(recording.record(tmp_path / 'bag'))
+    lines, report = info(recording.record(tmp_path / 'bag'))
     assert 'volumes' in lines
     assert any(line.startswith('  warning: volume is not conserved: nan') for line in lines)
-    assert len(told['simulation']['warnings']) == 1
+    assert len(report['simulation']['warnings']) == 1
 
 
 CHANGES = [
@@ -110,53 +105,44 @@ CHANGES = [
 ORIGIN = {'bag': 'bags/first', 'time': 1234.5, 'stamp_ns': 7}
 
 
-@pytest.mark.parametrize(
-    ('name', 'value', 'shown'),
-    [
-        ('effects', CHANGES, [
-            'effects', '  steep            on: slope = 0.8 > 0.12', '  changed at 60.0 s',
-            '  steep            off: forced',
-        ]),
-        ('resumed_from', ORIGIN, ['resumed    at 1234.500 s simulated, from bags/first']),
-    ],
-)
-def test_what_the_node_describes_is_told(name, value, shown, tmp_path):
-    """In words, and as JSON: effects and their changes, where a bag was resumed from."""
+@pytest.mark.parametrize(('name', 'value', 'shown'), [
+    ('effects', CHANGES, [
+        'effects', '  steep            on: slope = 0.8 > 0.12', '  changed at 60.0 s',
+        '  steep            off: forced',
+    ]),
+    ('resumed_from', ORIGIN, ['resumed    at 1234.500 s simulated, from bags/first']),
+])
+def test_info_shows_effects_and_the_source_of_a_resumed_run(name, value, shown, tmp_path):
     BagWriter(tmp_path / 'bag', custom_data={name: json.dumps(value)}).close()
-    lines, told = info(tmp_path / 'bag')
+    lines, report = info(tmp_path / 'bag')
     place = lines.index(shown[0])
     assert lines[place : place + len(shown)] == shown
     assert 'custom data' not in lines
-    assert told[name] == value
+    assert report[name] == value
 
 
-@pytest.mark.parametrize(
-    ('name', 'text'),
-    [
-        *(('effects', text) for text in ('[1', '[1]', '{}', '[{"time": 0}]')),
-        *(('resumed_from', text) for text in ('[1]', '{"bag": 1, "time": 2}', 'a bag')),
-        ('scene', '[Etna'),
-    ],
-)
-def test_what_cannot_be_read_is_shown_as_text(name, text, tmp_path):
-    """A bag of someone else's may have anything by that name; long texts are cut."""
+@pytest.mark.parametrize(('name', 'text'), [
+    *(('effects', text) for text in ('[1', '[1]', '{}', '[{"time": 0}]')),
+    *(('resumed_from', text) for text in ('[1]', '{"bag": 1, "time": 2}', 'a bag')),
+    ('scene', '[Etna'),
+])
+def test_info_shows_unreadable_data_as_shortened_text(name, text, tmp_path):
     data = {name: text, 'long': 'x ' * 100}
     BagWriter(tmp_path / 'bag', custom_data=data).close()
-    lines, told = info(tmp_path / 'bag')
-    assert f'  {name}: {text}' in lines and told[name] is None
-    # the first has the path
+    lines, report = info(tmp_path / 'bag')
+    assert f'  {name}: {text}' in lines and report[name] is None
+    # the first line has the path
     assert max(map(len, lines[1:])) < 100
 
 
-def test_info_says_what_is_in_each_file(tmp_path):
-    """A bag of several files is listed file by file, one that was cut off marked as such."""
+def test_info_lists_each_file(tmp_path):
     with BagWriter(tmp_path / 'bag', custom_data={}, max_duration=2.0) as writer:
         for second in range(5):
             writer.write('/hazard', 'std_msgs/msg/Empty', bytes(5), second * 10**9, qos=LATCHED)
             writer.flush()
     last = tmp_path / 'bag' / 'bag_2.mcap'
     last.write_bytes(last.read_bytes()[:-50])
-    lines, told = info(tmp_path / 'bag')
+    lines, report = info(tmp_path / 'bag')
     assert lines[1].startswith('files      3, ')
     shown = [line for line in lines if line.startswith('  bag_')]
     assert [line.split(',')[0].strip() for line in shown] == [
@@ -164,5 +150,5 @@ def test_info_says_what_is_in_each_file(tmp_path):
     ]
     assert '2.000 to 3.000 s, 2 messages' in shown[1]
     assert [line.endswith('cut off') for line in shown] == [False, False, True]
-    assert [item['finished'] for item in told['files']] == [True, True, False]
-    assert [item['message_count'] for item in told['files']] == [2, 2, 1]
+    assert [item['finished'] for item in report['files']] == [True, True, False]
+    assert [item['message_count'] for item in report['files']] == [2, 2, 1]

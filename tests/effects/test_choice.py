@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from lava_ros.effects import EFFECTS
-from lava_ros.effects.effect import footprint_change
-from lava_ros.effects.scales import Columns, Scales
+from lava_ros.effects.scales import Columns, footprint_change, Scales
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 
 DECIDED = [name for name, effect in EFFECTS.items() if effect.number is not None]

@@ -36,9 +36,10 @@ BARE_KERNELS = [
 
 #: Arrays and kernels that effects add.
 ADDED = dict.fromkeys(
-    ('', 'yielding', 'power_law', 'arrhenius', 'vft', 'crystals', 'steep', 'cooling',
-     'latent_heat'),
-    (set(), set()),
+    ('', 'power_law', 'steep', 'cooling', 'latent_heat'), (set(), set())
+) | dict.fromkeys(
+    ('yielding', 'arrhenius', 'vft', 'crystals'),
+    ({'mean_temperature', 'ordered_mean_temperature'}, set()),
 )
 ADDED['green'] = {'source', 'area'}, {'green_motion'}
 ADDED['helmholtz'] = (
@@ -128,7 +129,7 @@ def test_effect_allocates_and_launches_only_its_own(launched, name):
     lava = Lava(solidus=1000.0, yield_strength=100.0, conductivity=2.0)
     ground, vent = plane((-50.0, -50.0, 50.0, 50.0), 5.0, 0.2), Vent((0.0, 0.0), 2.0)
     simulation = simulated(ground, lava, vent, effects=only(name), spacing=4.0)
-    state = vars(simulation._state)
+    state = vars(simulation.solver.state)
     # attributes that begin with _ are views of other arrays
     arrays_of_it = {key for key, value in state.items() if isinstance(value, wp.array)}
     allocated = {key for key in arrays_of_it if key[0] != '_'}
@@ -136,9 +137,9 @@ def test_effect_allocates_and_launches_only_its_own(launched, name):
     simulation.advance(60.0)
     assert simulation.particle_count > 0
     # only the first stage sorts particles into cells before it moves them
-    simulation._stage.take(simulation.scene, simulation._vents)
+    simulation.solver.stage.take(simulation.scene, simulation.solver.vents)
     launched.clear()
-    simulation._stage.take(simulation.scene, simulation._vents)
+    simulation.solver.stage.take(simulation.scene, simulation.solver.vents)
     without = {'move'} if name == 'green' else set()
     assert set(launched) == set(BARE_KERNELS) - without | kernels
     assert name or launched == BARE_KERNELS
@@ -147,10 +148,12 @@ def test_effect_allocates_and_launches_only_its_own(launched, name):
 @pytest.mark.parametrize('names', [(), ('cooling', 'arrhenius', 'steep')])
 def test_flow_is_bitwise_identical_with_other_effects_deleted(tmp_path, names):
     shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
-    deleted = [tmp_path / 'lava_ros/effects' / name for name in EFFECTS if name not in names]
+    deleted = [name for name in EFFECTS if name not in names]
     assert len(deleted) > 10
-    for path in deleted:
-        shutil.rmtree(path) if path.is_dir() else path.with_suffix('.py').unlink()
+    for name in deleted:
+        (tmp_path / 'lava_ros/effects' / f'{name}.py').unlink()
+        path = tmp_path / 'lava_ros/simulation/step/effects' / f'{name}.py'
+        path.unlink(missing_ok=True)
     found, expected = output_of(DIGEST, names, tmp_path), output_of(DIGEST, names)
     assert found[-2:] == [str(tmp_path / 'lava_ros'), expected[-1]]
 

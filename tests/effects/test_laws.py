@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 import pytest
 
 from effects.columns import viscosities
-from lava_ros.effects.crystals import LEAST_ROOM
+from lava_ros.effects.crystals import MIN_FREE_FRACTION
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava
 from lava_ros.simulation import Particles
@@ -43,13 +43,44 @@ def scattered(effects, *, slope=0.1, precision='float64', device='cpu', longest_
         incline(slope, 40, 40, 10.0, origin=(-100.0, -100.0)),
         Lava(**{'viscosity': 1e4, 'arrhenius': 0.0, **lava}),
         Particles(places, volumes, rng.uniform(1100, 1400, 500)), effects=effects, device=device,
-        precision=precision, longest_step=longest_step, spacing=9.0, thickness=1.0,
+        precision=precision, longest_step=longest_step, deterministic=True, spacing=9.0,
+        thickness=1.0,
     )
+
+
+def mean_temperatures(sample, radius):
+    """What viscosity and strength follow (simulation/step/flow.py), by sums over all pairs [K]."""
+    apart = sample.position[:, None] - sample.position[None]
+    q = np.minimum(np.linalg.norm(apart, axis=-1) / radius, 1.0)
+    norm = 7.0 / (math.pi * radius**2)
+    weights = sample.volume * norm * (1.0 - q) ** 4 * (1.0 + 4.0 * q)
+    pulls = sample.volume * -20.0 * norm / radius**2 * (1.0 - q) ** 3
+    rise = np.linalg.norm((pulls[..., None] * apart).sum(axis=1), axis=-1)
+    around = (weights @ sample.temperature) / weights.sum(axis=1)
+    share = np.maximum(1.0 - radius * rise / (3.0 * sample.thickness), 0.0)
+    return sample.temperature + share * (around - sample.temperature)
 
 
 def sheared(b):
     """Return the speed relative to lava without strength, b = strength / basal stress."""
     return np.where(b < 1.0, 1.0 - 1.5 * b + 0.5 * b**3, 0.0)
+
+
+@precisions
+def test_velocity_follows_strength_at_the_mean_temperature(device, precision, within):
+    options = {'precision': precision, 'device': device}
+    newtonian = scattered(BARE, **options).sample()
+    simulation = scattered(YIELDING, yield_strength=1500.0, yield_rate=0.002, **options)
+    sample = simulation.sample()
+    slope = -newtonian.velocity / (WEIGHT * newtonian.thickness**2 / 3e4)[:, None]
+    reference = Lava().reference_temperature
+    mean = mean_temperatures(sample, simulation.radius)
+    strength = 1500.0 * np.exp(0.002 * (reference - mean))
+    b = strength / (WEIGHT * sample.thickness * np.hypot(*slope.T))
+    assert 50 < (b < 1.0).sum() < 450
+    right = newtonian.velocity * sheared(b)[:, None]
+    assert sample.velocity == pytest.approx(right, rel=within, abs=within * 0.1)
+    assert (sample.velocity[b > 1.0 + within] == 0.0).all()
 
 
 def test_lava_below_its_strength_does_not_move(device):
@@ -165,7 +196,7 @@ def test_viscosity_is_finite_at_maximum_packing(device):
     found = viscosities(
         temperatures, only('crystals'), lava=lava, precision='float32', device=device
     )
-    assert found[0] == pytest.approx(50.0 * LEAST_ROOM**-2.0, rel=1e-3)
+    assert found[0] == pytest.approx(50.0 * MIN_FREE_FRACTION**-2.0, rel=1e-3)
     assert found[1] == pytest.approx(found[0])
     assert found[2] == pytest.approx(50.0, rel=1e-4)
 

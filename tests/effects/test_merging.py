@@ -6,11 +6,11 @@
 import numpy as np
 import pytest
 
-from lava_ros.effects.merging import device as merging
 from lava_ros.scene import Lava, Vent
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, STEP
+from lava_ros.simulation.particles.state import FULL, IS_LAST, PARTICLES, STEP
+from lava_ros.simulation.step.effects import merging as merging
 from lava_ros.verification.cases import CASES, spreading
 from solver import incline, only, simulated
 
@@ -27,7 +27,7 @@ def simulation_of(device, particles, effects=MERGING, **knobs):
 
 def one_pass(simulation):
     """Merge and split particles once."""
-    state = simulation._state
+    state = simulation.solver.state
     simulation.evaluate()
     state.take_order()
     counts, clock = state.counts.numpy(), state.clock.numpy()
@@ -36,11 +36,12 @@ def one_pass(simulation):
     state.moved.assign([merging.EVERY, 0.0])
     state.counts.assign(counts)
     state.clock.assign(clock)
-    simulation._after_step['merging'].apply(state, simulation._neighbors.motion_arguments(state))
+    solver = simulation.solver
+    solver.after_step['merging'].apply(state, solver.neighbors.motion_arguments(state))
 
 
 def rows_of(simulation):
-    rows = simulation._state.read_particles()
+    rows = simulation.solver.state.read_particles()
     return rows[rows[:, 2] > 0.0]
 
 
@@ -105,7 +106,7 @@ def test_merging_and_splitting_keep_momentum_and_age(device):
     effects = only('cooling', 'inertia', 'ground', 'merging')
     for spacing, volume in ((2.5, 25.0), (10.0, 100.0)):
         simulation = simulation_of(device, lattice(spacing, 12, volume), effects)
-        state = simulation._state
+        state = simulation.solver.state
         random = np.random.default_rng(5)
         simulation.evaluate()
         state.take_order()
@@ -129,9 +130,9 @@ def test_merging_and_splitting_keep_momentum_and_age(device):
 
 def test_splitting_is_limited_by_the_capacity(device):
     simulation = simulation_of(device, lattice(10.0, 20, 100.0))
-    simulation._state.grow(410)
+    simulation.solver.state.grow(410)
     one_pass(simulation)
-    counts = simulation._state.counts.numpy()
+    counts = simulation.solver.state.counts.numpy()
     assert counts[PARTICLES] == 410
     assert counts[FULL] == 1
     assert rows_of(simulation)[:, 2].sum() == 400 * 100.0
@@ -166,4 +167,5 @@ def test_merging_saves_work_at_the_same_error(device, monkeypatch):
 
 def test_deterministic_runs_are_bitwise_identical(device):
     first, second = (flow(device, MERGING, deterministic=True) for _ in range(2))
-    assert np.array_equal(first._state.read_particles(), second._state.read_particles())
+    first_rows, second_rows = (one.solver.state.read_particles() for one in (first, second))
+    assert np.array_equal(first_rows, second_rows)

@@ -10,7 +10,7 @@ import pytest
 
 from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation import Particles
-from lava_ros.simulation.inundation import inundated_cells
+from lava_ros.simulation.output.inundation import inundated_cells
 from solver import incline, only, simulated
 
 #: Lava that does not cool; particles below 1200 K solidify in the first step.
@@ -40,12 +40,12 @@ def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
 
 def frozen_in(simulation):
     """Return the thickness of solidified lava on maps, in full precision [m]."""
-    return simulation._after_step['solidification'].thickness()
+    return simulation.solver.after_step['solidification'].thickness()
 
 
 def raised_in(simulation):
     """Return the rise of the ground by solidified lava [m], shape [rows, columns]."""
-    terrain = simulation._terrain
+    terrain = simulation.solver.terrain
     return (terrain.height.numpy().astype(float) - terrain.bare.numpy())[1:-1, 1:-1]
 
 
@@ -169,10 +169,10 @@ def test_new_terrain_keeps_solidified_lava(device):
     simulation = freezing(device, hillside(), layer())
     simulation.advance(1.0)
     before = simulation.snapshot().frozen
-    height = simulation._terrain.height.numpy().copy()
+    height = simulation.solver.terrain.height.numpy().copy()
     simulation.set_terrain(hillside())
     assert np.array_equal(simulation.snapshot().frozen, before)
-    assert np.array_equal(simulation._terrain.height.numpy(), height)
+    assert np.array_equal(simulation.solver.terrain.height.numpy(), height)
 
     fine = Terrain(np.zeros((150, 260)), 4.0, origin=(-33.0, -41.0))
     simulation.set_terrain(fine)

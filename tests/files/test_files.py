@@ -19,7 +19,7 @@ import yaml
 from command_line import lava
 from lava_ros.bag import BagReader, BagWriter
 from lava_ros.bag.checkpoints import attachments_of
-from lava_ros.errors import LavaError, LONGEST_EXPECTED, LONGEST_VALUE
+from lava_ros.errors import LavaError, MAX_EXPECTED_LENGTH, MAX_VALUE_LENGTH
 from lava_ros.files import file_to_write, open_input, replacing, write_output
 from lava_ros.files import resources as share
 from lava_ros.files import yaml as yaml_files
@@ -344,7 +344,7 @@ def test_rejects_unsafe_or_invalid_yaml(text, reason):
     assert caught.value.field == 'scene'
     assert reason in caught.value.expected
     assert str(caught.value).isprintable()
-    assert len(str(caught.value)) < 3 * LONGEST_VALUE
+    assert len(str(caught.value)) < 3 * MAX_VALUE_LENGTH
 
 
 @pytest.mark.parametrize(
@@ -387,7 +387,7 @@ def test_error_names_an_unreadable_yaml_file(tmp_path, name):
     (tmp_path / 'latin.yaml').write_bytes(b'# \xe9')
     with pytest.raises(LavaError, match='expected a readable YAML file') as caught:
         read_yaml('scene', tmp_path / name)
-    assert len(str(caught.value)) < LONGEST_EXPECTED + 2 * LONGEST_VALUE
+    assert len(str(caught.value)) < MAX_EXPECTED_LENGTH + 2 * MAX_VALUE_LENGTH
 
 
 def test_no_other_module_reads_yaml():

@@ -16,7 +16,7 @@ from rasterio.shutil import copy
 from rasterio.transform import from_origin
 
 from lava_ros.errors import LavaError
-from lava_ros.files.rasters import FORMATS, opened_raster
+from lava_ros.files.rasters import FORMATS, open_raster
 from lava_ros.scene.terrain_files import load_terrain
 
 #: Rows from the north; the elevations distinguish mirrored and shifted grids.
@@ -83,7 +83,7 @@ def test_each_format_has_a_file() -> None:
 @pytest.mark.parametrize('name', FILES)
 def test_reads_format(tmp_path: Path, name: str) -> None:
     path = write_format(tmp_path, name)
-    with opened_raster('terrain file', path) as source:
+    with open_raster('terrain file', path) as source:
         cells = source.read(1)
     expected = HEIGHTS if name == 'SRTM' else GROUND
     np.testing.assert_allclose(cells, expected, rtol=1e-7)

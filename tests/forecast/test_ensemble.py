@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nothing is lost: not by a worker that dies, not by a run that is killed, not on disk."""
+"""Ensembles survive dead workers, interrupted runs and damaged files."""
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -31,25 +31,21 @@ from lava_ros.forecast.sentinels import is_sentinel
 from lava_ros.forecast.store import maps_at, Store
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy
+from slope_scenes import uncertain_scene
 
 PLAN = disc_plan()
-
 MEMBERS = draw_members(PLAN.scene, 70)
 
 
 class Discs:
-    """Runs members without a solver, sentinels first and then the last of every 16."""
+    """Runs members without a solver: sentinels first, then the last of every 16."""
 
     def __init__(self, dies_after: int = 1000) -> None:
         self.dies_after = dies_after
         self.ran: list[int] = []
 
-    def __call__(
-        self, plan: Plan, members: Sequence[Member]
-    ) -> Generator[Footprint, None, None]:
+    def __call__(self, plan: Plan, members: Sequence[Member]) -> Generator[Footprint, None, None]:
         def turn(item: Member) -> tuple[bool, int, int]:
             return not is_sentinel(item.index), item.index // 16, -item.index
 
@@ -62,29 +58,26 @@ class Discs:
 
 
 def run(folder: Path, runner: Any = None, count: int = 24, **options: Any) -> Ensemble:
-    """The ensemble of a folder, in one go if nothing else is said."""
     store, runner = Store(folder, PLAN), runner or Discs()
     return ensembles.run_ensemble(MEMBERS[:count], store, runner=runner, **options)
 
 
-def test_what_was_interrupted_goes_on(tmp_path: Path) -> None:
-    """Finished members are not run again, and the maps are those of an undisturbed run."""
+def test_interrupted_ensemble_resumes(tmp_path: Path) -> None:
     whole, folder = run(tmp_path / 'whole'), tmp_path / 'parts'
     first, second = Discs(dies_after=9), Discs()
     with pytest.raises(KeyboardInterrupt):
         run(folder, first)
-    seen: list[tuple[int, int]] = []
-    ensemble = run(folder, second, on_finished=lambda *numbers: seen.append(numbers))
+    recorded: list[tuple[int, int]] = []
+    ensemble = run(folder, second, on_finished=lambda *numbers: recorded.append(numbers))
     assert ensemble.resumed == 9
     assert sorted(first.ran + second.ran) == list(range(24))
-    assert seen == [(done, 9) for done in range(10, 25)]
+    assert recorded == [(done, 9) for done in range(10, 25)]
     assert same(ensemble.maps, whole.maps)
-    # nothing is left to run, and nothing is
+    # no member is left to run
     assert same(run(folder, Discs(0)).maps, whole.maps)
 
 
 def test_members_can_be_added(tmp_path: Path) -> None:
-    """Eight, then more: the first are kept; eight again are the first eight."""
     few, more = run(tmp_path / 'one', count=8), Discs()
     whole = run(tmp_path / 'one', more)
     assert sorted(more.ran) == list(range(8, 24))
@@ -92,65 +85,39 @@ def test_members_can_be_added(tmp_path: Path) -> None:
     assert same(run(tmp_path / 'one', Discs(0), count=8).maps, few.maps)
 
 
-def test_maps_are_there_while_members_run(tmp_path: Path) -> None:
-    """Each time that the first ones have doubled: those of the first 16 are those of 16."""
-    seen: list[HazardMaps] = []
-    run(tmp_path / 'a', count=70, on_maps=seen.append)
+def test_maps_are_published_while_members_run(tmp_path: Path) -> None:
+    recorded: list[HazardMaps] = []
+    run(tmp_path / 'a', count=70, on_maps=recorded.append)
     # member 32 is a sentinel, and has run before member 31
-    assert [maps.members for maps in seen] == [16, 33]
-    assert same(seen[0], run(tmp_path / 'b', count=16).maps)
+    assert [maps.members for maps in recorded] == [16, 33]
+    assert same(recorded[0], run(tmp_path / 'b', count=16).maps)
 
 
-def _replaced(path: Path, **arrays: Any) -> None:
-    """Replace arrays of a member; None removes one."""
+def _change(path: Path, name: str, value: Any) -> None:
+    """Replace an array of a member, or its first cell by an integer; None removes it."""
     with np.load(path) as stored:
-        kept = {name: value for name, value in {**stored, **arrays}.items() if value is not None}
+        arrays = dict(stored)
+    if isinstance(value, int):
+        arrays[name].flat[0] = value
+    else:
+        arrays[name] = value
     with path.open('wb') as file:
-        np.savez(file, **kept)
+        np.savez(file, **{name: value for name, value in arrays.items() if value is not None})
 
 
-def _with_cell(name: str, value: int) -> Callable[[Path], None]:
-    """Replace the value of a cell of a member."""
-
-    def damage(path: Path) -> None:
-        with np.load(path) as stored:
-            values = stored[name]
-        values.flat[0] = value
-        _replaced(path, **{name: values})
-
-    return damage
-
-
-#: Arrays that no member has, and how the error begins.
-WRONG_ARRAYS: dict[str, tuple[Callable[[Path], object], str]] = {
-    'a row of looks': (
-        lambda path: _replaced(path, look=np.zeros(3, np.uint16)), 'look of PATH is .* shape',
-    ),
-    'other cells': (
-        lambda path: _replaced(path, millimetres=np.zeros((2, 3), np.uint32)),
-        r'millimetres of PATH is .* shape \(2, 3\)',
-    ),
-    'metres': (
-        lambda path: _replaced(path, millimetres=np.full((2, 3), np.nan)),
-        'millimetres of PATH is .*float64',
-    ),
-    'no looks': (lambda path: _replaced(path, look=None), 'look of PATH is missing'),
-    'three corners': (
-        lambda path: _replaced(path, corner=np.zeros(3, np.int32)), r'corner of PATH is .*\(3,\)',
-    ),
-    'a corner far away': (
-        lambda path: _replaced(path, corner=np.array([0, 2**31 - 1], np.int32)),
-        'corner of PATH is 2147483647',
-    ),
-    'a corner before the first cell': (
-        lambda path: _replaced(path, corner=np.array([-1, 0], np.int32)), 'corner of PATH is -1',
-    ),
-    'a late look': (_with_cell('look', 60), 'look of PATH is 60'),
-    'lava of 4295 km': (
-        _with_cell('millimetres', 2**32 - 1), 'millimetres of PATH is 4294967295',
-    ),
-    'no fraction': (lambda path: _replaced(path, left=np.array([np.nan])), 'left of PATH is nan'),
-    'a fraction of 7': (lambda path: _replaced(path, left=np.array([7.0])), 'left of PATH is 7.0'),
+#: Invalid arrays of a member: name, value and error.
+WRONG_ARRAYS: dict[str, tuple[str, Any, str]] = {
+    'a row of looks': ('look', np.zeros(3, np.uint16), 'is .* shape'),
+    'other cells': ('millimetres', np.zeros((2, 3), np.uint32), r'is .* shape \(2, 3\)'),
+    'metres': ('millimetres', np.full((2, 3), np.nan), 'is .*float64'),
+    'no looks': ('look', None, 'is missing'),
+    'three corners': ('corner', np.zeros(3, np.int32), r'is .*\(3,\)'),
+    'a corner far away': ('corner', np.array([0, 2**31 - 1], np.int32), 'is 2147483647'),
+    'a corner before the first cell': ('corner', np.array([-1, 0], np.int32), 'is -1'),
+    'a late look': ('look', 60, 'is 60'),
+    'lava of 4295 km': ('millimetres', 2**32 - 1, 'is 4294967295'),
+    'no fraction': ('left', np.array([np.nan]), 'is nan'),
+    'a fraction of 7': ('left', np.array([7.0]), 'is 7.0'),
 }
 
 DAMAGES: dict[str, Callable[[Path], object]] = {
@@ -160,13 +127,13 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
     ),
     'empty': lambda path: path.write_bytes(b''),
     'partial': lambda path: path.rename(path.with_suffix('.123.partial')),
-    **{name: damage for name, (damage, _) in WRONG_ARRAYS.items()},
+    **{key: partial(_change, name=name, value=value)
+       for key, (name, value, _) in WRONG_ARRAYS.items()},
 }
 
 
 @pytest.mark.parametrize('damage', DAMAGES)
 def test_damaged_members_run_again(damage: str, tmp_path: Path) -> None:
-    """A file that was cut off, overwritten, emptied or never finished is as none."""
     whole, again = run(tmp_path), Discs()
     DAMAGES[damage](tmp_path / 'members/0000005.npz')
     ensemble = run(tmp_path, again)
@@ -178,23 +145,21 @@ def test_damaged_members_run_again(damage: str, tmp_path: Path) -> None:
 def test_wrong_arrays_are_named(
     damage: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Maps made of the members are refused by file and array, and a run that resumes logs them."""
     run(tmp_path)
     path = tmp_path / 'members/0000005.npz'
-    change, said = WRONG_ARRAYS[damage]
-    change(path)
-    said = said.replace('PATH', re.escape(str(path)))
+    name, value, error = WRONG_ARRAYS[damage]
+    _change(path, name, value)
+    message = f'{name} of {re.escape(str(path))} {error}'
     none = np.zeros(0, int)
     places = Places((), (), none, none, (), none, none, none, none)
-    with pytest.raises(LavaError, match=f'^{said}'):
+    with pytest.raises(LavaError, match=f'^{message}'):
         maps_at(tmp_path, PLAN, places, members=24)
     run(tmp_path)
-    assert re.search(f'a member is damaged and runs again: {said}', caplog.text)
+    assert re.search(f'a member is damaged and runs again: {message}', caplog.text)
     assert maps_at(tmp_path, PLAN, places, members=24).members == 24
 
 
-def test_a_folder_has_one_ensemble(tmp_path: Path) -> None:
-    """Another scene, plan or seed is refused by what differs, and a folder of other things."""
+def test_folder_of_another_ensemble_is_refused(tmp_path: Path) -> None:
     for _ in range(2):
         Store(tmp_path / 'a', PLAN, seed=1)
     scene = PLAN.scene
@@ -218,7 +183,6 @@ def test_a_folder_has_one_ensemble(tmp_path: Path) -> None:
 
 
 def test_an_outline_weighs_finished_members(tmp_path: Path) -> None:
-    """No member runs again for it; the effective number of members is less; 7200 s is too late."""
     prior = run(tmp_path)
     fast = disc_members(PLAN, [replace(MEMBERS[0], discharge=2.0)])[0]
     lava = np.nan_to_num(fast.arrival, nan=np.inf) <= 1200.0
@@ -227,15 +191,14 @@ def test_an_outline_weighs_finished_members(tmp_path: Path) -> None:
     assert ensemble.weights is not None and ensemble.weighted is not None
     assert ensemble.weighted.effective_members < 12.0
     assert ensemble.weighted.effective_members == ensemble.weights.effective_members
-    # lava that is faster than most goes further
+    # faster lava flows farther
     assert ensemble.weighted.probability.sum() > 1.2 * prior.maps.probability.sum()
     assert same(ensemble.maps, prior.maps)
     with pytest.raises(LavaError, match=r'observed\.time'):
         run(tmp_path, Discs(0), outline=replace(outline, time=2.0 * HORIZON))
 
 
-def test_a_runner_that_loses_members_is_found_out(tmp_path: Path) -> None:
-    """What did not come back is an error, not a map of fewer members."""
+def test_members_lost_by_a_runner_are_an_error(tmp_path: Path) -> None:
     def loses(plan: Plan, members: Sequence[Member]) -> Generator[Footprint, None, None]:
         return Discs()(plan, [member for member in members if member.index != 7])
 
@@ -243,23 +206,14 @@ def test_a_runner_that_loses_members_is_found_out(tmp_path: Path) -> None:
         run(tmp_path, loses)
 
 
-#: Runs an ensemble of ``small`` in a folder, and gives its maps.
+#: Runs an ensemble of ``small`` in a folder, and returns its maps.
 Runs = Callable[..., HazardMaps]
 
 
 @pytest.fixture(scope='module')
 def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Runs, HazardMaps]:
-    """Eight members on a slope of 24 x 30 cells, each of which takes a moment; and their maps."""
-    y, x = np.mgrid[0:30, 0:24] * 20.0
-    scene = Scene(
-        Terrain(500.0 - 0.1 * y + 5.0 * np.sin(x / 60.0), 20.0),
-        (Vent((240.0, 100.0), 10.0, radius=30.0),),
-        Lava(viscosity=5e3),
-        uncertainty=uncertainty_from_dict({
-            'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
-            'terrain': {'deviation': 1.0, 'correlation': 60.0},
-        }),
-    )
+    """Return a function that runs eight members on a slope, and the maps of one run."""
+    scene = uncertain_scene(10.0)
     plan, members = make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20), 8
 
     def runs(folder: Path, runner: Any, **options: Any) -> HazardMaps:
@@ -270,13 +224,13 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Runs, HazardMaps]:
 
 
 def listening(pids: Iterable[int]) -> list[str]:
-    """What the kernel says of sockets at which processes take connections."""
+    """Return the lines of /proc/net about the listening sockets of processes."""
     own = set()
     for pid in pids:
         for handle in Path(f'/proc/{pid}/fd').iterdir():
             with suppress(OSError):
                 own.add(str(handle.readlink()))
-    # columns of the state and of the socket's number
+    # columns of the state and of the inode
     return [
         line
         for kind, state, listens, number in (
@@ -288,15 +242,14 @@ def listening(pids: Iterable[int]) -> list[str]:
 
 
 @pytest.mark.nightly
-def test_processes_of_this_machine_are_open_to_nobody(small: Any, tmp_path: Path) -> None:
-    """None of an ensemble's processes listens, not even as one is killed, which loses nothing."""
+def test_local_processes_do_not_listen_and_survive_a_kill(small: Any, tmp_path: Path) -> None:
     runs, whole = small
     before = listening([os.getpid()])
-    seen: list[set[int]] = []
+    recorded: list[set[int]] = []
 
     def look(done: int, resumed: int) -> None:
         workers = {child.pid for child in multiprocessing.active_children() if child.pid}
-        seen.append(workers)
+        recorded.append(workers)
         assert listening([os.getpid(), *workers]) == before
         if done == 1:
             os.kill(min(workers), signal.SIGKILL)
@@ -304,12 +257,11 @@ def test_processes_of_this_machine_are_open_to_nobody(small: Any, tmp_path: Path
     maps = runs(tmp_path, partial(run_in_processes, workers=2), on_finished=look)
     assert same(maps, whole)
     assert np.nanmax(whole.probability) == 100.0
-    assert len(seen[0]) == 2 and not seen[0] & seen[-1]
+    assert len(recorded[0]) == 2 and not recorded[0] & recorded[-1]
 
 
 @pytest.mark.nightly
-def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(small: Any, tmp_path: Path) -> None:
-    """One of two processes dies in mid-run: every member is there, and the maps are the same."""
+def test_killed_worker_of_a_cluster_loses_no_member(small: Any, tmp_path: Path) -> None:
     runs, whole = small
     killed: list[int] = []
     with LocalCluster(
@@ -331,13 +283,10 @@ def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(small: Any, tmp_path
 
 
 def test_processes_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One process for each, by their number; without any, as many as there are cores."""
     gpus = ['cuda:0', 'cuda:1']
     shared: list[str | None] = []
 
     class Processes:
-        """The same in this one."""
-
         def __init__(self, work: Callable[[Sequence[Member]], object], count: int) -> None:
             self.work, self.count = work, count
 
@@ -370,7 +319,6 @@ def test_processes_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_cluster_needs_dask_and_a_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An address where nobody listens, and one that is none; what to install where it lacks."""
     monkeypatch.setattr(ensembles, 'PATIENCE', 0.3)
     for address in ('tcp://127.0.0.1:9', 'nonsense'):
         with pytest.raises(LavaError, match='--scheduler'):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensembles of a running simulation: members from one moment, weighed by what is seen."""
+"""Ensembles of a running simulation: members from one state, weighted by outlines."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint
 
 SCENE = Scene(
     Terrain(np.tile(500.0 - 2.0 * np.arange(30), (20, 1)), 10.0),
@@ -32,13 +32,12 @@ SCENE = Scene(
 )
 
 RULES: dict[str, Any] = {'horizon': 120.0, 'threshold': 0.01, 'device': 'cpu'}
-
 MEMBERS = 5
 
 
 @pytest.fixture(scope='module')
 def moments() -> list[Checkpoint]:
-    """Two moments of one simulation."""
+    """Return two checkpoints of one simulation."""
     simulation = Simulation(
         SCENE, effects=Effects(), accuracy=Accuracy(spacing=10.0, thickness=1.0), device='cpu'
     )
@@ -50,14 +49,13 @@ def moments() -> list[Checkpoint]:
 
 
 def run(ensemble: LiveEnsemble) -> LiveEnsemble:
-    """Run all members."""
     while not ensemble.is_done:
         ensemble.advance(0.05)
     return ensemble
 
 
-def seen_by(checkpoint: Checkpoint, index: int, after: float) -> Outline:
-    """What a member has reached some time after a moment."""
+def outline_of(checkpoint: Checkpoint, index: int, after: float) -> Outline:
+    """Return the outline of a member some time after a checkpoint."""
     plan = plan_from(checkpoint, horizon=120.0, threshold=0.01)
     member = draw_members(SCENE, index + 1)[index]
     (fields,) = run_members(plan, [member], device='cpu')
@@ -65,8 +63,7 @@ def seen_by(checkpoint: Checkpoint, index: int, after: float) -> Outline:
     return Outline(checkpoint.time + after, reached, np.ones_like(reached))
 
 
-def test_members_are_those_of_an_ensemble(moments: list[Checkpoint]) -> None:
-    """The maps are the ones that drawing, running and counting make, slice by slice or not."""
+def test_live_members_equal_those_of_an_ensemble(moments: list[Checkpoint]) -> None:
     ensemble = LiveEnsemble(moments[0], members=MEMBERS, **RULES)
     assert (ensemble.count, ensemble.asked, ensemble.progress) == (0, MEMBERS, 0.0)
     maps = run(ensemble).maps(None)
@@ -78,8 +75,7 @@ def test_members_are_those_of_an_ensemble(moments: list[Checkpoint]) -> None:
     assert 0.0 < np.nanmax(maps.probability[maps.probability < 100.0])
 
 
-def test_members_that_would_be_late_are_left_out(moments: list[Checkpoint]) -> None:
-    """One there is in any case; the maps say of how many they are. Particles are limited too."""
+def test_leaves_out_members_that_would_be_late(moments: list[Checkpoint]) -> None:
     ensemble = run(LiveEnsemble(moments[0], members=MEMBERS, deadline=1e-3, **RULES))
     assert (ensemble.count, ensemble.asked) == (1, MEMBERS)
     assert ensemble.maps(None).members == 1
@@ -89,7 +85,7 @@ def test_members_that_would_be_late_are_left_out(moments: list[Checkpoint]) -> N
 
 
 class Bench:
-    """Ensembles, and what they have answered."""
+    """Ensembles, and their answers."""
 
     def __init__(self) -> None:
         self.answers: list[dict[str, Any]] = []
@@ -98,33 +94,31 @@ class Bench:
         )
 
     def run(self, number: int, checkpoint: Checkpoint, **changes: Any) -> list[dict[str, Any]]:
-        """Order an ensemble, run it and return what it answered."""
+        """Order an ensemble, run it and return its answers."""
         self.order(number, checkpoint, **changes)
         while self.ensembles.is_busy:
             self.ensembles.advance(0.05)
-        return self.said()
+        return self.take_answers()
 
     def order(self, number: int, checkpoint: Checkpoint, **changes: Any) -> None:
-        """Order an ensemble."""
         usual = {'changes': 1, 'agreement': None, 'outlines': 0, 'members': MEMBERS, **RULES}
         self.ensembles.order(checkpoint, number=number, **usual | changes)
 
-    def said(self) -> list[dict[str, Any]]:
-        """What has been answered since the last time."""
+    def take_answers(self) -> list[dict[str, Any]]:
+        """Return the answers since the last call."""
         answers, self.answers = self.answers, []
         return answers
 
 
-def test_what_is_seen_weighs_members_now_and_later(moments: list[Checkpoint]) -> None:
-    """Maps are told again at once; the next ensemble keeps the weights, another scene does not."""
-    bench, outline = Bench(), seen_by(moments[0], 2, 60.0)
+def test_outline_weighs_members_of_this_and_later_ensembles(moments: list[Checkpoint]) -> None:
+    bench, outline = Bench(), outline_of(moments[0], 2, 60.0)
     first = bench.run(1, moments[0])
     assert [item['maps'].members for item in first] == [FIRST_MAPS, MEMBERS]
     assert [item['is_done'] for item in first] == [False, True]
     assert first[-1]['maps'].effective_members == pytest.approx(MEMBERS)
 
     bench.ensembles.observe(7, outline)
-    weighed, again = bench.said()
+    weighed, again = bench.take_answers()
     assert (weighed['answer'], weighed['number'], weighed['outlines']) == ('weighed', 7, 1)
     assert int(np.argmax(weighed['agreement'])) == 2
     assert 0.0 < weighed['jaccard_mean'] < 1.0
@@ -132,19 +126,19 @@ def test_what_is_seen_weighs_members_now_and_later(moments: list[Checkpoint]) ->
     assert again['maps'].effective_members < MEMBERS - 1.0
 
     later = bench.run(2, moments[1])
-    # one at a time would be worse than the one there is
+    # maps of fewer members would be worse than the current ones
     assert [(item['number'], item['maps'].members) for item in later] == [(2, MEMBERS)]
     assert later[0]['maps'].effective_members == pytest.approx(again['maps'].effective_members)
-    # the ensemble that has gone on for longest tells members best
-    bench.ensembles.observe(8, seen_by(moments[0], 2, 90.0))
-    sharper, told = bench.said()
-    assert (sharper['outlines'], told['number']) == (2, 2)
+    # the ensemble with the longest run distinguishes members best
+    bench.ensembles.observe(8, outline_of(moments[0], 2, 90.0))
+    sharper, latest = bench.take_answers()
+    assert (sharper['outlines'], latest['number']) == (2, 2)
     assert int(np.argmax(sharper['agreement'])) == 2
 
     other = bench.run(3, moments[0], changes=2)
     assert other[-1]['maps'].effective_members == pytest.approx(MEMBERS)
     assert other[-1]['outlines'] == 0
-    # a process that has just been started is told what was known
+    # a restarted process receives the known weights
     restarted = Bench().run(
         1, moments[0], agreement=sharper['agreement'], outlines=sharper['outlines']
     )
@@ -152,30 +146,29 @@ def test_what_is_seen_weighs_members_now_and_later(moments: list[Checkpoint]) ->
 
 
 def test_an_outline_waits_for_an_ensemble_or_is_refused(moments: list[Checkpoint]) -> None:
-    """It is judged when all members are there; none covers a time before the first."""
-    bench, outline = Bench(), seen_by(moments[1], 1, 60.0)
+    bench, outline = Bench(), outline_of(moments[1], 1, 60.0)
     bench.ensembles.observe(1, outline)
-    (nothing,) = bench.said()
+    (nothing,) = bench.take_answers()
     assert nothing['answer'] == 'outline_refused' and 'there is none' in nothing['error'].expected
     bench.order(1, moments[1])
     bench.ensembles.advance(0.05)
     bench.ensembles.observe(2, outline)
     bench.ensembles.observe(3, Outline(moments[1].time - 5.0, outline.lava, outline.known))
-    (early,) = [item for item in bench.said() if item['answer'] == 'outline_refused']
+    (early,) = [item for item in bench.take_answers() if item['answer'] == 'outline_refused']
     assert early['number'] == 3 and early['error'].field == 'observed_outline.header.stamp'
     while bench.ensembles.is_busy:
         bench.ensembles.advance(0.05)
-    assert [item['answer'] for item in bench.said()][-2:] == ['weighed', 'ensemble']
+    assert [item['answer'] for item in bench.take_answers()][-2:] == ['weighed', 'ensemble']
     elsewhere = np.zeros_like(outline.lava)
     elsewhere[0, -1] = True
     bench.ensembles.observe(4, Outline(outline.time, elsewhere, outline.known))
-    (refused,) = bench.said()
+    (refused,) = bench.take_answers()
     assert 'no member touches' in refused['error'].value
-    # what waits when the scene changes is not forgotten without a word
+    # an outline that waits when the scene changes is refused
     bench.order(2, moments[0], changes=2)
     bench.ensembles.advance(0.05)
-    bench.ensembles.observe(5, seen_by(moments[0], 1, 60.0))
-    bench.said()
+    bench.ensembles.observe(5, outline_of(moments[0], 1, 60.0))
+    bench.take_answers()
     bench.ensembles.drop()
-    (dropped,) = bench.said()
+    (dropped,) = bench.take_answers()
     assert (dropped['answer'], dropped['number']) == ('outline_refused', 5)

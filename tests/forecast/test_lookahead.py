@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A fork that runs ahead sees what the simulation it was forked from will come to."""
+"""A forecast equals the run of the simulation that it was forked from."""
 
 from dataclasses import replace
 import math
@@ -11,17 +11,17 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.lookahead import EARLY_LOOKS, LookAhead, moments
+from lava_ros.forecast.lookahead import LookAhead, moments, N_EARLY_SAMPLES
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.output.checkpoint import from_bytes
 
 HORIZON, LOOKS, THRESHOLD = 150.0, 6, 0.1
 
 
 def hill():
-    """A rough slope towards +x that lava runs off."""
+    """Return a rough slope towards +x with cells without data."""
     x, y = np.meshgrid(np.arange(30) * 10.0, np.arange(20) * 10.0)
     height = 900.0 - 0.25 * x + 3.0 * np.sin(x / 17.0) * np.cos(y / 23.0)
     height[3:5, 20:22] = np.nan
@@ -29,7 +29,7 @@ def hill():
 
 
 def flowing(device, effects):
-    """A simulation in the middle of an eruption whose discharge changes."""
+    """Return a simulation in the middle of an eruption whose discharge varies."""
     vent = Vent((60.0, 100.0), ((0.0, 30.0), (200.0, 8.0), (300.0, 60.0)), radius=12.0)
     accuracy = Accuracy(spacing=5.0, thickness=0.7, deterministic=True)
     lava = Lava(viscosity=3e3, solidus=1300.0 if effects.solidification else 0.0)
@@ -41,7 +41,6 @@ def flowing(device, effects):
 
 
 def ahead_of(checkpoint, device, **changes):
-    """A look ahead of a checkpoint."""
     options = {'horizon': HORIZON, 'threshold': THRESHOLD, 'looks': LOOKS, 'device': device}
     return LookAhead(checkpoint, **options | changes)
 
@@ -49,8 +48,7 @@ def ahead_of(checkpoint, device, **changes):
 @pytest.mark.parametrize(
     'effects', [Effects(), Effects(inertia=True), Effects(solidification=True)], ids=str
 )
-def test_a_fork_sees_what_comes(device, effects):
-    """Arrivals and peaks are those of a run to the horizon that is looked at, bit for bit."""
+def test_forecast_equals_the_continued_simulation(device, effects):
     simulation = flowing(device, effects)
     checkpoint = from_bytes(simulation.checkpoint().to_bytes())
     looks, start = simulation.looks(THRESHOLD, 100), simulation.time
@@ -59,34 +57,32 @@ def test_a_fork_sees_what_comes(device, effects):
         simulation.advance(start + time, limit=start + HORIZON)
         simulation.look(looks)
         peak = np.fmax(peak, simulation.snapshot().thickness)
-    went_on = simulation.seen(looks)
+    continued = simulation.seen(looks)
     ahead = ahead_of(checkpoint, device)
     while not ahead.is_done:
-        # slices that end wherever they do change nothing
+        # the length of a slice does not matter
         ahead.advance(wall_limit=1e-3)
     forecast = ahead.forecast()
     assert np.isfinite(forecast.arrival).sum() > np.count_nonzero(forecast.arrival == 0.0) > 5
-    expected = (went_on.arrival - start).astype(np.float32)
+    expected = (continued.arrival - start).astype(np.float32)
     np.testing.assert_array_equal(forecast.arrival, expected)
-    # what came and went between two looks was there
+    # lava that drained between two looks had the threshold thickness
     missed = (forecast.arrival > 0.0) & (peak < 0.1)
     peak[missed] = np.float32(0.1)
     np.testing.assert_array_equal(forecast.thickness, peak)
-    np.testing.assert_array_equal(forecast.temperature, went_on.temperature)
+    np.testing.assert_array_equal(forecast.temperature, continued.temperature)
     assert (forecast.time, forecast.horizon) == (start, HORIZON)
     assert forecast.particle_count == simulation.particle_count
 
 
-def test_looks_become_denser_towards_now():
-    """The last is at the horizon; the first ones halve the time again and again."""
+def test_looks_are_denser_near_the_start():
     times = moments(60.0, 6)
-    assert len(times) == 6 + EARLY_LOOKS
-    assert times[EARLY_LOOKS:] == pytest.approx([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
-    assert times[:EARLY_LOOKS] == [10.0 / 2.0**power for power in (4, 3, 2, 1)]
+    assert len(times) == 6 + N_EARLY_SAMPLES
+    assert times[N_EARLY_SAMPLES:] == pytest.approx([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
+    assert times[:N_EARLY_SAMPLES] == [10.0 / 2.0**power for power in (4, 3, 2, 1)]
 
 
-def test_what_cannot_be_looked_ahead_is_refused():
-    """With the field, the value and what would be right."""
+def test_names_the_invalid_option():
     checkpoint = flowing('cpu', Effects()).checkpoint()
     for changes, field in (
         ({'horizon': 0.0}, 'horizon'),
@@ -103,8 +99,7 @@ def test_what_cannot_be_looked_ahead_is_refused():
         ahead.run()
 
 
-def test_a_fork_leaves_the_live_state_alone():
-    """The run that was forked ends as one that was not."""
+def test_fork_does_not_change_the_simulation():
     ends = []
     for forks in (False, True):
         simulation = flowing('cpu', Effects())

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A member is the scene with what was drawn, and runs as that scene does."""
+"""A member runs as the scene with its drawn values."""
 
 from dataclasses import replace
 
@@ -46,11 +46,10 @@ DRAWN = Member(
 )
 
 
-def test_the_spacing_of_all_is_that_of_the_median() -> None:
-    """Lava that is likely far less viscous than the scene's makes a narrower flow."""
+def test_spacing_suits_the_median_viscosity() -> None:
     viscosity = {'distribution': 'loguniform', 'low': 1e-4, 'high': 1.0}
-    doubts = uncertainty_from_dict({'viscosity': viscosity})
-    scene = replace(SCENE, uncertainty=doubts)
+    viscosities = uncertainty_from_dict({'viscosity': viscosity})
+    scene = replace(SCENE, uncertainty=viscosities)
     found = make_plan(scene, horizon=3600.0).accuracy
     liquid = replace(SCENE, lava=replace(SCENE.lava, viscosity=50.0))
     expected = make_plan(liquid, horizon=3600.0).accuracy
@@ -60,8 +59,7 @@ def test_the_spacing_of_all_is_that_of_the_median() -> None:
     assert found.thickness < make_plan(SCENE, horizon=3600.0).accuracy.thickness
 
 
-def test_a_member_is_the_scene_with_what_was_drawn() -> None:
-    """Factors, differences and displacement reach every vent and the lava, and nothing else."""
+def test_scene_of_a_member_has_the_drawn_values() -> None:
     scene = member_scene(SCENE, DRAWN)
     first, second = scene.vents
     assert first.discharge == ((0.0, 15.0), (600.0, 6.0))
@@ -76,8 +74,7 @@ def test_a_member_is_the_scene_with_what_was_drawn() -> None:
     assert same.terrain is TERRAIN and same.vents == scene.vents
 
 
-def test_an_eruption_has_its_duration_and_volume() -> None:
-    """The series is stretched, a constant lasts as long; each vent keeps its share."""
+def test_discharge_is_scaled_to_the_duration_and_volume() -> None:
     first, second = SCENE.vents
     series = replace(first, discharge=((-50.0, 10.0), (600.0, 4.0), (1200.0, 0.0)))
     scene = replace(SCENE, vents=(series, second))
@@ -92,8 +89,7 @@ def test_an_eruption_has_its_duration_and_volume() -> None:
             member_scene(replace(SCENE, vents=vents), Member(0, eruption=(1e4, 1e5)))
 
 
-def test_a_viscosity_by_the_vft_law_has_the_factor_too() -> None:
-    """Twice the viscosity at any temperature."""
+def test_viscosity_factor_applies_to_the_vft_law() -> None:
     lava = Lava(vft_b=5000.0, vft_c=600.0)
     scene = member_scene(replace(SCENE, lava=lava, uncertainty=uncertainty_from_dict({})), DRAWN)
     for temperature in (1200.0, 1423.0):
@@ -102,7 +98,6 @@ def test_a_viscosity_by_the_vft_law_has_the_factor_too() -> None:
 
 
 def test_vents_stay_on_the_terrain() -> None:
-    """A displacement that leads off it is halved; a fissure is as long as there is room for."""
     far = member_scene(SCENE, replace(DRAWN, displacement=(0.0, -150.0)))
     # -75 m leads to y = 25 m; the fissure at y = 60 m moves by half as much
     assert far.vents[0].position == (240.0, 25.0)
@@ -115,8 +110,7 @@ def test_vents_stay_on_the_terrain() -> None:
     assert placed.position == (30.0, 400.0)
 
 
-def test_members_that_make_no_scene_are_refused_before_any_runs() -> None:
-    """Lava that is solid where it comes out, by name and number; no vent; no single vent."""
+def test_refuses_members_without_a_valid_scene() -> None:
     members = [Member(0), Member(1, temperature=-900.0)]
     with pytest.raises(LavaError, match=r'temperature of member 1 .* limits'):
         check_members(SCENE, members)
@@ -127,8 +121,7 @@ def test_members_that_make_no_scene_are_refused_before_any_runs() -> None:
     check_members(replace(SCENE, vents=SCENE.vents[:1]), [Member(0, place=(30.0, 40.0))])
 
 
-def test_effects_are_those_that_any_member_calls_for() -> None:
-    """A yield strength that matters in the stiffest members alone is on in all."""
+def test_plan_has_the_effects_of_extreme_members() -> None:
     lava = replace(SCENE.lava, yield_strength=5.0)
     distribution = {'distribution': 'loguniform', 'low': 0.1, 'high': 100.0}
     certain = replace(SCENE, lava=lava, uncertainty=uncertainty_from_dict({}))
@@ -141,23 +134,21 @@ def test_effects_are_those_that_any_member_calls_for() -> None:
 
 
 @pytest.mark.parametrize('name', ['horizon', 'threshold', 'looks'])
-def test_plans_are_checked(name: str) -> None:
-    """What cannot be run up to, seen or looked at is refused."""
+def test_plan_refuses_zero(name: str) -> None:
     with pytest.raises(LavaError, match=name):
         make_plan(SCENE, **{'horizon': 600.0, name: 0.0})
 
 
-def test_a_run_is_that_of_the_scene(device: str) -> None:
-    """Arrival and peak of a member are those of its scene, looked at as often."""
+def test_member_equals_the_simulation_of_its_scene(device: str) -> None:
     plan = make_plan(SCENE, horizon=600.0, accuracy=Accuracy(refinement=0.5), looks=10)
     members = draw_members(SCENE, 2, seed=1)
-    shares: dict[int, float] = {}
-    told: list[float] = []
+    fractions: dict[int, float] = {}
+    totals: list[float] = []
     results: list[MemberFields] = []
-    for fields in running(plan, members, device=device, progress=shares):
-        told.append(sum(shares.values()))
+    for fields in running(plan, members, device=device, progress=fractions):
+        totals.append(sum(fractions.values()))
         results += [fields] if fields is not None else []
-    assert told == sorted(told) and told[-1] == 2.0 and len(set(told)) > 5
+    assert totals == sorted(totals) and totals[-1] == 2.0 and len(set(totals)) > 5
     results.sort(key=lambda item: item.index)
     assert [item.index for item in results] == [0, 1]
     simulation = Simulation(
@@ -168,13 +159,13 @@ def test_a_run_is_that_of_the_scene(device: str) -> None:
     for look in range(11):
         simulation.advance(60.0 * look, limit=600.0)
         simulation.look(looks)
-    seen = simulation.seen(looks, where_wet=True)
-    assert results[1].corner == seen.corner
+    flow = simulation.seen(looks, where_wet=True)
+    assert results[1].corner == flow.corner
     if device == 'cpu':
-        np.testing.assert_array_equal(results[1].arrival, seen.arrival.astype(np.float32))
-        np.testing.assert_array_equal(results[1].peak, seen.thickness)
-        # the inundated area of the run itself, however often it is looked at
-        rows, columns = map(slice, seen.corner, np.add(seen.corner, seen.arrival.shape))
+        np.testing.assert_array_equal(results[1].arrival, flow.arrival.astype(np.float32))
+        np.testing.assert_array_equal(results[1].peak, flow.thickness)
+        # the inundated area does not depend on the number of looks
+        rows, columns = map(slice, flow.corner, np.add(flow.corner, flow.arrival.shape))
         arrived = simulation.snapshot().arrived
         np.testing.assert_array_equal(results[1].arrival, arrived[rows, columns])
         assert np.isfinite(arrived).sum() == np.isfinite(results[1].arrival).sum()
@@ -182,8 +173,7 @@ def test_a_run_is_that_of_the_scene(device: str) -> None:
     assert not np.array_equal(results[0].arrival, results[1].arrival, equal_nan=True)
 
 
-def test_lava_that_leaves_the_map_is_told(device: str) -> None:
-    """By the share that is gone, and the maps by the number of such members."""
+def test_members_whose_lava_leaves_the_map_are_counted(device: str) -> None:
     (vent, _) = SCENE.vents
     scene = replace(SCENE, vents=(replace(vent, position=(240.0, 560.0)),))
     plan = make_plan(scene, horizon=1800.0, accuracy=Accuracy(refinement=0.5), looks=4)
@@ -195,8 +185,7 @@ def test_lava_that_leaves_the_map_is_told(device: str) -> None:
     assert tally.maps().members_beyond == 1
 
 
-def test_a_member_can_go_on_from_a_running_simulation(device: str) -> None:
-    """Without anything drawn it is that simulation; more discharge is more lava from then on."""
+def test_member_continues_a_running_simulation(device: str) -> None:
     scene = replace(SCENE, uncertainty=uncertainty_from_dict({}))
     accuracy = Accuracy(refinement=0.5, deterministic=True)
     # a review of the running simulation would switch it on later
@@ -208,12 +197,12 @@ def test_a_member_can_go_on_from_a_running_simulation(device: str) -> None:
     for look in range(6):
         running.advance(300.0 + 60.0 * look, limit=600.0)
         running.look(looks)
-    seen = running.seen(looks, where_wet=True)
-    assert same.corner == seen.corner
-    np.testing.assert_array_equal(same.peak, seen.thickness)
-    np.testing.assert_array_equal(same.arrival, (seen.arrival - 300.0).astype(np.float32))
+    flow = running.seen(looks, where_wet=True)
+    assert same.corner == flow.corner
+    np.testing.assert_array_equal(same.peak, flow.thickness)
+    np.testing.assert_array_equal(same.arrival, (flow.arrival - 300.0).astype(np.float32))
     assert (same.arrival == 0.0).any() and (same.arrival > 0.0).any()
     assert np.isfinite(more.arrival).sum() > np.isfinite(same.arrival).sum()
-    # a discharge that holds from now on does not reach back
+    # a discharge does not change what came before it
     there = [np.argwhere(item.arrival == 0.0) + item.corner for item in (same, more)]
     np.testing.assert_array_equal(*there)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pilots, which are timed and looked at on their way, and what they say about finer runs."""
+"""Pilot runs: their timing, and the cost and error that they predict for finer runs."""
 
 from dataclasses import replace
 from functools import partial
@@ -13,14 +13,13 @@ from lava_ros.effects import Effects
 from lava_ros.forecast import pilots
 from lava_ros.forecast.pilots import completed, cost_at, error_law, FLOOR, MARKS, Pilot
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation.course import course_of
 from lava_ros.simulation.resolution import EDGES
+from lava_ros.simulation.setup.course import course_of
 
 SCENE = Scene(Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),), lava=Lava())
 
 
 def test_refinements_between_presets_have_their_accuracy():
-    """All but the spacing is as the presets have it."""
     scene = replace(SCENE, lava=Lava(viscosity=1e4))
     thickness = course_of(scene, horizon=3600.0).thickness
     for refinement, name in ((0.3, 'draft'), (1.0, 'standard'), (1.3, 'standard'), (2.5, 'fine')):
@@ -30,8 +29,7 @@ def test_refinements_between_presets_have_their_accuracy():
         assert accuracy == expected
 
 
-def test_a_run_is_timed_by_the_clock_it_is_given():
-    """From building the simulation to its snapshot; one that takes too long is stopped."""
+def test_pilot_is_timed_and_stopped_by_the_given_clock():
     scene = replace(SCENE, lava=Lava(viscosity=1e6))
     full, stopped = (
         pilots.run_at(
@@ -50,8 +48,7 @@ def test_a_run_is_timed_by_the_clock_it_is_given():
     assert stopped.evaluations < full.evaluations
 
 
-def test_a_run_has_the_effects_it_is_given(device):
-    """Those of a finer run, whatever the scene calls for at this spacing."""
+def test_pilot_has_the_given_effects(device):
     scene = replace(SCENE, lava=Lava(viscosity=1e6))
     run = partial(pilots.run_at, scene, 0.5, 60.0, device=device, wall_limit=600.0)
     own = run().effects
@@ -63,9 +60,7 @@ def test_a_run_has_the_effects_it_is_given(device):
 
 
 EFFECTS = Effects()
-
 NOWHERE = np.zeros((1, 1), dtype=bool)
-
 REFINEMENTS = (0.2, 0.28, 0.4, 0.56)
 
 
@@ -78,9 +73,7 @@ def _run(refinement, time, evaluations=1000, effects=EFFECTS, covered=NOWHERE, s
 
 @pytest.mark.parametrize('growth', [0.0, 0.5, 1.5])
 @pytest.mark.parametrize(('each', 'particles'), [(1e-3, 0.0), (1e-4, 2e-3), (0.0, 1e-3)])
-def test_cost_of_runs_that_follow_the_law(growth, each, particles):
-    """Setup, the power of the evaluations and both parts of each are found."""
-
+def test_cost_law_is_recovered_from_runs_that_follow_it(growth, each, particles):
     def time(refinement):
         return 0.1 + 1000.0 * refinement**growth * (each + particles * refinement**2)
 
@@ -93,23 +86,23 @@ def test_cost_of_runs_that_follow_the_law(growth, each, particles):
     assert cost_at(pilots, 0.3) == pytest.approx(time(0.3), rel=0.03)
 
 
-def test_cost_of_runs_that_follow_another():
-    """With the solve an evaluation goes as the third power; a busy machine makes none cheaper."""
+def test_cost_with_a_solve_grows_as_the_third_power():
     solving = [_run(r, 1.0 + 8.0 * r**3, effects=Effects(helmholtz=True)) for r in REFINEMENTS]
     assert cost_at(solving, 1.0) == pytest.approx(9.0)
+    # a busy machine does not make finer runs cheaper
     busy = [_run(r, 1.0 / r) for r in REFINEMENTS]
     assert cost_at(busy, 1.5) >= busy[-1].wall_time
 
 
 def _grown(refinement, constant, effects=EFFECTS, until=1.0):
-    """A run whose evaluations grow as a power of time, and its particles not quite steadily."""
-    share = np.linspace(0.0, 1.0, 201)
-    evaluations = 1000.0 * refinement * share**1.3
-    particles = 5000.0 * refinement**2 * share**0.8
+    """Make a run whose evaluations grow as a power of time, and its particles unsteadily."""
+    fraction = np.linspace(0.0, 1.0, 201)
+    evaluations = 1000.0 * refinement * fraction**1.3
+    particles = 5000.0 * refinement**2 * fraction**0.8
     middle = 0.5 * (particles[1:] + particles[:-1])
     each = constant + 1e-6 * middle ** (1.5 if effects.helmholtz else 1.0)
     times = np.concatenate([[0.0], np.cumsum(np.diff(evaluations) * each)])
-    progress = np.stack([share, times, evaluations, particles], axis=1)[share <= until]
+    progress = np.stack([fraction, times, evaluations, particles], axis=1)[fraction <= until]
     _, time, count, _ = progress[-1]
     covered = np.zeros((int(MARKS * until), 1, 1), dtype=bool)
     return Pilot(refinement, time + 0.1, count, effects, covered, time + 0.1, 0.1, progress)
@@ -117,11 +110,7 @@ def _grown(refinement, constant, effects=EFFECTS, until=1.0):
 
 @pytest.mark.parametrize('constant', [0.0, 1e-3])
 @pytest.mark.parametrize('effects', [EFFECTS, Effects(helmholtz=True)])
-def test_a_run_that_was_stopped_goes_on_as_a_coarser_one(constant, effects):
-    """Though that one has other physics, or spent its time on other things than particles.
-
-    A single run tells as well: how evaluations become dearer as particles come.
-    """
+def test_stopped_run_is_completed_by_a_coarser_one(constant, effects):
     whole = _grown(1.0, constant, effects)
     alone = cost_at([_grown(0.5, constant, effects)], 1.0)
     assert alone == pytest.approx(whole.wall_time, rel=0.05)
@@ -134,22 +123,19 @@ def test_a_run_that_was_stopped_goes_on_as_a_coarser_one(constant, effects):
         assert found.spent == stopped.spent and not found.is_done
 
 
-def test_a_run_that_was_stopped_at_once_says_little_but_something():
-    """Before the coarser one had any particles: it is far from done."""
+def test_run_stopped_at_once_gives_a_rough_cost():
     found = completed(_grown(1.0, 1e-3, until=0.011), _grown(0.3, 1e-3))
     assert 0.3 < found.wall_time / _grown(1.0, 1e-3).wall_time < 3.0
 
 
-def test_before_a_vent_opens_there_is_no_particle():
-    """That a part of a run has none says nothing of what particles cost."""
-
+def test_cost_of_runs_without_particles_at_the_start():
     def waiting(refinement):
         run = _grown(refinement, 0.0)
-        share, times, evaluations, particles = run.progress.T
-        particles = np.where(share < 0.2, 0.0, particles)
-        # dearer the more there are: the line's constant would be negative
-        times = np.where(share < 0.2, 1e-6 * share, times**1.3)
-        progress = np.stack([share, times, evaluations, particles], axis=1)
+        fraction, times, evaluations, particles = run.progress.T
+        particles = np.where(fraction < 0.2, 0.0, particles)
+        # a line fitted to these times would have a negative constant
+        times = np.where(fraction < 0.2, 1e-6 * fraction, times**1.3)
+        progress = np.stack([fraction, times, evaluations, particles], axis=1)
         return replace(run, wall_time=times[-1] + 0.1, progress=progress)
 
     whole = waiting(1.0)
@@ -165,8 +151,7 @@ def test_before_a_vent_opens_there_is_no_particle():
 
 @pytest.mark.parametrize('order', [0.8, 1.0, 1.3])
 @pytest.mark.parametrize('scatter', [0.0, 0.5, 2.0])
-def test_error_of_edges_that_are_off_by_bias_and_by_chance(order, scatter):
-    """Within a factor of 2 of the error of a finer run, whatever of the two prevails."""
+def test_error_law_of_biased_and_scattered_edges(order, scatter):
     random = np.random.default_rng(3)
     place = np.arange(4000.0)
 
@@ -183,14 +168,13 @@ def test_error_of_edges_that_are_off_by_bias_and_by_chance(order, scatter):
     assert error / 2.0 < law(1.0) < 2.0 * error
 
 
-def test_a_run_that_was_stopped_tells_of_errors_at_the_horizon():
-    """It counts as if it had gone on: differences grow as those of the coarser ones do."""
+def test_stopped_run_predicts_the_error_at_the_horizon():
     place = np.arange(20_000.0)
 
     def run(refinement, marks=MARKS):
-        # an edge that errs ever more, at a power that the coarse runs alone do not tell
-        share = np.arange(1, marks + 1)[:, None, None] / MARKS
-        ends = 10_000.0 * share**0.5 * (1.0 + 0.04 * share / refinement**1.5)
+        # an edge whose error grows by a power that the coarse runs alone do not show
+        fraction = np.arange(1, marks + 1)[:, None, None] / MARKS
+        ends = 10_000.0 * fraction**0.5 * (1.0 + 0.04 * fraction / refinement**1.5)
         return replace(_run(refinement, 1.0), covered=place < ends)
 
     full = error_law([run(0.2), run(0.28), run(0.6)])
@@ -203,8 +187,7 @@ def test_a_run_that_was_stopped_tells_of_errors_at_the_horizon():
         assert coarse(refinement) != pytest.approx(full(refinement), rel=0.15)
 
 
-def test_runs_that_agree_are_not_without_error():
-    """What no refinement has taken away so far is left; nothing is wrong by more than all."""
+def test_error_of_equal_runs_has_a_floor():
     covered = np.arange(1_000_000)[None] < 500_000
     law = error_law([_run(refinement, 1.0, covered=covered) for refinement in REFINEMENTS])
     assert law(2.0) == FLOOR

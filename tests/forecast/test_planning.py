@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The accuracy one can afford: what pilots foresee, and what the command says."""
+"""The accuracy that a time limit affords, and `lava plan`."""
 
 import json
 import re
@@ -18,7 +18,7 @@ from lava_ros.forecast.pilots import MARKS, Pilot
 from lava_ros.forecast.planning import afford, FINEST, USED
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 
-EFFECTS, DEAR = Effects(), Effects(green=True)
+EFFECTS, SLOW = Effects(), Effects(green=True)
 
 SCENE = Scene(
     Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),), lava=Lava(viscosity=1e6)
@@ -26,21 +26,22 @@ SCENE = Scene(
 
 
 def _machine(
-    monkeypatch, base=2e-4, each=1e-7, dearer=None, slower=4.0, worse=0.0, leap=np.inf, late=1.0,
-    error=lambda refinement: 0.04 / refinement,
+    monkeypatch, base=2e-4, each=1e-7, slow_from=None, slower=4.0, worse=0.0, leap=np.inf,
+    late=1.0, error=lambda refinement: 0.04 / refinement,
 ):
-    """Runs on a machine of a known speed, of a flow with a known error, without running.
+    """Replace runs by those of a machine of known speed; return the list of pilots as they run.
 
-    From the refinement ``dearer`` on the scene calls for physics that take ``slower`` times as
-    long. Evaluations grow faster than by any power with ``worse``. Beyond the refinement ``leap``
-    runs take four times as long; those from 1 on take ``late`` times as long from 0.4 on.
+    At or above the refinement ``slow_from`` the scene needs effects that take ``slower`` times
+    as long. Evaluations grow exponentially with ``worse``. Above the refinement ``leap`` runs
+    take four times as long; at or above 1 they take ``late`` times as long after 0.4 of their
+    time.
     """
     asked = []
     usual = pilots.spacing_at(SCENE, 1.0, 3600.0)
 
     def effects_for(scene, forced, *, accuracy, horizon):
-        is_dear = dearer is not None and accuracy.spacing <= usual / dearer
-        return DEAR if is_dear else EFFECTS
+        is_slow = slow_from is not None and accuracy.spacing <= usual / slow_from
+        return SLOW if is_slow else EFFECTS
 
     def run_at(scene, refinement, horizon, *, device, wall_limit, effects=None, clock=None):
         accuracy = pilots.accuracy_at(scene, refinement, horizon)
@@ -48,21 +49,19 @@ def _machine(
         asked.append((refinement, effects))
         particles = 1000.0 * refinement**2
         evaluations = 800.0 * refinement * np.exp(worse * refinement)
-        # particles come at a constant rate
-        share = np.linspace(0.0, 1.0, 41)
-        times = evaluations * (base * share + each * particles * share**2)
-        times *= (slower if effects == DEAR else 1.0) * (4.0 if refinement > leap else 1.0)
+        # particles are emitted at a constant rate
+        fraction = np.linspace(0.0, 1.0, 41)
+        times = evaluations * (base * fraction + each * particles * fraction**2)
+        times *= (slower if effects == SLOW else 1.0) * (4.0 if refinement > leap else 1.0)
         if refinement >= 1.0:
-            times += (late - 1.0) * np.maximum(times - np.interp(0.4, share, times), 0.0)
-        progress = np.stack([share, times, evaluations * share, particles * share], axis=1)
-        progress = progress[: np.count_nonzero(times <= wall_limit) + 1]
+            times += (late - 1.0) * np.maximum(times - np.interp(0.4, fraction, times), 0.0)
+        columns = [fraction, times, evaluations * fraction, particles * fraction]
+        progress = np.stack(columns, axis=1)[: np.count_nonzero(times <= wall_limit) + 1]
         spent = progress[-1, 1]
-        # 10000 cells are right; what the coarse ones err is on one side of the border
+        # 10000 cells are right; all errors are beyond their border
         covered = np.arange(20_000) < 10_000.0 * (1.0 + error(refinement))
         covered = np.tile(covered, (int(MARKS * progress[-1, 0] + 1e-9), 1, 1))
-        return Pilot(
-            refinement, spent, progress[-1, 2], effects, covered, spent, 0.0, progress
-        )
+        return Pilot(refinement, spent, progress[-1, 2], effects, covered, spent, 0.0, progress)
 
     monkeypatch.setattr(affordable, 'run_at', run_at)
     monkeypatch.setattr(affordable, 'effects_for', effects_for)
@@ -78,8 +77,7 @@ def _plan(within, **options):
 
 
 @pytest.mark.parametrize('within', [0.15, 0.4, 1.0, 2.0])
-def test_a_plan_uses_its_time_and_knows_its_error(monkeypatch, within):
-    """It takes the share that it is to take, and errs by half to twice as much as it says."""
+def test_plan_uses_its_time_and_predicts_its_error(monkeypatch, within):
     _machine(monkeypatch)
     plan = _plan(within)
     assert not plan.is_finest
@@ -90,37 +88,33 @@ def test_a_plan_uses_its_time_and_knows_its_error(monkeypatch, within):
     assert (plan.members, plan.sampling_error) == (1, 0.0)
 
 
-def test_more_time_than_is_needed(monkeypatch):
-    """The finest there is, and it is said that more time would not help."""
+def test_plan_with_ample_time_is_the_finest(monkeypatch):
     _machine(monkeypatch)
     plan = _plan(1000.0)
     assert plan.is_finest and plan.refinement == pytest.approx(FINEST)
     assert plan.preset == 'fine'
 
 
-def test_a_plan_goes_on_with_the_effects_of_finer_runs(monkeypatch):
-    """Where the time reaches them two pilots are run again with them, and the time is kept."""
-    asked = _machine(monkeypatch, dearer=0.9)
+def test_plan_repeats_pilots_with_the_effects_of_finer_runs(monkeypatch):
+    asked = _machine(monkeypatch, slow_from=0.9)
     plan = _plan(2.0)
     assert plan.refinement > 0.9
     assert 4.0 * _wall_time(plan.refinement) == pytest.approx(USED * 2.0, rel=0.05)
     assert plan.wall_time == pytest.approx(USED * 2.0, rel=0.05)
-    assert len([effects for _, effects in asked if effects == DEAR]) == 2
+    assert len([effects for _, effects in asked if effects == SLOW]) == 2
     assert plan.pilots == len(asked)
 
 
-def test_a_plan_stays_below_effects_that_are_too_dear(monkeypatch):
-    """As fine as it can be without them, and it does not say that this is the finest."""
-    _machine(monkeypatch, dearer=0.9, slower=40.0)
+def test_plan_stays_below_effects_that_are_too_slow(monkeypatch):
+    _machine(monkeypatch, slow_from=0.9, slower=40.0)
     plan = _plan(0.5)
     assert 0.88 < plan.refinement < 0.9 and not plan.is_finest
     assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.05)
 
 
 @pytest.mark.parametrize(('slower', 'is_finer'), [(3.4, True), (5.0, False)])
-def test_rather_near_to_the_time_than_half_of_it(monkeypatch, slower, is_finer):
-    """A leap in cost that ends below nine tenths is taken where less than half would be used."""
-    _machine(monkeypatch, dearer=0.9, slower=slower)
+def test_plan_accepts_a_jump_in_cost_that_uses_the_time_better(monkeypatch, slower, is_finer):
+    _machine(monkeypatch, slow_from=0.9, slower=slower)
     within = _wall_time(0.9) / 0.25
     plan = _plan(within)
     assert (plan.refinement > 0.9) == is_finer
@@ -129,8 +123,7 @@ def test_rather_near_to_the_time_than_half_of_it(monkeypatch, slower, is_finer):
 
 @pytest.mark.parametrize('within', [1.0, 3.0])
 @pytest.mark.parametrize('worse', [1.0, 3.0])
-def test_a_pilot_near_to_the_plan_corrects_it(monkeypatch, within, worse):
-    """A flow whose cost leaves the law of the coarse pilots keeps its time as well."""
+def test_pilot_near_the_plan_corrects_it(monkeypatch, within, worse):
     asked = _machine(monkeypatch, worse=worse)
     plan = _plan(within)
     time = np.exp(worse * plan.refinement) * _wall_time(plan.refinement)
@@ -141,11 +134,10 @@ def test_a_pilot_near_to_the_plan_corrects_it(monkeypatch, within, worse):
     assert plan.pilots == len(asked)
 
 
-def test_a_plan_may_do_without_what_does_not_fit(monkeypatch):
-    """Where most of the time would be left it is finer, and says what it leaves out."""
-    for share, gain in ((0.3, 1.2), (0.1, 1.5)):
-        _machine(monkeypatch, dearer=0.9, slower=40.0)
-        within = _wall_time(0.9) / share
+def test_plan_may_switch_off_a_slow_effect(monkeypatch):
+    for fraction, gain in ((0.3, 1.2), (0.1, 1.5)):
+        _machine(monkeypatch, slow_from=0.9, slower=40.0)
+        within = _wall_time(0.9) / fraction
         kept = _plan(within)
         assert kept.refinement < 0.9 and kept.forced == {}
         plan = _plan(within, may_force=True)
@@ -156,8 +148,7 @@ def test_a_plan_may_do_without_what_does_not_fit(monkeypatch):
         assert plan.wall_time <= 1.01 * USED * within
 
 
-def test_a_leap_in_cost_is_seen_by_a_run_that_is_stopped(monkeypatch):
-    """Where runs take four times as long from some refinement on, the plan stays below."""
+def test_stopped_run_shows_a_jump_in_cost(monkeypatch):
     _machine(monkeypatch, leap=0.7)
     within = 4.0 * _wall_time(0.7) / 2.0
     plan = _plan(within)
@@ -165,8 +156,7 @@ def test_a_leap_in_cost_is_seen_by_a_run_that_is_stopped(monkeypatch):
 
 
 @pytest.mark.parametrize('late', [0.3, 3.0])
-def test_what_comes_late_in_fine_runs_alone_is_seen_by_a_whole_one(monkeypatch, late):
-    """Neither coarse runs nor the beginning of fine ones show it; the plan keeps its time."""
+def test_complete_run_shows_the_late_cost_of_fine_runs(monkeypatch, late):
     _machine(monkeypatch, late=late)
     plan = _plan(1.0)
     whole = affordable.run_at(SCENE, plan.refinement, 3600.0, device='cpu', wall_limit=np.inf)
@@ -175,8 +165,7 @@ def test_what_comes_late_in_fine_runs_alone_is_seen_by_a_whole_one(monkeypatch, 
     assert 0.6 < whole.wall_time < 0.9
 
 
-def test_the_error_is_of_runs_as_fine_as_the_plan(monkeypatch):
-    """Also where coarse ones err by quite another law."""
+def test_error_comes_from_runs_as_fine_as_the_plan(monkeypatch):
     asked = _machine(
         monkeypatch, error=lambda refinement: 0.04 / refinement + 0.5 * (refinement < 0.45)
     )
@@ -187,8 +176,7 @@ def test_the_error_is_of_runs_as_fine_as_the_plan(monkeypatch):
     assert len(near) >= 3
 
 
-def test_pilots_take_no_longer_than_there_is(monkeypatch):
-    """Also where finer runs cost hardly more, as on a GPU."""
+def test_pilots_keep_to_the_time_limit(monkeypatch):
     for within in (1.0, 5.0):
         _machine(monkeypatch, base=1e-3, each=1e-9)
         plan = _plan(within)
@@ -197,8 +185,7 @@ def test_pilots_take_no_longer_than_there_is(monkeypatch):
         assert plan.is_finest or 0.5 * within <= time <= 1.1 * within
 
 
-def test_members_share_the_time(monkeypatch):
-    """Given members get what is left for each; as many as err least are neither one nor all."""
+def test_members_divide_the_time(monkeypatch):
     _machine(monkeypatch)
     plan = _plan(10.0, members=20)
     assert 20 * _wall_time(plan.refinement) == pytest.approx(USED * 10.0, rel=0.05)
@@ -212,7 +199,6 @@ def test_members_share_the_time(monkeypatch):
 
 
 def test_too_little_time_is_refused(monkeypatch):
-    """With what it would take, or that it is more."""
     _machine(monkeypatch)
     for within, members in ((0.01, 1), (0.5, 50)):
         with pytest.raises(LavaError) as caught:
@@ -223,8 +209,7 @@ def test_too_little_time_is_refused(monkeypatch):
             _plan(**{'within': 1.0, **arguments})
 
 
-def test_the_command_says_what_to_run(tmp_path, capsys):
-    """On a real scene: preset, spacing, time and error, also as JSON; wrong words are refused."""
+def test_command_prints_the_plan(tmp_path, capsys):
     np.savez(tmp_path / 'hill.npz', elevation=500.0 - np.arange(900.0).reshape(30, 30) / 15.0,
              resolution=20.0)
     scene = tmp_path / 'scene.yaml'
@@ -244,9 +229,8 @@ def test_the_command_says_what_to_run(tmp_path, capsys):
     assert "--members is 'many'" in capsys.readouterr().err
 
 
-def test_the_command_says_what_is_left_out(monkeypatch, tmp_path, capsys):
-    """A plan that does without an effect names it, also in JSON."""
-    _machine(monkeypatch, dearer=0.45, slower=40.0)
+def test_command_names_effects_that_are_switched_off(monkeypatch, tmp_path, capsys):
+    _machine(monkeypatch, slow_from=0.45, slower=40.0)
     np.savez(tmp_path / 'flat.npz', elevation=np.zeros((40, 40)), resolution=10.0)
     scene = tmp_path / 'scene.yaml'
     scene.write_text(
@@ -256,10 +240,10 @@ def test_the_command_says_what_is_left_out(monkeypatch, tmp_path, capsys):
     path = tmp_path / 'plan.json'
     words = ['plan', str(scene), '--within', '1s', '--device', 'cpu', '--json', str(path)]
     assert cli.main(words) == 0
-    told = capsys.readouterr().out
-    assert 'effect green off: the choice for the scene takes too long' in told
+    printed = capsys.readouterr().out
+    assert 'effect green off: the choice for the scene takes too long' in printed
     assert json.loads(path.read_text())['forced'] == {'green': False}
     assert cli.main([*words[:-1], str(tmp_path / 'none/plan.json')]) == 2
-    told = capsys.readouterr()
-    assert '--json' in told.err
-    assert 'pilot' not in told.out
+    printed = capsys.readouterr()
+    assert '--json' in printed.err
+    assert 'pilot' not in printed.out

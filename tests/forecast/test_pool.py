@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A pool loses nothing and leaves nothing behind."""
+"""A process pool loses no job and leaves no process behind."""
 
 from collections.abc import Callable
 from contextlib import closing
@@ -18,17 +18,17 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.forecast.pool import Pool, process_number
 
-#: Time within which a process is noticed to have gone [s].
+#: Maximum time until the end of a process is noticed [s].
 PATIENCE = 60.0
 
 
 def squared(job: int) -> tuple[int, int, int]:
-    """What a job gives, and who did it."""
+    """Return the result of a job, and the number and id of its process."""
     return job**2, process_number(), os.getpid()
 
 
 def dies_once(marks: Path, job: int) -> int:
-    """Jobs kill their process the first time that they are done."""
+    """Kill the process the first time that a job is done."""
     mark = marks / str(job)
     if not mark.exists():
         mark.touch()
@@ -37,25 +37,24 @@ def dies_once(marks: Path, job: int) -> int:
 
 
 def dies(job: int) -> int:
-    """Job 2 kills whoever does it."""
+    """Kill the process that does job 2."""
     if job == 2:
         os.kill(os.getpid(), signal.SIGKILL)
     return job
 
 
 def fails(job: int) -> int:
-    """A job cannot be done."""
     raise LavaError('job', job, 'another')
 
 
 def waits(pids: Path, job: int) -> None:
-    """Jobs that never end."""
+    """Never return."""
     (pids / str(os.getpid())).touch()
     time.sleep(3600.0)
 
 
 def becomes(state: Callable[[], bool]) -> bool:
-    """Whether something comes to be before the patience ends."""
+    """Return True if a state becomes true within the patience."""
     end = time.monotonic() + PATIENCE
     while not state() and time.monotonic() < end:
         time.sleep(0.01)
@@ -63,15 +62,14 @@ def becomes(state: Callable[[], bool]) -> bool:
 
 
 def is_gone(pid: int) -> bool:
-    """Whether a process has ended, reaped or not."""
+    """Return True if a process has ended, reaped or not."""
     try:
         return Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()[0] == 'Z'
     except OSError:
         return True
 
 
-def test_jobs_are_shared_out() -> None:
-    """Each is done once, by one of as many processes as there may be; again by the same."""
+def test_each_job_is_done_once() -> None:
     with closing(Pool(squared, 2)) as pool:
         first, second = dict(pool(range(20))), dict(pool(range(3)))
     assert {number: result[0] for number, result in first.items()} == {
@@ -83,14 +81,12 @@ def test_jobs_are_shared_out() -> None:
     assert len(pids) <= 2 and os.getpid() not in pids
 
 
-def test_what_a_dead_process_was_about_is_done_again(tmp_path: Path) -> None:
-    """Each of three jobs takes its process with it once, and none is lost."""
+def test_jobs_of_a_dead_process_are_repeated(tmp_path: Path) -> None:
     with closing(Pool(partial(dies_once, tmp_path), 1)) as pool:
         assert sorted(pool(range(3))) == [(0, 0), (1, 1), (2, 2)]
 
 
-def test_a_job_that_kills_is_named() -> None:
-    """All others end; then the one that takes process after process with it is to blame."""
+def test_job_that_kills_its_process_is_named() -> None:
     done = []
     with closing(Pool(dies, 1)) as pool, pytest.raises(LavaError, match=r'jobs is \[2\]'):
         for number, _ in pool(range(3)):
@@ -98,28 +94,25 @@ def test_a_job_that_kills_is_named() -> None:
     assert done == [0, 1]
 
 
-def test_errors_come_as_they_are() -> None:
-    """The error of a job, with its parts."""
+def test_errors_keep_their_parts() -> None:
     with closing(Pool(fails, 1)) as pool, pytest.raises(LavaError) as caught:
         list(pool([7]))
     assert (caught.value.field, caught.value.value) == ('job', 7)
 
 
-def is_withheld(signal_number: int) -> bool:
-    """Whether this process gets a signal, as it was when it started."""
+def is_blocked(signal_number: int) -> bool:
+    """Return True if this process blocks a signal."""
     return signal_number in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
-def test_interrupts_are_for_the_owner() -> None:
-    """Its processes never get Ctrl+C, not even as they start; it gets it as before."""
-    with closing(Pool(is_withheld, 1)) as pool:
+def test_processes_ignore_ctrl_c() -> None:
+    with closing(Pool(is_blocked, 1)) as pool:
         assert list(pool([signal.SIGINT, signal.SIGTERM])) == [(0, True), (1, False)]
-    assert not is_withheld(signal.SIGINT)
+    assert not is_blocked(signal.SIGINT)
 
 
 @pytest.mark.parametrize('signal_number', [signal.SIGKILL, signal.SIGINT])
 def test_processes_end_with_their_owner(signal_number: int, tmp_path: Path) -> None:
-    """At once, whatever they are about: with kill -9 and with Ctrl+C."""
     code = f"""
 from contextlib import closing
 from functools import partial

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Maps of members: exact, whatever their order, nearer to the truth the more there are; scores."""
+"""Maps of members, their scores, and the weights that an outline gives."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -32,12 +32,12 @@ PLAN = disc_plan()
 
 
 def discs(count: int, seed: int) -> list[MemberFields]:
-    """Members, or truths that are drawn as these are."""
+    """Return members, or truths drawn like members."""
     return disc_members(PLAN, draw_members(PLAN.scene, count, seed=seed))
 
 
 def maps_of(members: Sequence[MemberFields], weights: Any = None, plan: Plan = PLAN) -> HazardMaps:
-    """Maps of some members, all of the same weight if nothing else is said."""
+    """Return the maps of members, of equal weight by default."""
     tally = Tally(plan)
     for fields, weight in zip(members, weights or [1] * len(members), strict=True):
         tally.add(footprint_of(fields, plan), weight)
@@ -45,8 +45,7 @@ def maps_of(members: Sequence[MemberFields], weights: Any = None, plan: Plan = P
 
 
 @pytest.mark.parametrize(('count', 'places'), [(20, (1, 9, 17)), (13, (1, 6, 11)), (1, (0, 0, 0))])
-def test_maps_are_what_a_count_says(count: int, places: tuple[int, ...]) -> None:
-    """Probability, quantiles and mean of random members, against numpy on all of them at once."""
+def test_maps_equal_statistics_of_all_members(count: int, places: tuple[int, ...]) -> None:
     random = np.random.default_rng(1)
     members = []
     for index in range(count):
@@ -63,13 +62,12 @@ def test_maps_are_what_a_count_says(count: int, places: tuple[int, ...]) -> None
         maps.thickness, np.stack([item.peak for item in members]).mean(axis=0), rtol=1e-5
     )
     # 10, 50 and 90 % of 20 are the 2nd, the 10th and the 18th, of 13 the 2nd, 7th and 12th
-    for share, place in zip(QUANTILES, places, strict=True):
-        np.testing.assert_array_equal(maps.arrival[share], arrivals[place])
+    for quantile, place in zip(QUANTILES, places, strict=True):
+        np.testing.assert_array_equal(maps.arrival[quantile], arrivals[place])
     assert (maps.members, maps.effective_members) == (count, count)
 
 
-def test_the_order_does_not_matter() -> None:
-    """Any order, any weights: the same bits; a weight is as good as so many members."""
+def test_maps_do_not_depend_on_the_order_of_members() -> None:
     members = discs(16, seed=2)
     weights = [1, 5, 0, 65536, 3, 1, 1, 2, 9, 4, 4, 7, 1, 0, 2, 8]
     one, *others = (
@@ -83,8 +81,7 @@ def test_the_order_does_not_matter() -> None:
     assert single.effective_members == pytest.approx(36.0 / 14.0)
 
 
-def test_arrival_is_known_to_half_a_look() -> None:
-    """A footprint's arrival differs from the member's by no more than it says."""
+def test_arrival_error_is_at_most_half_a_look() -> None:
     fields = disc_fields(0, 1.3)
     footprint, maps = footprint_of(fields, PLAN), maps_of([fields])
     arrived = np.isfinite(fields.arrival)
@@ -96,15 +93,13 @@ def test_arrival_is_known_to_half_a_look() -> None:
         assert np.array_equal(reached, np.nan_to_num(maps.arrival[0.5], nan=np.inf) <= time)
 
 
-def test_the_footprint_of_nothing_is_small() -> None:
-    """A member without lava counts as one, and takes no room."""
+def test_member_without_lava_counts_and_is_empty() -> None:
     nothing = MemberFields(0, np.full((24, 30), np.nan, np.float32), np.zeros((24, 30)))
     assert footprint_of(nothing, PLAN).look.size == 0
     assert maps_of([nothing, disc_fields(1, 1.0)]).probability.max() == 50.0
 
 
 def test_cells_without_data_stay_unknown() -> None:
-    """NaN in every map, -1 in an occupancy grid."""
     ground = np.zeros((24, 30))
     ground[:3] = np.nan
     plan = replace(PLAN, scene=replace(PLAN.scene, terrain=Terrain(ground, 20.0)))
@@ -114,15 +109,13 @@ def test_cells_without_data_stay_unknown() -> None:
     assert (occupancy(maps.probability)[:3] == -1).all()
 
 
-def test_an_occupancy_grid_rounds_nothing_away() -> None:
-    """0 is never and 100 always: one member in a thousand shows, and so does the one without."""
+def test_occupancy_is_0_or_100_only_for_exact_values() -> None:
     values = np.array([0.0, 0.001, 0.6, 49.6, 99.3, 99.999, 100.0, np.nan])
     assert occupancy(values).tolist() == [0, 1, 1, 50, 99, 99, 100, -1]
     assert occupancy(values).dtype == np.int8
 
 
-def test_members_that_do_not_fit_are_refused() -> None:
-    """Twice the same, beyond the terrain, none at all."""
+def test_tally_refuses_repeated_and_misplaced_members() -> None:
     tally = Tally(PLAN)
     with pytest.raises(LavaError, match='members'):
         tally.maps()
@@ -138,27 +131,24 @@ def test_members_that_do_not_fit_are_refused() -> None:
 
 
 def test_probability_converges_to_the_truth() -> None:
-    """Discs of lognormal discharge: the error falls as 1 / sqrt(members), or faster."""
     truth = exact_probability()
     spread = np.sqrt((truth * (1.0 - truth)).mean())
     counts, errors = (16, 64, 256, 1024), []
     for count in counts:
         found = [maps_of(discs(count, seed)).probability for seed in range(4)]
         errors.append(np.sqrt(((np.stack(found) / 100.0 - truth) ** 2).mean()))
-        # binomial sampling would give this
+        # the error of binomial sampling
         assert errors[-1] < spread / np.sqrt(count)
     assert np.polyfit(np.log(counts), np.log(errors), 1)[0] < -0.5
 
 
-def test_entropy() -> None:
-    """No bit where it is sure, one at even odds, the same for what comes and what does not."""
+def test_entropy_in_bits() -> None:
     bits = entropy(np.array([0.0, 1.0, 0.5, 0.25, 0.75, np.nan]))
     expected = [0.0, 0.0, 1.0, 0.811278, 0.811278, np.nan]
     np.testing.assert_allclose(bits, expected, atol=1e-6)
 
 
-def test_the_score_of_small_cases() -> None:
-    """Right, wrong, and undecided; cells without a probability do not count."""
+def test_brier_score_of_small_cases() -> None:
     assert brier_score(np.array([1.0, 0.0]), np.array([True, False])) == 0.0
     assert brier_score(np.array([1.0, 0.0]), np.array([False, True])) == 1.0
     assert brier_score(np.full(4, 0.5), np.array([True, False, True, True])) == 0.25
@@ -166,8 +156,7 @@ def test_the_score_of_small_cases() -> None:
     assert score == pytest.approx((0.75**2 + 0.5**2 + 0.0) / 3.0)
 
 
-def test_the_parts_of_a_small_case() -> None:
-    """Five cells at 0.2, one of which came, and five at 0.8, three of which came."""
+def test_brier_parts_of_a_small_case() -> None:
     probability = np.repeat([0.2, 0.8], 5)
     outcome = np.array([1, 0, 0, 0, 0, 1, 1, 1, 0, 0], dtype=bool)
     parts = brier_parts(probability, outcome)
@@ -178,8 +167,7 @@ def test_the_parts_of_a_small_case() -> None:
     assert parts.skill == pytest.approx(1.0 - parts.score / 0.24)
 
 
-def test_the_parts_add_up() -> None:
-    """Reliability - resolution + uncertainty is the score, of any forecast."""
+def test_brier_parts_add_up_to_the_score() -> None:
     random = np.random.default_rng(2)
     for _ in range(5):
         probability = random.integers(0, 33, (40, 50)) / 32.0
@@ -190,8 +178,7 @@ def test_the_parts_add_up() -> None:
         assert parts.score == pytest.approx(brier_score(probability, outcome), abs=1e-15)
 
 
-def test_bins_of_a_small_case() -> None:
-    """Values at the borders of bins go up, 1 into the last; empty bins say so."""
+def test_reliability_bins_of_a_small_case() -> None:
     probability = np.array([0.0, 0.1, 0.25, 0.5, 0.5, 0.75, 1.0])
     outcome = np.array([0, 1, 0, 1, 0, 1, 1], dtype=bool)
     bins = reliability(probability, outcome, bins=4)
@@ -206,8 +193,7 @@ def test_bins_of_a_small_case() -> None:
     assert reliability(np.array([0.3 - 1e-12]), np.array([True]))[3].count == 1
 
 
-def test_what_cannot_be_scored_is_refused() -> None:
-    """Other shapes, per cent, and nothing at all."""
+def test_score_refuses_unusable_arrays() -> None:
     for probability, outcome in (
         (np.zeros(3), np.zeros(4)),
         (np.array([50.0]), np.ones(1)),
@@ -218,39 +204,36 @@ def test_what_cannot_be_scored_is_refused() -> None:
 
 
 def test_ensembles_are_reliable_on_a_synthetic_truth() -> None:
-    """Truths drawn as the members are: what is said to be 30 % comes in 30 %, and it has skill."""
     came = np.stack([np.isfinite(truth.arrival) for truth in discs(512, seed=77)])
-    said = np.broadcast_to(maps_of(discs(256, seed=1)).probability / 100.0, came.shape)
-    for item in reliability(said, came):
+    predicted = np.broadcast_to(maps_of(discs(256, seed=1)).probability / 100.0, came.shape)
+    for item in reliability(predicted, came):
         assert item.observed == pytest.approx(item.forecast, abs=0.02)
-    parts = brier_parts(said, came)
+    parts = brier_parts(predicted, came)
     assert parts.reliability < 1e-3
     assert parts.score < 0.5 * parts.uncertainty
-    # no forecast that knows the distribution alone does better than the exact probabilities
+    # the exact probabilities are the best forecast
     exact = np.broadcast_to(exact_probability(), came.shape)
     assert parts.score == pytest.approx(brier_score(exact, came), abs=1e-3)
 
 
 def mask(*cells: tuple[int, int]) -> np.ndarray:
-    """A mask of 3 x 3 cells that is true in some."""
+    """Return a mask of 3 x 3 cells that is true in some."""
     result = np.zeros((3, 3), dtype=bool)
     for cell in cells:
         result[cell] = True
     return result
 
 
-def test_the_index_of_small_cases() -> None:
-    """What both have over what one has, of the cells where somebody looked."""
-    seen = Outline(60.0, mask((0, 0), (0, 1), (1, 1)), ~mask())
-    assert jaccard(mask((0, 0), (0, 1), (1, 1)), seen) == 1.0
-    assert jaccard(mask((0, 1), (1, 1), (2, 2)), seen) == 0.5
-    assert jaccard(mask((2, 2)), seen) == 0.0
+def test_jaccard_index_of_small_cases() -> None:
+    whole = Outline(60.0, mask((0, 0), (0, 1), (1, 1)), ~mask())
+    assert jaccard(mask((0, 0), (0, 1), (1, 1)), whole) == 1.0
+    assert jaccard(mask((0, 1), (1, 1), (2, 2)), whole) == 0.5
+    assert jaccard(mask((2, 2)), whole) == 0.0
     part = Outline(60.0, mask((0, 0), (0, 1), (1, 1)), ~mask((2, 2), (0, 0)))
     assert jaccard(mask((0, 1), (1, 1), (2, 2)), part) == 1.0
 
 
-def test_weights_are_powers() -> None:
-    """Relative to the best; 0 without anything in common; a power of 0 makes all equal."""
+def test_weights_are_powers_of_the_index() -> None:
     weights = weigh([0.8, 0.4, 0.0, 0.8], sharpness=2.0, least_effective=0.0)
     assert weights.values.tolist() == [UNIT, UNIT // 4, 0, UNIT]
     assert weights.effective_members == pytest.approx(2.25**2 / 2.0625)
@@ -259,8 +242,7 @@ def test_weights_are_powers() -> None:
     assert effective_members(np.ones(7)) == 7.0
 
 
-def test_a_forecast_never_hangs_on_a_few_members() -> None:
-    """The power is taken down until enough members count."""
+def test_sharpness_falls_until_enough_members_count() -> None:
     index = np.linspace(0.01, 1.0, 100)
     sharp = weigh(index, sharpness=200.0, least_effective=0.0)
     assert sharp.effective_members < 2.0
@@ -270,8 +252,7 @@ def test_a_forecast_never_hangs_on_a_few_members() -> None:
     assert weigh(index).effective_members > 10.0
 
 
-def test_what_cannot_weigh_is_refused() -> None:
-    """No member near the outline, no index, no outline."""
+def test_refuses_unusable_outlines_and_indices() -> None:
     for index in ([0.0, 0.0], [], [0.5, 1.5], [np.nan]):
         with pytest.raises(LavaError):
             weigh(index)
@@ -288,18 +269,14 @@ def test_what_cannot_weigh_is_refused() -> None:
         jaccard(~mask()[:2], Outline(60.0, mask((0, 0)), ~mask()))
 
 
-def test_an_outline_makes_the_forecast_better() -> None:
-    """Seen at a third of the time, a truth is forecast better than without, in almost every case.
-
-    The Brier score over 40 truths falls to less than half, and no more than three get worse.
-    """
-    members, seen_at = discs(128, seed=1), HORIZON / 3.0
+def test_outline_improves_the_forecast() -> None:
+    members, observed_at = discs(128, seed=1), HORIZON / 3.0
     prior = maps_of(members).probability / 100.0
-    reached = [reached_by(footprint_of(item, PLAN), PLAN, seen_at) for item in members]
+    reached = [reached_by(footprint_of(item, PLAN), PLAN, observed_at) for item in members]
     scores = []
     for truth in discs(40, seed=50):
         arrival = np.nan_to_num(truth.arrival, nan=np.inf)
-        outline = Outline(seen_at, arrival <= seen_at, np.isfinite(TERRAIN.elevation))
+        outline = Outline(observed_at, arrival <= observed_at, np.isfinite(TERRAIN.elevation))
         weights = weigh([jaccard(item, outline) for item in reached])
         posterior = maps_of(members, weights.values.tolist()).probability / 100.0
         came = arrival <= HORIZON

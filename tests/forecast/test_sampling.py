@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Members are drawn the same everywhere, as their distributions and the rasters of others say."""
+"""Drawn members: reproducible, distributed as given, and placed by rasters."""
 
 from dataclasses import replace
 import hashlib
@@ -15,7 +15,7 @@ from rasterio.transform import Affine, from_origin
 
 from disc_flow import disc_plan, TERRAIN, VENT
 from lava_ros.errors import LavaError
-from lava_ros.forecast.rasters import seen_in_file
+from lava_ros.forecast.rasters import observed_in_file
 from lava_ros.forecast.sampling import (
     draw_members,
     Member,
@@ -24,7 +24,7 @@ from lava_ros.forecast.sampling import (
     Susceptibility,
 )
 from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.scene.on_terrain import raster_on
+from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.scene.uncertainty import Roughness
 
 UNCERTAIN = {
@@ -34,34 +34,27 @@ UNCERTAIN = {
     'terrain': {'deviation': 1.0, 'correlation': 60.0},
 }
 
-#: What was drawn when this was written.
+#: Drawn when this test was written.
 MEMBER_2 = Member(
-    2,
-    discharge=1.24154735,
-    temperature=-15.4697323,
-    viscosity=0.557388734,
-    displacement=(28.0088975, 2.67187818),
-    seed=(1, 2),
+    2, discharge=1.24154735, temperature=-15.4697323, viscosity=0.557388734,
+    displacement=(28.0088975, 2.67187818), seed=(1, 2),
 )
 
 FIELD = '2d39301105cc3a08'
-
 SCENE = disc_plan(**UNCERTAIN).scene
 
 
-def test_a_member_is_the_same_however_many_there_are() -> None:
-    """The first of many members are those of a few; another seed gives others."""
+def test_members_do_not_depend_on_their_number() -> None:
     many = draw_members(SCENE, 100, seed=3)
     assert draw_members(SCENE, 37, seed=3) == many[:37]
     assert draw_members(SCENE, 1, seed=3) == many[:1]
     others = draw_members(SCENE, 100, seed=4)
     assert all(one.discharge != other.discharge for one, other in zip(many, others, strict=True))
-    # frozen: on another machine, and after an upgrade of numpy or scipy, the same
+    # on every machine, with every version of numpy and scipy
     assert draw_members(SCENE, 3, seed=1)[2] == MEMBER_2
 
 
-def test_eruptions_are_as_likely_as_their_classes() -> None:
-    """Three in four are short; what else is drawn stays as it was without classes."""
+def test_eruptions_follow_the_probability_of_their_classes() -> None:
     long = {'distribution': 'uniform', 'low': 1e5, 'high': 1e6}
     classes = [
         {'probability': 3.0, 'duration': {**long, 'low': 1e3, 'high': 1e4}, 'volume': long},
@@ -76,8 +69,7 @@ def test_eruptions_are_as_likely_as_their_classes() -> None:
     assert drawn[~short].max(axis=0) == pytest.approx([1e6, 2e6], rel=0.1)
 
 
-def test_values_are_distributed_as_asked() -> None:
-    """Mean, deviation and median of 256 members, to what points of a sequence give."""
+def test_values_are_distributed_as_given() -> None:
     members = draw_members(SCENE, 256, seed=5)
     names = ('discharge', 'temperature', 'viscosity', 'yield_strength')
     table = {name: np.array([getattr(member, name) for member in members]) for name in names}
@@ -94,8 +86,7 @@ def test_values_are_distributed_as_asked() -> None:
     assert np.abs(correlation - np.eye(3)).max() < 0.05
 
 
-def test_what_cannot_be_drawn_is_refused() -> None:
-    """No members, no whole number of them, a scene that is certain, maps without a place."""
+def test_refuses_unusable_draws() -> None:
     for count in (0, 1.5, 10**9):
         with pytest.raises(LavaError, match='members'):
             draw_members(SCENE, count)  # type: ignore[arg-type]
@@ -103,7 +94,7 @@ def test_what_cannot_be_drawn_is_refused() -> None:
         draw_members(SCENE, 4, seed=-1)
     with pytest.raises(LavaError, match=r'scene\.uncertainty'):
         draw_members(Scene(TERRAIN, (VENT,), lava=Lava()), 4)
-    # another shape, negative or infinite likelihoods, and such only off the terrain
+    # a wrong shape, negative or infinite values, and values only off the terrain
     nowhere = np.zeros((4, 5))
     nowhere[0, 0] = 1.0
     terrain = Terrain(np.where(nowhere, np.nan, 0.0), 1.0)
@@ -112,8 +103,7 @@ def test_what_cannot_be_drawn_is_refused() -> None:
             Susceptibility(terrain, values)
 
 
-def test_vents_are_where_the_map_says() -> None:
-    """Each cell gets its share of the members, and places are within cells with a likelihood."""
+def test_vents_follow_the_susceptibility_map() -> None:
     likelihood = np.zeros(TERRAIN.shape)
     likelihood[3, 4], likelihood[20, 10:12] = 2.0, 1.0
     likelihood[5, 5] = np.nan
@@ -129,7 +119,6 @@ def test_vents_are_where_the_map_says() -> None:
 
 
 def test_fields_have_their_deviation_and_correlation() -> None:
-    """Over 200 fields: s^2 exp(-(r / L)^2), and opposite borders know nothing of each other."""
     roughness = Roughness(2.0, 60.0)
     fields = np.stack([random_field((40, 50), 10.0, roughness, (9, k)) for k in range(200)])
     assert fields.std() == pytest.approx(2.0, rel=0.03)
@@ -140,8 +129,7 @@ def test_fields_have_their_deviation_and_correlation() -> None:
     assert abs((fields[:, :, 0] * fields[:, :, -1]).mean()) < 0.25
 
 
-def test_fields_are_known_to_the_last_digit() -> None:
-    """The same bits wherever it is drawn; cells without data stay so."""
+def test_fields_are_reproducible() -> None:
     field = random_field((20, 30), 5.0, Roughness(1.0, 25.0), (1, 2))
     assert hashlib.blake2b(field.tobytes(), digest_size=8).hexdigest() == FIELD
     ground = np.zeros((20, 30))
@@ -156,7 +144,7 @@ GROUND = Terrain(np.zeros((6, 8)), 20.0, epsg=32633, offset=(500_000.0, 4_180_00
 
 
 def write(path: Path, values: np.ndarray, **options: object) -> Path:
-    """A raster of the terrain's extent, row 0 in the north."""
+    """Write a raster of the terrain's extent, row 0 in the north."""
     settings: dict[str, object] = {
         'crs': 'EPSG:32633', 'transform': from_origin(500_000.0, 4_180_120.0, 20.0, 20.0),
         'nodata': -1.0, 'count': 1, **options,
@@ -169,66 +157,61 @@ def write(path: Path, values: np.ndarray, **options: object) -> Path:
     return path
 
 
-def test_cells_are_where_they_were(tmp_path: Path) -> None:
-    """South first; what has no data is NaN; a coarser raster fills all of its cells."""
+def test_cells_of_a_raster_fill_cells_of_the_terrain(tmp_path: Path) -> None:
     values = np.arange(48.0).reshape(6, 8)
     values[0, 0] = -1.0
-    cells = raster_on(GROUND, write(tmp_path / 'a.tif', values), field='a')
+    cells = read_raster_on(GROUND, write(tmp_path / 'a.tif', values), field='a')
     expected = np.flipud(np.where(values < 0.0, np.nan, values))
     np.testing.assert_array_equal(cells, expected)
     coarse = write(
         tmp_path / 'b.tif', np.array([[1.0, 2.0], [3.0, 4.0]]),
         transform=from_origin(500_000.0, 4_180_120.0, 80.0, 60.0),
     )
-    cells = raster_on(GROUND, coarse, field='b')
+    cells = read_raster_on(GROUND, coarse, field='b')
     np.testing.assert_array_equal(cells, np.kron([[3.0, 4.0], [1.0, 2.0]], np.ones((3, 4))))
 
 
-def test_other_coordinates_are_turned(tmp_path: Path) -> None:
-    """A raster in degrees around the terrain's western half is there, and nowhere else."""
+def test_raster_in_degrees_is_reprojected(tmp_path: Path) -> None:
     degrees = write(
         tmp_path / 'a.tif', np.ones((1, 1)), crs='EPSG:4326',
         transform=from_origin(14.9, 38.0, 0.1 + 80.0 / 87_900.0, 1.0),
     )
-    cells = raster_on(GROUND, degrees, field='a')
+    cells = read_raster_on(GROUND, degrees, field='a')
     assert (cells[:, :4] == 1.0).all() and np.isnan(cells[:, 4:]).all()
 
 
-def test_an_outline_knows_where_nobody_looked(tmp_path: Path) -> None:
-    """Above 0 is lava, 0 is none, no data is neither."""
+def test_outline_is_unknown_where_it_has_no_data(tmp_path: Path) -> None:
     values = np.zeros((6, 8))
     values[0, :3], values[5] = 1.0, -1.0
-    lava, known = seen_in_file(write(tmp_path / 'a.tif', values), GROUND)
+    lava, known = observed_in_file(write(tmp_path / 'a.tif', values), GROUND)
     assert lava[5, :3].all() and lava.sum() == 3
     assert not known[0].any() and known[1:].all()
 
 
-def test_a_susceptibility_is_read(tmp_path: Path) -> None:
-    """The one cell with a likelihood gets every vent."""
+def test_cell_with_all_the_likelihood_gets_every_vent(tmp_path: Path) -> None:
     values = np.zeros((6, 8))
     values[1, 2] = 0.3
     path = write(tmp_path / 'a.tif', values)
-    places = Susceptibility(GROUND, raster_on(GROUND, path, field='--susceptibility'))
-    for share in (1e-9, 0.5, 1.0 - 1e-9):
-        assert GROUND.cell_at(*places.place(share, share)) == (4, 2)
+    places = Susceptibility(GROUND, read_raster_on(GROUND, path, field='--susceptibility'))
+    for fraction in (1e-9, 0.5, 1.0 - 1e-9):
+        assert GROUND.cell_at(*places.place(fraction, fraction)) == (4, 2)
 
 
-def test_rasters_of_nowhere_are_refused(tmp_path: Path) -> None:
-    """Missing, no raster, two bands, elsewhere, or in coordinates that the terrain lacks."""
+def test_refuses_unusable_rasters(tmp_path: Path) -> None:
     (tmp_path / 'text.tif').write_text('no raster')
     ones = np.ones((6, 8))
     far = write(tmp_path / 'far.tif', ones, transform=from_origin(0.0, 1000.0, 20.0, 20.0))
     for path in (tmp_path / 'none.tif', tmp_path / 'text.tif', far):
         with pytest.raises(LavaError, match='--observed'):
-            seen_in_file(path, GROUND)
+            observed_in_file(path, GROUND)
     (tmp_path / 'other.tif').write_text('<VRTDataset rasterXSize="8" rasterYSize="6"/>')
     with pytest.raises(LavaError, match='a virtual raster with files of the same folder'):
-        seen_in_file(tmp_path / 'other.tif', GROUND)
+        observed_in_file(tmp_path / 'other.tif', GROUND)
     flat = write(tmp_path / 'flat.tif', ones, transform=Affine(0.0, 0.0, 5e5, 0.0, -20.0, 4.18e6))
     endless = write(tmp_path / 'nan.tif', ones, transform=Affine(20, 0, math.nan, 0, -20, 4.18e6))
     for path in (flat, endless):
         with pytest.raises(LavaError, match='a georeferenced raster'):
-            seen_in_file(path, GROUND)
+            observed_in_file(path, GROUND)
     here = write(tmp_path / 'here.tif', ones)
     with pytest.raises(LavaError, match='coordinate system'):
-        raster_on(Terrain(np.zeros((6, 8)), 20.0), here, field='a')
+        read_raster_on(Terrain(np.zeros((6, 8)), 20.0), here, field='a')

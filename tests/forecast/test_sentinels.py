@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sentinels review the effects on their flow; all members run with the effects called for."""
+"""Sentinel members review the effects; all members run with the effects they call for."""
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
@@ -28,38 +28,27 @@ from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.sentinels import CalledEffect, is_sentinel, MAX_SENTINELS, REVIEWS
 from lava_ros.forecast.store import Store
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from slope_scenes import uncertain_scene
 
 COUNT = 34
 
 
 def pulse(**options: Any) -> Plan:
-    """The plan of a vent that soon ends: where its lava thins, the yield strength matters."""
-    y, x = np.mgrid[0:30, 0:24] * 20.0
-    scene = Scene(
-        Terrain(500.0 - 0.1 * y + 5.0 * np.sin(x / 60.0), 20.0),
-        (Vent((240.0, 100.0), ((0.0, 10.0), (300.0, 0.0)), radius=30.0),),
-        Lava(viscosity=5e3, yield_strength=12.0),
-        uncertainty=uncertainty_from_dict({
-            'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
-            'terrain': {'deviation': 1.0, 'correlation': 60.0},
-        }),
-    )
+    """Return the plan of a vent that soon closes: yield strength matters where lava thins."""
+    scene = uncertain_scene(((0.0, 10.0), (300.0, 0.0)), yield_strength=12.0)
     return make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20, **options)
 
 
 PULSE = pulse()
-
 MEMBERS = draw_members(PULSE.scene, COUNT)
 
 
 def run(
     folder: Path, plan: Plan = PULSE, runner: Any = None, count: int = COUNT
 ) -> tuple[Ensemble, Plan]:
-    """The ensemble of a folder, and the plan that its members have."""
+    """Return the ensemble of a folder, and the plan of its members."""
     store, runner = Store(folder, plan), runner or partial(run_here, device='cpu')
     ensemble = run_ensemble(MEMBERS[:count], store, runner=runner)
     assert store.plan.scene is plan.scene
@@ -68,12 +57,12 @@ def run(
 
 @pytest.fixture(scope='module')
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ensemble, Plan]:
-    """The ensemble in one go, by one worker."""
+    """Run the ensemble with one worker."""
     return run(tmp_path_factory.mktemp('whole'))
 
 
 def stopped(folder: Path) -> None:
-    """Run five members in this folder, of those that run after the restart."""
+    """Run an ensemble that is interrupted after five members."""
     def runner(plan: Plan, members: Sequence[Member]) -> Generator[Footprint, None, None]:
         for number, footprint in enumerate(run_here(plan, members, device='cpu')):
             if number == 5:
@@ -84,7 +73,7 @@ def stopped(folder: Path) -> None:
         run(folder, runner=runner)
 
 
-#: What precedes an ensemble in its folder, and what runs it.
+#: Preparation of the folder, and runner of the ensemble.
 WAYS: dict[str, tuple[Callable[[Path], object], Any]] = {
     'two workers': (lambda folder: None, partial(run_in_processes, workers=2, device='cpu')),
     'interrupted': (stopped, None),
@@ -95,15 +84,11 @@ WAYS: dict[str, tuple[Callable[[Path], object], Any]] = {
 
 @pytest.mark.parametrize(
     'way',
-    [
-        pytest.param(way, marks=pytest.mark.nightly if way == 'two workers' else ())
-        for way in WAYS
-    ],
+    [pytest.param(way, marks=pytest.mark.nightly if way == 'two workers' else ()) for way in WAYS],
 )
 def test_a_sentinel_switches_an_effect_on_for_all_members(
     way: str, whole: tuple[Ensemble, Plan], tmp_path: Path
 ) -> None:
-    """The maps are those of members that have it from the start, whatever ran them and when."""
     before, runner = WAYS[way]
     before(tmp_path)
     ensemble, plan = run(tmp_path, runner=runner)
@@ -117,7 +102,6 @@ def test_a_sentinel_switches_an_effect_on_for_all_members(
 
 @pytest.mark.nightly
 def test_a_cluster_runs_all_members_again(whole: tuple[Ensemble, Plan], tmp_path: Path) -> None:
-    """What its workers still run of the first plan is dropped."""
     with LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
     ) as cluster:
@@ -126,10 +110,9 @@ def test_a_cluster_runs_all_members_again(whole: tuple[Ensemble, Plan], tmp_path
     assert same(ensemble.maps, whole[0].maps) and plan.switched_on == whole[1].switched_on
 
 
-def test_the_maps_are_those_of_the_effect_forced_on(
+def test_maps_equal_those_with_the_effect_forced_on(
     whole: tuple[Ensemble, Plan], tmp_path: Path
 ) -> None:
-    """An effect that is forced on or off is not reviewed."""
     forced, plan = run(tmp_path / 'on', pulse(effects={'yielding': True}))
     assert same(forced.maps, whole[0].maps) and not plan.switched_on
     without, plan = run(tmp_path / 'off', pulse(effects={'yielding': False}))
@@ -139,7 +122,6 @@ def test_the_maps_are_those_of_the_effect_forced_on(
 
 
 def test_members_without_a_folder_have_the_same_effects(whole: tuple[Ensemble, Plan]) -> None:
-    """``run_members`` runs all members again too, and gives them in their order."""
     found = run_members(PULSE, MEMBERS[3::-1], device='cpu')
     expected = run_members(whole[1], MEMBERS[3::-1], device='cpu')
     assert [item.index for item in found] == [3, 2, 1, 0]
@@ -148,10 +130,9 @@ def test_members_without_a_folder_have_the_same_effects(whole: tuple[Ensemble, P
         assert not one.called
 
 
-def test_few_members_measure_a_few_times(
+def test_two_of_34_members_measure_three_times(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Two of 34, three times each; one that calls for an effect measures no more."""
     count, measure = 0, Simulation.measure_scales
 
     def counted(simulation: Simulation) -> Any:
@@ -167,7 +148,6 @@ def test_few_members_measure_a_few_times(
 
 
 def test_measuring_does_not_change_the_flow() -> None:
-    """A sentinel that measures has the flow of one that does not."""
     plan = replace(PULSE, effects=replace(PULSE.effects, yielding=True))
     ((one,), (other,)) = (
         run_members(item, MEMBERS[:1], device='cpu') for item in (plan, replace(plan, forced=None))
@@ -176,7 +156,7 @@ def test_measuring_does_not_change_the_flow() -> None:
     np.testing.assert_array_equal(one.arrival, other.arrival)
 
 
-#: What sentinels call for, by index: the effect, and one that has to be on before.
+#: Effect that each sentinel calls for, and an effect that must be on before.
 CALLS = {0: ('inertia', 'yielding'), 32: ('yielding', ''), 64: ('conduction', '')}
 
 
@@ -187,11 +167,9 @@ class Calling:
         self.dies_after = dies_after
         self.rounds: list[list[int]] = []
 
-    def __call__(
-        self, plan: Plan, members: Sequence[Member]
-    ) -> Generator[Footprint, None, None]:
+    def __call__(self, plan: Plan, members: Sequence[Member]) -> Generator[Footprint, None, None]:
         self.rounds.append([])
-        # those of the highest numbers end first
+        # sentinels with the highest indices end first
         first = sum(is_sentinel(member.index) for member in members)
         for member in (*members[:first][::-1], *members[first:]):
             if sum(map(len, self.rounds)) == self.dies_after:
@@ -206,15 +184,12 @@ class Calling:
 
 
 DISCS = disc_plan()
-
 DISC_MEMBERS = draw_members(DISCS.scene, 70)
-
-
 ITEM = {'effect': 'inertia', 'number': 2.0, 'threshold': 1.0, 'member': 0, 'time_s': 60.0}
 
 
 def run_discs(folder: Path, runner: Calling, count: int = 70) -> Plan:
-    """Run discs in a folder, and return the plan that they have in the end."""
+    """Run discs in a folder, and return their final plan."""
     store = Store(folder, DISCS)
     ensemble = run_ensemble(DISC_MEMBERS[:count], store, runner=runner)
     assert ensemble.maps.members == count
@@ -222,12 +197,11 @@ def run_discs(folder: Path, runner: Calling, count: int = 70) -> Plan:
 
 
 def test_the_sentinel_with_the_lowest_index_decides(tmp_path: Path) -> None:
-    """In any order, and whether members are there from the beginning, added or interrupted."""
     runner = Calling()
     plan = run_discs(tmp_path / 'whole', runner)
     found = [(item.effect, item.member) for item in plan.switched_on]
     assert found == [('yielding', 32), ('inertia', 0), ('conduction', 64)]
-    # sentinels run first, and those with a lower index are waited for
+    # sentinels run first, and each waits for lower indices
     assert runner.rounds[:3] == [[64, 32, 0]] * 3
     assert sorted(runner.rounds[3]) == list(range(70))
     for count in (1, 40):
@@ -240,8 +214,7 @@ def test_the_sentinel_with_the_lowest_index_decides(tmp_path: Path) -> None:
         assert run_discs(folder, Calling()).switched_on == plan.switched_on
 
 
-def test_a_folder_keeps_what_was_decided(tmp_path: Path) -> None:
-    """Its description has the effects of the members, those switched on with the reason."""
+def test_folder_keeps_switched_on_effects_and_reasons(tmp_path: Path) -> None:
     plan = run_discs(tmp_path, Calling())
     known = json.loads((tmp_path / 'ensemble.json').read_text())['plan']
     assert known['effects']['inertia'] is True and known['forced'] == {}
@@ -253,15 +226,11 @@ def test_a_folder_keeps_what_was_decided(tmp_path: Path) -> None:
         Store(tmp_path, replace(DISCS, forced={'inertia': False}))
 
 
-@pytest.mark.parametrize(
-    'found',
-    [
-        'nothing', None, [3], [{'effect': 'inertia'}], [{**ITEM, 'effect': 'magic'}],
-        [{**ITEM, 'number': 'many'}],
-    ],
-)
+@pytest.mark.parametrize('found', [
+    'nothing', None, [3], [{'effect': 'inertia'}], [{**ITEM, 'effect': 'magic'}],
+    [{**ITEM, 'number': 'many'}],
+])
 def test_a_damaged_list_of_effects_is_refused(found: object, tmp_path: Path) -> None:
-    """By its name, for nobody knows what its members have."""
     Store(tmp_path, DISCS)
     path = tmp_path / 'ensemble.json'
     known = json.loads(path.read_text())

@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""How much is tried: a little in every test run, a lot in `make nightly`.
+"""Fixtures of the fuzzers: few examples in a test run, many in `make nightly`.
 
-Nothing may import this file: the profile of every test run would be loaded once more.
+Do not import this file: that would load the profile of a test run a second time.
 """
 
 from collections.abc import Callable
+from pathlib import Path
+import shutil
 from typing import Any
 
 from hypothesis import given, HealthCheck, seed, settings
@@ -14,22 +16,17 @@ import pytest
 
 from ros.conftest import graph  # noqa: F401
 
-#: Runs a check on a part of a night's examples: takes it and the strategies of its arguments.
-Share = Callable[..., None]
+#: Runs a check on a part of the examples: takes the check and the strategies of its arguments.
+RunPart = Callable[..., None]
 
-#: Parts that `make nightly` splits long kinds into: one that fails does not end the others, and
-#: each processor takes one after the other.
-SHARES = 40
+#: Parts of a long kind in `make nightly`: a failed part does not end the others, and processors
+#: take part after part.
+PARTS = 40
 
-# Scenes, and messages over DDS, of a run; every test run tries the same ones.
+# Every test run tries the same scenes and messages.
 settings.register_profile(
-    'ci',
-    max_examples=100,
-    derandomize=True,
-    deadline=None,
-    database=None,
-    suppress_health_check=list(HealthCheck),
-    print_blob=True,
+    'ci', max_examples=100, derandomize=True, deadline=None, database=None,
+    suppress_health_check=list(HealthCheck), print_blob=True,
 )
 settings.register_profile(
     'nightly', settings.get_profile('ci'), max_examples=2000, derandomize=False
@@ -38,16 +35,29 @@ settings.load_profile('ci')
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run a test that asks for ``in_share`` once for each part."""
-    if 'in_share' in metafunc.fixturenames:
-        count = 1 if settings().derandomize else SHARES
-        metafunc.parametrize('in_share', [(part, count) for part in range(count)], indirect=True,
+    """Run a test that uses ``in_part`` once for each part."""
+    if 'in_part' in metafunc.fixturenames:
+        count = 1 if settings().derandomize else PARTS
+        metafunc.parametrize('in_part', [(part, count) for part in range(count)], indirect=True,
                              ids=lambda part: str(part[0]))
 
 
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Path]:
+    """Return a function that makes an empty folder in place of the previous one."""
+    path = tmp_path_factory.mktemp('fuzz') / 'folder'
+
+    def fresh() -> Path:
+        shutil.rmtree(path, ignore_errors=True)
+        path.mkdir()
+        return path
+
+    return fresh
+
+
 @pytest.fixture
-def in_share(request: pytest.FixtureRequest) -> Share:
-    """Runs a check on this part's examples; a seed that was chosen gives each part its own."""
+def in_part(request: pytest.FixtureRequest) -> RunPart:
+    """Return a function that runs a check on the examples of one part, each with its own seed."""
     part, count = request.param
     chosen = request.config.getoption('--hypothesis-seed')
 

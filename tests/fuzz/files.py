@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files that nobody means well with: bags, cases, tables and rasters with parts that lie.
+"""Hostile files: bags, cases, tables and rasters with wrong parts.
 
-Each is made from a valid file of which a record, a field, a size or a count is another one, so
-that it gets past what only looks at the whole.
+Each is a valid file in which a record, a field, a size or a count is changed, so that it passes
+checks of the whole.
 """
 
 from array import array
@@ -40,7 +40,7 @@ import zstandard
 from lava_ros.bag import BagReader, BagWriter
 from lava_ros.bag.records import DATA_END, FRAME, MAGIC
 
-#: Numbers that sizes, counts, times and offsets are set to.
+#: Values of sizes, counts, times and offsets.
 INTEGERS = (
     *(0, 1, 2, 7, 255, 256, 32767, 32768, 65535, 2**20, 2**28, 2**31 - 1, 2**31, 2**32 - 1),
     *(2**40, 2**63 - 1, 2**63, 2**64 - 1),
@@ -58,26 +58,20 @@ TEXTS = (
 )
 
 _TYPES = {
-    'sensor_msgs/msg/Image': Image,
-    'sensor_msgs/msg/PointCloud2': PointCloud2,
-    'nav_msgs/msg/MapMetaData': MapMetaData,
-    'nav_msgs/msg/OccupancyGrid': OccupancyGrid,
+    'sensor_msgs/msg/Image': Image, 'sensor_msgs/msg/PointCloud2': PointCloud2,
+    'nav_msgs/msg/MapMetaData': MapMetaData, 'nav_msgs/msg/OccupancyGrid': OccupancyGrid,
     'diagnostic_msgs/msg/DiagnosticArray': DiagnosticArray,
 }
 
-#: Definitions that ask for more than a message holds, or that are none.
+#: Definitions that are invalid, or larger than the message.
 _DEFINITIONS = (
-    'uint8[4000000000] data',
-    'Part[4000000000] parts\n===\nMSG: a/Part\nuint8[1] x',
-    'Part[] parts\n===\nMSG: a/Part\nuint8[1] x',
-    'Image self',
-    'no definition',
-    '',
+    'uint8[4000000000] data', 'Part[4000000000] parts\n===\nMSG: a/Part\nuint8[1] x',
+    'Part[] parts\n===\nMSG: a/Part\nuint8[1] x', 'Image self', 'no definition', '',
 )
 
 
 def hostile_bag(chance: random.Random, source: Path, target: Path) -> None:
-    """Write a bag of which messages, texts or records are not what they were."""
+    """Write a bag with changed messages, texts or records."""
     kind = chance.choice((_messages, _messages, _described, _redefined, _records, _records, _bomb))
     kind(chance, source, target)
 
@@ -86,7 +80,7 @@ def _copied(
     source: Path, target: Path, *, edit: Callable[..., bytes] = lambda _, data: data,
     **changes: Any,
 ) -> None:
-    """Copy a bag with other data in its messages, other ``texts``, or another ``definition``."""
+    """Copy a bag with edited messages, other ``texts`` or another ``definition``."""
     bag = BagReader(source)
     with BagWriter(target, custom_data=changes.get('texts', bag.custom_data)) as writer:
         for item in bag.messages():
@@ -99,7 +93,6 @@ def _copied(
 
 
 def _messages(chance: random.Random, source: Path, target: Path) -> None:
-    """All messages of a type have another value in one field, or another length."""
     name = chance.choice(list(_TYPES))
     seed = chance.random()
 
@@ -108,7 +101,7 @@ def _messages(chance: random.Random, source: Path, target: Path) -> None:
             return data
         same = random.Random(seed)
         if same.random() < 0.15:
-            # the writer takes no less than the header of CDR
+            # the writer needs at least the header of CDR
             return data[: same.randrange(4, len(data))]
         message = deserialize_message(data, _TYPES[name])
         for _ in range(same.choice((1, 1, 1, 2, 3))):
@@ -130,7 +123,7 @@ def change(chance: random.Random, message: Any) -> None:
     if hasattr(value, 'get_fields_and_field_types'):
         change(chance, value)
         return
-    # rclpy lets many a value into no field
+    # rclpy refuses some values
     with suppress(AssertionError, OverflowError, TypeError, ValueError, UnicodeError):
         setattr(message, name, _other(chance, value))
 
@@ -139,8 +132,8 @@ def _other(chance: random.Random, value: Any) -> Any:
     if isinstance(value, bool):
         return not value
     if isinstance(value, int):
-        most = 2 ** chance.choice((8, 16, 31, 32))
-        return chance.choice(INTEGERS) % most
+        limit = 2 ** chance.choice((8, 16, 31, 32))
+        return chance.choice(INTEGERS) % limit
     if isinstance(value, float):
         return chance.choice(FLOATS)
     if isinstance(value, str):
@@ -154,7 +147,6 @@ def _other(chance: random.Random, value: Any) -> Any:
 
 
 def _described(chance: random.Random, source: Path, target: Path) -> None:
-    """A text that describes the recording is another one."""
     texts = dict(BagReader(source).custom_data)
     names = [*texts, 'effects', 'parameters', 'resumed_from', 'msg_config', 'version']
     texts[chance.choice(names)] = chance.choice(TEXTS)
@@ -162,12 +154,11 @@ def _described(chance: random.Random, source: Path, target: Path) -> None:
 
 
 def _redefined(chance: random.Random, source: Path, target: Path) -> None:
-    """Types have another definition."""
     _copied(source, target, definition=chance.choice(_DEFINITIONS))
 
 
 def split(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Opcode and content of each record of a sound file."""
+    """Yield the opcode and content of each record of a valid file."""
     place = len(MAGIC)
     while place < len(data) - len(MAGIC):
         opcode, length = FRAME.unpack_from(data, place)
@@ -176,12 +167,12 @@ def split(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def data_section(path: Path) -> list[tuple[int, bytes]]:
-    """Opcode and content of the records of a sound file, up to those that end and index it."""
+    """Return the opcode and content of each record of a valid file before its end and index."""
     return list(takewhile(lambda item: item[0] != Opcode.DATA_END, split(path.read_bytes())))
 
 
 def joined(records: list[tuple[int, bytes]], end: bytes = MAGIC) -> bytes:
-    """A file of records; checksums over all are left out."""
+    """Return a file of records, without checksums over the whole."""
     parts = []
     for opcode, content in records:
         if opcode == Opcode.DATA_END:
@@ -195,7 +186,7 @@ def joined(records: list[tuple[int, bytes]], end: bytes = MAGIC) -> bytes:
 def chunk(
     records: bytes, *, compression: str = 'zstd', size: int | None = None, times: bytes = bytes(16)
 ) -> bytes:
-    """Content of a chunk record."""
+    """Return the content of a chunk record."""
     packed = {
         '': lambda: records,
         'lz4': lambda: lz4.frame.compress(records, store_size=False),
@@ -207,7 +198,7 @@ def chunk(
 
 
 def _set(chance: random.Random, content: bytes) -> bytes:
-    """Content of the same length with another number in it, mostly near its start."""
+    """Return content of the same length with one number changed, mostly near its start."""
     width = chance.choice((1, 2, 4, 8))
     if len(content) < width:
         return content
@@ -218,14 +209,13 @@ def _set(chance: random.Random, content: bytes) -> bytes:
 
 
 def _records(chance: random.Random, source: Path, target: Path) -> None:
-    """Records, also those in chunks, have other numbers, are twice there, missing or moved."""
     data = (source / f'{source.name}_0.mcap').read_bytes()
     records = list(split(data))
     for _ in range(chance.choice((1, 1, 2, 4))):
         index = chance.randrange(len(records))
         opcode, content = records[index]
-        what = chance.random()
-        if opcode == Opcode.CHUNK and what < 0.7:
+        draw = chance.random()
+        if opcode == Opcode.CHUNK and draw < 0.7:
             inner = zstandard.decompress(content[content.index(b'\x28\xb5\x2f\xfd') :], 2**24)
             parts = list(split(MAGIC + inner + MAGIC))
             place = chance.randrange(len(parts))
@@ -233,11 +223,11 @@ def _records(chance: random.Random, source: Path, target: Path) -> None:
             again = joined(parts, b'')[len(MAGIC) :]
             compression = chance.choice(('', 'lz4', 'zstd'))
             records[index] = opcode, chunk(again, compression=compression, times=content[:16])
-        elif what < 0.8:
+        elif draw < 0.8:
             records[index] = opcode, _set(chance, content)
-        elif what < 0.87:
+        elif draw < 0.87:
             records.insert(chance.randrange(len(records)), records[index])
-        elif what < 0.93:
+        elif draw < 0.93:
             del records[index]
         else:
             records[index] = chance.randrange(256), content
@@ -249,7 +239,7 @@ def _records(chance: random.Random, source: Path, target: Path) -> None:
 
 
 def _bomb(chance: random.Random, source: Path, target: Path) -> None:
-    """Chunks of the same time, each of which unpacks to a thousand times its size and more."""
+    """Write chunks of the same time that unpack to a thousand times their size or more."""
     records = data_section(source / f'{source.name}_0.mcap')
     content = next(content for opcode, content in records if opcode == Opcode.CHUNK)
     message = struct.pack('<HIQQ', chance.randrange(1, 6), 0, *struct.unpack('<QQ', content[:16]))
@@ -278,7 +268,7 @@ _CELLS = (*TEXTS, *map(str, FLOATS), *map(str, INTEGERS), '"', ',', '1;2', '1,5'
 
 
 def hostile_case(chance: random.Random, folder: Path) -> None:
-    """Write a case of which a value in a file, or the kind of a file, is another one."""
+    """Write a case in which a value, or the type of a file, is changed."""
     folder.mkdir()
     values = np.add.outer(np.arange(20.0), np.zeros(20))
     ground = grid(500_000, 4_180_000, 2.0 * values)
@@ -310,7 +300,7 @@ def hostile_case(chance: random.Random, folder: Path) -> None:
 
 
 def any_value(chance: random.Random, depth: int = 0) -> Any:
-    """Plain data of any shape."""
+    """Return plain data of any shape."""
     if depth < 3 and chance.random() < 0.3:
         size = chance.randrange(4)
         if chance.random() < 0.5:
@@ -321,14 +311,14 @@ def any_value(chance: random.Random, depth: int = 0) -> Any:
 
 
 def grid(x: float, y: float, values: np.ndarray) -> str:
-    """An ESRI ASCII grid."""
+    """Return an ESRI ASCII grid."""
     rows, columns = values.shape
     head = f'ncols {columns}\nnrows {rows}\nxllcorner {x}\nyllcorner {y}\ncellsize 10\n'
     return head + '\n'.join(' '.join(f'{item:g}' for item in row) for row in values) + '\n'
 
 
 def other_grid(chance: random.Random, text: str) -> str:
-    """A grid with another number in its header, or in a cell."""
+    """Return a grid with a number changed, in its header or in a cell."""
     lines = text.splitlines()
     index = chance.randrange(5) if chance.random() < 0.7 else chance.randrange(5, len(lines))
     words = lines[index].split()
@@ -342,7 +332,7 @@ def other_grid(chance: random.Random, text: str) -> str:
 
 
 def hostile_vents(chance: random.Random, folder: Path) -> Path:
-    """Write a vector file of any format of which some bytes, or its end, are other ones."""
+    """Write a vector file of any format in which bytes are changed or missing."""
     from pyogrio import raw
 
     name, driver = chance.choice((
@@ -406,7 +396,7 @@ _DRIVERS = {
 
 
 def hostile_raster(chance: random.Random, folder: Path) -> Path:
-    """Write a raster of which a number in the header or the way it is kept is another one."""
+    """Write a raster with a changed number in its header, or with another encoding."""
     values = np.add.outer(np.arange(20.0), np.zeros(20)).astype(np.float32)
     kind = chance.choice(('npz', 'npz', 'asc', 'asc', 'tif', 'tif', *_DRIVERS))
     path = folder / f'ground.{kind}'
@@ -448,8 +438,8 @@ def _npy(value: Any) -> bytes:
 def _write_npz(chance: random.Random, path: Path, values: np.ndarray) -> None:
     members = {'elevation': _npy(values), 'resolution': _npy(10.0), 'epsg': _npy(32633)}
     name = chance.choice([*members, 'origin', 'offset', 'row_order', 'dx', 'other'])
-    what = chance.random()
-    if what < 0.5:
+    draw = chance.random()
+    if draw < 0.5:
         sides = [chance.choice((*INTEGERS, -1, 20)) for _ in range(chance.choice((0, 1, 2, 2, 3)))]
         kinds = ('<f4', '<f8', '|O', '<U9', '|V0', '<c16', '<f2', '|b1', 'x', '<i8')
         header = f"{{'descr': '{chance.choice(kinds)}', 'fortran_order': False, "
@@ -462,7 +452,7 @@ def _write_npz(chance: random.Random, path: Path, values: np.ndarray) -> None:
         members[name] = (
             b'\x93NUMPY' + version + struct.pack('<H', len(header)) + header.encode() + body
         )
-    elif what < 0.8:
+    elif draw < 0.8:
         members[name] = _npy(chance.choice((*FLOATS, *INTEGERS, 'x', True, [1.0], [[1.0]] * 2)))
     else:
         members[name] = chance.randbytes(chance.randrange(300))
@@ -521,7 +511,7 @@ SCENE = {
 
 
 def hostile_scene(chance: random.Random, folder: Path) -> Path:
-    """Write a scene of which a value at any depth is another one."""
+    """Write a scene in which a value at any depth is changed."""
     np.savez(folder / 'ground.npz', elevation=np.zeros((6, 7)), resolution=10.0)
     (folder / 'flow.asc').write_text(grid(0.0, 0.0, np.eye(5)), encoding='utf-8')
     data = json.loads(json.dumps(SCENE))

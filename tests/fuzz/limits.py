@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Limits of memory and time for what reads what nobody means well with."""
+"""Limits of memory and time for reading hostile files."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,8 +11,8 @@ import signal
 
 
 @contextmanager
-def bounded(memory: int, patience: int = 120) -> Iterator[None]:
-    """End what takes more memory [bytes] than this process has and so much, or too long [s]."""
+def bounded(memory: int = 3 << 30, patience: int = 120) -> Iterator[None]:
+    """Raise an error if memory grows by more than a limit [bytes], or after a time [s]."""
 
     def end(*_: object) -> None:
         raise TimeoutError

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages for the node's inputs that nobody means well with, as bytes.
+"""Hostile messages for the inputs of the node, as bytes.
 
-``messages(seed)`` goes on for ever: random bytes, valid messages cut short, with bits flipped,
-spliced together, sent as another type, and well-formed ones with insane values.
+``messages(seed)`` never ends. It yields random bytes; valid messages that are truncated, spliced,
+sent as another type or have flipped bits; and well-formed messages with insane values.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,7 +23,7 @@ from lava_ros.ros.codec import decode
 from lava_ros.ros.parameters import Settings
 from ros import graph_publisher
 
-#: What reads the messages of each topic that the node takes them on.
+#: Function that reads the messages of each input topic.
 CHECKS: dict[str, Callable[..., Any]] = {
     'terrain': inputs.check_image,
     'terrain_info': inputs.check_info,
@@ -32,7 +32,7 @@ CHECKS: dict[str, Callable[..., Any]] = {
     'clicked_point': partial(inputs.vent_from_point, name='click'),
 }
 
-#: Their classes.
+#: Message class of each topic.
 TOPICS = {topic: graph_publisher.TYPES[topic][0] for topic in CHECKS}
 
 _RULES = Settings()
@@ -60,7 +60,7 @@ class FuzzMessage(NamedTuple):
     data: bytes
 
     def error(self) -> LavaError | None:
-        """What is wrong with it by itself, whatever terrain there is."""
+        """Return the error of the message by itself, whatever the terrain."""
         try:
             message = decode(self.data, TOPICS[self.topic], self.topic, max_bytes=10**9)
             CHECKS[self.topic](message, _RULES)
@@ -76,14 +76,14 @@ def messages(seed: int) -> Iterator[FuzzMessage]:
     while True:
         topic = chance.choice(list(TOPICS))
         kind = chance.choice(list(_KINDS))
-        # a type of bounded size has a largest message; rclpy does not send more
-        most = len(valid[topic]) if topic == 'terrain_info' else None
-        yield FuzzMessage(topic, kind, _KINDS[kind](chance, topic, valid)[:most])
+        # rclpy does not send more than the maximum size of a bounded type
+        limit = len(valid[topic]) if topic == 'terrain_info' else None
+        yield FuzzMessage(topic, kind, _KINDS[kind](chance, topic, valid)[:limit])
 
 
 def _random_bytes(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
-    most = len(valid[topic]) if topic == 'terrain_info' else 3000
-    body = chance.randbytes(chance.randrange(1, most))
+    limit = len(valid[topic]) if topic == 'terrain_info' else 3000
+    body = chance.randbytes(chance.randrange(1, limit))
     if chance.random() < 0.7:
         body = bytes([0, chance.choice((0, 1, 1, 1, 3, 7)), 0, 0]) + body
     return body
@@ -95,7 +95,7 @@ def _cut_short(chance: random.Random, topic: str, valid: dict[str, bytes]) -> by
 
 def _bits_flipped(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
     data = bytearray(valid[topic])
-    # half of them where the sizes and names are
+    # half of the flips are among the sizes and names
     end = chance.choice((len(data), min(len(data), 200)))
     for _ in range(chance.choice((1, 1, 2, 5, 20))):
         data[chance.randrange(end)] ^= 1 << chance.randrange(8)
@@ -108,12 +108,8 @@ def _spliced(chance: random.Random, topic: str, valid: dict[str, bytes]) -> byte
     return data[:end] + data[start:]
 
 
-def _another_type(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
-    return valid[chance.choice(list(valid))]
-
-
 def _one_insane(chance: random.Random, topic: str, _: Any) -> bytes:
-    """A valid message with one value replaced, so that the others do not hide it."""
+    """Replace one value of a valid message, so that no other value hides it."""
     message = _VALID[topic]()
     if topic in ('terrain', 'terrain_cloud'):
         values = np.frombuffer(message.data, np.float32).copy()
@@ -132,7 +128,6 @@ def _one_insane(chance: random.Random, topic: str, _: Any) -> bytes:
 
 
 def _insane(chance: random.Random, topic: str, _: Any) -> bytes:
-    """A message of which some fields, at any depth, have other values and lengths."""
     message = _VALID[topic]()
     for _ in range(chance.choice((1, 2, 4, 30))):
         change(chance, message)
@@ -142,11 +137,7 @@ def _insane(chance: random.Random, topic: str, _: Any) -> bytes:
 
 
 _KINDS: dict[str, Callable[[random.Random, str, dict[str, bytes]], bytes]] = {
-    'random bytes': _random_bytes,
-    'cut short': _cut_short,
-    'bits flipped': _bits_flipped,
-    'spliced': _spliced,
-    'another type': _another_type,
-    'insane values': _insane,
-    'one insane value': _one_insane,
+    'random bytes': _random_bytes, 'cut short': _cut_short, 'bits flipped': _bits_flipped,
+    'spliced': _spliced, 'insane values': _insane, 'one insane value': _one_insane,
+    'another type': lambda chance, _, valid: valid[chance.choice(list(valid))],
 }

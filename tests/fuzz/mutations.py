@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Valid files of which one part is changed: a key, a column, an attribute, a row or bytes.
+"""Valid files in which one part is changed: a key, a column, an attribute, a row or bytes.
 
-A document is a tree of mappings and lists, with what writes it as a file and what reads that. The
-same changes are made to all documents.
+A document is a tree of mappings and lists, with functions that write and read its file. All
+documents get the same kinds of changes.
 """
 
 from argparse import Namespace
@@ -43,14 +43,14 @@ class Document(NamedTuple):
     """A valid file.
 
     Attributes:
-        kind: What it is, for the table of a night.
+        kind: Row in the table of a night.
         tree: Its parts.
-        write: Writes a tree into a folder, and returns the path of the file.
+        write: Writes a tree into a folder; returns the path of the file.
         read: Reads a file; equal results have equal representations.
-        needed: Paths of the parts without which it is refused.
+        needed: Paths of the parts that are required.
         depth: Levels of the tree that have names.
-        is_table: True if the values are lists of cells, the columns of a table.
-        is_header: True for the lines of a header, whose order may matter; most are numbers.
+        is_table: True if the values are columns of a table.
+        is_header: True for the lines of a header: their order may matter, and most are numbers.
     """
 
     kind: str
@@ -76,7 +76,6 @@ def _npz(folder: Path, tree: Any) -> Path:
 
 
 def _header(folder: Path, tree: Any, suffix: str) -> Path:
-    """A header of lines, and heights as text after it or as numbers beside it."""
     lines = ''.join(f'{name} {value}\n' for name, value in tree.items())
     path = folder / f'ground{suffix}'
     if suffix == '.asc':
@@ -124,17 +123,9 @@ def _scene(folder: Path, tree: Any) -> Path:
     return _yaml(folder / 'scene.yaml', tree)
 
 
-def _case(folder: Path, tree: Any) -> Path:
-    return _yaml(write_case(folder / 'case', hours=0.5) / 'case.yaml', tree)
-
-
 def _yaml(path: Path, tree: Any) -> Path:
     path.write_text(yaml.safe_dump(tree, sort_keys=False, allow_unicode=True), encoding='utf-8')
     return path
-
-
-def _known_scene(path: Path) -> Any:
-    return _of_scene(scene_from_yaml(path))
 
 
 def _known_case(path: Path) -> Any:
@@ -248,7 +239,8 @@ DOCUMENTS = (
             'gravity': 9.7, 'ambient_temperature': 290.0,
             'uncertainty': {'effusion_rate': _FACTOR, 'position': {'radius': 5.0}},
         },
-        _scene, _known_scene, (('terrain',), ('terrain', 'file')), depth=4,
+        _scene, lambda path: _of_scene(scene_from_yaml(path)),
+        (('terrain',), ('terrain', 'file')), depth=4,
     ),
     Document(
         'YAML', {
@@ -261,7 +253,8 @@ DOCUMENTS = (
                 'width': 10.0,
             }}],
         },
-        _case, _known_case, depth=4,
+        lambda folder, tree: _yaml(write_case(folder / 'case', hours=0.5) / 'case.yaml', tree),
+        _known_case, depth=4,
     ),
     Document(
         'YAML', {'layers': {
@@ -284,18 +277,18 @@ DOCUMENTS = (
 
 KINDS = tuple(dict.fromkeys(item.kind for item in DOCUMENTS))
 
-#: What a value becomes. The first ones may be what holds without the part.
+#: New values. The usual ones may equal the default.
 _USUAL = (None, '', ' ', True, False, 0, -1, [], {})
 _VALUES = (
     'text', '12', '1,5', '1e3', '2021-09-19', '017', '1:30', math.nan, math.inf, -math.inf, 1e300,
     -1e300, 12, 1.5, [1.0], [1.0, 'a'], {'a': 1}, [[0.0, 1.0]] * 3, 'ä' * 300, '\x07',
 )
 
-#: Units of no column.
+#: Units that no column has.
 _UNITS = ('furlong', 'stone', '?')
 
 
-#: Parts that a file may have as well, of each kind; no document has ``remark``.
+#: Parts to add, by kind; ``remark`` is unknown in all of them.
 _MORE = {
     'rasters': (*NPZ_KEYS[:-1], 'remark', 'CELLSIZE', 'cellsize', 'dx', 'XLLCENTER', 'nodata'),
     'vectors': (*COLUMNS, 'remark'), 'tables': (*COLUMNS, 'remark'),
@@ -305,19 +298,19 @@ _MORE = {
 
 
 class Change(NamedTuple):
-    """A changed document, and how its result has to compare to others.
+    """A changed document, and the expectation of its result.
 
     Attributes:
-        tree: The parts now.
-        what: The change, in words.
-        without: The parts without the changed or added one, None for a change of another kind.
-        named: Texts of which a warning has to have one, if the change has no effect.
-        same: True if the result is that of the valid file, False if it is not; None: either.
-        is_refused: True if no result is right.
+        tree: The changed parts.
+        action: The change, in words.
+        without: The parts without the changed or added one, None for other changes.
+        named: Texts, one of which a warning must contain if the change has no effect.
+        same: True if the result equals that of the valid file, False if not, None if either.
+        is_refused: True if every result is wrong.
     """
 
     tree: Any
-    what: str
+    action: str
     without: Any = None
     named: tuple[str, ...] = ()
     same: bool | None = None
@@ -325,7 +318,6 @@ class Change(NamedTuple):
 
 
 def _paths(tree: Any, depth: int, above: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Paths of the parts of a tree that have names."""
     if depth and isinstance(tree, dict | list):
         for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
             if isinstance(tree, dict):
@@ -334,7 +326,7 @@ def _paths(tree: Any, depth: int, above: tuple[Any, ...] = ()) -> Iterator[tuple
 
 
 def _with(tree: Any, path: tuple[Any, ...], edit: Callable[[Any, Any], Any]) -> Any:
-    """A copy of a tree in which ``edit`` has changed the container of a path's last key."""
+    """Return a copy of a tree in which ``edit`` changed the container of a path's last key."""
     if len(path) == 1:
         return edit(copy.deepcopy(tree), path[0])
     result = copy.copy(tree)
@@ -368,46 +360,46 @@ def change(chance: random.Random, document: Document) -> Change:
     name, shown = path[-1], '.'.join(map(str, path))
     without = _with(tree, path, _without)
     kinds = [*['rename', 'set'] * 3, 'drop', 'order', 'add']
-    what = chance.choice(kinds + ['unit', 'row', 'cut'] * document.is_table)
-    if what == 'drop':
+    action = chance.choice(kinds + ['unit', 'row', 'cut'] * document.is_table)
+    if action == 'drop':
         return Change(without, f'{shown} is dropped', is_refused=path in document.needed)
-    if what == 'add':
+    if action == 'add':
         new = chance.choice(_MORE[document.kind])
         value: Any = ['7'] * len(tree[name]) if document.is_table else 7
-        # GeoJSON has no such objects any more
+        # the current GeoJSON has no such objects
         if new in _part_at(tree, path[:-1]) or 'crs' in path[:-1]:
             return Change(without, f'{shown} is dropped', is_refused=path in document.needed)
         changed = _with(tree, path, lambda part, _: {**part, new: value})
-        return Change(changed, f'{new} is added beside {shown}', tree, (new, new[:10]))
-    if what == 'order':
+        return Change(changed, f'{new} is added next to {shown}', tree, (new, new[:10]))
+    if action == 'order':
         return Change(_with(tree, path, lambda part, _: dict(reversed(part.items()))),
                       f'the order at {shown}', same=None if document.is_header else True)
-    if what == 'rename':
+    if action == 'rename':
         new = _misspelt(chance, name)
         changed = _with(tree, path, lambda part, key: {
             new if item == key else item: value for item, value in part.items()
         })
-        # a Shapefile has ten letters of a name
+        # a Shapefile cuts names to ten letters
         return Change(changed, f'{shown} becomes {new!r}', without, (new.strip(), new[:10]))
-    if what == 'unit':
+    if action == 'unit':
         units = COLUMNS['time' if name == 'date' else name][1]
         unit = chance.choice((*units, *_UNITS)) if units else 'm'
         new = f'{name} ({unit})'
         changed = {new if item == name else item: value for item, value in tree.items()}
-        # Celsius have no factor, and of dates a unit says nothing
+        # Celsius has no factor, and dates have no unit
         same = units[unit] == 1.0 if units and unit in units else None
         if name in ('date', 'temperature', 'error', 'start', 'end') or not units:
             same = None
         return Change(changed, f'{shown} becomes {new!r}', named=(new,), same=same,
                       is_refused=bool(units) and unit in _UNITS)
-    if what in ('row', 'cut'):
+    if action in ('row', 'cut'):
         row = chance.randrange(len(tree[name]))
-        if what == 'cut':
+        if action == 'cut':
             cut = {item: cells[:row] for item, cells in tree.items()}
-            return Change(cut, f'rows from {row} on are missing', same=False)
+            return Change(cut, f'rows at and after {row} are missing', same=False)
         more = {item: [*cells, cells[row]] for item, cells in tree.items()}
-        # a warning of any words
-        return Change(more, f'row {row} is there twice', more, ('',))
+        # any warning
+        return Change(more, f'row {row} is repeated', more, ('',))
     value = chance.choice((*_USUAL, *_VALUES))
     named = (str(name), str(value)) if value in _VALUES else None
     if document.is_table:
@@ -415,7 +407,7 @@ def change(chance: random.Random, document: Document) -> Change:
         value = '' if value is None else str(value)
         value = [value if index == row else cell for index, cell in enumerate(tree[name])]
     elif document.kind == 'vectors' and document.depth == 1:
-        # not all formats have lists, dates, and numbers that are not finite; in KML names are text
+        # some formats lack lists, dates and infinite numbers; in KML names are text
         is_text = value in _VALUES and (name == 'name' or not _is_number(value))
         value = f'text: {value}' if is_text else value
         value = json.dumps(value) if isinstance(value, list | dict) else value
@@ -426,22 +418,21 @@ def change(chance: random.Random, document: Document) -> Change:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether the text of a value is that of a finite number."""
     with suppress(ValueError):
         return math.isfinite(float(str(value)))
     return False
 
 
 def damaged(chance: random.Random, path: Path) -> None:
-    """Change bytes of a file, or leave out a part."""
+    """Change or remove bytes of a file."""
     data = bytearray(path.read_bytes())
     for _ in range(chance.choice((1, 1, 2, 8))):
         place = chance.randrange(len(data))
-        what = chance.random()
-        if what < 0.6:
+        action = chance.random()
+        if action < 0.6:
             flipped = data[place] ^ 1 << chance.randrange(8)
             data[place] = chance.choice((0, 255, 10, 44, 48, flipped))
-        elif what < 0.8:
+        elif action < 0.8:
             del data[place : place + chance.choice((1, 2, 16, len(data)))]
         else:
             data[place:place] = data[place : place + chance.randrange(40)]

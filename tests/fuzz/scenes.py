@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Strategies for scenes that are valid, small and quick, and otherwise anything."""
+"""Strategies for valid scenes that are small, quick and otherwise arbitrary."""
 
 from dataclasses import dataclass, replace
 import math
@@ -25,22 +25,22 @@ COMMON = (
     Effects(crystals=True, crust=True, cooling=False, latent_heat=True, solidification=True),
 )
 
-#: Switches that go together with any others.
+#: Effects that are compatible with all others.
 FREE = (
     *('yielding', 'power_law', 'crystals', 'steep', 'ground'),
     *('viscous_heating', 'latent_heat', 'conduction', 'solidification', 'merging'),
 )
 
-#: Particles that vents give until the end.
-MOST_PARTICLES = 300
+#: Maximum number of particles that vents emit.
+MAX_PARTICLES = 300
 
 
 @dataclass(frozen=True)
 class Trial:
     """A scene with its physics and resolution, simulated until a time [s].
 
-    There are other ``vents`` from the middle of that time on, None to keep them, and another
-    ``terrain`` from two thirds of it on.
+    At half of that time ``vents`` replace the vents, at two thirds ``terrain`` replaces the
+    terrain; None keeps them.
     """
 
     scene: Scene
@@ -51,7 +51,7 @@ class Trial:
     terrain: Terrain | None
 
     def __repr__(self) -> str:
-        """Name what the scene was made of, enough to make it again."""
+        """Return the parts from which the trial can be made again."""
         grounds = [item for item in (self.scene.terrain, self.terrain) if item is not None]
         shown = ', '.join(
             f'Terrain(np.array({item.elevation.tolist()!r}), {item.resolution!r}, {item.origin!r})'
@@ -73,13 +73,13 @@ def _changed(item: Any) -> dict[str, Any]:
 
 
 def powers(low: float, high: float) -> st.SearchStrategy[float]:
-    """Numbers whose logarithm is anywhere between the limits'."""
+    """Return numbers between limits whose logarithm is uniform."""
     return st.floats(math.log10(low), math.log10(high)).map(lambda power: float(10.0**power))
 
 
 @st.composite
 def terrains(draw: Any, largest: int = 64) -> Terrain:
-    """Ground of any shape, some of it with holes."""
+    """Draw ground of any shape, some of it without data."""
     rows, columns = draw(st.integers(2, largest)), draw(st.integers(2, largest))
     resolution = draw(powers(0.5, 50.0))
     y, x = np.mgrid[0:rows, 0:columns] / max(rows, columns)
@@ -104,9 +104,9 @@ def terrains(draw: Any, largest: int = 64) -> Terrain:
         ground = height * np.floor(5.0 * ground / (height + 1e-9)) / 5.0
     elif kind == 'cone':
         ground = ground - height * np.hypot(x - x[0, column], y - y[row, 0])
-    holes = draw(st.sampled_from((0.0, 0.0, 0.0, 0.1, 0.4)))
-    if holes:
-        ground[chance.random((rows, columns)) < holes] = math.nan
+    missing = draw(st.sampled_from((0.0, 0.0, 0.0, 0.1, 0.4)))
+    if missing:
+        ground[chance.random((rows, columns)) < missing] = math.nan
         ground[row, column] = 0.0
     origin = draw(st.sampled_from(((0.0, 0.0), (-300.0, 40.0), (499_000.0, 4_180_000.0))))
     return Terrain(ground, resolution, origin)
@@ -114,7 +114,7 @@ def terrains(draw: Any, largest: int = 64) -> Terrain:
 
 @st.composite
 def materials(draw: Any) -> Lava:
-    """Lava from water to rhyolite, with any of the laws."""
+    """Draw lava from water to rhyolite, with any of the laws."""
     choices: dict[str, tuple[Any, ...]] = {
         'arrhenius': (0.0, 8e-3, 0.04),
         'emissivity': (0.0, 0.9, 1.0),
@@ -146,8 +146,8 @@ def materials(draw: Any) -> Lava:
 
 
 @st.composite
-def vents_on(draw: Any, terrain: Terrain, lava: Lava, most: int = 3) -> tuple[Vent, ...]:
-    """Vents anywhere on the ground, next to each other and on its border too."""
+def vents_on(draw: Any, terrain: Terrain, lava: Lava, limit: int = 3) -> tuple[Vent, ...]:
+    """Draw vents anywhere on the ground, next to each other and on its border too."""
     known = np.argwhere(terrain.has_data)
     corner = np.array(terrain.extent[:2])
     inside = st.sampled_from((0.5, 0.5, 0.0, 0.001, 0.25, 0.999))
@@ -160,18 +160,16 @@ def vents_on(draw: Any, terrain: Terrain, lava: Lava, most: int = 3) -> tuple[Ve
         return float(position[0]), float(position[1])
 
     vents = []
-    for _ in range(draw(st.integers(0, most))):
+    for _ in range(draw(st.integers(0, limit))):
         discharge: Any = draw(powers(1e-2, 1e3))
         if draw(st.integers(0, 3)) == 0:
             discharge = [(0.0, discharge), (1.0, 0.0), (5.0, 2.0 * discharge), (1e3, 0.0)]
         temperature = draw(st.floats(max(lava.solidus + 1.0, 900.0), 1600.0))
-        # Lava that is jammed with crystals does not come out.
+        # lava jammed with crystals does not flow out of a vent
         assume(lava.viscosity_at(temperature) <= MAX_VENT_VISCOSITY)
         vents.append(
             Vent(
-                place(),
-                discharge,
-                temperature=temperature,
+                place(), discharge, temperature=temperature,
                 radius=draw(powers(0.1, 3.0)) * terrain.resolution,
                 end=place() if draw(st.integers(0, 3)) == 0 else None,
                 velocity=draw(st.sampled_from(((0.0, 0.0), (0.0, 0.0), (3.0, -1.0), (0.0, 40.0)))),
@@ -182,8 +180,8 @@ def vents_on(draw: Any, terrain: Terrain, lava: Lava, most: int = 3) -> tuple[Ve
 
 @st.composite
 def any_effects(draw: Any) -> Effects:
-    """Any effects that go together."""
-    # of each of these there is one, or none
+    """Draw effects that are compatible."""
+    # at most one of each group
     one_of = (('none', 'arrhenius', 'arrhenius', 'vft'), ('none', 'green', 'helmholtz', 'inertia'),
               ('none', 'cooling', 'cover', 'crust'))
     on = {draw(st.sampled_from(names)) for names in one_of}
@@ -192,7 +190,7 @@ def any_effects(draw: Any) -> Effects:
 
 
 def _fitting(effects: Effects, lava: Lava) -> Lava:
-    """The material with the constants that forced effects cannot do without."""
+    """Return the material with the constants that forced effects need."""
     changes: dict[str, Any] = {}
     if effects.vft and not lava.is_vft:
         changes['vft_b'] = 6000.0
@@ -208,16 +206,13 @@ def _fitting(effects: Effects, lava: Lava) -> Lava:
 
 @st.composite
 def trials(draw: Any, *, all_effects: bool) -> Trial:
-    """A scene, its physics and resolution, how long, and what changes on the way."""
+    """Draw a scene, its physics, resolution and duration, and changes during the run."""
     effects = draw(any_effects() if all_effects else st.sampled_from(COMMON))
     terrain = draw(terrains())
     lava = _fitting(effects, draw(materials()))
     vents = draw(vents_on(terrain, lava))
     scene = Scene(
-        terrain,
-        vents,
-        lava,
-        ambient_temperature=draw(st.floats(200.0, 330.0)),
+        terrain, vents, lava, ambient_temperature=draw(st.floats(200.0, 330.0)),
         gravity=draw(st.sampled_from((9.81, 9.81, 1.8, 3.7))),
     )
     accuracy = preset_accuracy(draw(st.sampled_from(('draft', 'standard'))))
@@ -226,9 +221,9 @@ def trials(draw: Any, *, all_effects: bool) -> Trial:
     spacing = terrain.resolution / accuracy.refinement
     accuracy = replace(accuracy, spacing=spacing)
     flux = sum(max(q for _, q in vent.series) for vent in vents) or 1.0
-    share = draw(st.just(0.0) | st.floats(0.01, 1.0))
+    fraction = draw(st.just(0.0) | st.floats(0.01, 1.0))
     particle = spacing**2 * expected_thickness(scene)
-    until = min(share * MOST_PARTICLES * particle / flux, 1e6)
+    until = min(fraction * MAX_PARTICLES * particle / flux, 1e6)
     other = draw(st.none() | vents_on(terrain, lava))
     ground = None
     if draw(st.integers(0, 2)) == 0:

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prints what a run of `make nightly` has tried: python tests/fuzz/table.py build/fuzz.json.
+"""Prints the figures of `make nightly`: python tests/fuzz/table.py build/fuzz.json.
 
-Fails where a kind was tried less often than it should be.
+Fails if a kind was tried too rarely.
 """
 
 import json
@@ -12,7 +12,7 @@ import sys
 
 COLUMNS = ('tried', 'refused', 'failed', 'longest_s')
 
-#: What every night tries, and how often at least.
+#: Minimum number of trials of each kind in a night.
 KINDS = {
     'scenes': 2000, 'messages': 2000, 'files': 2000, 'command lines': 2000, 'kills': 20,
     'flips': 1500, 'rasters': 400, 'vectors': 400, 'tables': 400, 'YAML': 400,
@@ -29,7 +29,8 @@ def main() -> None:
         cells = [row.get(name, '-') for name in COLUMNS]
         shown = [f'{cell:.2f}' if isinstance(cell, float) else str(cell) for cell in cells]
         print(f'{kind:14}' + ''.join(f'{cell:>11}' for cell in shown))
-    few = [kind for kind, least in KINDS.items() if figures.get(kind, {}).get('tried', 0) < least]
+    tried = {kind: row.get('tried', 0) for kind, row in figures.items()}
+    few = [kind for kind, minimum in KINDS.items() if tried.get(kind, 0) < minimum]
     if few:
         sys.exit(f'tried too rarely: {", ".join(few)}')
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages nobody means well with: the node refuses them, says so, and goes on."""
+"""The node refuses hostile messages, reports them, and keeps running."""
 
 from collections import Counter
 import itertools
@@ -18,33 +18,30 @@ from rcl_interfaces.srv import GetParameters
 from fuzz.messages import messages, TOPICS
 from ros.graph_publisher import wait_until
 
-#: Simulated lava keeps the processor of a small machine busy: grids may come late by this [s].
-LATE = 30.0
+#: Maximum delay of a grid on a small, busy machine [s].
+MAX_DELAY = 30.0
 
 
 def _memory(node):
-    """Resident memory of a process [bytes]."""
     pages = Path(f'/proc/{node.child.pid}/statm').read_text().split()[1]
     return int(pages) * os.sysconf('SC_PAGE_SIZE')
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_what_reads_messages_raises_nothing_else(seed):
-    """Whatever the bytes, reading and checking them gives a value or a LavaError."""
+def test_messages_are_valid_or_raise_lava_errors(seed):
     errors = [item.error() for item in itertools.islice(messages(seed), 400)]
     refused = [error for error in errors if error is not None]
     assert all(error.field for error in refused)
     assert 200 < len(refused) < 400
 
 
-def test_the_node_goes_on(graph, figures):
-    """Every answer comes, grids too; each bad message is counted; good ones are taken after."""
+def test_node_survives_hostile_messages(graph, figures):
     count = settings().max_examples
     seed = 0 if settings().derandomize else random.SystemRandom().randrange(10**9)
     print(f'seed {seed}')
-    # until it has gone well
+    # replaced on success
     figures['messages'] = {'tried': count, 'failed': 1}
-    # the vent's first particle is there after a minute
+    # the vent emits its first particle after a minute
     node = graph.node(device='cpu', time_scale=60.0)
     publisher = graph.publisher()
     listener = graph.listener('height')
@@ -62,24 +59,24 @@ def test_the_node_goes_on(graph, figures):
         publisher.ask(GetParameters, '/lava/get_parameters', names=['time_scale'])
         longest = max(longest, time.monotonic() - start)
         kinds[item.kind] += 1
-        # the middleware fills messages up to a multiple of four bytes
+        # the middleware pads messages to a multiple of four bytes
         sent = item._replace(data=item.data + bytes(-len(item.data) % 4))
         bad[item.topic] += sent.error() is not None
-    # good input ends the error, whatever terrain was taken in between
+    # valid input clears the error, whatever terrain was accepted before
     publisher.publish('terrain_info', 'terrain', 'no_vents', 'vents')
     status = listener.wait_for_status(
         'inputs',
-        # one that a newer one superseded before it was looked at is counted as that
+        # a message may be superseded before it is checked
         lambda status: sum(
             max(0, number - int(status.get(f'rejected.{topic}', 0)))
             for topic, number in bad.items()
         ) <= int(status['superseded']),
-        timeout=LATE,
+        timeout=MAX_DELAY,
     )
     publisher.call('reset')
     for _ in range(3):
         grid = listener.wait_for_topic(
-            'height', lambda grid: grid['shape'] == [30, 40] and grid['wet'] > 0, timeout=LATE
+            'height', lambda grid: grid['shape'] == [30, 40] and grid['wet'] > 0, timeout=MAX_DELAY
         )
     assert grid['resolution'] == 10.0
     states = {

@@ -1,14 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files of which one part is changed: the change has its effect, or an error or a warning."""
+"""A change of one part of a file has its effect, or gives an error or a warning."""
 
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 import random
 import re
-import shutil
 from typing import Any
 import warnings
 
@@ -20,34 +19,18 @@ from fuzz.limits import bounded
 from fuzz.mutations import change, damaged, Document, DOCUMENTS, KINDS
 from lava_ros.errors import LavaError
 
-#: Most that reading a file may take beside what is there [bytes].
-MEMORY = 3 << 30
-
 #: Files of each kind: 25 in every test run, 500 in `make nightly`.
 FILES = max(1, settings.default.max_examples // 4)
 
 files = settings(max_examples=FILES, phases=[Phase.generate])
 
-#: A number that is none, in a result; text is in quotes there.
+#: NaN in a result; text would be in quotes.
 NAN = re.compile(r'\bnan(?=[,)\]}])')
 
 
 @pytest.fixture(scope='module')
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Path]:
-    """Makes an empty folder, in the place of the one before."""
-    path = tmp_path_factory.mktemp('mutations') / 'folder'
-
-    def fresh() -> Path:
-        shutil.rmtree(path, ignore_errors=True)
-        path.mkdir()
-        return path
-
-    return fresh
-
-
-@pytest.fixture(scope='module')
 def whole(folder: Callable[[], Path]) -> Callable[[int], str]:
-    """Results of the valid files."""
+    """Return a function that reads valid files by number."""
 
     @cache
     def read(number: int) -> str:
@@ -58,11 +41,11 @@ def whole(folder: Callable[[], Path]) -> Callable[[int], str]:
 
 
 def outcome(document: Document, path: Path, caplog: Any) -> tuple[str | None, str]:
-    """The result of a file, None where it is refused, and what is said."""
+    """Return the result of a file, None if it is refused, and the error or log."""
     caplog.clear()
     try:
-        with bounded(MEMORY), warnings.catch_warnings():
-            # what numpy warns of is a number that was not looked at
+        with bounded(), warnings.catch_warnings():
+            # numpy warns of a number that was not checked
             warnings.simplefilter('error', RuntimeWarning)
             result = repr(document.read(path))
     except LavaError as error:
@@ -72,10 +55,10 @@ def outcome(document: Document, path: Path, caplog: Any) -> tuple[str | None, st
 
 
 def written(document: Document, folder: Path, tree: Any) -> Path | None:
-    """Write a changed document; None if it cannot be written as such a file."""
+    """Write a changed document; return None if its format cannot contain the change."""
     try:
         return document.write(folder, tree)
-    # what GDAL, numpy, JSON and YAML cannot write is not read either
+    # GDAL, numpy, JSON or YAML cannot write it
     except Exception:
         return None
 
@@ -86,7 +69,6 @@ def written(document: Document, folder: Path, tree: Any) -> Path | None:
 def test_a_changed_part_is_understood_or_named(
     kind: str, seed: int, folder: Any, whole: Any, trial: Any, caplog: Any
 ) -> None:
-    """No change makes a file read as if the part were absent without a word that names it."""
     chance = random.Random(seed)
     number = chance.choice([at for at, item in enumerate(DOCUMENTS) if item.kind == kind])
     document = DOCUMENTS[number]
@@ -96,22 +78,22 @@ def test_a_changed_part_is_understood_or_named(
     if path is None:
         return
     with trial(kind) as row:
-        result, said = outcome(document, path, caplog)
+        result, message = outcome(document, path, caplog)
         row['refused'] += result is None
         if result is None:
             return
-        assert not changed.is_refused, changed.what
-        assert kind == 'rasters' or not NAN.search(result), changed.what
+        assert not changed.is_refused, changed.action
+        assert kind == 'rasters' or not NAN.search(result), changed.action
         if changed.same is not None:
-            assert (result == expected) == changed.same, changed.what
+            assert (result == expected) == changed.same, changed.action
         is_added = changed.without is document.tree
         if changed.without is None or (result == expected and not is_added):
             return
         path = written(document, folder(), changed.without)
         without = None if path is None else outcome(document, path, caplog)[0]
         if result == without:
-            named = [text for text in changed.named if text in said]
-            assert named and said, f'{changed.what}: read as if it were not there'
+            named = [text for text in changed.named if text in message]
+            assert named and message, f'{changed.action}: read as if it were absent'
 
 
 @pytest.mark.parametrize('kind', KINDS)
@@ -120,11 +102,10 @@ def test_a_changed_part_is_understood_or_named(
 def test_damaged_bytes_are_read_or_refused(
     kind: str, seed: int, folder: Any, trial: Any, caplog: Any
 ) -> None:
-    """A result, or an error with a name: no other exception."""
     chance = random.Random(seed)
     document = chance.choice([item for item in DOCUMENTS if item.kind == kind])
     path = document.write(folder(), document.tree)
-    # headers and the other parts of a Shapefile are damaged too
+    # headers and other parts of a Shapefile are damaged too
     parts = sorted(path.parent.glob(f'{path.stem}.*'))
     damaged(chance, chance.choice(parts))
     with trial(kind) as row:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whatever is typed after `lava`: it begins, or says in one line what is wrong."""
+"""Any command line of `lava` starts its work, or is refused in one line."""
 
 import argparse
 from collections.abc import Iterator
@@ -23,12 +23,12 @@ from lava_ros.cli import scenes
 from lava_ros.scene import emplaced, reshaping, terrain_files
 from lava_ros.scene import scene as scene_module
 
-#: What a command may take beside what this process has [bytes].
+#: Maximum growth of memory in a command [bytes].
 MEMORY = 2 << 30
 
 SAMPLE = Path(__file__).parents[2] / 'bags/sample'
 
-#: Commands that compute or draw, with what they cannot do without.
+#: Commands that compute or draw, with their required arguments.
 COMMANDS = {
     'accuracy': [],
     'animate': [str(SAMPLE), '-o', 'film.gif'],
@@ -47,14 +47,11 @@ COMMANDS = {
     'verify': [],
 }
 
-#: Where the work begins: what is before that reads and checks.
+#: Functions that start the work, after arguments and files are checked.
 WORK = (
-    'lava_ros.maps.animation._Canvas.draw',
-    'lava_ros.verification.benchmarks.convergence.compare',
-    'lava_ros.cli.demo._flow',
-    'lava_ros.cli.demo_forecast._Truth.__init__',
-    'lava_ros.forecast.pool.Pool.__init__',
-    'lava_ros.simulation.simulation.Simulation.__init__',
+    'lava_ros.maps.animation._Canvas.draw', 'lava_ros.verification.benchmarks.convergence.compare',
+    'lava_ros.cli.demo._flow', 'lava_ros.cli.demo_forecast._Truth.__init__',
+    'lava_ros.forecast.pool.Pool.__init__', 'lava_ros.simulation.simulation.Simulation.__init__',
 )
 
 WHOLE = (
@@ -84,19 +81,19 @@ WORDS = {
 
 
 class BegunError(BaseException):
-    """The command has found nothing wrong, and would work now."""
+    """The command accepted its arguments, and would start its work now."""
 
 
 @cache
 def options(command: str) -> list[argparse.Action]:
-    """The options of a command, as its parser has them."""
+    """Return the options of a command."""
     actions = parser_of(command)._actions
     return [item for item in actions if item.option_strings and item.dest != 'help']
 
 
 @st.composite
 def command_lines(draw: st.DrawFn) -> list[str]:
-    """A command with up to three of its options, and words that may suit them."""
+    """Draw a command with up to three of its options, and values that may suit them."""
     command = draw(st.sampled_from(sorted(COMMANDS)))
     words = [command, *COMMANDS[command]]
     known = options(command)
@@ -106,33 +103,32 @@ def command_lines(draw: st.DrawFn) -> list[str]:
             words.append(flag)
             continue
         count = draw(st.integers(1, 3)) if action.nargs == '+' else action.nargs or 1
-        # of the others one takes a number or a file
         values = [draw(WORDS.get(action.type, WORDS[None])) for _ in range(count)]
-        # a value that begins with a hyphen is one, not another option
+        # after = a value may begin with a hyphen
         words += [f'{flag}={values[0]}'] if count == 1 else [flag, *values]
     return words
 
 
 def outcome(words: list[str]) -> tuple[int | None, str]:
-    """The status of a command and what it said on stderr; None where its work began."""
+    """Return the exit status and stderr of a command; None if its work began."""
     with bounded(MEMORY):
         try:
-            status, _, said = lava(*words)
+            status, _, errors = lava(*words)
         except BegunError:
             return None, ''
-    return status, said
+    return status, errors
 
 
 @pytest.fixture
 def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A folder with a scene, a terrain and a case, where no work is done."""
+    """Enter a folder with a scene, a terrain and a case, where no work is done."""
 
     def begin(*args: Any, **options: Any) -> None:
         raise BegunError
 
     for name in WORK:
         monkeypatch.setattr(name, begin)
-    # what has been read is told before what is wrong
+    # do not log the files that were read
     for module in (emplaced, terrain_files, scene_module, scenes, reshaping):
         monkeypatch.setattr(module._LOG, 'disabled', True)
     with tempfile.TemporaryDirectory() as folder:
@@ -151,46 +147,37 @@ def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         yield
 
 
-def test_a_command_line_is_taken_or_refused(in_share: Any, place: None, trial: Any) -> None:
-    """Status 2 with one line on what is wrong, or none: no traceback, no hang, no exhaustion."""
-
-    def is_taken_or_refused(words: list[str]) -> None:
+def test_command_lines_are_accepted_or_refused(in_part: Any, place: None, trial: Any) -> None:
+    def is_accepted_or_refused(words: list[str]) -> None:
         note(' '.join(['lava', *words]))
         with trial('command lines') as row:
-            status, said = outcome(words)
+            status, errors = outcome(words)
             if status:
                 row['refused'] += 1
-                assert status in (1, 2), said
-                assert said.startswith(('lava: ', f'lava {words[0]}: ')), said
+                assert status in (1, 2), errors
+                assert errors.startswith(('lava: ', f'lava {words[0]}: ')), errors
                 noted = 'will be replaced', 'of mean rates'
-                lines = [
-                    line for line in said.splitlines() if not any(words in line for words in noted)
-                ]
-                assert len(lines) == 1 and len(said) < 1600, said
+                lines = [line for line in errors.splitlines() if not any(n in line for n in noted)]
+                assert len(lines) == 1 and len(errors) < 1600, errors
 
-    in_share(is_taken_or_refused, words=command_lines())
+    in_part(is_accepted_or_refused, words=command_lines())
 
 
-@pytest.mark.parametrize(
-    'words',
-    [
-        # each began to work, or came to grief, and the last two work and mean nothing
-        ['calibrate', 'valley', '--seed=-1'],
-        ['hindcast', 'valley', '--runs=0'],
-        ['hindcast', 'valley', '--runs=1000000000'],
-        ['plan', 'scene.yaml', '--within', '1min', '--members', '9' * 5000],
-        ['plan', 'scene.yaml', '--within', '1e305d'],
-        ['bench', 'steps', '--repetitions=1000000000'],
-        ['accuracy', '--repetitions=1000000000'],
-        ['verify', '--json', 'x' * 300],
-        ['demo', '--output', 'x' * 300],
-        ['export', str(SAMPLE), '-o', '\udcff'],
-        ['barrier', 'ground.npz', '-o', 'new.tif', '--height=5', '--line', '0,0', '0,1e-200'],
-        ['bench', 'convergence', '--runs=0'],
-        ['export', str(SAMPLE), '-o', 'maps', '--at=nan'],
-    ],
-)
-def test_what_was_found_is_refused(words: list[str], place: None) -> None:
-    """In one line, before any work."""
-    status, said = outcome(words)
-    assert status == 2 and len(said.splitlines()) == 1, said
+@pytest.mark.parametrize('words', [
+    ['calibrate', 'valley', '--seed=-1'],
+    ['hindcast', 'valley', '--runs=0'],
+    ['hindcast', 'valley', '--runs=1000000000'],
+    ['plan', 'scene.yaml', '--within', '1min', '--members', '9' * 5000],
+    ['plan', 'scene.yaml', '--within', '1e305d'],
+    ['bench', 'steps', '--repetitions=1000000000'],
+    ['accuracy', '--repetitions=1000000000'],
+    ['verify', '--json', 'x' * 300],
+    ['demo', '--output', 'x' * 300],
+    ['export', str(SAMPLE), '-o', '\udcff'],
+    ['barrier', 'ground.npz', '-o', 'new.tif', '--height=5', '--line', '0,0', '0,1e-200'],
+    ['bench', 'convergence', '--runs=0'],
+    ['export', str(SAMPLE), '-o', 'maps', '--at=nan'],
+])
+def test_refuses_command_lines_that_fuzzing_found(words: list[str], place: None) -> None:
+    status, errors = outcome(words)
+    assert status == 2 and len(errors.splitlines()) == 1, errors

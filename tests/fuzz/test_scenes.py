@@ -7,28 +7,28 @@ import time
 
 from hypothesis import note, settings
 
-from fuzz.scenes import MOST_PARTICLES, Trial, trials
+from fuzz.scenes import MAX_PARTICLES, Trial, trials
 from hard.invariants import Watch
 from lava_ros.simulation import Simulation
 
-#: Wall time after which a scene of a test run is left as it is [s].
+#: Maximum wall time of a scene, in a test run and in a night [s].
 PATIENCE = {True: 0.4, False: 10.0}
 
-#: Moments at which the invariants are checked.
+#: Number of times at which the invariants are checked.
 FRAMES = 6
 
 
 def looks(trial: Trial) -> int:
-    """Moments in a frame at which the lava at the vents is looked at.
+    """Return the number of times in a frame at which the lava at the vents is observed.
 
-    Lateral stress holds lava up: there it is highest just as a particle has come out.
+    Lateral stress holds lava up: its level is highest just after a particle was emitted.
     """
     is_held = trial.effects.green or trial.effects.helmholtz
-    return MOST_PARTICLES // FRAMES if is_held else 1
+    return MAX_PARTICLES // FRAMES if is_held else 1
 
 
 def play(trial: Trial, device: str, patience: float) -> bool:
-    """Simulate a trial under watch; returns whether it came to its end."""
+    """Simulate a trial under watch; return True if it reached its end."""
     simulation = Simulation(
         trial.scene, effects=trial.effects, accuracy=trial.accuracy, device=device
     )
@@ -46,7 +46,7 @@ def play(trial: Trial, device: str, patience: float) -> bool:
             moment = trial.until * (frame + part / count) / FRAMES
             left = end - time.monotonic()
             if left <= 0.0 or simulation.advance(moment, wall_limit=left) < moment:
-                # where the clock cuts a frame off differs from run to run
+                # the clock cuts off another frame in each run
                 return False
             if part:
                 watch.look()
@@ -54,8 +54,7 @@ def play(trial: Trial, device: str, patience: float) -> bool:
     return True
 
 
-def test_random_scenes_keep_the_invariants(in_share, device, trial):
-    """Whatever ground, lava, vents and physics: nothing is lost, made, heated or lifted."""
+def test_random_scenes_keep_the_invariants(in_part, device, trial):
     is_ci = settings().derandomize
 
     def keeps_the_invariants(scene):
@@ -64,4 +63,4 @@ def test_random_scenes_keep_the_invariants(in_share, device, trial):
             is_whole = play(scene, device, PATIENCE[is_ci])
             row['cut_off'] = row.get('cut_off', 0) + (not is_whole)
 
-    in_share(keeps_the_invariants, scene=trials(all_effects=not is_ci))
+    in_part(keeps_the_invariants, scene=trials(all_effects=not is_ci))

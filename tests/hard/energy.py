@@ -41,8 +41,8 @@ from scipy.special import k0, k1
 
 from hard.ground import along, Bound, head, lift, Moment
 from lava_ros.effects.laws import LATERAL_DRAG
-from lava_ros.simulation.kernels import SQUARED_SUPPORT
-from lava_ros.simulation.state import STEPS
+from lava_ros.simulation.particles.kernels import SQUARED_SUPPORT
+from lava_ros.simulation.particles.state import STEPS
 
 #: Tolerance of temperatures in float32 digits.
 DIGITS = 16
@@ -188,7 +188,7 @@ def _account(moment: Moment) -> _Account:
         if inertia:
             square = (lava.velocity**2).sum(axis=1)
             energy += float((lava.volume * square).sum()) / (2.0 * gravity)
-            kick = simulation._state.kick.numpy()[: len(lava.volume)].astype(float)
+            kick = simulation.solver.state.kick.numpy()[: len(lava.volume)].astype(float)
             half_kick = float((lava.volume * (kick**2).sum(axis=1)).sum()) / (8.0 * gravity)
     # highest energy of emitted lava, over its weight and from the lowest ground
     source, least = 0.0, simulation.accuracy.spacing or 0.0
@@ -219,8 +219,8 @@ def _gain(moment: Moment) -> float:
 def _mean(moment: Moment, distance: np.ndarray) -> np.ndarray:
     """Return the Green's function's mean of the local velocities [m/s]."""
     simulation, lava = moment.simulation, moment.lava
-    simulation._stage.compute_flow()
-    local = simulation._state.flow.numpy()[: len(lava.volume), 1:].astype(float)
+    simulation.solver.stage.compute_flow()
+    local = simulation.solver.state.flow.numpy()[: len(lava.volume), 1:].astype(float)
     k, area = math.sqrt(LATERAL_DRAG) / lava.thickness, lava.volume / lava.thickness
     disc = np.sqrt(area / math.pi)
     # in a particle's disc, and below the smallest distance that the solver distinguishes, K0 is

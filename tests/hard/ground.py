@@ -13,8 +13,8 @@ import numpy as np
 
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.checkpoint import Checkpoint
-from lava_ros.simulation.state import STAGE, STEPS
+from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.particles.state import STAGE, STEPS
 
 #: Result of a check: the invariant, its value, its maximum, and a comment.
 Bound = tuple[str, float, float, str]
@@ -29,7 +29,7 @@ class Ground:
     def __init__(self, simulation: Simulation) -> None:
         terrain = simulation.scene.terrain
         self._terrain = terrain
-        self._heights = simulation._terrain.height.numpy().astype(np.float64)
+        self._heights = simulation.solver.terrain.height.numpy().astype(np.float64)
         self.lowest = float(self._heights.min())
         self.relief = float(self._heights.max()) - self.lowest
 
@@ -112,7 +112,7 @@ class Moment:
         self.lava = simulation.sample()
         self.budget = simulation.budget()
         # copied: on a CPU the array is the solver's own
-        self.counts = simulation._state.counts.numpy().copy()
+        self.counts = simulation.solver.state.counts.numpy().copy()
         #: Volume that the vents have emitted [m3].
         self.given = self.budget.emitted - self.budget.pending
         self.thickest = float(self.lava.thickness.max(initial=0.0))
@@ -141,7 +141,7 @@ def along(
     again = Simulation.resume(start, device=simulation.device)
     if start.scene.vents != simulation.scene.vents:
         again.set_vents(simulation.scene.vents)
-    counts, every = again._state.counts, 1 + steps // MAX_SAMPLES
+    counts, every = again.solver.state.counts, 1 + steps // MAX_SAMPLES
     begun, step, former = start.time, int(counts.numpy()[STEPS]), rate(Moment(again))
     is_taken = True
     for _ in again.advancing(simulation.time):

@@ -22,7 +22,7 @@ fall   Without inertia u^2 / 2g is at most the fall from the highest surface tha
 place  Particles are on cells with data, and nowhere that the scene declares dry.
 cost   Velocity evaluations in a frame are at most ``COST`` times those that the lava requires.
        A step dt of lava whose thickness relaxes at the rate r takes s evaluations, the smallest
-       s with (s^2 + s - 2) / 4 >= r dt, and is as long as vents, speed and ``MOST_STAGES`` allow:
+       s with (s^2 + s - 2) / 4 >= r dt, and is as long as vents, speed and ``MAX_STAGES`` allow:
        ``pace`` is s / dt of the current lava, and a frame requires its integral.
        The ends of the frame suffice to estimate it if r changes little between them. That does
        not hold for power-law lava and lava held by its strength, whose r follows the slope: lava
@@ -48,9 +48,9 @@ from hard.energy import Energy, Temperature
 from hard.ground import along, Bound, distance, head, Moment
 from lava_ros.simulation import Simulation, Snapshot
 from lava_ros.simulation.accuracy import expected_thickness
-from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.state import EVALUATIONS, STEPS
-from lava_ros.simulation.timestep import longest_step, MOST_STAGES
+from lava_ros.simulation.particles.kernels import smoothing_kernel
+from lava_ros.simulation.particles.state import EVALUATIONS, STEPS
+from lava_ros.simulation.step.timestep import longest_step, MAX_STAGES
 from lava_ros.verification.bounds import bound
 
 #: Maximum fraction of the lava that may be unaccounted for.
@@ -185,7 +185,7 @@ class Cost:
             if simulation.accuracy.fixed_step is None:
                 # the frame's end may divide a step, and so may each emitted particle
                 came = (moment.given - last.given) / simulation.particle_volume
-                cuts = 2.0 * (MOST_STAGES + came)
+                cuts = 2.0 * (MAX_STAGES + came)
                 most = COST * (max(now, self._pace) * span + cuts)
                 if evaluations > most:
                     # each step's s follows the lava at its start
@@ -199,12 +199,12 @@ def pace(moment: Moment) -> float:
     """Return the evaluations per second that the current lava requires, with maximum steps."""
     simulation, sample = moment.simulation, moment.lava
     accuracy, scene = simulation.accuracy, simulation.scene
-    vents, reach = simulation._vents, simulation._stage.constants.reach
+    vents, reach = simulation.solver.vents, simulation.solver.stage.constants.reach
     longest = longest_step(scene, accuracy, simulation.effects, vents, reach)
     if not len(sample.volume):
         return 3.0 / longest
     lava = scene.lava
-    kernel = smoothing_kernel(accuracy.kernel, simulation._state.real, accuracy.ratio)
+    kernel = smoothing_kernel(accuracy.kernel, simulation.solver.state.real, accuracy.ratio)
     thickness = sample.thickness.astype(np.float64)
     reach = accuracy.courant_number * min(simulation.radius, scene.terrain.resolution)
     advection = float(np.linalg.norm(sample.velocity, axis=1).max()) / reach
@@ -216,7 +216,7 @@ def pace(moment: Moment) -> float:
         waves = scene.gravity * float(stiffness.max()) / accuracy.diffusion_number
         return max(1.0 / longest, math.sqrt(waves) + advection)
     if simulation.effects.power_law:
-        explicit = float(simulation._state.rates.numpy()[0])
+        explicit = float(simulation.solver.state.rates.numpy()[0])
     else:
         viscosity = np.array([lava.viscosity_at(float(value)) for value in sample.temperature])
         if not (simulation.effects.arrhenius or simulation.effects.vft):
@@ -226,7 +226,7 @@ def pace(moment: Moment) -> float:
     explicit = max(explicit, 1.0 / longest)
     if accuracy.integrator == 'euler':
         return max(explicit, advection)
-    most = 0.25 * (MOST_STAGES**2 + MOST_STAGES - 2)
+    most = 0.25 * (MAX_STAGES**2 + MAX_STAGES - 2)
     step = min(longest, most / explicit, 1.0 / max(advection, 1e-300))
     stages = max(2.0, math.ceil(0.5 * (math.sqrt(9.0 + 16.0 * step * explicit) - 1.0)))
     return stages / step

@@ -35,8 +35,8 @@ from hard.invariants import Violation, Watch
 from lava_ros.effects import Effects
 from lava_ros.simulation import Particles, Simulation, Snapshot
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.particles.state import TIME
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
-from lava_ros.simulation.state import TIME
 
 #: The presets that have to keep the invariants.
 KEPT = ('draft', 'standard', 'fine', 'reference')
@@ -172,9 +172,9 @@ def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Si
         item.scene, effects=effects, accuracy=replace(accuracy, spacing=spacing), device=device,
         particles=item.lava(spacing) if item.lava else None,
     )
-    clock = simulation._state.clock.numpy()
+    clock = simulation.solver.state.clock.numpy()
     clock[TIME] = item.since
-    simulation._state.clock.assign(clock)
+    simulation.solver.state.clock.assign(clock)
     return simulation
 
 

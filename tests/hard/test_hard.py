@@ -22,8 +22,9 @@ from hard.safeguards import ROOT, SAFEGUARDS
 from hard.scenes import FAMILIES, SCENES
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.simulation import Particles, Simulation, timestep, vents
+from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.step import timestep, vents
 
 #: Scenes by family that violated an invariant, or cost most, in earlier versions of the solver.
 HARDEST = (
@@ -63,7 +64,7 @@ def test_rejects_a_million_particles_in_a_cell(device):
 def test_rejects_lava_that_piles_up_at_its_vent(device):
     simulation = _in_a_cell(30_000, device)
     more = np.random.default_rng(2).uniform(0.0, 4.9, (5_000, 2))
-    simulation._append([(*place, 1e-3, 1423.0) for place in more])
+    simulation.solver.add_particles([(*place, 1e-3, 1423.0) for place in more])
     with pytest.raises(LavaError, match='35000 in'):
         simulation.snapshot()
 
@@ -87,9 +88,9 @@ def test_watch_detects_an_invalid_particle(column, value, invariant):
     simulation = _film()
     watch = Watch(simulation)
     watch.check()
-    rows = simulation._state.read_particles()
+    rows = simulation.solver.state.read_particles()
     rows[0, column] = value
-    simulation._state.write_particles(rows)
+    simulation.solver.state.write_particles(rows)
     simulation.advance(1e-3)
     with pytest.raises(InvariantError, match=invariant):
         watch.check()
@@ -97,8 +98,8 @@ def test_watch_detects_an_invalid_particle(column, value, invariant):
 
 def test_watch_detects_vents_with_overdue_lava(monkeypatch):
     item = SCENES['vents_replaced']
-    monkeypatch.setattr(vents, '_MOST_A_STEP', 1)
-    monkeypatch.setattr(vents, '_LEAST_MOST', 1)
+    monkeypatch.setattr(vents, '_MAX_PARTICLES_PER_STEP', 1)
+    monkeypatch.setattr(vents, '_MIN_PARTICLE_LIMIT', 1)
     monkeypatch.setattr(vents.VentSet, 'longest_step', lambda *_: math.inf)
     simulation = Simulation(item.scene, accuracy=Accuracy(thickness=0.1), device='cpu')
     watch = Watch(simulation)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A case that several files run."""
+"""A case for several test files."""
 
 import pytest
 
@@ -11,5 +11,5 @@ from lava_ros.hindcast.case import Case, load_case
 
 @pytest.fixture(scope='module')
 def valley(tmp_path_factory: pytest.TempPathFactory) -> Case:
-    """A valley down which lava flows for an hour."""
+    """Return a case of a valley down which lava flows for an hour."""
     return load_case(write_case(tmp_path_factory.mktemp('run') / 'valley', hours=1, yaml=LAVA))

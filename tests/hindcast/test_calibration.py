@@ -1,8 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
-"""The search for constants, on scores that are known in advance."""
+"""Calibration with scores that are known in advance."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -15,9 +14,9 @@ import pytest
 from eruption import write_case
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.calibration import (
-    can_tell,
     COLUMNS,
     findings,
+    has_enough_samples,
     leave_one_out,
     near_best,
     Numbers,
@@ -27,7 +26,7 @@ from lava_ros.hindcast.calibration import (
     write_trials,
 )
 from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.unknowns import changed, Unknown, unknowns_of
+from lava_ros.hindcast.unknowns import changed, free_parameters_of, Unknown
 
 UNKNOWNS = (
     Unknown('viscosity', 'Pa s', 1e2, 1e6, 1e5, 'made up', is_log=True),
@@ -37,12 +36,12 @@ UNKNOWNS = (
 
 
 def _score(values: Mapping[str, float]) -> float:
-    """Best at 1e3 Pa s and an emissivity of 0.3; the discharge does not matter."""
+    """Return a score that is best at 1e3 Pa s and an emissivity of 0.3, for any discharge."""
     viscosity = (np.log10(values['viscosity']) - 3.0) / 4.0
     return float(0.7 - viscosity**2 - (values['emissivity'] - 0.3) ** 2)
 
 
-#: Two cases whose mean is ``_score``; the second is fitted best at an emissivity of 0.2.
+#: Scores of two cases with the mean ``_score``; the second is best at an emissivity of 0.2.
 CASES = {
     'one': lambda values: _score(values) + 0.2 * values['emissivity'],
     'two': lambda values: _score(values) - 0.2 * values['emissivity'],
@@ -59,12 +58,12 @@ def _evaluated(sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
 
 @pytest.fixture(scope='module')
 def trials() -> list[Trial]:
-    """A search of 80 runs."""
+    """Return the trials of a search with 80 runs."""
     return search(UNKNOWNS, _evaluated, runs=80, seed=1)
 
 
 def test_search_finds_the_best_inside_the_ranges(trials: list[Trial]) -> None:
-    """It starts from the usual values and ends near the best, and leaves no range."""
+    """It starts from the usual values and ends near the best."""
     assert len(trials) == 80
     assert trials[0].values == pytest.approx(
         {'viscosity': 1e5, 'emissivity': 0.9, 'discharge': 1.0}
@@ -78,20 +77,20 @@ def test_search_finds_the_best_inside_the_ranges(trials: list[Trial]) -> None:
         assert unknown.low * (1 - 1e-12) <= min(values) < max(values) <= unknown.high * (1 + 1e-12)
 
 
-def test_findings_tell_what_matters(trials: list[Trial]) -> None:
-    """Near-best runs agree on what the score depends on, and spread over what it does not."""
+def test_findings_distinguish_sensitive_unknowns(trials: list[Trial]) -> None:
+    """Near-best runs agree only on the unknowns that affect the score."""
     found = {item.unknown.name: item for item in findings(UNKNOWNS, trials)}
     assert found['viscosity'].is_sensitive and found['emissivity'].is_sensitive
     assert not found['discharge'].is_sensitive and found['discharge'].spread > 0.6
-    assert can_tell(trials) and not can_tell(trials[:4])
+    assert has_enough_samples(trials) and not has_enough_samples(trials[:4])
     assert found['viscosity'].low <= 1e3 <= found['viscosity'].high
     near = near_best(trials)
     assert len(near) > 5
     assert all(trial.jaccard >= near[0].jaccard - 0.03 for trial in near)
 
 
-def test_each_case_is_judged_by_the_constants_of_the_others(trials: list[Trial]) -> None:
-    """What is best for one case is not what is best for the other, and is no better than that."""
+def test_each_case_is_scored_with_the_constants_of_the_others(trials: list[Trial]) -> None:
+    """This score is below that of the best constants for the case itself."""
     one, two = leave_one_out(trials)
     assert (one.case, two.case) == ('one', 'two')
     assert one.values['emissivity'] < 0.3 < two.values['emissivity']
@@ -102,8 +101,8 @@ def test_each_case_is_judged_by_the_constants_of_the_others(trials: list[Trial])
     assert leave_one_out(alone) == []
 
 
-def test_search_is_repeatable_and_goes_on(trials: list[Trial], tmp_path: Path) -> None:
-    """The same seed gives the same runs; runs in a table are not run again."""
+def test_search_is_repeatable_and_resumes(trials: list[Trial], tmp_path: Path) -> None:
+    """Equal seeds give equal runs, and runs in a table are not repeated."""
     write_trials(tmp_path / 'runs.csv', UNKNOWNS, trials[:50])
     known = read_trials(tmp_path / 'runs.csv', UNKNOWNS, list(CASES))
     assert [trial.values for trial in known] == [trial.values for trial in trials[:50]]
@@ -111,7 +110,7 @@ def test_search_is_repeatable_and_goes_on(trials: list[Trial], tmp_path: Path) -
     again = search(UNKNOWNS, evaluate, runs=80, seed=1, known=known)
     assert [trial.values for trial in again] == [trial.values for trial in trials]
     assert sum(len(call.args[0]) for call in evaluate.mock_calls) <= 30 + 2 * len(UNKNOWNS)
-    # a table without a column for an unknown is not taken for one with it
+    # a table without a column for an unknown is refused
     write_trials(tmp_path / 'runs.csv', UNKNOWNS[:1], trials[:3])
     with pytest.raises(LavaError, match='a table of runs'):
         read_trials(tmp_path / 'runs.csv', UNKNOWNS, list(CASES))
@@ -120,25 +119,25 @@ def test_search_is_repeatable_and_goes_on(trials: list[Trial], tmp_path: Path) -
 
 @pytest.fixture
 def valley(tmp_path: Path) -> Case:
-    """A case of Etna's lava."""
+    """Return a case with the lava of Etna."""
     return load_case(write_case(tmp_path / 'valley'))
 
 
 def test_unknowns_have_the_published_ranges(valley: Case) -> None:
-    """Those of the material, unless the user gives others."""
-    unknowns = {item.name: item for item in unknowns_of(valley)}
+    """Ranges given by the user take precedence over those of the material."""
+    unknowns = {item.name: item for item in free_parameters_of(valley)}
     assert 'discharge' not in unknowns
     assert valley.material is not None
     viscosity, known = unknowns['viscosity'], valley.material.constants['viscosity']
     assert known.range == (viscosity.low, viscosity.high)
     assert viscosity.is_log and viscosity.source == known.range_source
-    (given,) = unknowns_of(valley, ('discharge',), {'discharge': (0.9, 1.1)})
+    (given,) = free_parameters_of(valley, ('discharge',), {'discharge': (0.9, 1.1)})
     assert (given.low, given.high, given.usual) == (0.9, 1.1, 1.0)
     assert given.source == 'given by the user'
 
 
-def test_unknowns_are_put_into_the_case(valley: Case, tmp_path: Path) -> None:
-    """Each value ends where it belongs, the VFT law shifted as a whole; nothing else changes."""
+def test_changed_sets_only_the_unknowns(valley: Case, tmp_path: Path) -> None:
+    """A viscosity shifts the VFT law as a whole."""
     values = {'viscosity': 3e3, 'emissivity': 0.5, 'vent_temperature': 1340.0, 'discharge': 1.1}
     case = changed(valley, values)
     assert case.scene.lava.viscosity_at(1360.0) == pytest.approx(3e3)
@@ -156,8 +155,8 @@ def test_unknowns_are_put_into_the_case(valley: Case, tmp_path: Path) -> None:
     assert after.viscosity_at(1300.0) == pytest.approx(ratio * before.viscosity_at(1300.0))
 
 
-def test_wrong_unknowns_are_refused(valley: Case, tmp_path: Path) -> None:
-    """Names that are none, ranges that are empty, and those that nobody has given."""
+def test_raises_for_invalid_unknowns(valley: Case, tmp_path: Path) -> None:
+    """The name is not known, or the range is missing or not valid."""
     bare = load_case(tmp_path / 'valley', material='kedadry2023')
     for case, names, ranges, words in (
         (valley, ('colour',), {}, '--unknown'),
@@ -167,4 +166,4 @@ def test_wrong_unknowns_are_refused(valley: Case, tmp_path: Path) -> None:
         (bare, ('emissivity',), {}, 'none has been published'),
     ):
         with pytest.raises(LavaError, match=words):
-            unknowns_of(case, names, ranges)
+            free_parameters_of(case, names, ranges)

@@ -1,8 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
-"""Cases: what is read, and each wrong input caught by a sentence that says what is wrong."""
+"""Reading of cases, and errors for invalid input."""
 
 from collections.abc import Callable
 import json
@@ -34,8 +33,8 @@ from lava_ros.scene.vent_files import VentRow
 ETNA = Path(__file__).parents[3] / 'shared/data/etna2001'
 
 
-def test_case_is_read(tmp_path: Path) -> None:
-    """Ground, vent, discharge and footprint are those of the files; nothing else is needed."""
+def test_reads_a_case_without_case_yaml(tmp_path: Path) -> None:
+    """Terrain, vent, discharge and footprint are those of the files."""
     case = load_case(write_case(tmp_path / 'valley'))
     assert case.name == case.title == 'valley'
     np.testing.assert_allclose(case.scene.terrain.elevation, elevation(), atol=1e-3)
@@ -52,7 +51,7 @@ def test_case_is_read(tmp_path: Path) -> None:
     assert case.events == ()
 
 
-def test_case_file_replaces_what_is_usual(tmp_path: Path) -> None:
+def test_case_yaml_replaces_the_defaults(tmp_path: Path) -> None:
     """Material, constants, temperature, times and filter are those of case.yaml."""
     text = (
         'title: A valley\nsource: made up\nlava: {material: reunion_basalt, emissivity: 0.5}\n'
@@ -90,16 +89,16 @@ def test_case_file_replaces_what_is_usual(tmp_path: Path) -> None:
 def test_the_onset_is_the_date_of_simulated_time_0(
     given: str, onset: str | None, tmp_path: Path
 ) -> None:
-    """That of the effusion rates, or later by the time at which the simulation begins."""
+    """It is the date of the effusion rates plus the start of the simulation."""
     case = load_case(write_case(tmp_path / 'valley', yaml=given))
     assert (case.onset and case.onset.text) == onset
 
 
 @pytest.mark.parametrize('kind', ['case', 'scene'])
-def test_a_material_beside_lava_is_read_with_a_warning(
+def test_warns_of_a_material_outside_lava(
     kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Its place is in lava, in case files as in scene files; it cannot be in both places."""
+    """A material belongs into the section lava of case and scene files; both places raise."""
     folder = write_case(tmp_path / 'valley')
 
     def lava_of(text: str) -> Lava:
@@ -108,10 +107,10 @@ def test_a_material_beside_lava_is_read_with_a_warning(
         scene = load_case(folder).scene if kind == 'case' else scene_from_yaml(path)
         return scene.lava
 
-    right = lava_of('lava: {material: reunion_basalt, emissivity: 0.5}')
-    assert (right.vft_b, right.emissivity) == (5558.0, 0.5)
+    expected = lava_of('lava: {material: reunion_basalt, emissivity: 0.5}')
+    assert (expected.vft_b, expected.emissivity) == (5558.0, 0.5)
     assert 'material' not in caplog.text
-    assert lava_of('material: reunion_basalt\nlava: {emissivity: 0.5}') == right
+    assert lava_of('material: reunion_basalt\nlava: {emissivity: 0.5}') == expected
     assert f'{kind}.material: its place is lava: {{material: reunion_basalt}}' in caplog.text
     both = 'material: etna_basalt\nlava: {material: reunion_basalt}'
     for text, sentence in (
@@ -123,8 +122,8 @@ def test_a_material_beside_lava_is_read_with_a_warning(
             lava_of(text)
 
 
-def test_vents_that_open_and_close_share_the_discharge(tmp_path: Path) -> None:
-    """What comes out is divided by the shares of those that are open, and none is lost."""
+def test_open_vents_divide_the_discharge(tmp_path: Path) -> None:
+    """They divide all of it in the ratio of their shares."""
     folder = write_case(tmp_path / 'valley')
     x, y = VENT
     (folder / 'vent.csv').write_text(
@@ -143,8 +142,8 @@ def test_vents_that_open_and_close_share_the_discharge(tmp_path: Path) -> None:
     assert case.volume == pytest.approx(162_000.0)
 
 
-def test_ground_changes_in_mid_eruption(tmp_path: Path) -> None:
-    """Events are barriers and new elevations, each on top of the one before."""
+def test_reads_events(tmp_path: Path) -> None:
+    """An event is a barrier or a new elevation, and applies to the previous terrain."""
     x, y = VENT
     text = (
         'events:\n'
@@ -202,7 +201,6 @@ def _rates(*rows: str) -> Change:
 
 
 def _as_areas(folder: Path) -> None:
-    """Put the footprint into a GeoJSON file in degrees."""
     from rasterio.features import shapes
     from rasterio.transform import from_origin
     from rasterio.warp import transform_geom
@@ -221,21 +219,21 @@ def _as_areas(folder: Path) -> None:
     (folder / 'footprint.geojson').write_text(json.dumps(data))
 
 
-def test_footprint_of_any_kind(tmp_path: Path) -> None:
-    """Finer cells of a part of the ground, and areas in degrees, cover the same cells."""
-    right = footprint() > 0.0
+def test_reads_a_footprint_of_finer_cells_or_areas(tmp_path: Path) -> None:
+    """Finer cells on a part of the terrain, and areas in degrees, cover the same cells."""
+    expected = footprint() > 0.0
     fine = np.kron(footprint(), np.ones((4, 4)))[40:216, 20:120]
     folder = write_case(tmp_path / 'fine')
     corner = (CORNER[0] + 100.0, CORNER[1] + 200.0)
     write_grid(folder / 'footprint.asc', fine, corner=corner, cell=5.0)
-    np.testing.assert_array_equal(load_case(folder).footprint, right)
+    np.testing.assert_array_equal(load_case(folder).footprint, expected)
     folder = write_case(tmp_path / 'areas', yaml='epsg: 32633\n')
     _as_areas(folder)
-    np.testing.assert_array_equal(load_case(folder).footprint, right)
+    np.testing.assert_array_equal(load_case(folder).footprint, expected)
 
 
-def test_everything_in_degrees(tmp_path: Path) -> None:
-    """A case of a web map: elevation, footprint and vents in longitude and latitude."""
+def test_reads_a_case_in_degrees(tmp_path: Path) -> None:
+    """Elevation, footprint and vents are in longitude and latitude."""
     folder, (x, y) = write_case_in_degrees(tmp_path / 'degrees')
     case = load_case(folder)
     assert case.scene.terrain.epsg == 32633
@@ -247,16 +245,16 @@ def test_everything_in_degrees(tmp_path: Path) -> None:
         load_case(folder)
 
 
-def test_a_table_of_a_spreadsheet(tmp_path: Path) -> None:
-    """Semicolons and decimal commas, as in most of Europe, are read as they are meant."""
+def test_reads_a_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:
+    """European spreadsheets write such tables."""
     folder = write_case(tmp_path / 'valley')
     table = 'start_s;end_s;discharge_m3_per_s\r\n0;5400;20,5\r\n5400;10800;9,5\r\n'
     (folder / 'effusion_rate.csv').write_text(table, encoding='utf-8-sig')
     assert load_case(folder).volume == pytest.approx(162_000.0)
 
 
-def test_holes_are_filled_where_the_case_says_so(tmp_path: Path) -> None:
-    """What the warning of holes advises is a key of case.yaml."""
+def test_fills_holes_if_case_yaml_sets_fill_holes(tmp_path: Path) -> None:
+    """The warning of holes recommends this key."""
     folder = write_case(tmp_path / 'valley', yaml='fill_holes: true\n')
     write_grid(folder / 'elevation.asc', _holed())
     assert load_case(folder).scene.terrain.has_data.all()
@@ -268,8 +266,8 @@ def _holed() -> np.ndarray:
     return heights
 
 
-def test_a_long_table_of_rates_is_read_once() -> None:
-    """30,000 rows: each one looked at for each other would take minutes."""
+def test_a_long_table_of_rates_takes_linear_time() -> None:
+    """Comparing each of 30,000 rows with every other one would take minutes."""
     rates = tuple(Interval(float(time), time + 1.0, 1.0 + time % 2) for time in range(30_000))
     vents = (VentRow('', (0.0, 0.0)),)
     (series,) = series_of(vents, rates)
@@ -285,10 +283,10 @@ RATES, COLUMNS = 'effusion_rate.csv', 'start_s,end_s,discharge_m3_per_s'
 
 UPSIDE_DOWN = 'm from the nearest vent ... rows seem to be upside down'
 
-#: Another eruption's: as long as the valley is wide, and far from the vent.
+#: Footprint of another eruption: as long as the valley is wide, and far from the vent.
 ELSEWHERE = np.eye(*SHAPE, k=-19)[:, ::-1] * (np.indices(SHAPE)[0] < 22)
 
-#: What is done to a case that is right, and words of the sentence that says what is wrong.
+#: A change of a valid case, and words of the resulting error.
 WRONG: dict[str, tuple[Change, str]] = {
     'no elevation': (_without('elevation.asc'), 'also holds ... elevation.asc'),
     'no footprint': (_without('footprint.asc'), 'also holds ... footprint.asc'),
@@ -317,7 +315,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     'vent of another zone': (
         _vents(f'x,y\n{X + 500_000},{Y}'), 'vent.csv ... coordinates of another system',
     ),
-    'vent on a hole': (
+    'vent on a cell without data': (
         _grid('elevation', _holed()), "'vent 0' of vent.csv ... this cell has none",
     ),
     'vent of another eruption': (
@@ -328,14 +326,14 @@ WRONG: dict[str, tuple[Change, str]] = {
         _grid('footprint', footprint(), corner=(CORNER[0] + 10_000.0, CORNER[1])),
         'the footprint ... data on the terrain',
     ),
-    'areas in degrees on ground that is nowhere': (
+    'areas in degrees without a coordinate system of the terrain': (
         _as_areas, 'footprint.geojson ... the terrain, which has no coordinate system',
     ),
-    'areas in metres that do not say so': (
+    'areas in metres without a coordinate system': (
         _all(_as_areas, _yaml('epsg: 32633'), _changed('footprint.geojson', '[15', '[500315')),
         'footprint.geojson ... places of EPSG:4326 ... of a coordinate system',
     ),
-    'areas that are none': (
+    'no areas': (
         _all(_without('footprint.asc'), _text(
             'footprint.geojson', '{"type": "FeatureCollection", "features": []}'
         )),
@@ -348,16 +346,16 @@ WRONG: dict[str, tuple[Change, str]] = {
     'empty footprint': (
         _grid('footprint', np.zeros(SHAPE)), 'the footprint ... without one ... covered',
     ),
-    'nodata that the header does not name': (
+    'no-data value that the header does not declare': (
         _all(_grid('elevation', _holed()), _changed('elevation.asc', 'value -9999', 'value -1')),
         'elevation of elevation.asc ... -9999 in ... --nodata -9999',
     ),
-    # of a low hill: those of a mountain would be out of range
+    # a low hill, because the elevations of a mountain would be out of range
     'heights in centimetres': (
         _grid('elevation', 20.0 * (elevation() - 1000.0)),
         'median slope ... heights and cells both in metres',
     ),
-    'heights that are not of the Earth': (
+    'heights that do not exist on Earth': (
         _grid('elevation', elevation() + 9000.0), 'a height of the elevation ... -450 to 9000 m',
     ),
     'text in a table': (
@@ -367,7 +365,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     'a negative discharge': (
         _changed(RATES, ',20', ',-20'), 'line 2, discharge_m3_per_s ... -20 ... at least 0',
     ),
-    'a discharge that is no number': (
+    'a discharge that is not a number': (
         _changed(RATES, ',20', ',nan'), "line 2, discharge_m3_per_s ... 'nan' ... finite",
     ),
     'intervals that overlap': (
@@ -411,8 +409,8 @@ WRONG: dict[str, tuple[Change, str]] = {
 
 
 @pytest.mark.parametrize('name', WRONG)
-def test_wrong_input_is_named(name: str, tmp_path: Path) -> None:
-    """A case with one thing wrong is refused, by a sentence that says which and why."""
+def test_raises_for_invalid_input(name: str, tmp_path: Path) -> None:
+    """The error names the file or key, and the reason."""
     with pytest.raises(LavaError, match='a folder that exists'):
         load_case(tmp_path / 'valley')
     folder = write_case(tmp_path / 'valley')
@@ -420,12 +418,12 @@ def test_wrong_input_is_named(name: str, tmp_path: Path) -> None:
     change(folder)
     with pytest.raises(LavaError) as caught:
         load_case(folder)
-    said = str(caught.value)
-    assert all(word in said for word in words.split(' ... ')), said
+    message = str(caught.value)
+    assert all(word in message for word in words.split(' ... ')), message
 
 
-def test_footprint_of_another_system(tmp_path: Path) -> None:
-    """A grid that names a wrong zone is where that says, off the elevation."""
+def test_raises_for_a_footprint_with_a_wrong_utm_zone(tmp_path: Path) -> None:
+    """The footprint is then off the elevation."""
     import rasterio
 
     folder = write_case(tmp_path / 'valley')
@@ -441,8 +439,8 @@ def test_footprint_of_another_system(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not ETNA.is_dir(), reason='the data of Etna 2001 are not here')
-def test_etna_upside_down_is_caught(tmp_path: Path) -> None:
-    """Real grids with their rows in the wrong order are refused, right ones are not."""
+def test_raises_for_grids_of_etna_upside_down(tmp_path: Path) -> None:
+    """Grids in the correct orientation are read."""
     folder = tmp_path / 'etna'
     folder.mkdir()
     for path in ETNA.glob('*.*'):
@@ -450,7 +448,7 @@ def test_etna_upside_down_is_caught(tmp_path: Path) -> None:
     case = load_case(folder)
     assert case.volume == pytest.approx(21.4e6, rel=1e-3)
     assert case.footprint.sum() == 18_509
-    # one of them, both, the other one
+    # the elevation, both, the footprint
     for name in ('elevation', 'footprint', 'elevation'):
         path = folder / f'{name}.asc'
         lines = path.read_text().splitlines()

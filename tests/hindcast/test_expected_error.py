@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The expected error of a footprint: its parts, and what it is worth."""
+"""Expected error of an inundated area: its parts, and its accuracy."""
 
 import csv
 from dataclasses import replace
@@ -20,8 +20,8 @@ from lava_ros.hindcast.score import judge
 MEASURED = Path(__file__).parents[2] / 'docs/benchmarks/expected_error_h100.csv'
 
 
-def test_the_part_of_the_particles_is_that_of_a_pilot(valley: Case) -> None:
-    """A run with particles so much farther apart tells, with the order of convergence."""
+def test_error_of_the_spacing_is_that_of_a_pilot(valley: Case) -> None:
+    """A coarser run and the order of convergence give the error of the particle spacing."""
     settings = Settings('draft', device='cpu', maps=1)
     result = simulate(valley, settings)
     found = estimate_error(valley, settings, result)
@@ -36,8 +36,8 @@ def test_the_part_of_the_particles_is_that_of_a_pilot(valley: Case) -> None:
     assert 'chance' not in found.text()
 
 
-def test_chance_is_the_difference_of_two_runs(valley: Case) -> None:
-    """Two of four runs share half of what either covers where they fork."""
+def test_chance_is_the_expected_difference_of_two_runs(valley: Case) -> None:
+    """At a fork, each cell is inundated in two of four runs."""
     settings = Settings('draft', device='cpu', maps=1)
     result = simulate(valley, settings)
     covered = result.snapshot.inundated
@@ -47,7 +47,7 @@ def test_chance_is_the_difference_of_two_runs(valley: Case) -> None:
     fraction[tuple(fork.T)] = 0.5
     forked = Agreement((one,) * 4, fraction, result.snapshot.thickness, one)
     found = estimate_error(valley, settings, result, forked)
-    # of four runs two cover a cell: two others differ there in 2 of 3 cases
+    # with two of four runs in a cell, two runs differ there with a probability of 2/3
     apart = 2.0 / 3.0 * len(fork)
     union = covered.sum() - len(fork) + len(fork) * 0.5 + 0.5 * apart
     assert found.chance == pytest.approx(apart / union)
@@ -58,18 +58,18 @@ def test_chance_is_the_difference_of_two_runs(valley: Case) -> None:
 
 
 def test_footprints_without_lava_do_not_differ() -> None:
-    """Nothing is nothing."""
+    """Without any lava the difference is 0."""
     nothing = np.zeros((3, 3), dtype=bool)
     assert difference(nothing, nothing) == 0.0
     assert difference(nothing, ~nothing) == 1.0
 
 
 @pytest.mark.parametrize('preset', ['draft', 'standard'])
-def test_it_is_within_a_factor_of_two_of_the_actual_error(preset: str) -> None:
-    """In 14 of 16 scenes; in V-shaped valleys whole rows of cells come or go at once."""
+def test_expected_error_is_within_a_factor_of_two_of_the_actual_error(preset: str) -> None:
+    """This holds in 14 of 16 scenes; in V-shaped valleys whole rows of cells change at once."""
     with MEASURED.open(encoding='utf-8') as file:
         rows = [row for row in csv.DictReader(file) if row['preset'] == preset]
-    # a lobe of three cells has no footprint to speak of
+    # a lobe of three cells is too small
     ratios = {
         row['scene']: float(row['actual']) / float(row['expected_particles'])
         for row in rows

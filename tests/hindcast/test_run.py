@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs of a case: maps, resumption, changes of the ground; and several of them at once."""
+"""Runs of a case: maps, resume, changes of the terrain, and replicates."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +18,10 @@ from lava_ros.hindcast.replicates import agreement, Direction, directions, run_r
 from lava_ros.hindcast.run import Run, Settings, simulate
 from lava_ros.hindcast.score import judge
 from lava_ros.scene import Terrain
-from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
-from lava_ros.simulation.snapshot import Snapshot, StepReport
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
 
@@ -32,14 +32,14 @@ def _finished(run: Run) -> Run:
     return run
 
 
-def test_lava_comes_down_the_valley(valley: Case) -> None:
-    """It covers a part of what was mapped, its volume is what came out, and time is told."""
+def test_lava_flows_down_the_valley(valley: Case) -> None:
+    """It covers a part of the mapped flow field, and its volume is that of the case."""
     run = Run(valley, SETTINGS)
-    told = list(run.snapshots())
-    shares, maps = [share for share, _ in told], [item for _, item in told if item is not None]
-    assert shares == sorted(shares)
-    assert shares[-1] == pytest.approx(1.0)
-    # each at the end of the step in which it was due
+    parts = list(run.snapshots())
+    done, maps = [part for part, _ in parts], [item for _, item in parts if item is not None]
+    assert done == sorted(done)
+    assert done[-1] == pytest.approx(1.0)
+    # each map is at the end of the step in which it was due
     times = [item.time for item in maps]
     dues = (900, 1800, 2700, 3600)
     assert all(0.0 <= time - due <= 60.0 for time, due in zip(times, dues, strict=True))
@@ -63,8 +63,8 @@ def test_lava_comes_down_the_valley(valley: Case) -> None:
     assert result.most_particles > 10
 
 
-def test_run_that_is_cut_off_goes_on(valley: Case, tmp_path: Path) -> None:
-    """Maps, peak and arrival are those of a run that was not cut off, to the bit."""
+def test_interrupted_run_resumes(valley: Case, tmp_path: Path) -> None:
+    """Its maps, peak and arrival are bitwise identical to those of an uninterrupted run."""
     whole = _finished(Run(valley, SETTINGS, folder=tmp_path / 'whole'))
     first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
     maps = (snapshot for _, snapshot in first.snapshots() if snapshot is not None)
@@ -83,8 +83,8 @@ def test_run_that_is_cut_off_goes_on(valley: Case, tmp_path: Path) -> None:
         assert a.budget == b.budget
 
 
-def test_finished_run_is_not_run_again(valley: Case, tmp_path: Path) -> None:
-    """It gives its result at once; another case, other settings and a damaged run are refused."""
+def test_finished_run_is_not_repeated(valley: Case, tmp_path: Path) -> None:
+    """Another case, other settings and a damaged run in the same folder raise."""
     settings, folder = replace(SETTINGS, maps=1), tmp_path / 'kept'
     whole = _finished(Run(valley, settings, folder=folder))
     again = Run(valley, settings, folder=folder)
@@ -98,15 +98,15 @@ def test_finished_run_is_not_run_again(valley: Case, tmp_path: Path) -> None:
     ):
         with pytest.raises(LavaError, match='--fresh'):
             Run(case, other, folder=folder)
-    # what a power cut left behind is told from a run
+    # a checkpoint truncated by a power failure
     path = folder / 'checkpoint_0001'
     path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(LavaError, match='checkpoint'):
         Run(valley, settings, folder=folder)
 
 
-def test_a_case_has_the_spacing_of_its_flow(valley: Case) -> None:
-    """It is that of any scene for the duration of the case; cells are no finer than particles."""
+def test_spacing_of_a_case_is_that_of_its_scene(valley: Case) -> None:
+    """The horizon is the duration of the case; cells are about as large as the spacing."""
     for preset in ('draft', 'standard', 'fine'):
         found = resolution_of(valley.scene, PRESETS[preset].accuracy, horizon=valley.duration)
         accuracy = Settings(preset).accuracy(valley)
@@ -117,8 +117,8 @@ def test_a_case_has_the_spacing_of_its_flow(valley: Case) -> None:
     assert Settings('fine', spacing=45.0).coarseness(valley) == 2
 
 
-def test_comparison_says_what_each_cell_is(valley: Case) -> None:
-    """Hit, miss, false alarm, neither, and nothing where nobody can know."""
+def test_comparison_classifies_each_cell(valley: Case) -> None:
+    """A cell is a hit, a miss, a false alarm, neither, or unknown without an elevation."""
     never, ground = np.nan, np.array([[0.0, 0.0, 0.0], [0.0, np.nan, np.nan]])
     snapshot = replace(
         simulate(valley, SETTINGS).snapshot,
@@ -130,8 +130,8 @@ def test_comparison_says_what_each_cell_is(valley: Case) -> None:
     assert codes.tolist() == [[HIT, MISS, FALSE_ALARM], [NEITHER, UNKNOWN, MISS]]
 
 
-def test_larger_cells_are_means_of_what_is_known() -> None:
-    """They reach over all borders alike, share cells by area, and leave out those without data."""
+def test_coarse_cells_are_area_weighted_means() -> None:
+    """They extend equally beyond all borders, and ignore cells without data."""
     elevation = np.arange(35.0).reshape(5, 7)
     elevation[0, 0] = np.nan
     elevation[3:, 5:] = np.nan
@@ -139,7 +139,7 @@ def test_larger_cells_are_means_of_what_is_known() -> None:
     coarse = coarsened(ground, 2)
     assert coarse.shape == (3, 4)
     assert (coarse.resolution, coarse.origin, coarse.offset) == (20.0, (-2.0, -1.0), (5e5, 4e6))
-    # cells 1 and 7 by halves, 8 by a quarter
+    # half of cells 1 and 7, a quarter of cell 8
     assert coarse.elevation[0, 0] == pytest.approx((0.5 * 1 + 0.5 * 7 + 0.25 * 8) / 1.25)
     weights = np.outer([0.5, 1.0, 0.5], [0.5, 1.0, 0.5])
     mean = np.average(elevation[1:4, 1:4], weights=weights)
@@ -148,8 +148,8 @@ def test_larger_cells_are_means_of_what_is_known() -> None:
     assert coarsened(ground, 1) is ground
 
 
-def test_larger_cells_turn_with_the_ground() -> None:
-    """A terrain that is turned by a quarter, or mirrored, has the same larger cells."""
+def test_coarse_cells_rotate_with_the_terrain() -> None:
+    """A rotated or mirrored terrain has the same coarse cells."""
     elevation = np.random.default_rng(3).normal(size=(19, 14))
     elevation[3, 4] = np.nan
     ground = Terrain(elevation, 10.0)
@@ -160,8 +160,8 @@ def test_larger_cells_turn_with_the_ground() -> None:
             np.testing.assert_allclose(other.elevation, change(coarse), rtol=0.0, atol=1e-14)
 
 
-def test_maps_come_back_on_the_finer_cells() -> None:
-    """Each cell has the value of its block, the volume stays, holes stay holes."""
+def test_refined_maps_keep_volume_and_cells_without_data() -> None:
+    """Each cell has the value of its coarse cell."""
     elevation = np.zeros((6, 4))
     elevation[5, 3] = np.nan
     ground = Terrain(elevation, 10.0)
@@ -184,7 +184,7 @@ def test_maps_come_back_on_the_finer_cells() -> None:
 
 @pytest.mark.parametrize('shape', [(6, 8), (7, 9), (9, 6)])
 def test_refined_lava_stands_on_inundated_cells_and_keeps_its_volume(shape):
-    """Also where larger cells end in the middle of smaller ones."""
+    """This includes coarse cells whose border divides a cell."""
     ground = Terrain(np.zeros(shape), 10.0)
     coarse = coarsened(ground, 2)
     arrived = np.full(coarse.shape, np.nan, np.float32)
@@ -202,12 +202,12 @@ def test_refined_lava_stands_on_inundated_cells_and_keeps_its_volume(shape):
         assert after.sum() * 100.0 == pytest.approx(before.sum() * 400.0, rel=1e-6)
 
 
-#: Of several runs.
+#: Settings of replicates.
 TWO_MAPS = replace(SETTINGS, maps=2)
 
 
 def test_directions_are_all_different(valley: Case) -> None:
-    """Eight of them are all turns and mirror images; more move the vents by a little, up to 64."""
+    """The first eight are all rotations and mirror images; up to 64 also displace the vents."""
     for runs in (1, 65):
         with pytest.raises(LavaError, match='--runs'):
             run_replicates(valley, TWO_MAPS, runs)
@@ -220,12 +220,12 @@ def test_directions_are_all_different(valley: Case) -> None:
     assert directions(24)[:8] == first
 
 
-def test_each_run_is_what_it_would_be_alone(valley: Case) -> None:
-    """Each run has the bits that it has alone, put back on the cells of the case."""
+def test_replicates_equal_single_runs(valley: Case) -> None:
+    """Their maps are bitwise identical, on the cells of the case."""
     settings = replace(SETTINGS, maps=1)
-    told: list[float] = []
-    results = run_replicates(valley, settings, 5, progress=told.append)
-    assert told == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+    done: list[float] = []
+    results = run_replicates(valley, settings, 5, progress=done.append)
+    assert done == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
     for direction, result in zip(directions(5), results, strict=True):
         alone = simulate(direction.turn(valley), settings)
         thickness = result.snapshot.thickness
@@ -250,14 +250,14 @@ def test_each_run_is_what_it_would_be_alone(valley: Case) -> None:
         pytest.param(3, True, marks=pytest.mark.nightly),
     ],
 )
-def test_a_turned_case_has_the_same_runs(
+def test_a_rotated_case_has_the_same_replicates(
     valley: Case, device: str, quarters: int, mirror: bool
 ) -> None:
-    """In another order, to the bit: what half of them cover does not depend on the direction."""
+    """They are bitwise identical in another order, so their majority is the same."""
     settings = replace(SETTINGS, device=device, maps=1)
     (vent,) = valley.scene.vents
     x, y = vent.position
-    # no multiple of anything
+    # not a multiple of the step of positions
     vent = replace(vent, position=(x + 1e-3 / 3.0, y - 1e-3 / 7.0))
     case = replace(valley, scene=replace(valley.scene, vents=(vent,)))
     direction = Direction(quarters, mirror)
@@ -272,7 +272,7 @@ def test_a_turned_case_has_the_same_runs(
 
 
 def test_barrier_in_mid_eruption_holds_lava_back(valley: Case, tmp_path: Path) -> None:
-    """Lava that comes after it was built gets no further, in each run, where it should."""
+    """It stops later lava at the correct place in each replicate."""
     x, y = VENT
     barrier = (
         f'events:\n- time: 300\n  barrier: {{line: [[{x - 250}, {y - 250}], '
@@ -288,8 +288,8 @@ def test_barrier_in_mid_eruption_holds_lava_back(valley: Case, tmp_path: Path) -
     assert free.min() > 30.0 and (stopped < 0.1 * free).all()
 
 
-def test_agreement_is_what_half_of_the_runs_cover(valley: Case) -> None:
-    """Shares and the majority are of the runs' own maps; holes count for nothing."""
+def test_majority_is_the_area_that_half_of_the_runs_cover(valley: Case) -> None:
+    """Fractions and majority are computed from the maps of the runs."""
     maps = np.zeros((3, *valley.footprint.shape))
     maps[0, 10:20, 10:20] = 3.0
     maps[1, 10:20, 10:16] = 1.0
@@ -310,14 +310,14 @@ def test_agreement_is_what_half_of_the_runs_cover(valley: Case) -> None:
 
 
 class CutOffError(Exception):
-    """What ends runs before their time."""
+    """Interrupts runs."""
 
 
-def test_runs_that_are_cut_off_go_on(valley: Case, tmp_path: Path) -> None:
-    """They end with the same bits, with more of them as well; other settings are refused."""
+def test_interrupted_replicates_resume(valley: Case, tmp_path: Path) -> None:
+    """They are bitwise identical, also if their number has grown; other settings raise."""
 
-    def cut_off(share: float) -> None:
-        if share > 0.6:
+    def cut_off(done: float) -> None:
+        if done > 0.6:
             raise CutOffError
 
     whole = run_replicates(valley, TWO_MAPS, 3)
@@ -325,9 +325,9 @@ def test_runs_that_are_cut_off_go_on(valley: Case, tmp_path: Path) -> None:
         run_replicates(valley, TWO_MAPS, 2, folder=tmp_path, progress=cut_off)
     kept = tmp_path / 'run_01'
     assert Run(directions(2)[1].turn(valley), TWO_MAPS, folder=kept).is_resumed
-    told: list[float] = []
-    again = run_replicates(valley, TWO_MAPS, 3, folder=tmp_path, progress=told.append)
-    assert len(told) == TWO_MAPS.maps * 3 - 3
+    done: list[float] = []
+    again = run_replicates(valley, TWO_MAPS, 3, folder=tmp_path, progress=done.append)
+    assert len(done) == TWO_MAPS.maps * 3 - 3
     for one, other in zip(whole, again, strict=True):
         np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
         np.testing.assert_array_equal(one.snapshot.arrived, other.snapshot.arrived)
@@ -336,8 +336,8 @@ def test_runs_that_are_cut_off_go_on(valley: Case, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('mirror', [False, True])
-def test_turned_and_mirrored_places_are_on_the_same_ground(valley: Case, mirror: bool) -> None:
-    """A vent keeps its ground in all eight directions, and maps come back as they were."""
+def test_rotated_and_mirrored_vents_are_on_the_same_ground(valley: Case, mirror: bool) -> None:
+    """This holds in all eight directions, and maps rotated back are unchanged."""
     (vent,) = valley.scene.vents
     before = valley.scene.terrain
     here = before.cell_at(*vent.position)
@@ -353,8 +353,8 @@ def test_turned_and_mirrored_places_are_on_the_same_ground(valley: Case, mirror:
         np.testing.assert_array_equal(direction.restore(case.footprint), valley.footprint)
 
 
-def test_turns_are_counterclockwise_after_the_mirror(valley: Case) -> None:
-    """A valley that falls to the south falls to the east; four turns are none."""
+def test_rotations_are_counterclockwise_after_the_mirror(valley: Case) -> None:
+    """A valley that slopes south then slopes east; four rotations restore the case."""
     (vent,) = valley.scene.vents
     once = Direction(1).turn(valley)
     assert np.median(np.diff(once.scene.terrain.elevation, axis=1)) < 0.0

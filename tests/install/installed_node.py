@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Installs the package into an empty environment and runs its node far from the checkout.
+"""Installs the package into an empty environment, and runs its node outside the checkout.
 
-Run by ``make nightly``; takes a minute or two, most of it pip's.
+Run by ``make nightly``; takes a minute or two, most of it for pip.
 """
 
 import json
@@ -22,7 +22,7 @@ from ros_domain import own_domain
 ROOT = Path(__file__).parents[2]
 ASIDE = ('.git', '.venv', 'build', 'install', 'log', '*.egg-info', '__pycache__', 'bags')
 
-#: How long the node may take to its first map: compiling the solver on a busy machine [s].
+#: Maximum time until the first map: the solver is compiled, on a busy machine [s].
 PATIENCE = 300.0
 
 TERRAIN = """
@@ -33,7 +33,7 @@ np.savez('slope.npz', elevation=(300.0 - x).astype(np.float32), resolution=10.0)
 
 
 def install(folder):
-    """Make an environment with the package and what it needs of ROS; return its programs."""
+    """Make an environment with the package and its ROS requirements; return its programs."""
     source, home = folder / 'source', folder / 'venv'
     shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(*ASIDE))
     venv.create(home, with_pip=True)
@@ -45,7 +45,7 @@ def install(folder):
 
 
 def check(programs, folder):
-    """Run the node in a folder of its own: it publishes, records, and ends on SIGINT with 0."""
+    """Run the node in a folder: it must publish, record, and end on SIGINT with status 0."""
     environment = {key: text for key, text in os.environ.items() if key != 'PYTHONPATH'}
     environment['ROS_DOMAIN_ID'] = str(own_domain())
     environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -63,7 +63,7 @@ def check(programs, folder):
     timer = threading.Timer(PATIENCE, listener.kill)
     timer.start()
     try:
-        # the listener is ended when it takes too long
+        # the timer ends a listener that takes too long
         maps = (item for item in map(json.loads, listener.stdout) if item['topic'] == 'height')
         assert next(maps)['shape'] == [20, 30]
         node.send_signal(signal.SIGINT)
@@ -77,7 +77,7 @@ def check(programs, folder):
 
 
 def main():
-    """Install, run, say so."""
+    """Install the package and run its node."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         programs = install(folder)

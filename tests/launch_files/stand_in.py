@@ -3,9 +3,8 @@
 
 """Stand-ins for ``launch`` and ``launch_ros``, which only a full ROS installation has.
 
-Their constructors take what the real ones take, by name; a description is performed with values of
-the arguments, and what would be started comes out. They do not show that launch itself reads the
-files: a robot's installation does.
+Their constructors have the arguments of the real ones. ``start`` performs a launch file and
+returns the processes that it would start. test_real_launch.py runs the files with launch itself.
 """
 
 from dataclasses import dataclass, field, make_dataclass
@@ -19,20 +18,18 @@ import yaml
 
 ROOT = Path(__file__).parents[2]
 
-#: What constructors take that has to be given, and after / what may be, by class and module.
+#: Required and, after /, optional arguments of constructors, by module and class.
 MODULES = {
     'launch': {'LaunchDescription': 'entities'},
     'launch.actions': {
         'DeclareLaunchArgument': 'name / default_value description choices',
         'ExecuteProcess': 'cmd / output',
         'IncludeLaunchDescription': 'launch_description_source / launch_arguments',
-        'OpaqueFunction': 'function',
-        'Shutdown': '/ reason',
+        'OpaqueFunction': 'function', 'Shutdown': '/ reason',
     },
     'launch.launch_description_sources': {'PythonLaunchDescriptionSource': 'launch_file_path'},
     'launch.substitutions': {
-        'LaunchConfiguration': 'variable_name',
-        'PathJoinSubstitution': 'substitutions',
+        'LaunchConfiguration': 'variable_name', 'PathJoinSubstitution': 'substitutions',
     },
     'launch_ros': {},
     'launch_ros.actions': {
@@ -41,19 +38,17 @@ MODULES = {
         'Node': 'package executable / name namespace parameters arguments remappings output',
     },
     'launch_ros.parameter_descriptions': {
-        'ParameterFile': 'param_file / allow_substs',
-        'ParameterValue': 'value / value_type',
+        'ParameterFile': 'param_file / allow_substs', 'ParameterValue': 'value / value_type',
     },
     'launch_ros.substitutions': {
-        'ExecutableInPackage': 'executable package',
-        'FindPackageShare': 'package',
+        'ExecutableInPackage': 'executable package', 'FindPackageShare': 'package',
     },
     'launch_ros.utilities': {},
 }
 
 
 class Context(dict):
-    """Values of arguments, as a launch context has them; ``argv`` are those of a command line."""
+    """Values of arguments, as in a launch context; ``argv`` has the words of a command line."""
 
     def __init__(self, values: dict[str, str], argv: list[str]) -> None:
         super().__init__(values)
@@ -62,12 +57,11 @@ class Context(dict):
 
     @property
     def launch_configurations(self):
-        """The values themselves."""
         return self
 
 
 def perform(value: Any, context: dict[str, str]) -> str:
-    """What a substitution, a list of them, or a text comes to."""
+    """Return the text of a substitution, of a list of them, or of a text."""
     if isinstance(value, (list, tuple)):
         return ''.join(perform(item, context) for item in value)
     kind = type(value).__name__
@@ -88,13 +82,13 @@ def perform(value: Any, context: dict[str, str]) -> str:
 
 
 def _modules() -> dict[str, ModuleType]:
-    """Modules of classes that hold what their constructors take."""
+    """Make modules of classes that keep the arguments of their constructors."""
     modules = {name: ModuleType(name) for name in MODULES}
     for module, classes in MODULES.items():
         for name, takes in classes.items():
             needed, _, rest = takes.partition('/')
             names = [*needed.split(), *((item, Any, field(default=())) for item in rest.split())]
-            # actions take all by name, as launch's do
+            # actions take keyword arguments only, as in launch
             by_name = name in ('ExecuteProcess', 'LifecycleNode', 'Node', 'Shutdown')
             made = make_dataclass(name, names, namespace={'perform': perform}, kw_only=by_name)
             setattr(modules[module], name, made)
@@ -105,11 +99,10 @@ def _modules() -> dict[str, ModuleType]:
 
 
 def evaluate(value: Any, context: dict[str, str]) -> Any:
-    """What a parameter comes to, of its type where that is said."""
+    """Return the value of a parameter, of its type if it has one."""
     if type(value).__name__ != 'ParameterValue':
         is_plain = isinstance(value, (bool, int, float))
         return value if is_plain or isinstance(value, list) else perform(value, context)
-    # launch takes a plain text for a text
     assert value.value_type is str or not isinstance(value.value, str), value.value
     text = perform(value.value, context)
     is_yaml = value.value_type in (bool, list[str])
@@ -118,7 +111,7 @@ def evaluate(value: Any, context: dict[str, str]) -> Any:
 
 @dataclass
 class Process:
-    """What would be started."""
+    """A process that a launch file would start."""
 
     command: list[str]
     name: str | None = None
@@ -129,7 +122,7 @@ class Process:
 
 
 def started(action: Any, context: dict[str, str]) -> Process:
-    """What an action starts."""
+    """Return the process of an action."""
     if type(action).__name__ == 'ExecuteProcess':
         return Process([perform(word, context) for word in action.cmd])
     program = f'{perform(action.package, context)}:{perform(action.executable, context)}'
@@ -147,19 +140,16 @@ def started(action: Any, context: dict[str, str]) -> Process:
 def start(
     monkeypatch: Any, path: Path, *, processes: list[Process] | None = None, **arguments: str
 ) -> tuple[list[Process], dict[str, Any]]:
-    """Perform a launch file with arguments; ``missing`` names packages that are not installed.
+    """Perform a launch file; return its processes, and all declared arguments by name.
 
-    ``ros_namespace`` is that of a PushRosNamespace around it, and ``processes`` is where to note
-    what it starts, also when it fails.
-
-    Returns:
-        What it starts, and the arguments it declares by name, those of included files among them.
+    ``missing`` names packages that are not installed, ``ros_namespace`` is the namespace of a
+    PushRosNamespace around the file, and ``processes`` receives the processes even if it fails.
     """
     for name, module in _modules().items():
         monkeypatch.setitem(sys.modules, name, module)
     declared: dict[str, Any] = {}
     processes = [] if processes is None else processes
-    # the command line of ros2 launch, whose words the file may check
+    # a launch file may check the command line of ros2 launch
     own = ('missing', 'ros_namespace')
     words = [f'{name}:={value}' for name, value in arguments.items() if name not in own]
     monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', str(path), *words])

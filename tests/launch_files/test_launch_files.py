@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The launch files, performed with stand-ins, beside the node's and Nav2's parameters."""
+"""Launch files performed with stand-ins, compared with the parameters of the node and Nav2."""
 
 from pathlib import Path
 import re
@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from launch_files.stand_in import Context, start
+from lava_ros.cli.parser import parse_command_line
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros.parameters import constant_parameters, LIFECYCLE, PARAMETERS, SOURCES
 from lava_ros.scene import constants_of
@@ -22,27 +23,25 @@ from scripts import load_script
 ROOT = Path(__file__).parents[2]
 LAVA = ROOT / 'launch/lava.launch.py'
 KEEPOUT = ROOT / 'launch/nav2_keepout.launch.py'
+BOTH, MASKS = (LAVA, KEEPOUT), (KEEPOUT,)
 CONSTANTS = constant_parameters(constants_of(None))
 SPECS = {spec.name: spec for spec in LIFECYCLE + SOURCES + PARAMETERS + CONSTANTS}
 FILTERS = yaml.safe_load((ROOT / 'params/nav2_filters.yaml').read_text(encoding='utf-8'))
 
 
 @pytest.mark.parametrize('path', sorted((ROOT / 'launch').glob('*.launch.py')))
-def test_every_argument_is_documented(path, monkeypatch):
-    """Each has a description and a default, so that --show-args tells the whole story."""
+def test_every_parameter_is_a_documented_argument(path, monkeypatch):
     _, declared = start(monkeypatch, path)
-    assert declared
+    assert set(SPECS) | {'log_level', 'respawn', 'params_file'} <= set(declared)
     for argument in declared.values():
         assert argument.description and argument.default_value != (), argument.name
 
 
-def test_the_node_gets_parameters_it_has(monkeypatch):
-    """Only given arguments are passed, with name and type; the parameter file has the others."""
-    (node,), declared = start(monkeypatch, LAVA)
+def test_only_given_arguments_become_parameters(monkeypatch):
+    (node,), _ = start(monkeypatch, LAVA)
     assert node.command == ['lava_ros:lava_node', '--ros-args', '--log-level', 'info']
     assert node.name == 'lava'
     assert node.parameters == {}
-    assert set(SPECS) <= set(declared)
     given = {name: yaml.safe_dump(spec.default, default_flow_style=True).removesuffix('...\n')
              for name, spec in SPECS.items() if spec.default != ''}
     (whole,), _ = start(monkeypatch, LAVA, **given)
@@ -54,8 +53,7 @@ def test_the_node_gets_parameters_it_has(monkeypatch):
     assert Path(file) == ROOT / 'params/lava.yaml'
 
 
-def test_arguments_reach_the_node(monkeypatch):
-    """Words on the command line become values of the right type."""
+def test_arguments_reach_the_node_with_their_type(monkeypatch):
     (node,), _ = start(monkeypatch, LAVA, scene='etna.yaml', namespace='etna')
     assert (node.namespace, node.parameters) == ('etna', {'scene': 'etna.yaml'})
     values = {
@@ -70,78 +68,53 @@ def test_arguments_reach_the_node(monkeypatch):
     assert all(type(node.parameters[name]) is type(value) for name, value in values.items())
 
 
-def test_every_parameter_is_an_argument_beside_masks(monkeypatch):
-    """Also of the launch file that starts Nav2's masks."""
-    _, declared = start(monkeypatch, KEEPOUT)
-    assert set(SPECS) | {'log_level', 'respawn', 'params_file', 'filters_file'} <= set(declared)
-
-
-def test_the_parameters_are_those_of_the_node():
-    """docs/parameters.py would write the file as it is."""
+def test_launch_arguments_are_up_to_date():
     module = load_script(ROOT / 'docs/parameters.py')
     text = (ROOT / 'launch/lava_parameters.yaml').read_text(encoding='utf-8')
     assert module.launch_arguments() == text, 'run python docs/parameters.py'
 
 
-@pytest.mark.parametrize('path', [LAVA, KEEPOUT])
-@pytest.mark.parametrize(
-    ('argument', 'words'),
-    [
-        ({'scen': 'etna.yaml'}, 'scen: unknown argument; similar: scene'),
-        ({'xyz': '1'}, 'xyz: unknown argument'),
-        ({'time_scale': 'fast'}, "time_scale is 'fast', expected a number"),
-        ({'ensemble_members': '2.5'}, "ensemble_members is '2.5', expected a whole number"),
-        ({'record': 'maybe'}, "record is 'maybe', expected true or false"),
-        ({'layers_on': 'lava_points'}, "layers_on is 'lava_points', expected a list"),
-        ({'layers_on': '[1]'}, 'layers_on .* expected a list'),
-        ({'params_file': 'none.yaml'}, "params_file is 'none.yaml', expected a file"),
-    ],
-)
-def test_wrong_arguments_are_refused(monkeypatch, path, argument, words):
-    """By name, before anything starts; launch itself would leave some of them out."""
+@pytest.mark.parametrize(('paths', 'arguments', 'words'), [
+    (BOTH, {'scen': 'etna.yaml'}, 'scen: unknown argument; similar: scene'),
+    (BOTH, {'xyz': '1'}, 'xyz: unknown argument'),
+    (BOTH, {'time_scale': 'fast'}, "time_scale is 'fast', expected a number"),
+    (BOTH, {'ensemble_members': '2.5'}, "ensemble_members is '2.5', expected a whole number"),
+    (BOTH, {'record': 'maybe'}, "record is 'maybe', expected true or false"),
+    (BOTH, {'layers_on': 'lava_points'}, "layers_on is 'lava_points', expected a list"),
+    (BOTH, {'layers_on': '[1]'}, 'layers_on .* expected a list'),
+    (BOTH, {'params_file': 'none.yaml'}, "params_file is 'none.yaml', expected a file"),
+    (MASKS, {'filters_file': 'none.yaml'}, "filters_file is 'none.yaml', expected a file"),
+    (MASKS, {'msg_config': 'none.yaml'}, "msg_config is 'none.yaml', .* a file of layers"),
+    (BOTH, {'rviz': 'true', 'missing': 'rviz2'}, 'rviz2'),
+    (MASKS, {'missing': 'nav2_map_server'}, 'nav2_map_server'),
+    (MASKS, {'missing': 'nav2_lifecycle_manager'}, 'nav2_lifecycle_manager'),
+    # no mask would be published, although the servers announce it
+    (MASKS, {'msg_config': 'default.yaml'}, 'a file with a layer keepout_mask or speed_mask'),
+])
+def test_wrong_arguments_and_missing_packages_start_nothing(monkeypatch, paths, arguments, words):
     started = []
-    with pytest.raises(RuntimeError, match=words):
-        start(monkeypatch, path, processes=started, **argument)
+    for path in paths:
+        with pytest.raises((RuntimeError, LookupError), match=words):
+            start(monkeypatch, path, processes=started, **arguments)
     assert started == []
 
 
-@pytest.mark.parametrize(
-    ('arguments', 'words'),
-    [
-        ({'filters_file': 'none.yaml'}, "filters_file is 'none.yaml', expected a file"),
-        ({'msg_config': 'none.yaml'}, "msg_config is 'none.yaml', expected a file of layers"),
-        ({'msg_config': 'default.yaml'}, 'a file with a layer keepout_mask or speed_mask'),
-    ],
-)
-def test_masks_that_nobody_would_publish_are_refused(monkeypatch, arguments, words):
-    """The servers would announce them even so."""
-    started = []
-    with pytest.raises(RuntimeError, match=words):
-        start(monkeypatch, KEEPOUT, processes=started, **arguments)
-    assert started == []
-
-
-def test_words_of_another_launch_file_are_its_own(monkeypatch):
-    """A file that includes these files may have further arguments."""
+def test_accepts_further_arguments_of_an_including_file(monkeypatch):
     start(monkeypatch, LAVA, scene='etna.yaml')
     module = runpy.run_path(str(LAVA))
     monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'robot.launch.py', 'robot:=r1'])
     context = Context({}, ['robot:=r1'])
-    module['refuse_unknown'](context, str(LAVA), module['declare_arguments']())
+    module['reject_unknown_arguments'](context, str(LAVA), module['declare_arguments']())
 
 
-@pytest.mark.parametrize(
-    ('arguments', 'respawns'),
-    [
-        ({}, False),
-        ({'record': 'true'}, True),
-        ({'record': 'true', 'respawn': 'false'}, False),
-        ({'respawn': 'true'}, True),
-        ({'record': 'false', 'respawn': 'True'}, True),
-    ],
-)
-def test_a_node_that_records_is_restarted_when_it_is_killed(monkeypatch, arguments, respawns):
-    """It resumes from bags since the launch. A node that ends by itself ends the whole launch."""
+@pytest.mark.parametrize(('arguments', 'respawns'), [
+    ({}, False),
+    ({'record': 'true'}, True),
+    ({'record': 'true', 'respawn': 'false'}, False),
+    ({'respawn': 'true'}, True),
+    ({'record': 'false', 'respawn': 'True'}, True),
+])
+def test_recording_node_is_restarted_when_it_is_killed(monkeypatch, arguments, respawns):
     before = time.time()
     (node,), _ = start(monkeypatch, LAVA, **arguments)
     assert node.action.respawn is respawns
@@ -153,19 +126,20 @@ def test_a_node_that_records_is_restarted_when_it_is_killed(monkeypatch, argumen
         ends = node.action.on_exit(SimpleNamespace(returncode=status), context)
         assert (ends is None) is (respawns and status < 0)
         assert ends is None or str(status) in ends.reason
-    # Ctrl-C has begun to end everything
+    # during a shutdown by Ctrl+C
     context.is_shutdown = True
     assert node.action.on_exit(SimpleNamespace(returncode=-2), context) is None
 
 
-def test_a_replay_takes_the_place_of_the_node(monkeypatch):
-    """Both would publish the same topics; RViz comes with either."""
+def test_replay_replaces_the_node(monkeypatch):
     processes, _ = start(monkeypatch, LAVA, replay='bags/demo', replay_rate='10', rviz='true')
     assert [process.command for process in processes] == [
         ['lava_ros:lava', 'replay', 'bags/demo', '--rate', '10'],
         ['rviz2:rviz2', '-d', str(ROOT / 'rviz/lava.rviz')],
     ]
     assert processes[1].parameters == {}
+    args = parse_command_line(processes[0].command[1:])
+    assert (args.command, args.bag, args.rate) == ('replay', 'bags/demo', 10.0)
     assert [process.namespace for process in processes] == ['', '']
     processes, _ = start(monkeypatch, LAVA, replay='bags/demo', rviz='true', namespace='etna')
     assert [process.namespace for process in processes] == ['etna', 'etna']
@@ -173,35 +147,14 @@ def test_a_replay_takes_the_place_of_the_node(monkeypatch):
     assert viewer.parameters == {'use_sim_time': True}
 
 
-@pytest.mark.parametrize(
-    ('path', 'words', 'missing'),
-    [
-        (LAVA, {'rviz': 'true'}, 'rviz2'),
-        (KEEPOUT, {'rviz': 'true'}, 'rviz2'),
-        (KEEPOUT, {}, 'nav2_map_server'),
-        (KEEPOUT, {}, 'nav2_lifecycle_manager'),
-    ],
-)
-def test_nothing_starts_where_something_is_missing(monkeypatch, path, words, missing):
-    """Launch would end and leave behind what runs already."""
-    started = []
-    with pytest.raises(LookupError, match=missing):
-        start(monkeypatch, path, processes=started, missing=missing, **words)
-    assert started == []
-
-
-@pytest.mark.parametrize(
-    ('pushed', 'namespace', 'space'),
-    [
-        ('', '', ''),
-        ('', 'etna', '/etna'),
-        ('', '/etna', '/etna'),
-        ('/robot1', '', '/robot1'),
-        ('/robot1', 'etna', '/robot1/etna'),
-    ],
-)
-def test_masks_are_named_where_they_are(monkeypatch, pushed, namespace, space):
-    """The servers are in the namespace of the node, and announce masks there."""
+@pytest.mark.parametrize(('pushed', 'namespace', 'space'), [
+    ('', '', ''),
+    ('', 'etna', '/etna'),
+    ('', '/etna', '/etna'),
+    ('/robot1', '', '/robot1'),
+    ('/robot1', 'etna', '/robot1/etna'),
+])
+def test_mask_topics_are_in_the_namespace_of_the_node(monkeypatch, pushed, namespace, space):
     given = {'ros_namespace': pushed} if pushed else {}
     processes, _ = start(monkeypatch, KEEPOUT, namespace=namespace, **given)
     assert {process.namespace for process in processes} == {namespace}
@@ -211,22 +164,12 @@ def test_masks_are_named_where_they_are(monkeypatch, pushed, namespace, space):
         assert topic == f'{space}/{word}_mask'
 
 
-def test_the_replay_command_takes_its_arguments(monkeypatch):
-    """The words after the executable parse as `lava` parses them."""
-    from lava_ros.cli.parser import parse_command_line
-
-    (replay,), _ = start(monkeypatch, LAVA, replay='bags/demo')
-    args = parse_command_line(replay.command[1:])
-    assert (args.command, args.bag, args.rate) == ('replay', 'bags/demo', 1.0)
-
-
-def test_keepout_starts_the_masks_and_those_who_speak_of_them(monkeypatch):
-    """The node with both masks, two info servers and their manager, all with real files."""
+def test_keepout_starts_node_info_servers_and_manager(monkeypatch):
     processes, declared = start(monkeypatch, KEEPOUT, scene='etna.yaml')
     by_name = {process.name: process for process in processes}
     assert by_name['lava'].parameters['msg_config'] == 'nav2_speed.yaml'
     assert by_name['lava'].parameters['scene'] == 'etna.yaml'
-    assert {'time_scale', 'rviz', 'replay'} <= set(declared)
+    assert {'rviz', 'replay', 'filters_file'} <= set(declared)
     servers = [name for name in by_name if name.endswith('_info_server')]
     manager = by_name['lifecycle_manager_lava_filters']
     assert manager.command[0] == 'nav2_lifecycle_manager:lifecycle_manager'
@@ -239,7 +182,6 @@ def test_keepout_starts_the_masks_and_those_who_speak_of_them(monkeypatch):
 
 
 def test_only_masks_that_are_published_are_announced(monkeypatch):
-    """nav2_keepout.yaml has no speed mask; the manager does not wait for its server."""
     processes, _ = start(monkeypatch, KEEPOUT, msg_config='nav2_keepout.yaml')
     _, server, manager = processes
     assert server.name == 'keepout_filter_info_server'
@@ -247,8 +189,7 @@ def test_only_masks_that_are_published_are_announced(monkeypatch):
 
 
 @pytest.mark.parametrize('word', ['keepout', 'speed'])
-def test_filters_hear_of_masks_that_are_published(word):
-    """Info server, filter and layer agree on topics; the values are those of the masks."""
+def test_filters_use_masks_that_are_published(word):
     info = FILTERS[f'/**/{word}_filter_info_server']['ros__parameters']
     assert set(info) == {'type', 'filter_info_topic', 'mask_topic', 'base', 'multiplier'}
     assert info['type'] == {'keepout': 0, 'speed': 1}[word]
@@ -268,17 +209,14 @@ def test_filters_hear_of_masks_that_are_published(word):
         assert filter_['filter_info_topic'] == info['filter_info_topic']
     for costmap in costmaps:
         layers = [item for item in costmap.values() if isinstance(item, dict)]
-        # it would replace the robot's own map
+        # a static layer would replace the robot's own map
         assert 'nav2_costmap_2d::StaticLayer' not in [item['plugin'] for item in layers]
 
 
-def test_the_parameter_file_is_one_for_the_node(tmp_path):
-    """ROS reads every parameter of the node from it, with its default; a comment may be removed.
-
-    The constants of the lava are comments: set there, they would replace those of a scene.
-    """
+def test_parameter_file_has_every_parameter_with_its_default(tmp_path):
     from rclpy.parameter import parameter_dict_from_yaml_file
 
+    # constants of the lava are comments: set there, they would replace those of a scene
     path = ROOT / 'params/lava.yaml'
     constants = constant_parameters(constants_of(None))
     own = {spec.name: spec.default for spec in LIFECYCLE + SOURCES + PARAMETERS}

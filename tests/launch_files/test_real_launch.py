@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The launch files with launch itself, where it is installed; the node only says its words."""
+"""Launch files with launch itself, where it is installed; a script stands in for the node."""
 
 import os
 from pathlib import Path
@@ -14,10 +14,9 @@ import yaml
 from ros_domain import own_domain
 
 ROOT = Path(__file__).parents[2]
-
 pytestmark = pytest.mark.skipif(shutil.which('ros2') is None, reason='ros2 is not installed')
 
-#: Writes down its arguments and the files of parameters, which launch removes.
+#: Records its arguments, and the files of parameters, which launch removes.
 NODE = """#!/bin/sh
 cd "$(dirname "$0")"
 echo "$0" >> starts
@@ -29,16 +28,15 @@ eval "$(cat then 2>/dev/null)"
 exit 0
 """
 
-#: Programs of Nav2, which wait until they are ended.
+#: Programs of Nav2, which wait until they are killed.
 PROGRAMS = (
-    'nav2_map_server/costmap_filter_info_server',
-    'nav2_lifecycle_manager/lifecycle_manager',
+    'nav2_map_server/costmap_filter_info_server', 'nav2_lifecycle_manager/lifecycle_manager',
 )
 
 
 @pytest.fixture
 def launched(tmp_path, monkeypatch):
-    """Performs a launch file in an ament prefix of its own; what the node was told, and launch."""
+    """Return a function that performs a launch file: output, words and files of the node."""
     index = tmp_path / 'share/ament_index/resource_index/packages'
     index.mkdir(parents=True)
     (index / 'lava_ros').touch()
@@ -59,28 +57,23 @@ def launched(tmp_path, monkeypatch):
     def perform(name, *arguments, then=''):
         (libexec / 'then').write_text(then)
         ended = subprocess.run(
-            ['ros2', 'launch', ROOT / 'launch' / name, *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=100.0,
-            check=False,
+            ['ros2', 'launch', ROOT / 'launch' / name, *arguments], stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True, timeout=100.0, check=False,
         )
-        said = libexec / 'words'
+        record = libexec / 'words'
         files = sorted(libexec.glob('*.yaml'), key=lambda path: int(path.stem))
         given = [yaml.safe_load(path.read_text()) for path in files]
-        return ended.stdout, said.read_text().split() if said.exists() else None, given
+        return ended.stdout, record.read_text().split() if record.exists() else None, given
 
     return perform
 
 
-def test_arguments_come_after_the_file(launched, tmp_path):
-    """What is given wins over the file, what is not given is not said."""
+def test_arguments_override_the_parameter_file(launched, tmp_path):
     (tmp_path / 'my.yaml').write_text('/**: {ros__parameters: {preset: draft, deadline: 9.0}}')
     words = ('preset:=fine', 'time_scale:=60.0', 'record:=true', 'namespace:=etna')
-    text, told, files = launched('lava.launch.py', f'params_file:={tmp_path}/my.yaml', *words)
-    assert told is not None, text
-    assert '__ns:=/etna' in told
+    text, received, files = launched('lava.launch.py', f'params_file:={tmp_path}/my.yaml', *words)
+    assert received is not None, text
+    assert '__ns:=/etna' in received
     file, given = files
     assert file['/**']['ros__parameters'] == {'preset': 'draft', 'deadline': 9.0}
     assert given['/etna/lava']['ros__parameters'].pop('resume_since') > 1e9
@@ -90,19 +83,17 @@ def test_arguments_come_after_the_file(launched, tmp_path):
 
 @pytest.mark.parametrize('name', ['lava.launch.py', 'nav2_keepout.launch.py'])
 def test_nothing_starts_without_rviz(launched, name):
-    """Launch ends with what is missing, and no node is left behind."""
     if shutil.which('rviz2') is not None:
         pytest.skip('RViz is installed')
-    text, told, _ = launched(name, 'rviz:=true')
+    text, received, _ = launched(name, 'rviz:=true')
     assert 'not found' in text
-    assert told is None
+    assert received is None
 
 
 @pytest.mark.parametrize('then', ['exit 1', 'kill -9 $$', 'exit 0'])
 def test_the_filter_servers_end_with_the_node(launched, then):
-    """The masks that they announce would not be published. Launch waits until all have ended."""
-    text, told, _ = launched('nav2_keepout.launch.py', then=then)
-    assert told is not None, text
+    text, received, _ = launched('nav2_keepout.launch.py', then=then)
+    assert received is not None, text
     assert 'process[lava_node-1] was required' in text
     assert text.count('process started') == 4
     assert text.count('process has died') + text.count('process has finished cleanly') == 4
@@ -111,11 +102,10 @@ def test_the_filter_servers_end_with_the_node(launched, then):
 @pytest.mark.parametrize(
     ('words', 'starts'), [(['record:=true'], 3), (['respawn:=true'], 3), (['record:=false'], 1)]
 )
-def test_a_node_that_is_killed_is_started_again(launched, tmp_path, words, starts):
-    """The restart repeats, with the time of the launch, but only with respawn."""
+def test_killed_node_is_restarted_with_respawn(launched, tmp_path, words, starts):
     then = 'test "$(grep -c . starts)" -lt 3 && kill -9 $$'
-    text, told, files = launched('lava.launch.py', *words, then=then)
-    assert told is not None, text
+    text, received, files = launched('lava.launch.py', *words, then=then)
+    assert received is not None, text
     assert (tmp_path / 'lib/lava_ros/starts').read_text().count('lava_node') == starts
     given = [file['/lava']['ros__parameters'] for file in files if '/lava' in file]
     assert len(given) == starts
@@ -125,8 +115,7 @@ def test_a_node_that_is_killed_is_started_again(launched, tmp_path, words, start
 @pytest.mark.parametrize(
     'word', ['scen:=etna.yaml', 'time_scale:=fast', 'log_level:=loud', 'params_file:=none.yaml']
 )
-def test_wrong_arguments_start_nothing(launched, word):
-    """The error of launch contains its name."""
-    text, told, _ = launched('nav2_keepout.launch.py', word)
+def test_error_of_launch_names_the_wrong_argument(launched, word):
+    text, received, _ = launched('nav2_keepout.launch.py', word)
     assert word.partition(':=')[0] in text
-    assert told is None and 'process started' not in text
+    assert received is None and 'process started' not in text

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Moving pictures of a bag."""
+"""Animations of a bag."""
 
 import os
 from pathlib import Path
@@ -16,7 +16,7 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.animation import animate_bag
 from recording import record
 
-# Stand in for ffmpeg: the one says what it was told and how many pictures came, the other fails.
+# Substitutes for ffmpeg: one writes its arguments and the size of its input, the other fails.
 STAND_IN = """
 size = len(sys.stdin.buffer.read())
 open(sys.argv[-1], 'w').write(json.dumps([sys.argv[1:], size]))
@@ -26,12 +26,12 @@ FAILING = "sys.exit('Unknown encoder libx264')"
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
-    """Frames at 200, 400, 600 and 800 s."""
+    """Return a bag with frames at 200, 400, 600 and 800 s."""
     return record(tmp_path_factory.mktemp('animation') / 'bag')
 
 
 def stand_in(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Put a program named ffmpeg on the path, and nothing else."""
+    """Set the path to a folder with only a program named ffmpeg."""
     folder.mkdir()
     program = folder / 'ffmpeg'
     program.write_text(f'#!{sys.executable}\nimport json, sys\n{text}')
@@ -40,14 +40,14 @@ def stand_in(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def lava_pixels(picture: Image.Image) -> int:
-    """Pixels of the map, without the colour bar, as red as lethal hazard."""
+    """Count the pixels of the map, without the colour bar, as red as lethal hazard."""
     values = np.asarray(picture.convert('RGB')).astype(int)[:, : int(0.85 * picture.width)]
     red = (values[..., 0] > 100) & (values[..., 1] < 50) & (values[..., 2] < 70)
     return int(red.sum())
 
 
-def test_gif(bag, tmp_path):
-    """Each frame is longer than the one before; the last stays; it begins again by itself."""
+def test_gif_repeats_and_holds_the_last_frame(bag, tmp_path):
+    """The flow is longer in each frame."""
     path = tmp_path / 'flow.gif'
     count = animate_bag(bag, path, source='hazard', seconds=2.0, fps=8.0, width=400)
     assert count == 4
@@ -63,26 +63,26 @@ def test_gif(bag, tmp_path):
     assert wet[0] > 100
     assert wet == sorted(wet)
     assert wet[3] > 3 * wet[0]
-    # Sixteen pictures of an eighth of a second, and the last for two seconds more.
+    # sixteen pictures of an eighth of a second, and the last for two more seconds
     assert sum(durations) == pytest.approx(2000 + 2000, abs=50)
     assert durations[-1] > 2000
     assert path.stat().st_size < 300_000
     assert [item.name for item in tmp_path.iterdir()] == ['flow.gif']
 
 
-def test_mp4_goes_to_ffmpeg(bag, tmp_path, monkeypatch):
-    """Raw pictures of the right number and size, and options that play everywhere."""
+def test_mp4_passes_pictures_to_ffmpeg(bag, tmp_path, monkeypatch):
+    """Number and size of the raw pictures and the pixel format are correct."""
     stand_in(STAND_IN, tmp_path / 'bin', monkeypatch)
     animate_bag(bag, tmp_path / 'flow.mp4', seconds=1.0, fps=4.0, width=301)
     text = (tmp_path / 'flow.mp4').read_text()
     assert '"300x240"' in text
     assert '"yuv420p"' in text
-    # Four pictures, and the last for two seconds more.
+    # four pictures, and the last for two more seconds
     assert text.endswith(f', {12 * 300 * 240 * 4}]')
 
 
-def test_without_a_good_ffmpeg(bag, tmp_path, monkeypatch):
-    """Its failure is an error with its words, and leaves no file; what is missing is named."""
+def test_mp4_reports_a_failing_or_missing_ffmpeg(bag, tmp_path, monkeypatch):
+    """The error quotes ffmpeg, and no file is left."""
     stand_in(FAILING, tmp_path / 'bin', monkeypatch)
     with pytest.raises(LavaError, match='Unknown encoder libx264'):
         animate_bag(bag, tmp_path / 'flow.mp4', seconds=1.0, fps=4.0, width=300)
@@ -92,8 +92,8 @@ def test_without_a_good_ffmpeg(bag, tmp_path, monkeypatch):
         animate_bag(bag, tmp_path / 'flow.mp4')
 
 
-def test_real_mp4(bag, tmp_path, monkeypatch):
-    """With a real ffmpeg the file is an MP4 whose index is in front."""
+def test_mp4_of_a_real_ffmpeg_starts_with_its_index(bag, tmp_path, monkeypatch):
+    """The file is an MP4."""
     if shutil.which('ffmpeg') is None:
         wheel = pytest.importorskip('imageio_ffmpeg', reason='needs ffmpeg, or .[look]')
         (tmp_path / 'bin').mkdir()
@@ -116,14 +116,14 @@ def test_real_mp4(bag, tmp_path, monkeypatch):
         ('missing/flow.gif', {'width': 200, 'seconds': 0.5}, 'output is .*missing'),
     ],
 )
-def test_what_cannot_be_is_refused(bag, tmp_path, name, options, words):
-    """One error that names it."""
+def test_rejects_invalid_arguments(bag, tmp_path, name, options, words):
+    """The error names the argument."""
     with pytest.raises(LavaError, match=words):
         animate_bag(bag, tmp_path / name, **options)  # type: ignore[arg-type]
 
 
-def test_a_layer_the_bag_lacks(tmp_path):
-    """The error names those it has."""
+def test_rejects_a_layer_that_the_bag_lacks(tmp_path):
+    """The error names the layers of the bag."""
     config = 'layers: {heat: {source: temperature, message: sensor_msgs/Image}}'
     bag = record(tmp_path / 'bag', config=config)
     with pytest.raises(LavaError, match='it has temperature'):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""GeoTIFF and what else GIS programs read say what the bag said, where it was."""
+"""Export of bags to GeoTIFF, NetCDF and vector files."""
 
 import json
 from pathlib import Path
@@ -32,13 +32,13 @@ from recording import GRIDS, record, silenced, TERRAIN, VENT
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
-    """Frames at 200, 400, 600 and 800 s."""
+    """Return a bag of grids with frames at 200, 400, 600 and 800 s."""
     return record(tmp_path_factory.mktemp('grids') / 'bag', config=GRIDS)
 
 
 @pytest.fixture(scope='module')
 def out(bag):
-    """Its GeoTIFF files, by a threshold of 0.5 m."""
+    """Return the folder of its GeoTIFF files with a threshold of 0.5 m."""
     exported = export_bag(bag, bag.parent / 'out', threshold=0.5)
     assert [item.stem for item in exported.files] == list(MAPS)
     return bag.parent / 'out'
@@ -46,18 +46,18 @@ def out(bag):
 
 @pytest.fixture(scope='module')
 def floats(tmp_path_factory):
-    """The same as floats."""
+    """Return a bag of unrounded layers."""
     return record(tmp_path_factory.mktemp('floats') / 'bag')
 
 
 def band(path):
-    """The cells of a GeoTIFF, row 0 in the south."""
+    """Return the cells of a GeoTIFF, row 0 in the south."""
     with rasterio.open(path) as file:
         return file.read(1)[::-1]
 
 
-def test_values_come_back_as_the_frame_has_them(bag, out):
-    """Every cell of thickness, temperature and hazard, north up; nodata outside the terrain."""
+def test_rasters_have_the_values_of_the_frame(bag, out):
+    """Cells are north up, and without data outside the terrain."""
     frame = Recording(bag).frame_at()
     outside = ~TERRAIN.has_data
     for name, source, dry in (
@@ -74,27 +74,27 @@ def test_values_come_back_as_the_frame_has_them(bag, out):
             np.testing.assert_array_equal(file.read_masks(1)[::-1] == 0, cells == NODATA)
 
 
-def test_a_cell_is_where_it_was(out):
+def test_rasters_are_georeferenced(out):
     """GDAL finds the tip of the flow at its easting and northing, in UTM zone 33."""
     with rasterio.open(out / 'thickness.tif') as file:
         assert file.crs.to_epsg() == 32633
         assert file.bounds == (499_950.0, 4_180_020.0, 500_150.0, 4_180_170.0)
-        # Row 10, column 7 of the terrain: the south-eastern corner of the flow.
+        # row 10, column 7 of the terrain: the south-eastern corner of the flow
         easting = 500_000.0 - 50.0 + 7.5 * 5.0
         northing = 4_180_000.0 + 20.0 + 10.5 * 5.0
         assert file.xy(*file.index(easting, northing)) == (easting, northing)
         around = [(0.0, 0.0), (5.0, 0.0), (0.0, -5.0), (-5.0, 0.0), (0.0, 5.0)]
         places = [(easting + x, northing + y) for x, y in around]
-        seen = [value[0] for value in file.sample(places)]
-        np.testing.assert_allclose(seen, [2.9, NODATA, NODATA, 3.0, 2.9], atol=1e-5)
+        values = [value[0] for value in file.sample(places)]
+        np.testing.assert_allclose(values, [2.9, NODATA, NODATA, 3.0, 2.9], atol=1e-5)
         longitude, latitude = transform(file.crs, 'EPSG:4326', [easting], [northing])
-    # 15 degrees east is the middle of the zone, 500 km east in its numbers.
+    # an easting of 500 km is 15 degrees east, the central meridian
     assert longitude[0] == pytest.approx(15.0, abs=1e-3)
     assert 37.0 < latitude[0] < 38.0
 
 
-def test_arrival_and_peak(out):
-    """Seconds of the first map with lava; the thickest there was."""
+def test_arrival_and_peak_thickness_are_accumulated(out):
+    """The arrival is the time of the first map with lava."""
     times = band(out / 'arrival.tif')
     with rasterio.open(out / 'arrival.tif') as file:
         tags = file.tags()
@@ -108,8 +108,8 @@ def test_arrival_and_peak(out):
     assert peak[0, 0] == NODATA
 
 
-def test_tags_tell_unit_time_and_rounding(out):
-    """A file by itself says what it holds."""
+def test_tags_state_unit_time_and_rounding(out):
+    """A file without the bag has a complete description."""
     with rasterio.open(out / 'thickness.tif') as file:
         tags = file.tags()
         assert (file.units, file.descriptions) == (('m',), ('thickness',))
@@ -123,8 +123,8 @@ def test_tags_tell_unit_time_and_rounding(out):
         assert 'steps of 12 from 0 to 1200' in file.tags()['quantisation']
 
 
-def test_lava_is_as_thick_as_it_is(tmp_path):
-    """A bag of the node's own layers has no largest thickness, and thin lava is there, too."""
+def test_unrounded_thickness_has_no_limits(tmp_path):
+    """Default layers contain very thick and very thin lava."""
     flow = np.zeros(TERRAIN.shape, dtype=np.float32)
     flow[12, 5:8] = 41.37, 0.004, 12.5
     bag = record(tmp_path / 'bag', flow=lambda _: flow)
@@ -134,8 +134,8 @@ def test_lava_is_as_thick_as_it_is(tmp_path):
         np.testing.assert_array_equal(cells, np.where(flow > 0.0, flow, np.float32(NODATA)))
 
 
-def test_at_a_time_or_every_one(bag, tmp_path):
-    """What was known at that time; a numbered file for each, with its time in the name."""
+def test_exports_one_time_or_all_frames(bag, tmp_path):
+    """Files of all frames have a number and a time in their names."""
     export_bag(bag, tmp_path / 'out', time=450.0)
     assert (band(tmp_path / 'out/thickness.tif')[12] > 0.0).sum() == 4
     with rasterio.open(tmp_path / 'out/thickness.tif') as file:
@@ -150,11 +150,11 @@ def test_at_a_time_or_every_one(bag, tmp_path):
         assert (band(path)[12] > 0.0).sum() == 2 * number
 
 
-def test_a_bag_without_coordinate_system(tmp_path):
-    """Its files have none, in the map frame, unless somebody says where it is."""
+def test_bag_without_coordinate_system_is_in_the_map_frame(tmp_path):
+    """With an EPSG code, its files have a coordinate system."""
     terrain = Terrain(TERRAIN.elevation, 5.0, origin=TERRAIN.origin)
     bag = record(tmp_path / 'bag', terrain=terrain)
-    # GDAL's refusal names the code, and GeoJSON has longitudes
+    # GDAL's error names the code, and GeoJSON requires longitudes
     with pytest.raises(LavaError, match='epsg is 999999'):
         export_bag(bag, tmp_path / 'out', epsg=999_999)
     with pytest.raises(LavaError, match='epsg is missing, expected the EPSG code'):
@@ -165,8 +165,8 @@ def test_a_bag_without_coordinate_system(tmp_path):
     with rasterio.open(tmp_path / 'plain/hazard.tif') as file:
         assert file.crs is None
         assert file.bounds[:2] == (-50.0, 20.0)
-    export_bag(bag, tmp_path / 'said', maps=['hazard'], epsg=32633, offset=(1000.0, 2000.0))
-    with rasterio.open(tmp_path / 'said/hazard.tif') as file:
+    export_bag(bag, tmp_path / 'placed', maps=['hazard'], epsg=32633, offset=(1000.0, 2000.0))
+    with rasterio.open(tmp_path / 'placed/hazard.tif') as file:
         assert file.crs.to_epsg() == 32633
         assert file.bounds[:2] == (950.0, 2020.0)
 
@@ -181,24 +181,21 @@ def test_a_bag_without_coordinate_system(tmp_path):
         ({'maps': ['depth']}, 'maps'),
     ],
 )
-def test_what_cannot_be_is_refused(bag, tmp_path, options, words):
-    """One error that names it, and nothing is written."""
+def test_rejects_invalid_arguments(bag, tmp_path, options, words):
+    """The error names the argument, and nothing is written."""
     with pytest.raises(LavaError, match=words):
         export_bag(bag, tmp_path / 'out', **options)  # type: ignore[arg-type]
     assert not (tmp_path / 'out').exists()
 
 
-def test_folders_are_neither_mixed_nor_left_empty(bag, tmp_path):
-    """Files of two bags stay apart. A recorder that heard nothing on a topic lists it.
-
-    After a terrain that comes last is no map: the error is about the bag, not about a time.
-    """
+def test_failed_export_leaves_no_folder(bag, tmp_path):
+    """A folder with files, a bag without a terrain, and one whose terrain is last are rejected."""
     (tmp_path / 'thickness.tif').touch()
     with pytest.raises(LavaError, match='a folder that is new or empty'):
         export_bag(bag, tmp_path)
-    heard = silenced(bag, tmp_path / 'heard.mcap', '/terrain')
+    without = silenced(bag, tmp_path / 'without.mcap', '/terrain')
     with pytest.raises(LavaError, match='messages on the topic terrain'):
-        export_bag(heard, tmp_path / 'maps')
+        export_bag(without, tmp_path / 'maps')
     assert not (tmp_path / 'maps').exists()
     late = silenced(bag, tmp_path / 'late.mcap', '/terrain', late=True)
     with pytest.raises(LavaError, match='bag is .*late.mcap.*a terrain and a map'):
@@ -206,8 +203,8 @@ def test_folders_are_neither_mixed_nor_left_empty(bag, tmp_path):
     assert not (tmp_path / 'maps').exists()
 
 
-def test_outline_and_isochrones(floats, tmp_path):
-    """Polygons of whole cells, in longitude and latitude, each time with all before it."""
+def test_outline_and_isochrones_are_polygons_of_cells(floats, tmp_path):
+    """They are in longitude and latitude; an isochrone includes all earlier areas."""
     words = ['export', str(floats), '-o', str(tmp_path / 'out'), '--formats', 'geojson']
     assert main(words) == 0
     outline, isochrones = (
@@ -218,7 +215,7 @@ def test_outline_and_isochrones(floats, tmp_path):
         {'shows': 'inundated area', 'from_m': 0.1, 'area_m2': 80 * 25.0}
     ]
     (ring,) = outline[0]['geometry']['coordinates'][0]
-    # 15 degrees east is 500 km east in zone 33; the flow is there from -50 m to -10 m
+    # 15 degrees east is an easting of 500 km in zone 33; the flow is at -50 m to -10 m
     assert all(14.999 < x < 15.0 and 37.7 < y < 37.8 for x, y in ring)
     assert ring[0] == ring[-1] and len(ring) == 5
     found = [(item['properties']['time_s'], item['properties']['area_m2']) for item in isochrones]
@@ -226,8 +223,8 @@ def test_outline_and_isochrones(floats, tmp_path):
     assert [item['properties']['time'] for item in isochrones] == ['5 min', '10 min', '15 min']
 
 
-def test_places_outside_the_projection(tmp_path):
-    """They have no longitude and latitude: it was an error of GDAL's own."""
+def test_rejects_coordinates_outside_the_projection(tmp_path):
+    """They have no longitude and latitude."""
     place = gis.Place((1e8, 4e6), 10.0, gis.coordinate_system(32633))
     features = gis.area(np.ones((2, 2), dtype=bool), place)
     with pytest.raises(LavaError, match='corner of the map') as caught:
@@ -235,11 +232,8 @@ def test_places_outside_the_projection(tmp_path):
     assert caught.value.value == place.corner
 
 
-def test_areas():
-    """Ground that lava flows around is not in its outline.
-
-    Isochrones are few and round, however long an eruption lasts. What is unknown is not likely.
-    """
+def test_areas_of_cells_times_and_probabilities():
+    """An area has holes, isochrones are limited in number, and unknown cells have no area."""
     cells = np.zeros((6, 6), dtype=bool)
     cells[1:5, 1:5] = True
     cells[2, 2] = False
@@ -264,14 +258,14 @@ def test_areas():
 
 
 def painted(style: Path, value: float) -> tuple[float, str]:
-    """Opacity (0 to 1) and colour with which QGIS draws a value by a style."""
+    """Return the opacity (0 to 1) and the colour of a value in a QGIS style."""
     drawn = ElementTree.parse(style).find('pipe/rasterrenderer')
     assert drawn is not None
     items = list(drawn.iter('item'))
     stops = [float(item.get('value', 'nan')) for item in items]
     assert stops == sorted(stops) and len(set(stops)) == len(stops)
     if drawn.find('.//colorrampshader').get('colorRampType') == 'DISCRETE':
-        # a colour is that of the values up to its own; QGIS paints none beyond the last
+        # an item covers values up to its own; QGIS draws none above the last item
         found = [item for item, stop in zip(items, stops, strict=True) if value <= stop]
         return float(found[0].get('alpha')) / 255.0, str(found[0].get('color'))
     alpha = np.interp(value, stops, [float(item.get('alpha', 'nan')) for item in items])
@@ -280,7 +274,7 @@ def painted(style: Path, value: float) -> tuple[float, str]:
 
 
 def test_every_file_of_a_bag_has_a_style(floats, tmp_path):
-    """Each GeoTIFF has a .qml, from the colour of the least to that of the most."""
+    """Each GeoTIFF has a .qml with the colours from its minimum to its maximum."""
     export_bag(floats, tmp_path / 'out')
     names = {path.stem for path in (tmp_path / 'out').glob('*.qml')}
     assert names == {path.stem for path in (tmp_path / 'out').glob('*.tif')}
@@ -291,14 +285,14 @@ def test_every_file_of_a_bag_has_a_style(floats, tmp_path):
 
 @pytest.mark.parametrize('name', RASTER_LAYERS)
 def test_style_leaves_cells_without_lava_transparent(name, tmp_path):
-    """QGIS paints lava in all layers, ground without lava in none, and times are in hours."""
+    """QGIS draws lava in all layers and ground without lava in none; times are in hours."""
     layer = RASTER_LAYERS[name]
     values = np.array([[0.0, 1.0, 2.0, np.nan]]) * (36_000.0 if layer.unit == 's' else 1.0)
     style = write_style(tmp_path / 'map.tif', name, values)
     for value in values[0, 1:3]:
         assert painted(style, float(value))[0] == 1.0
     if layer.drawn in ('arrival', 'temperature', 'elevation', 'change'):
-        # cells without lava, without ground or without a change are no data in the file
+        # files have no data in cells without lava, ground or change
         assert painted(style, 0.0)[0] == 1.0
     else:
         assert painted(style, 0.0)[0] == 0.0
@@ -308,7 +302,7 @@ def test_style_leaves_cells_without_lava_transparent(name, tmp_path):
 
 
 def test_style_of_the_hazard_has_its_classes(tmp_path):
-    """One colour for drained ground and all else that is harmful, one for lethal lava."""
+    """All harmful values have one colour, and lethal lava another."""
     style = write_style(tmp_path / 'hazard.tif', 'hazard', np.array([[0.0, 50.0, 100.0]]))
     harmful, lethal = STYLES['hazard'].colours
     assert [painted(style, value) for value in (1.0, 50.0, 99.0)] == [(1.0, harmful)] * 3
@@ -318,8 +312,8 @@ def test_style_of_the_hazard_has_its_classes(tmp_path):
 
 
 @pytest.mark.parametrize('name', RASTER_LAYERS)
-def test_every_raster_states_what_it_is(name, tmp_path):
-    """Description, unit, one value without data, and where the map is from."""
+def test_every_raster_describes_itself(name, tmp_path):
+    """It has a description, a unit, a value for no data, and the origin of the map."""
     values = np.array([[0.0, 3.0], [np.nan, 2.0]])
     origin = gis.Provenance('etna.yaml', ('steep', 'cooling'), 'draft', '9.9', 'seen.geojson')
     place = gis.Place((0.0, 0.0), 1.0, None)
@@ -330,16 +324,16 @@ def test_every_raster_states_what_it_is(name, tmp_path):
         tags = file.tags()
         cells = file.read(1, masked=True)[::-1]
     assert RASTER_LAYERS[name].meaning in tags['TIFFTAG_IMAGEDESCRIPTION']
-    told = {'scene': 'etna.yaml', 'effects': 'steep cooling', 'preset': 'draft',
-            'lava_ros': '9.9', 'observation': 'seen.geojson', 'members': '4'}
-    assert tags.items() >= told.items()
+    expected = {'scene': 'etna.yaml', 'effects': 'steep cooling', 'preset': 'draft',
+                'lava_ros': '9.9', 'observation': 'seen.geojson', 'members': '4'}
+    assert tags.items() >= expected.items()
     dry = RASTER_LAYERS[name].drawn in ('thickness', 'change')
     np.testing.assert_array_equal(np.ma.getmaskarray(cells), [[dry, False], [True, False]])
     np.testing.assert_array_equal(cells[~cells.mask], values[~cells.mask])
 
 
-def test_a_raster_without_a_row_in_the_table_is_refused(tmp_path):
-    """The error lists the names there are."""
+def test_rejects_a_raster_that_is_not_in_the_table(tmp_path):
+    """The error lists the valid names."""
     place = gis.Place((0.0, 0.0), 1.0, None)
     with pytest.raises(LavaError, match='name is .depth., expected .*thickness'):
         gis.write_map(tmp_path / 'a.tif', 'depth', np.ones((2, 2)), place, gis.Provenance('a'))
@@ -353,8 +347,10 @@ def test_a_raster_without_a_row_in_the_table_is_refused(tmp_path):
         ('nc', 'scipy', r"NetCDF is .*scipy.*'lava_ros\[hindcast\]'"),
     ],
 )
-def test_without_the_library(format_name, module, words, floats, tmp_path, monkeypatch):
-    """The error says how to get it, before anything is written."""
+def test_rejects_a_format_without_its_library(
+    format_name, module, words, floats, tmp_path, monkeypatch
+):
+    """The error states how to install it, and nothing is written."""
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(LavaError, match=words):
         export_bag(floats, tmp_path / 'out', formats=[format_name])
@@ -362,8 +358,8 @@ def test_without_the_library(format_name, module, words, floats, tmp_path, monke
 
 
 @pytest.mark.parametrize('ending', WRITTEN)
-def test_vector_formats(ending, floats, tmp_path):
-    """Outline, isochrones and vents come back from each format, at their places."""
+def test_vector_formats_keep_features_and_positions(ending, floats, tmp_path):
+    """Outline, isochrones and vents are read from each format."""
     out = tmp_path / 'out'
     exported = export_bag(floats, out, formats=[ending])
     assert sorted(exported.files) == sorted(out.iterdir())
@@ -384,8 +380,8 @@ def test_vector_formats(ending, floats, tmp_path):
     assert float(vent.properties[name]) == VENT.discharge
 
 
-def test_a_netcdf(floats, tmp_path):
-    """All maps in one file, each with unit, coordinates and coordinate system."""
+def test_netcdf_has_all_maps(floats, tmp_path):
+    """Each map has a unit, coordinates and a coordinate system."""
     export_bag(floats, tmp_path / 'out', formats=['nc'])
     path = f'netcdf:{tmp_path / "out/maps.nc"}'
     with pytest.warns(NotGeoreferencedWarning), rasterio.open(path) as file:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frames of a bag, and when lava came in them."""
+"""Frames of a bag, and arrival times of their lava."""
 
 from pathlib import Path
 
@@ -24,24 +24,24 @@ SECOND = 1_000_000_000
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
-    """Frames at 200, 400, 600 and 800 s."""
+    """Return a bag with frames at 200, 400, 600 and 800 s."""
     return record(tmp_path_factory.mktemp('frames') / 'bag')
 
 
 @pytest.fixture(scope='module')
 def grids(tmp_path_factory):
-    """The same, rounded."""
+    """Return a bag with the same frames as grids, which are rounded."""
     return record(tmp_path_factory.mktemp('grids') / 'bag', config=GRIDS)
 
 
-def test_last_frame_in_physical_units(grids):
-    """Without a time the last frame is read: metres, Celsius and 0..100, NaN where it is dry."""
+def test_last_frame_is_in_physical_units(grids):
+    """Values are in metres, Celsius and 0..100, and NaN in dry cells."""
     frame = Recording(grids).frame_at()
     assert frame.time == 800.0
     assert set(frame.layers) == {'thickness', 'temperature', 'hazard'}
     thickness = growing(800.0)
     wet = thickness > 0.0
-    # Half a step of the grids: 10 m and 1200 C in 100 steps.
+    # half a step of the grids: 10 m and 1200 C in 100 steps
     for source, expected, tolerance in (
         ('thickness', thickness[wet], 0.05),
         ('temperature', 820.0, 6.0),
@@ -54,8 +54,8 @@ def test_last_frame_in_physical_units(grids):
     assert not frame.layers['thickness'].is_saturated
 
 
-def test_ground_vents_and_scene(tmp_path):
-    """Elevation, cells, the vents that emit and the scene come back as they were."""
+def test_frame_has_ground_vents_and_scene(tmp_path):
+    """Only vents with a discharge are in the frame."""
     closed = Vent((10.0, 60.0), 0.0, 1423.0, name='closed')
     frame = Recording(record(tmp_path / 'bag', vents=(VENT, closed))).frame_at()
     np.testing.assert_array_equal(frame.elevation, TERRAIN.elevation)
@@ -64,11 +64,8 @@ def test_ground_vents_and_scene(tmp_path):
     assert frame.scene['terrain']['epsg'] == 32633
 
 
-def test_time(bag, tmp_path):
-    """The newest frame up to the simulated time is read; an error names the times there are.
-
-    Without diagnostics the last frame has no simulated time, and none can be asked for.
-    """
+def test_reads_the_newest_frame_up_to_a_time(bag, tmp_path):
+    """An error names the valid times; a bag without diagnostics has no simulated times."""
     for asked, shown in ((200.0, 200.0), (599.0, 400.0), (800.0, 800.0)):
         frame = Recording(bag).frame_at(asked)
         assert frame.time == shown
@@ -78,15 +75,12 @@ def test_time(bag, tmp_path):
             Recording(bag).frame_at(asked)
     timeless = Recording(record(tmp_path / 'timeless', clock=False))
     assert timeless.frame_at().time is None
-    with pytest.raises(LavaError, match='does not say its simulated time'):
+    with pytest.raises(LavaError, match='does not contain simulated times'):
         timeless.frame_at(300.0)
 
 
-def test_the_bags_own_message_configuration(tmp_path):
-    """Grids are decoded with the ranges they were recorded with; images need none.
-
-    A node that ran in a namespace is read like any other.
-    """
+def test_decodes_grids_with_the_recorded_ranges(tmp_path):
+    """The topics of the bag may be in a namespace."""
     config = """
         layers:
           depth: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 50.0]}
@@ -100,7 +94,7 @@ def test_the_bags_own_message_configuration(tmp_path):
     assert 'hazard' not in frame.layers
 
 
-def test_every_frame_in_order(bag):
+def test_yields_all_frames_in_order(bag):
     """Each frame has its own time and its own maps."""
     recording = Recording(bag)
     frames = list(recording.frames())
@@ -110,14 +104,12 @@ def test_every_frame_in_order(bag):
         wet = np.isfinite(frame.layers['thickness'].values)
         np.testing.assert_array_equal(wet, growing(frame.time) > 0.0)
         np.testing.assert_allclose(frame.vents, [[-47.5, 95.0]])
-    assert [recording.share_at(frame) for frame in frames] == pytest.approx([0, 1 / 3, 2 / 3, 1])
+    progress = [recording.progress_at(frame) for frame in frames]
+    assert progress == pytest.approx([0, 1 / 3, 2 / 3, 1])
 
 
 def test_frames_are_those_of_the_last_run(tmp_path):
-    """What a new file repeats is no frame; after a reset the flow begins again.
-
-    What was before is not mixed with it. Frames whose time was never said are left out.
-    """
+    """Repeated messages, frames before a reset and frames without a time are left out."""
     bag = record(tmp_path / 'bag', max_duration=2.5)
     assert len(BagReader(bag).files) > 1
     frames = list(Recording(bag).frames())
@@ -130,8 +122,8 @@ def test_frames_are_those_of_the_last_run(tmp_path):
     assert [frame.time for frame in recording.frames()] == [200.0, 400.0, 600.0, 800.0]
 
 
-def test_what_is_not_rounded_is_preferred(tmp_path):
-    """Beside a grid of the same time, the image is what is read."""
+def test_image_replaces_a_grid_of_the_same_time(tmp_path):
+    """An image is not rounded."""
     config = RAW_CONFIG + """
   grid: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 10.0]}
 """
@@ -143,8 +135,8 @@ def test_what_is_not_rounded_is_preferred(tmp_path):
         np.testing.assert_allclose(frame.layers['thickness'].values[12, 1], 3.21)
 
 
-def test_bags_of_something_else(tmp_path):
-    """One without any layer is refused; the error names which text is no YAML."""
+def test_rejects_bags_without_layers_or_with_invalid_yaml(tmp_path):
+    """The error names the invalid text."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         writer.write('/chatter', 'std_msgs/msg/Empty', bytes(5), 0, qos=LATCHED)
     with pytest.raises(LavaError, match='the layers of a simulation'):
@@ -155,7 +147,7 @@ def test_bags_of_something_else(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ('topic', 'fields', 'said'),
+    ('topic', 'fields', 'words'),
     [
         ('/terrain', {'height': 2**31, 'width': 1, 'step': 0}, 'terrain.step'),
         ('/terrain', {'height': 0, 'width': 0, 'step': 0, 'data': []}, 'terrain.size'),
@@ -172,8 +164,8 @@ def test_bags_of_something_else(tmp_path):
         ('/height', {'info': MapMetaData(height=2**31, width=2)}, 'message on /height'),
     ],
 )
-def test_messages_that_lie_are_refused(grids, tmp_path, topic, fields, said):
-    """Sizes, steps and places that do not fit the data, or nothing on Earth."""
+def test_rejects_inconsistent_messages(grids, tmp_path, topic, fields, words):
+    """Sizes, steps and positions must fit the data and be possible on Earth."""
     kinds = {'terrain': Image, 'terrain_info': MapMetaData, 'vents': PointCloud2}
     bag = BagReader(grids)
     with BagWriter(tmp_path / 'lies', custom_data=bag.custom_data) as writer:
@@ -187,12 +179,12 @@ def test_messages_that_lie_are_refused(grids, tmp_path, topic, fields, said):
                 data = codec.serialise(message)
             kind = bag.topics[item.topic].message_type
             writer.write(item.topic, kind, data, item.stamp_ns, qos=LATCHED)
-    with pytest.raises(LavaError, match=said):
+    with pytest.raises(LavaError, match=words):
         Recording(tmp_path / 'lies').frame_at()
 
 
-def test_masks_and_margins_are_no_maps(tmp_path):
-    """A keepout mask says nothing of thickness; a layer with a margin shows lava where none is."""
+def test_masks_and_margins_are_not_maps(tmp_path):
+    """A mask does not contain quantities; a layer with a margin shows lava in dry cells."""
     config = """
 layers:
   keepout: {source: hazard, message: nav_msgs/OccupancyGrid, step: 20.0}
@@ -202,21 +194,21 @@ layers:
 """
     frame = Recording(record(tmp_path / 'bag', config=config)).frame_at()
     assert set(frame.layers) == {'temperature'}
-    # 60 steps of 20 C downwards from 100.
+    # 60 steps of 20 C downwards from 100
     values = frame.layers['temperature'].values
     np.testing.assert_allclose(values[12, 0], 820.0, atol=10.01)
 
 
 def arrival_of(bag: Path, threshold: float) -> Arrival:
-    """The arrival over all frames of a bag."""
+    """Return the arrival over all frames of a bag."""
     result = Arrival(threshold)
     for frame in Recording(bag).frames():
         result.add(frame)
     return result
 
 
-def test_first_times(tmp_path):
-    """A cell has the time of the first frame with lava, also when the lava has left since."""
+def test_arrival_is_the_first_frame_with_lava(tmp_path):
+    """Drained cells keep their arrival time."""
 
     def flow(time: float) -> np.ndarray:
         thickness = growing(time)
@@ -232,15 +224,15 @@ def test_first_times(tmp_path):
     assert (found.longest_gap, found.frame_count) == (200.0, 4)
 
 
-def test_the_threshold_decides(grids, tmp_path):
-    """Cells whose lava stays below it are never reached."""
+def test_arrival_depends_on_the_threshold(grids, tmp_path):
+    """Cells with lava below the threshold have no arrival time."""
     bag = record(tmp_path / 'bag', config=RAW_CONFIG)
     found = arrival_of(bag, 3.05)
     assert found.times is not None and found.peak is not None
-    # 3.26 m less 5 cm a column: columns 0 to 4 are above 3.05 m.
+    # 3.26 m minus 5 cm per column: columns 0 to 4 are above 3.05 m
     np.testing.assert_array_equal(np.isfinite(found.times[12]), np.arange(40) < 5)
     np.testing.assert_allclose(found.peak[12, :8], 3.26 - 0.05 * np.arange(8), rtol=1e-6)
-    # a grid has lava that it rounds to the threshold; when thinner came it cannot say
+    # a grid does not show lava below its threshold
     for threshold in (0.05, 0.0, -1.0):
         with pytest.raises(LavaError, match=r'threshold is .*at least 0\.1 m'):
             arrival_of(grids, threshold)
@@ -250,8 +242,8 @@ def test_the_threshold_decides(grids, tmp_path):
     assert np.isfinite(found.times).sum() == 30 * 40 - 6
 
 
-def test_times_are_those_that_the_simulation_noted(tmp_path):
-    """Maps 200 s apart give them to the step, for this threshold alone; drained cells have one."""
+def test_arrival_is_that_of_the_simulation(tmp_path):
+    """Recorded arrival times are used for their threshold, also in drained cells."""
 
     def noted(time: float) -> np.ndarray:
         times = np.where(growing(time) > 0.0, 100.0 * np.arange(40) + 37.5, np.nan)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Layers: files of msg_configs/, the values they make of a snapshot, masks as Nav2 sees them."""
+"""Layers: configuration files, values of a snapshot, and masks in Nav2."""
 
 import copy
 import dataclasses
@@ -60,7 +60,7 @@ LIMITS = {'lethal_thickness': 1.0, 'safe_temperature': 40.0, 'lethal_temperature
         ({'range': [0.0, 10.0]}, [[0, 0, 1], [50, 100, -1]]),
         ({'range': [5.0, 6.0]}, [[0, 0, 1], [1, 100, -1]]),
         ({'threshold': 1.0, 'outside': 100}, [[0, 0, 0], [5, 50, 100]]),
-        # from a bound on the next class, evenly up to 100
+        # a bound is in the next class; values are evenly spaced up to 100
         ({'range': None, 'classes': [0.5, 5.0, 20.0]}, [[0, 0, 25], [75, 100, -1]]),
         (
             {'range': None, 'source': 'temperature', 'classes': [600.0]},
@@ -74,8 +74,8 @@ LIMITS = {'lethal_thickness': 1.0, 'safe_temperature': 40.0, 'lethal_temperature
         ),
     ],
 )
-def test_grids(changes, expected):
-    """Ranges, classes and limits of the file decide, in metres and Celsius."""
+def test_grids_are_scaled_by_the_configuration(changes, expected):
+    """Ranges, classes and limits are in metres and Celsius."""
     values = _layer(**changes).values(SNAPSHOT)
     assert values.dtype == np.int8
     assert values.tolist() == expected
@@ -89,23 +89,23 @@ def test_grids(changes, expected):
         ({**MASK, 'threshold': 0.01}, [[100, 100, 100], [100, 0, -1]]),
         ({**MASK, 'margin': 5.0}, [[100, 100, 100], [100, 100, -1]]),
         ({'scale': [50, 10]}, [[30, 30, 10], [10, 0, -1]]),
-        # 60 is above what drained ground has
+        # 60 is above the value of drained ground
         ({**MASK, 'step': 60.0}, [[0, 0, 100], [100, 0, -1]]),
     ],
 )
 @pytest.mark.parametrize('kind', ['snapshot', 'forecast'])
 def test_the_hazard_of_inundated_ground_is_never_0(kind, changes, expected):
-    """Ground that lava has left is hot and holds a crust; thickness and temperature are of now."""
+    """Drained ground has a hazard, but no thickness."""
     thickness = np.array([[0.0, 0.005, 3.0], [0.2, 0.0, np.nan]], np.float32)
-    came = np.array([[1.0, 1.0, 1.0], [np.nan, np.nan, np.nan]], np.float32)
+    times = np.array([[1.0, 1.0, 1.0], [np.nan, np.nan, np.nan]], np.float32)
     shown = _snapshot(thickness, np.where(thickness > 0.0, 900.0, np.nan))
     source = 'hazard'
     if kind == 'snapshot':
-        shown = dataclasses.replace(shown, arrived=came)
+        shown = dataclasses.replace(shown, arrived=times)
     else:
         source = 'peak_hazard'
         shown = Forecast(
-            0.0, 10.0, 0.1, shown.terrain, came, thickness, shown.temperature, 1.0, 1
+            0.0, 10.0, 0.1, shown.terrain, times, thickness, shown.temperature, 1.0, 1
         )
     changes = {'range': [0.0, 100.0], 'threshold': 0.01, **changes}
     layer = _layer(source='hazard', **changes)
@@ -116,8 +116,8 @@ def test_the_hazard_of_inundated_ground_is_never_0(kind, changes, expected):
     assert height.tolist() == [[0, 0, 3], [1, 0, -1]]
 
 
-def test_raw_images():
-    """Images carry metres and Celsius unscaled, NaN where there is nothing to say."""
+def test_images_are_unscaled():
+    """They contain metres and Celsius, and NaN without a value."""
     height = _layer(message='sensor_msgs/Image', range=None, threshold=0.0)
     np.testing.assert_array_equal(height.values(SNAPSHOT), SNAPSHOT.thickness)
     temperature = _layer(source='temperature', message='sensor_msgs/Image', range=None)
@@ -127,8 +127,8 @@ def test_raw_images():
     assert temperature.values(SNAPSHOT).dtype == np.float32
 
 
-def test_default_file():
-    """The default file has the four grids, unrounded thickness and arrivals on, all latched."""
+def test_default_configuration_enables_grids_thickness_and_arrivals():
+    """All layers are latched."""
     layers = {layer.name: layer for layer in load_layers(CONFIGS / 'default.yaml')}
     enabled = [name for name, layer in layers.items() if layer.enabled]
     assert enabled == ['height', 'temperature', 'hazard', 'depth_class', 'height_raw', 'arrived']
@@ -136,14 +136,14 @@ def test_default_file():
     assert layers['height_raw'].message == layers['temperature_raw'].message == kinds.IMAGE
     assert layers['lava_points'].message == kinds.POINT_CLOUD
     assert layers['lava_grid_map'].message == kinds.GRID_MAP
-    # err on the safe side, with the same limits
+    # limits equal those of the hazard layer
     assert layers['lava_grid_map'].threshold == layers['hazard'].threshold
     assert layers['lava_grid_map'].hazard == layers['hazard'].hazard
     assert {layer.qos for layer in layers.values()} == {LATCHED}
 
 
-def test_files_can_differ(tmp_path):
-    """All of msg_configs/ are valid; monitoring differs as it says, and so do edited ones."""
+def test_configurations_differ(tmp_path):
+    """All files of msg_configs/ are valid; monitoring and edited files have other layers."""
     for path in CONFIGS.glob('*.yaml'):
         assert load_layers(path)
     monitoring = {layer.name: layer for layer in load_layers(CONFIGS / 'monitoring.yaml')}
@@ -160,8 +160,8 @@ def test_files_can_differ(tmp_path):
     assert (after.topic, after.rate) == ('lava/depth', 5.0)
 
 
-def test_points_stand_on_the_wet_cells():
-    """There is a point for each wet cell alone, at its centre, on the surface of the lava."""
+def test_points_are_on_the_lava_surface():
+    """Each wet cell has a point at its centre."""
     layer = _layer(source='lava', message='sensor_msgs/PointCloud2', range=None, threshold=0.09)
     points = layer.points(SNAPSHOT)
     assert list(points) == ['x', 'y', 'z', 'thickness', 'temperature']
@@ -181,7 +181,7 @@ def test_points_stand_on_the_wet_cells():
     assert above['thickness'].tolist() == [5.0, 50.0]
     none = dataclasses.replace(layer, threshold=1e3).points(SNAPSHOT)
     assert {len(column) for column in none.values()} == {0}
-    # origin and resolution of the terrain are those of the points
+    # points use origin and resolution of the terrain
     ground = Terrain([[3.0, 4.0], [5.0, 6.0]], 2.5, origin=(-10.0, 20.0))
     snapshot = _snapshot([[0.0, 0.0], [0.0, 1.5]], np.full((2, 2), np.nan))
     snapshot = dataclasses.replace(snapshot, terrain=ground)
@@ -192,7 +192,7 @@ def test_points_stand_on_the_wet_cells():
 
 
 def test_maps_are_the_ground_and_every_quantity():
-    """Beside the elevation there is what an image of each source would show."""
+    """The maps of quantities equal the images of their sources."""
     layer = _layer(source='lava', message='grid_map_msgs/GridMap', range=None, hazard={})
     maps = layer.maps(SNAPSHOT)
     assert list(maps) == ['elevation', 'thickness', 'temperature', 'hazard']
@@ -205,7 +205,7 @@ def test_maps_are_the_ground_and_every_quantity():
 
 
 def test_layers_are_switched_by_name():
-    """Named layers go on or off; all others stay as the file has them."""
+    """Other layers keep the state of the file."""
     layers = load_layers(CONFIGS / 'default.yaml')
     enabled = {layer.name for layer in layers if layer.enabled}
     off = ['temperature', 'temperature_raw']
@@ -224,8 +224,8 @@ def test_layers_are_switched_by_name():
         (['height'], ['height'], "layers_off is 'height', expected a layer that is not in"),
     ],
 )
-def test_a_wrong_switch_is_refused(on, off, sentence):
-    """A name the file lacks is answered with those it has."""
+def test_rejects_an_unknown_or_contradictory_switch(on, off, sentence):
+    """The error lists the layers of the file."""
     with pytest.raises(LavaError) as caught:
         switched(load_layers(CONFIGS / 'default.yaml'), on=on, off=off)
     assert str(caught.value).startswith(sentence)
@@ -269,8 +269,8 @@ def test_a_wrong_switch_is_refused(on, off, sentence):
         ({'hazard': {}}, 'hazard', 'source is hazard'),
         ({'colour': 'red'}, 'colour', 'topic, source, message'),
         ({'message': 'sensor_msgs/Image'}, 'range', 'absent'),
-        ({'step': 1.0}, 'range', 'absent beside step'),
-        ({'step': 1.0, 'range': None, 'scale': [0, 100]}, 'scale', 'absent beside step'),
+        ({'step': 1.0}, 'range', 'absent if step is set'),
+        ({'step': 1.0, 'range': None, 'scale': [0, 100]}, 'scale', 'absent if step is set'),
         ({'step': 'any', 'range': None}, 'step', 'finite number m'),
         ({'scale': [0, 0]}, 'scale', 'above 0'),
         ({'scale': [0, 101]}, 'scale[1]', '0 to 100'),
@@ -293,7 +293,7 @@ def test_a_wrong_switch_is_refused(on, off, sentence):
         ({**CLASSES, 'classes': []}, 'classes', '1 to 19 numbers m'),
         ({**CLASSES, 'classes': 2.0}, 'classes', '1 to 19 numbers m'),
         ({**CLASSES, 'classes': [2.0, 1.0]}, 'classes[1]', 'above 2'),
-        ({**CLASSES, 'margin': 5.0}, 'margin', 'absent beside'),
+        ({**CLASSES, 'margin': 5.0}, 'margin', 'absent if'),
         ({**CLASSES, 'step': 1.0}, 'classes', 'absent'),
         ({**CLASSES, 'message': 'sensor_msgs/Image'}, 'classes', 'only a grid'),
         ({**HAZARD, 'hazard': {'lethal_thickness': 0.0}}, 'hazard.lethal_thickness', 'above 0'),
@@ -306,16 +306,16 @@ def test_a_wrong_switch_is_refused(on, off, sentence):
         ({**HAZARD, 'hazard': {'deadly': 1}}, 'hazard.deadly', 'lethal_thickness'),
     ],
 )
-def test_a_wrong_layer_is_refused(changes, field, words):
-    """The error names the key and says what is allowed."""
+def test_rejects_an_invalid_layer(changes, field, words):
+    """The error names the key and the valid values."""
     with pytest.raises(LavaError) as caught:
         _layer(**changes)
     assert caught.value.field == f'layers.one.{field}'
     assert words in str(caught.value)
 
 
-def test_files_of_no_layers_are_refused(tmp_path):
-    """What is not a mapping of layers, two layers of one topic, no file, no YAML."""
+def test_rejects_an_invalid_configuration(tmp_path):
+    """Not a mapping of layers, two layers of one topic, a missing file, and invalid YAML."""
     for data in (None, [], {'layers': {}}, {'layers': None}, {'layer': {}}, 'x'):
         with pytest.raises(LavaError):
             layers_from_dict(data)
@@ -328,8 +328,8 @@ def test_files_of_no_layers_are_refused(tmp_path):
             load_layers(tmp_path / name)
 
 
-def test_combines_burial_and_heat():
-    """They strike independently; a wet cell is never below 1; each limit moves the hazard."""
+def test_hazard_combines_burial_and_heat():
+    """A wet cell is at least 1, and each limit changes the hazard."""
     thickness, celsius, expected = np.array([
         (0.25, 20.0, 50.0),
         (0.5, 20.0, 100.0),
@@ -353,8 +353,8 @@ def test_combines_burial_and_heat():
     assert hazard(np.array([1e-3]), np.array([450.0]), limits) == pytest.approx(50.1, abs=0.01)
 
 
-def test_is_monotone():
-    """Thicker or hotter lava is never less dangerous."""
+def test_hazard_is_monotone():
+    """Thicker or hotter lava never has a smaller hazard index."""
     thickness, temperature = np.meshgrid(
         np.linspace(0.0, 1.0, 101), np.linspace(280.0, 700.0, 101), indexing='ij'
     )
@@ -365,17 +365,17 @@ def test_is_monotone():
     assert values.max() == 100.0
 
 
-#: What Nav2's costmaps call a wall, and the cost that already counts as a collision.
+#: Cost of an obstacle in Nav2, and minimum cost of a collision.
 LETHAL, INSCRIBED = 254, 253
 
 
 def keepout_cost(value: int, cost: int) -> int:
-    """The cost of a cell after Nav2's KeepoutFilter, by its documentation."""
+    """Return the cost of a cell after Nav2's KeepoutFilter, by its documentation."""
     return cost if value == -1 else max(cost, round(2.54 * value))
 
 
 def speed_limit(value: int, last: float, base: float = 0.0, multiplier: float = 1.0) -> float:
-    """The limit after Nav2's SpeedFilter [percent], 0.0 for none, by its documentation."""
+    """Return the limit after Nav2's SpeedFilter [percent], 0.0 for none, by its documentation."""
     if value == -1:
         return last
     limit = 0.0 if value == 0 else base + multiplier * value
@@ -383,7 +383,7 @@ def speed_limit(value: int, last: float, base: float = 0.0, multiplier: float = 
 
 
 def _eastward():
-    """A row of cells: lava from cell 40 on, thicker and hotter eastwards; none at the end."""
+    """Return a row of cells with lava at 40 to 49, thicker and hotter to the east."""
     thickness, celsius = np.zeros((3, 60)), np.full((3, 60), np.nan)
     thickness[1, 40:50] = [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 5.0]
     celsius[1, 40:50] = [50.0, 60.0, 100.0, 150.0, 200.0, 300.0, 500.0, 800.0, 1000.0, np.nan]
@@ -394,7 +394,7 @@ def _eastward():
 EASTWARD = _eastward()
 WET, OUTSIDE = EASTWARD.thickness > 0.0, np.isnan(EASTWARD.thickness)
 ROWS, COLUMNS = np.indices(WET.shape)
-#: From the edge of a cell to that of the nearest one with lava [m]; cells that touch are at 0.
+#: Distance between the edges of a cell and of the nearest cell with lava [m]; 0 if they touch.
 DISTANCE = 10.0 * np.min(
     [
         np.hypot(np.maximum(abs(ROWS - row) - 1, 0), np.maximum(abs(COLUMNS - column) - 1, 0))
@@ -412,8 +412,8 @@ def _mask(file: str, name: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize('file', ['nav2_keepout.yaml', 'nav2_speed.yaml'])
-def test_the_keepout_mask_is_a_wall_or_nothing(file):
-    """Every lava cell, its margin and the outside are lethal to Nav2; all else is left alone."""
+def test_keepout_mask_is_lethal_or_free(file):
+    """Lava cells, their margin and the outside are lethal in Nav2; other cells are unchanged."""
     mask = _mask(file, 'keepout_mask')
     assert set(np.unique(mask)) == {0, 100}
     forbidden = (DISTANCE < 20.0) | OUTSIDE
@@ -421,7 +421,7 @@ def test_the_keepout_mask_is_a_wall_or_nothing(file):
     costs = np.vectorize(keepout_cost)(mask, 7)
     np.testing.assert_array_equal(costs == LETHAL, forbidden)
     assert (costs[~forbidden] == 7).all()
-    # why there is a mask: hazard below 100 is a price to Nav2, and -1 is permission
+    # the reason for the mask: Nav2 treats a hazard below 100 as passable, and -1 as free
     (layer,) = [item for item in load_layers(CONFIGS / 'default.yaml') if item.name == 'hazard']
     values = layer.values(EASTWARD)
     costs = np.vectorize(keepout_cost)(values, 0)
@@ -429,8 +429,8 @@ def test_the_keepout_mask_is_a_wall_or_nothing(file):
     assert (costs[OUTSIDE] == 0).all()
 
 
-def test_the_speed_mask_limits_wherever_lava_is_near():
-    """Percent of full speed: 50 near lava, down to 10 in it, none far away, never an error."""
+def test_speed_mask_limits_speed_near_lava():
+    """The limit is 50 % of full speed near lava and 10 to 50 % in it; far away there is none."""
     mask = _mask('nav2_speed.yaml', 'speed_mask')
     assert (mask >= 0).all()
     limits = np.vectorize(speed_limit)(mask, np.nan)
@@ -443,28 +443,25 @@ def test_the_speed_mask_limits_wherever_lava_is_near():
     assert ((limits[WET] >= 10.0) & (limits[WET] <= 50.0)).all()
     assert (np.diff(limits[1, 40:50]) <= 0.0).all()
     assert limits[1, 48] == 10.0
-    # lava of unknown temperature counts as the worst
+    # lava of unknown temperature has the lowest limit
     assert np.isnan(EASTWARD.temperature[1, 49])
     assert mask[1, 49] == 10
     assert _mask('nav2_keepout.yaml', 'keepout_mask')[1, 49] == 100
 
 
-def test_a_step_is_of_the_source():
-    """From the step on a cell is 100, below it 0, and a wet cell below it is no exception."""
+def test_mask_is_100_at_or_above_its_step():
+    """Wet cells below the step are 0."""
     values = _layer(step=0.5, range=None).values(EASTWARD)
     assert values[1, 40:50].tolist() == [0, 0, 0, 0, 0, 100, 100, 100, 100, 100]
     values = _layer(source='temperature', range=None, step=300.0, threshold=0.0).values(EASTWARD)
-    # The last temperature is unknown.
+    # the last temperature is unknown
     assert values[1, 40:50].tolist() == [0] * 5 + [100] * 5
     values = _layer(step=0.5, range=None, margin=10.0).values(EASTWARD)
     assert values[1, 40:52].tolist() == [0] * 4 + [100] * 7 + [0]
 
 
-def test_scales_run_either_way():
-    """The ends of the range are the ends of the scale; a cell with lava is never 0.
-
-    A quantity that is unknown is as at the high end.
-    """
+def test_scales_increase_or_decrease():
+    """Cells with lava are never 0; an unknown quantity has the value of the high end."""
     up = _layer(range=[0.0, 5.0], scale=[20, 80], threshold=0.0).values(EASTWARD)
     assert up[1, 40] == 20 and up[1, 46] == 32 and up[1, 48] == 80
     down = _layer(range=[0.0, 5.0], scale=[100, 0], threshold=0.0).values(EASTWARD)
@@ -475,10 +472,10 @@ def test_scales_run_either_way():
 
 
 @pytest.mark.parametrize('distance', [0.0, 0.9, 1.0, 1.5, 2.0, 3.7, 40.0])
-@pytest.mark.parametrize('share', [0.0, 0.01, 0.2, 1.0])
-def test_within_is_what_every_pair_says(distance, share):
-    """A cell is near exactly when some point of it is nearer than that to a marked cell."""
-    marked = np.random.default_rng(1).random((17, 23)) < share
+@pytest.mark.parametrize('fraction', [0.0, 0.01, 0.2, 1.0])
+def test_within_agrees_with_all_pairs_of_cells(distance, fraction):
+    """A cell is near if the distance of its edge from a marked cell is smaller."""
+    marked = np.random.default_rng(1).random((17, 23)) < fraction
     rows, columns = np.indices(marked.shape)
     expected = marked.copy()
     for row, column in np.argwhere(marked):

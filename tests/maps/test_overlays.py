@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Places of other people on a map: what it contains, styles and names; scale and times."""
+"""Features of users' files on a map: extent, styles, names, scale and isochrones."""
 
 import re
 
@@ -20,7 +20,7 @@ from lava_ros.scene.features import Feature
 #: Easting and northing of the origin of the map [m].
 OFFSET = (500_000.0, 4_180_000.0)
 
-#: 300 x 400 cells of 10 m with lava on 50 x 50 of them in the middle.
+#: 300 x 400 cells of 10 m with lava on 50 x 50 cells in the centre.
 GROUND = np.add.outer(2.0 * np.arange(300.0), np.arange(400.0)).astype(np.float32)
 FRAME = Frame(
     GROUND, 10.0, (0.0, 0.0), {}, np.array([[1800.0, 1500.0]]), 60.0,
@@ -31,13 +31,13 @@ LAVA[120:170, 170:220] = np.add.outer(np.arange(50.0), np.arange(50.0)) * 100.0
 
 
 def feature(kind: str, places: list[tuple[float, float]], name: str = '') -> Feature:
-    """A feature whose places are from the origin of the map [m]."""
+    """Return a feature with coordinates from the origin of the map [m]."""
     return Feature('', kind, (np.add(places, OFFSET),), {'name': name})
 
 
 @pytest.fixture
 def page(monkeypatch, tmp_path):
-    """Draws a page; returns its axes of maps, and all its visible texts."""
+    """Return a function that draws a page, and returns the axes of its map and all its texts."""
     figures = []
 
     def keep(figure, *words, **options):
@@ -55,13 +55,13 @@ def page(monkeypatch, tmp_path):
 
 
 def shows(axes, x, y):
-    """Return True if a place is inside the map."""
+    """Return True if a position is inside the map."""
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     return west <= x <= east and south <= y <= north
 
 
-def test_map_contains_the_places_within_reach(page, caplog):
-    """A village near the lava is on it; one far away is named below, and in the log."""
+def test_map_contains_places_within_reach(page, caplog):
+    """Places farther away are named below the map and counted in the log."""
     near, far = (2900.0, 1300.0), (30_000.0, 1300.0)
     villages = [feature('Point', [near], 'near'), feature('Point', [far], 'far')]
     axes, texts = page(overlays={'villages': villages})
@@ -73,8 +73,8 @@ def test_map_contains_the_places_within_reach(page, caplog):
     assert not shows(axes, *near)
 
 
-def test_reach_ends_with_the_ground_and_with_the_size_of_the_lava():
-    """Vertices of a road count one by one; places off the terrain do not count."""
+def test_reach_is_limited_by_terrain_and_size_of_the_lava():
+    """Vertices of a road count separately; places off the terrain do not count."""
     bounds, limits = (0.0, 0.0, 100.0, 50.0), (-1000.0, -120.0, 1000.0, 1000.0)
     reach = REACH * 100.0
     road = np.array([[99.0 + reach, 20.0], [101.0 + reach, 20.0]])
@@ -83,20 +83,20 @@ def test_reach_ends_with_the_ground_and_with_the_size_of_the_lava():
     assert bounds_with_places(bounds, limits, [features]) == (0.0, 0.0, 99.0 + reach, 50.0)
 
 
-def test_extent_is_what_was_asked_for(page):
-    """All of it is on the map, whether or not it has lava or ground."""
+def test_map_contains_the_requested_extent(page):
+    """The extent may be without lava or ground."""
     for extent in ((100.0, 200.0, 900.0, 700.0), (-500.0, -300.0, 200.0, 200.0)):
         west, south, east, north = extent
         axes, _ = page(extent=(*np.add(extent[:2], OFFSET), *np.add(extent[2:], OFFSET)))
         assert shows(axes, west, south) and shows(axes, east, north)
-        # and not much more than it in one of the directions
+        # one side is not larger than that of the extent
         assert min(np.ptp(axes.get_xlim()) / (east - west),
                    np.ptp(axes.get_ylim()) / (north - south)) < 1.01
 
 
 @pytest.mark.parametrize('scale', [10_000.0, 25_000.0])
 def test_scale_is_that_of_the_paper(scale, page):
-    """A metre on the ground is 1/N m on the page; the page says so."""
+    """One metre on the ground is 1/N m on the page, as stated in a note."""
     axes, texts = page(scale=scale)
     box, figure = axes.get_position(), axes.figure
     inches = box.width * figure.get_figwidth(), box.height * figure.get_figheight()
@@ -105,8 +105,8 @@ def test_scale_is_that_of_the_paper(scale, page):
     assert f'scale: 1:{scale / 1000:g} 000 on A4 paper' in texts
 
 
-def test_scale_that_is_too_large_names_one_that_fits(page):
-    """The error has the largest scale with all lava on the page."""
+def test_rejects_a_scale_that_is_too_large(page):
+    """The error states the largest scale with all lava on the page."""
     match = r"--scale is '1:500', expected 1:(\d+) or smaller"
     with pytest.raises(LavaError, match=match) as error:
         page(scale=500.0)
@@ -118,7 +118,7 @@ def test_scale_that_is_too_large_names_one_that_fits(page):
 
 @pytest.mark.parametrize('width', [7.0, 31.0, 480.0, 1234.0, 2999.0, 5400.0, 77_000.0])
 def test_scale_bar_and_contours_are_round(width):
-    """1, 2 or 5 times a power of ten; the bar is shorter than a third of the map."""
+    """Both are 1, 2 or 5 times a power of ten; the bar is shorter than a third of the map."""
     length = plot.scale_bar_length(width)
     assert f'{length:e}'[0] in '125' and float(f'{length:.0e}') == length
     assert 0.08 * width < length < 0.33 * width
@@ -127,17 +127,17 @@ def test_scale_bar_and_contours_are_round(width):
     assert f'{interval:e}'[0] in '125' and interval == pytest.approx(float(f'{interval:.0e}'))
 
 
-def test_contour_interval_is_printed(page):
-    """The legend names it; flat ground has none."""
+def test_legend_has_the_contour_interval(page):
+    """Flat ground has no contours."""
     _, texts = page()
-    (said,) = [text for text in texts if text.startswith('elevation contours')]
-    assert re.fullmatch('elevation contours every [125]0* m', said)
+    (entry,) = [text for text in texts if text.startswith('elevation contours')]
+    assert re.fullmatch('elevation contours every [125]0* m', entry)
     flat = Frame(np.ones((5, 5), np.float32), 1.0, (0.0, 0.0), {}, np.empty((0, 2)), None, {})
     assert plot.contour_interval(flat, plot.extent_of(flat)) == 0.0
 
 
-def test_lines_and_areas_have_names_where_they_are_seen(page):
-    """A road that leaves the map has its name on it, an area that surrounds the map too."""
+def test_names_of_lines_and_areas_are_on_the_map(page):
+    """This includes a road that leaves the map and an area that surrounds it."""
     road = feature('LineString', [(1500.0, 1400.0), (2500.0, 1500.0), (90_000.0, 1500.0)], 'road')
     park = feature('Polygon', [(-9e4, -9e4), (9e4, -9e4), (9e4, 9e4), (-9e4, 9e4), (-9e4, -9e4)],
                    'park')
@@ -153,7 +153,7 @@ def test_lines_and_areas_have_names_where_they_are_seen(page):
 
 
 def test_names_avoid_each_other_and_the_edge(page):
-    """Names of near places, one at the edge of the map, do not overlap."""
+    """Names of nearby places do not overlap, and one at the edge is not cut off."""
     places = [(1900.0, 1500.0), (1920.0, 1500.0), (1940.0, 1510.0), (2640.0, 1500.0)]
     villages = [feature('Point', [place], f'village {i}') for i, place in enumerate(places)]
     extent = (*np.add((1500.0, 1200.0), OFFSET), *np.add((2650.0, 1900.0), OFFSET))
@@ -165,8 +165,8 @@ def test_names_avoid_each_other_and_the_edge(page):
     assert all(box.x1 <= axes.get_window_extent().x1 for box in boxes)
 
 
-def test_every_file_has_a_style_of_its_own(page):
-    """25 files differ, and the legend shows each as it is drawn, also two of one name."""
+def test_each_file_has_its_own_style(page):
+    """25 styles differ, and the legend has an entry for each file, also for equal names."""
     styles = [OverlayStyle.of(number) for number in range(25)]
     assert len({(style.colour, style.marker, str(style.line)) for style in styles}) == 25
     overlays = {
@@ -175,22 +175,22 @@ def test_every_file_has_a_style_of_its_own(page):
     axes, _ = page(overlays=overlays)
     (legend,) = axes.figure.legends
     names = [item.get_text() for item in legend.get_texts()]
-    # the vents of the map are one, the file of this name is another
+    # one entry for the vents of the map, one for the file with this name
     assert names.count('vent') == 2 and {'a/roads', 'roads'} <= set(names)
 
 
-def test_isochrones_lie_over_the_arrival(page):
-    """Round times, each named once, in dark lines; other maps have none."""
+def test_arrival_map_has_isochrones(page):
+    """Each round time is labelled once; other maps have no isochrones."""
     axes, texts = page('arrival')
     expected = [plot.duration(time) for time in (1800.0, 3600.0, 5400.0, 7200.0, 9000.0)]
     assert [item.get_text() for item in axes.texts if item.get_text() in expected] == expected
-    assert 'isochrones of the arrival' in texts and 'hours after the start' in texts
+    assert 'isochrones of first arrival' in texts and 'hours after the start' in texts
     _, texts = page()
-    assert 'isochrones of the arrival' not in texts
+    assert 'isochrones of first arrival' not in texts
 
 
-def test_many_names_are_cut_off_with_a_warning(page, caplog, monkeypatch):
-    """A file with thousands of names neither hides the map nor takes minutes."""
+def test_number_of_names_is_limited_with_a_warning(page, caplog, monkeypatch):
+    """A file with thousands of names does not hide the map."""
     monkeypatch.setattr('lava_ros.maps.overlays.MAX_NAMES', 5)
     places = np.random.default_rng(1).uniform(1800.0, 2100.0, (40, 2))
     names = [feature('Point', [place], f'place {i}') for i, place in enumerate(places)]

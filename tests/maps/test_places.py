@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Places on the cells of a terrain, and when lava arrives there."""
+"""Places on the cells of a terrain, and arrival of lava there."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -17,12 +17,12 @@ from lava_ros.maps.place_arrivals import arrivals, ArrivalTable, COLUMNS, live_a
 from lava_ros.maps.places import front_distances, Places, places_on
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import Snapshot
 from recording import snapshot_at
 
 ROWS, COLUMNS_, CELL = 8, 10, 10.0
 
-#: Ground without data in a corner; map coordinates are not projected ones.
+#: Ground with a no-data corner; map coordinates differ from projected coordinates.
 GROUND = Terrain(
     np.where(np.add.outer(np.arange(ROWS), np.arange(COLUMNS_)) < 1, np.nan, 100.0),
     CELL, origin=(-20.0, 30.0), epsg=32633, offset=(500_000.0, 4_180_000.0),
@@ -32,7 +32,7 @@ GROUND = Terrain(
 def feature(
     kind: str, *rings: list[tuple[float, float]], name: str = '', where: str = ''
 ) -> Feature:
-    """A feature whose coordinates are metres from the lower-left corner of the ground."""
+    """Return a feature with coordinates from the lower-left corner of the ground [m]."""
     corner = np.add(GROUND.origin, GROUND.offset)
     return Feature(
         where or f'a.geojson, {name or kind}', kind,
@@ -41,17 +41,17 @@ def feature(
 
 
 def place(kind: str, *rings: list[tuple[float, float]], **known: str) -> Places:
-    """A single feature on the cells of the ground."""
+    """Return a single feature on the cells of the ground."""
     return places_on([feature(kind, *rings, **known)], GROUND)
 
 
 def box(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float]]:
-    """Corners of a rectangle."""
+    """Return the corners of a rectangle."""
     return [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
 
 
 def sizes(found: Places) -> dict[tuple[int, int], float]:
-    """Length or area in each cell, by row and column."""
+    """Return the length or area in each cell, by row and column."""
     result: dict[tuple[int, int], float] = {}
     for row, column, size in zip(found.rows, found.columns, found.sizes, strict=True):
         result[int(row), int(column)] = result.get((int(row), int(column)), 0.0) + float(size)
@@ -59,7 +59,7 @@ def sizes(found: Places) -> dict[tuple[int, int], float]:
 
 
 def test_line_has_its_length_in_each_cell_that_it_crosses() -> None:
-    """Corners in the middle of a cell included."""
+    """A line may have corners inside cells."""
     found = place('LineString', [(5.0, 15.0), (25.0, 15.0), (25.0, 45.0)])
     assert sizes(found) == pytest.approx({
         (1, 0): 5.0, (1, 1): 10.0, (1, 2): 10.0, (2, 2): 10.0, (3, 2): 10.0, (4, 2): 5.0,
@@ -67,8 +67,8 @@ def test_line_has_its_length_in_each_cell_that_it_crosses() -> None:
     assert found.whole == pytest.approx([50.0]) and found.off_map.tolist() == [0.0]
 
 
-def test_area_has_its_overlap_with_each_cell_even_if_it_holds_no_middle() -> None:
-    """No place is too small to be reached; a hole is no part of it."""
+def test_area_has_its_overlap_with_each_cell() -> None:
+    """An area may be smaller than a cell; a hole is not part of it."""
     tiny = place('Polygon', box(11.0, 12.0, 12.0, 14.0))
     assert sizes(tiny) == pytest.approx({(1, 1): 2.0})
     holed = place('Polygon', box(10.0, 10.0, 40.0, 40.0), box(20.0, 20.0, 30.0, 25.0))
@@ -80,8 +80,8 @@ def test_area_has_its_overlap_with_each_cell_even_if_it_holds_no_middle() -> Non
 
 @pytest.mark.parametrize('seed', range(6))
 def test_overlap_agrees_with_a_fine_count(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stars of random corners, clockwise and not, also beyond the grid on all sides."""
-    # in bands of a few rows
+    """Random stars in both directions extend beyond the grid on all sides."""
+    # computes in bands of a few rows
     monkeypatch.setattr(places_module, '_MAX_BAND_CELLS', 25)
     draw = np.random.default_rng(seed)
     angles = np.sort(draw.uniform(0.0, 2.0 * np.pi, 9))[:: 1 if seed % 2 else -1]
@@ -105,7 +105,7 @@ def test_overlap_agrees_with_a_fine_count(seed: int, monkeypatch: pytest.MonkeyP
 
 
 def test_parts_of_a_feature_are_one_place_and_names_differ() -> None:
-    """Two huts of one name, and a point without any, can be told apart."""
+    """Equal and missing names are numbered."""
     parts = [
         feature('Polygon', box(10.0, 10.0, 20.0, 20.0), name='Nicolosi', where='a, 1'),
         feature('Polygon', box(40.0, 40.0, 50.0, 50.0), name='Nicolosi', where='a, 1'),
@@ -124,7 +124,7 @@ def test_parts_of_a_feature_are_one_place_and_names_differ() -> None:
     [
         (place('Point', [(-5.0, 5.0)]), 1.0),
         (place('Point', [(1e8, 5.0)]), 1.0),
-        # ground without data
+        # no-data cell
         (place('Point', [(5.0, 5.0)]), 1.0),
         (place('LineString', [(-30.0, 15.0), (10.0, 15.0)]), 0.75),
         (place('Polygon', box(-1e6, 10.0, 1e6, 20.0)), 1.0 - 1e2 / 2e6),
@@ -132,8 +132,8 @@ def test_parts_of_a_feature_are_one_place_and_names_differ() -> None:
         (place('Polygon', box(0.0, 0.0, 20.0, 10.0)), 0.5),
     ],
 )
-def test_places_off_the_map_are_told(found: Places, off_map: float) -> None:
-    """Nothing is said of lava there, and never that it does not come."""
+def test_places_off_the_map_have_no_arrival(found: Places, off_map: float) -> None:
+    """The table does not state that lava does not reach them."""
     assert found.off_map == pytest.approx([off_map])
     dry = np.full(GROUND.shape, np.nan)
     (row,) = arrivals(found, dict.fromkeys((0.1, 0.5, 0.9), found.at(dry)))
@@ -152,14 +152,14 @@ def test_places_off_the_map_are_told(found: Places, off_map: float) -> None:
         (feature('Polygon', box(5.0, 5.0, 5.0, 25.0), name='farm'), 'farm is .*an area above 0'),
     ],
 )
-def test_features_of_no_size_are_refused_by_name(wrong: Feature, words: str) -> None:
-    """The error names the feature, not only the file."""
+def test_rejects_features_without_a_size(wrong: Feature, words: str) -> None:
+    """The error names the feature."""
     with pytest.raises(LavaError, match=words):
         places_on([feature('Point', [(5.0, 15.0)]), wrong], GROUND)
 
 
 def test_distances_are_those_of_the_nearest_inundated_cell() -> None:
-    """Lava fills a block of cells; the place may be off the map."""
+    """This includes places off the map."""
     inundated = np.zeros(GROUND.shape, dtype=bool)
     inundated[2:6, 1:4] = True
     found = places_on([
@@ -175,14 +175,14 @@ def test_distances_are_those_of_the_nearest_inundated_cell() -> None:
 
 
 def flow() -> np.ndarray:
-    """Times at which lava came to each cell: from the left along two rows."""
+    """Return arrival times [s] of lava that flows from the left along two rows."""
     times = np.full(GROUND.shape, np.nan, dtype=np.float32)
     times[3:5, :6] = 100.5 * np.arange(1, 7)
     return times
 
 
-def test_table_of_a_run() -> None:
-    """The first cell of a place counts; JSON and CSV have the same columns."""
+def test_table_has_the_first_arrival_at_each_place() -> None:
+    """JSON and CSV have the same columns."""
     found = places_on([
         feature('Point', [(25.0, 35.0)], name='hut'),
         feature('LineString', [(45.0, 5.0), (45.0, 75.0)], name='road'),
@@ -204,7 +204,7 @@ def test_table_of_a_run() -> None:
 
 
 def snapshot(time: float) -> Snapshot:
-    """The flow at a time, with what has arrived so far."""
+    """Return the flow at a time, with the arrival times so far."""
     times = flow()
     arrived = np.where(times <= time, times, np.nan).astype(np.float32)
     thickness = np.where(np.isfinite(arrived), 1.0, 0.0).astype(np.float32)
@@ -219,8 +219,8 @@ PLACES = places_on([
 ], GROUND)
 
 
-def test_live_table_without_a_forecast_says_what_has_arrived_and_how_far_the_rest_is() -> None:
-    """Without a forecast nothing is said of what comes."""
+def test_live_table_without_a_forecast_has_past_arrivals_and_distances() -> None:
+    """Probabilities of future arrivals are unknown."""
     live = live_arrivals(PLACES, snapshot(250.0))
     assert live.reached == (True, False, False, False) and live.source == 'none'
     assert [row.probability for row in live.rows] == [100.0, None, None, None]
@@ -230,8 +230,8 @@ def test_live_table_without_a_forecast_says_what_has_arrived_and_how_far_the_res
     assert live.summary == 'no lava yet at any place, and no forecast'
 
 
-def test_live_table_takes_what_has_arrived_before_what_a_forecast_says() -> None:
-    """Its times are those since the start of the simulation, whenever the forecast was made."""
+def test_live_table_prefers_past_arrivals_to_a_forecast() -> None:
+    """All times count from the start of the simulation."""
     ahead = (flow() - 200.0).clip(0.0)
     forecast = Forecast(
         200.0, 400.0, 0.01, GROUND, ahead, ahead, ahead, duration=1.0, particle_count=1
@@ -244,10 +244,10 @@ def test_live_table_takes_what_has_arrived_before_what_a_forecast_says() -> None
     assert live.words(2) == 'no lava within 6 min; the front is 80 m away'
 
 
-def test_live_table_of_an_ensemble_has_its_probability_and_its_times() -> None:
-    """Times from members become simulated times; lava that has come stays."""
+def test_live_table_of_an_ensemble_has_its_probabilities_and_times() -> None:
+    """Times of members become simulated times; past arrivals are certain."""
     nan = np.nan
-    cells = {share: flow() - 200.0 + 60.0 * index for index, share in enumerate((0.1, 0.5, 0.9))}
+    cells = {part: flow() - 200.0 + 60.0 * index for index, part in enumerate((0.1, 0.5, 0.9))}
     cells[0.9][:, 4:] = nan
     maps = HazardMaps(
         probability=np.zeros(GROUND.shape), arrival=cells, thickness=np.zeros(GROUND.shape),
@@ -255,8 +255,8 @@ def test_live_table_of_an_ensemble_has_its_probability_and_its_times() -> None:
         places=PlaceForecast(
             np.array([100.0, 60.0, 0.0, 0.0]),
             {
-                share: np.array([0.0, float(times[3, 4]), nan, nan])
-                for share, times in cells.items()
+                part: np.array([0.0, float(times[3, 4]), nan, nan])
+                for part, times in cells.items()
             },
         ),
     )

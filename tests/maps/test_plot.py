@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pictures of maps, pages to print, and numbers as people read them."""
+"""Pictures of maps, printed pages, and numbers for people."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -35,15 +35,15 @@ from lava_ros.maps.sheet import draw_sheet, Panel
         ('temperature', [], '°C', 100.0, 'neither'),
     ],
 )
-def test_scales(source, values, label, top, past):
-    """They end at round numbers, in units that people read, and say what is past them."""
+def test_scales_end_at_round_numbers(source, values, label, top, past):
+    """They have suitable units and mark larger values."""
     scale = scale_of(source, np.array([*values, np.nan]))
     assert (scale.label, scale.norm.vmax, scale.past) == (label, top, past)
 
 
 @pytest.fixture
 def frame():
-    """A flow of 20 x 6 cells on a slope with a hole in the data."""
+    """Return a flow of 20 x 6 cells on a slope with no-data cells."""
     elevation = np.add.outer(np.arange(60.0), np.arange(90.0)).astype(np.float32)
     elevation[:, 80] = np.nan
     layers = {}
@@ -56,18 +56,18 @@ def frame():
 
 
 @pytest.mark.parametrize(
-    ('told', 'crests'),
+    ('barriers', 'crests'),
     [
         ([], []),
         ([[[500100.0, 4180200.0], [500300.0, 4180250.0]]], [[[100.0, 200.0], [300.0, 250.0]]]),
-        # a foreign bag may say anything
+        # bags of other programs may contain anything
         ('all along', []),
         ([[[1.0, 2.0]]], []),
     ],
 )
-def test_barriers_are_drawn_where_they_are(frame, tmp_path, told, crests):
-    """In map coordinates, with a line in the legend."""
-    place = {'epsg': 32633, 'offset': [500000.0, 4180000.0], 'barriers': told}
+def test_barriers_are_drawn_in_map_coordinates(frame, tmp_path, barriers, crests):
+    """The legend has an entry."""
+    place = {'epsg': 32633, 'offset': [500000.0, 4180000.0], 'barriers': barriers}
     frame = replace(frame, scene={'terrain': place})
     assert [crest.tolist() for crest in barriers_of(frame)] == crests
     plot_frame(frame, tmp_path / 'a.svg')
@@ -87,8 +87,8 @@ def red(path: Path) -> int:
     return int(found.sum())
 
 
-def test_lava_is_drawn(frame, tmp_path):
-    """Lava is as red as its hazard; without lava the legend alone is."""
+def test_lava_has_the_colour_of_its_hazard(frame, tmp_path):
+    """Without lava, only the legend has this colour."""
     hazard = frame.layers['hazard']
     plot_frame(replace(frame, layers={'hazard': hazard}), tmp_path / 'wet.png')
     dry = {'hazard': replace(hazard, values=np.full_like(hazard.values, np.nan))}
@@ -99,19 +99,19 @@ def test_lava_is_drawn(frame, tmp_path):
 
 @pytest.fixture
 def texts(monkeypatch):
-    """What is written in the pictures that are drawn."""
-    said: list[str] = []
+    """Return the list of texts in the drawn pictures."""
+    written: list[str] = []
 
     def keep(figure: Any, path: Path, **_: str) -> None:
         figure.canvas.draw()
-        said.extend(item.get_text() for item in figure.findobj(Text))
+        written.extend(item.get_text() for item in figure.findobj(Text))
 
     monkeypatch.setattr('lava_ros.maps.sheet.save_picture', keep)
-    return said
+    return written
 
 
-def test_what_a_published_map_has(frame, texts):
-    """Banner, scale, north, round coordinates, degrees, units and notes are written on it."""
+def test_page_has_the_elements_of_a_published_map(frame, texts):
+    """It has a banner, scale, north arrow, round coordinates, degrees, units and notes."""
     scene = {'terrain': {'epsg': 32633, 'offset': [500_000.0, 4_180_000.0]}}
     plot_frame(replace(frame, scene=scene), Path('all.png'))
     for words in ('SIMULATION, NOT VERIFIED', 'N', 'easting [m]', 'northing [m]', 'm', '°C',
@@ -121,24 +121,24 @@ def test_what_a_published_map_has(frame, texts):
     assert len(set(east)) > 1 and all(value % 100 == 0 for value in east)
     assert any(item.endswith('° E') for item in texts) and any('° N' in item for item in texts)
     assert any(re.fullmatch('[0-9]+ m', item) for item in texts)
-    # a map that is nowhere has the coordinates of the map frame
+    # a map without a coordinate system has the coordinates of the map frame
     texts.clear()
     plot_frame(replace(frame, scene={}), Path('all.png'))
     assert 'x [m], map frame' in texts and not any('° E' in item for item in texts)
-    # one outside the domain of its projection has no degrees
+    # a map outside the domain of its projection has no degrees
     texts.clear()
     scene = {'terrain': {'epsg': 32633, 'offset': [1e8, 4_180_000.0]}}
     plot_frame(replace(frame, scene=scene), Path('all.png'))
     assert 'easting [m]' in texts and not any('° E' in item for item in texts)
 
 
-def test_several_terrains_show_the_same_place(frame, tmp_path, monkeypatch):
-    """Maps whose frames have other origins show the same eastings and northings."""
-    seen = []
+def test_maps_of_one_page_show_the_same_area(frame, tmp_path, monkeypatch):
+    """Maps in frames with different origins show the same eastings and northings."""
+    windows = []
     monkeypatch.setattr(
         'lava_ros.maps.plot.draw_map', lambda axes, frame, picture, window, fissures: (
             axes.set_xlim(window[0], window[2]), axes.set_ylim(window[1], window[3]),
-            seen.append(window),
+            windows.append(window),
         ),
     )
     panels = [
@@ -149,20 +149,20 @@ def test_several_terrains_show_the_same_place(frame, tmp_path, monkeypatch):
         for east in (500_000.0, 500_100.0)
     ]
     draw_sheet(panels, tmp_path / 'two.png', title='Two')
-    np.testing.assert_allclose(np.subtract(*seen), [100.0, 0.0, 100.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(np.subtract(*windows), [100.0, 0.0, 100.0, 0.0], atol=1e-6)
     # both flows are in it
-    assert seen[0][0] <= 400.0 and seen[0][2] >= 560.0
+    assert windows[0][0] <= 400.0 and windows[0][2] >= 560.0
 
 
-def test_flat_ground(frame, tmp_path):
-    """A plain without any relief is drawn too."""
+def test_draws_flat_ground(frame, tmp_path):
+    """A terrain without relief is valid."""
     flat = replace(frame, elevation=np.full_like(frame.elevation, 5.0))
     plot_frame(flat, tmp_path / 'flat.svg')
     assert '<svg' in (tmp_path / 'flat.svg').read_text(encoding='utf-8')
 
 
-def test_a_picture_that_cannot_be_made(frame, tmp_path, monkeypatch):
-    """A bad path or format is one error that names it; one says how to get matplotlib."""
+def test_rejects_a_picture_that_cannot_be_written(frame, tmp_path, monkeypatch):
+    """Errors name a bad path or format, and state how to install matplotlib."""
     for name in ('missing/a.png', 'a.lava'):
         with pytest.raises(LavaError, match=f'output is .*{name}'):
             plot_frame(frame, tmp_path / name)
@@ -183,6 +183,6 @@ def test_a_picture_that_cannot_be_made(frame, tmp_path, monkeypatch):
         *[(percent, 2e-7, '2e-07'), (percent, 0.0, '0 %'), (percent, float('nan'), 'none')],
     ],
 )
-def test_numbers_are_said_as_people_say_them(format_value, value, text):
-    """Two digits and the unit that suits them; rounding errors are powers of ten."""
+def test_numbers_have_two_digits_and_a_suitable_unit(format_value, value, text):
+    """Very small percentages are powers of ten."""
     assert format_value(value) == text

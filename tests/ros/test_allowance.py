@@ -56,7 +56,7 @@ class NodeServices:
         entities, self.worker = Mock(), Mock()
         for command in ('reset', 'step'):
             getattr(self.worker, command).side_effect = lambda *_: Future()
-        self.worker.status = SimpleNamespace(state=WorkerState.PAUSED, hold_up='')
+        self.worker.status = SimpleNamespace(state=WorkerState.PAUSED, blocked_by='')
         self.active = Mock(is_active=True, step_length=1.0)
         self.active.pause.side_effect = lambda paused: Future()
         self.inputs = InputTopics(entities, self.worker, settings=Settings, steady=Clock())

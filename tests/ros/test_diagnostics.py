@@ -16,8 +16,8 @@ from lava_ros.ros.input_topics import InputLog
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import Terrain
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.snapshot import Snapshot, StepReport
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

@@ -21,20 +21,20 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast import planning as affordable
 from lava_ros.forecast import process as forecast_process
-from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
+from lava_ros.forecast.lookahead import LookAhead, LOOKS, N_FIRST_SAMPLES
 from lava_ros.forecast.planning import Affordable
 from lava_ros.ros import diagnostics, forecaster
 from lava_ros.ros.ensemble_forecasts import ForecastRules
 from lava_ros.ros.forecaster import (
+    DUTY_CYCLE_RATE,
     Forecaster,
     ForecastProcess,
-    LEAST_PERIOD,
-    LEAST_SHARES,
+    MIN_DUTY_CYCLES,
+    MIN_PERIOD,
     Pace,
-    SHARE_RATE,
 )
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.sources import SimulationMaker
+from lava_ros.ros.sources import SimulationFactory
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
@@ -159,7 +159,7 @@ def test_forecasts_follow_the_live_simulation(bench):
     np.testing.assert_array_equal(last.temperature, expected.temperature)
     # a state at rest is forked only once
     count = bench.forecaster.status.count
-    time.sleep(1.5 * LEAST_PERIOD)
+    time.sleep(1.5 * MIN_PERIOD)
     assert bench.forecaster.status.count == count
     assert bench.forecaster.age(bench.forecaster.latest) == 0.0
 
@@ -249,11 +249,11 @@ def test_share_of_forecasts_falls_when_the_simulation_is_behind():
     pace = Pace()
     assert pace.share(0.8, 'cuda:0') == 0.8
     pace.note(True, 10.0)
-    assert pace.share(0.8, 'cuda:0') == LEAST_SHARES['cuda']
-    assert pace.share(0.8, 'cpu') == LEAST_SHARES['cpu']
+    assert pace.share(0.8, 'cuda:0') == MIN_DUTY_CYCLES['cuda']
+    assert pace.share(0.8, 'cpu') == MIN_DUTY_CYCLES['cpu']
     assert pace.share(0.05, 'cpu') == 0.05
     pace.note(False, 13.0)
-    assert pace.share(1.0, 'cuda:0') == pytest.approx(3.0 * SHARE_RATE)
+    assert pace.share(1.0, 'cuda:0') == pytest.approx(3.0 * DUTY_CYCLE_RATE)
     pace.note(False, 100.0)
     assert pace.share(1.0, 'cpu') == 1.0
 
@@ -309,7 +309,7 @@ def test_first_forecast_of_a_scene_has_fewer_observations(monkeypatch):
     for is_first in (True, False):
         orders.put(('fork', FORK | {'is_first': is_first}))
         forecasting.turn()
-    assert looks == [FIRST_LOOKS, LOOKS] and 2 * FIRST_LOOKS < LOOKS
+    assert looks == [N_FIRST_SAMPLES, LOOKS] and 2 * N_FIRST_SAMPLES < LOOKS
 
 
 def test_process_ends_when_the_node_is_killed():
@@ -357,7 +357,7 @@ def planned_members(monkeypatch):
 
 
 def test_deadline_chooses_the_finest_plan_in_time(planned_members):
-    chooser = SimulationMaker()
+    chooser = SimulationFactory()
     assert chooser.accuracy(SCENE, SETTINGS).spacing == 25.0
     assert planned_members == [17]
     choice = chooser.choice
@@ -372,7 +372,7 @@ def test_deadline_chooses_the_finest_plan_in_time(planned_members):
 
 
 def test_deadline_reduces_the_number_of_members(planned_members):
-    chooser = SimulationMaker()
+    chooser = SimulationFactory()
     chooser.accuracy(SCENE, replace(SETTINGS, ensemble_members=100))
     assert planned_members == [201, None]
     assert chooser.choice.members == 6
@@ -380,7 +380,7 @@ def test_deadline_reduces_the_number_of_members(planned_members):
 
 
 def test_impossible_deadline_is_a_warning(monkeypatch):
-    chooser = SimulationMaker()
+    chooser = SimulationFactory()
     too_late = LavaError('within', 20.0, 'longer: the coarsest runs take more')
     monkeypatch.setattr(affordable, 'afford', Mock(side_effect=too_late))
     settings = replace(SETTINGS, ensemble_members=0)
@@ -391,7 +391,7 @@ def test_impossible_deadline_is_a_warning(monkeypatch):
 
 
 def test_no_choice_without_a_deadline_or_a_vent(planned_members):
-    chooser = SimulationMaker()
+    chooser = SimulationFactory()
     usual = preset_accuracy('draft', spacing=None)
     assert chooser.accuracy(SCENE, replace(SETTINGS, deadline=0.0)) == usual
     assert chooser.accuracy(replace(SCENE, vents=()), SETTINGS) == usual

@@ -36,8 +36,8 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import LayerPublishers, published_layers
 from lava_ros.ros.recorder import Recorder
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.snapshot import Snapshot, StepReport
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 from recording import snapshot_at
 
 VALUES = np.array([[1.5, -2.0, 3.0], [4.0, 5.0, np.nan]])

@@ -23,7 +23,7 @@ from lava_ros.ros.sources import adopted
 from lava_ros.scene import constants_of, Scene, Terrain
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.checkpoint import Checkpoint, MEDIA_TYPE
+from lava_ros.simulation.output.checkpoint import Checkpoint, MEDIA_TYPE
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import HORIZON
 from ros.conftest import QUICK_MODULE
@@ -125,7 +125,7 @@ def test_node_that_cannot_resume_exits_with_2(graph, tmp_path):
         (graph.node(aside=True, resume=str(tmp_path / name), **parameters), words)
         for name, parameters, words in (
             ('empty', {}, 'this one has none'),
-            ('bag', {'scene': 'a.yaml'}, "scene is 'a.yaml', expected left out beside resume"),
+            ('bag', {'scene': 'a.yaml'}, "scene is 'a.yaml', expected no value with resume"),
             ('bag', {'device': 'cuda:99'}, "cannot resume: device is 'cuda:99'"),
         )
     ]
@@ -250,7 +250,7 @@ def test_rejects_parameters_that_contradict_the_checkpoint(name, value):
     assert known[name] != value
     changed = adopted(one, {**known, name: value}, known, is_restart=True)
     assert changed[name] != value
-    with pytest.raises(LavaError, match=f'^{name} is .* as in the checkpoint, or left out'):
+    with pytest.raises(LavaError, match=f'^{name} is .* as in the checkpoint, or no value'):
         adopted(one, {**known, name: value}, known)
 
 

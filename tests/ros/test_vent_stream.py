@@ -26,7 +26,8 @@ COLUMNS = {
 }
 
 LAVA = {'viscosity': 1e4, 'arrhenius': 0.0, 'emissivity': 0.0, 'convection': 0.0,
-        'crust_cover': 0.0, 'latent_heat': 0.0, 'solidus': 0.0, 'yield_strength': 0.0}
+        'crust_cover': 0.0, 'latent_heat': 0.0, 'solidus': 0.0, 'yield_strength': 0.0,
+        'crust_strength': 0.0}
 
 
 def undisturbed(terrain: Terrain) -> Simulation:

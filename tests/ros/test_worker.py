@@ -16,7 +16,7 @@ from lava_ros.ros import worker_status as speed
 from lava_ros.ros.followed_clock import MAX_LAG
 from lava_ros.ros.session import effect_table, is_on, Origin
 from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import LONGEST_TURN, SpeedMeter, WorkerState
+from lava_ros.ros.worker_status import MAX_TASK_DURATION, SpeedMeter, WorkerState
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.selection import decide, effects_for, HORIZON
@@ -178,7 +178,7 @@ def test_reset_makes_a_new_simulation_at_time_0(bench):
 
 def test_status_has_the_current_task_and_waiting_commands(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
-    bench.wait(lambda: bench.worker.status.hold_up == '')
+    bench.wait(lambda: bench.worker.status.blocked_by == '')
     bench.simulation.is_compiled.clear()
     futures = [bench.worker.set_effects({}, horizon=3600.0)]
     bench.wait(lambda: bench.worker.status.doing == 'effects')
@@ -189,13 +189,13 @@ def test_status_has_the_current_task_and_waiting_commands(bench):
     bench.simulation.is_compiled.set()
     for future in futures:
         bench.run(future)
-    bench.simulation.slowness = LONGEST_TURN
+    bench.simulation.slowness = MAX_TASK_DURATION
     bench.now += 0.5
-    bench.wait(lambda: bench.worker.status.turn >= LONGEST_TURN)
-    assert bench.worker.status.hold_up.startswith('a step takes ')
+    bench.wait(lambda: bench.worker.status.turn >= MAX_TASK_DURATION)
+    assert bench.worker.status.blocked_by.startswith('a step takes ')
     bench.simulation.slowness = 0.0
     bench.go_on()
-    bench.wait(lambda: bench.worker.status.hold_up == '')
+    bench.wait(lambda: bench.worker.status.blocked_by == '')
 
 
 def test_mean_speed_excludes_pauses(monkeypatch):
@@ -287,7 +287,7 @@ def test_origin_and_schedule_are_kept_until_a_reset(bench):
     earlier = replace(VENT, discharge=((0.0, 7.0), (2.0, 9.0)))
     scene, origin = Scene(TERRAIN, (VENT,), lava=Lava()), Origin('bags/first', 120.0, 7)
     bench.run(bench.worker.pause(True))
-    bench.run(bench.worker.go_on_with(lambda: bench.make(scene), scene, origin, (earlier,)))
+    bench.run(bench.worker.resume_with(lambda: bench.make(scene), scene, origin, (earlier,)))
     assert bench.worker.eruption.origin == origin
     bench.run(bench.worker.set_vents([replace(VENT, discharge=4.0)]))
     assert bench.worker.eruption.scene.vents[0].discharge == 4.0
@@ -316,7 +316,7 @@ def test_resumed_simulation_catches_up_before_it_is_shown(bench, reached, expect
         return simulation
 
     bench.run(bench.worker.pause(True))
-    bench.run(bench.worker.go_on_with(resume, scene, reached=reached))
+    bench.run(bench.worker.resume_with(resume, scene, reached=reached))
     bench.wait(lambda: bench.shown)
     assert bench.simulation.time == bench.shown[0].time == expected
 

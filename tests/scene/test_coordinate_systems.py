@@ -22,10 +22,10 @@ from lava_ros.maps.gis import place_of
 from lava_ros.pages.runs import system_words
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.features import read_features
-from lava_ros.scene.on_terrain import raster_on
+from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.scene.projection import coordinate_system, projected, system_name
 from lava_ros.scene.terrain_files import load_terrain
-from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.output.checkpoint import from_bytes
 from recording import record, TERRAIN
 from small_checkpoint import small_checkpoint
 
@@ -104,7 +104,7 @@ def test_transforms_places_in_degrees(tmp_path: Path, crs: CRS) -> None:
     file.write_text(json.dumps({'type': 'Feature', 'properties': {}, 'geometry': point}))
     (feature,) = read_features('--vents', file, terrain)
     np.testing.assert_allclose(feature.rings[0], [middle], atol=1e-3)
-    values = raster_on(terrain, write(tmp_path / 'b.tif', crs), field='x')
+    values = read_raster_on(terrain, write(tmp_path / 'b.tif', crs), field='x')
     np.testing.assert_array_equal(values, GROUND[::-1])
 
 

@@ -13,13 +13,13 @@ import pytest
 from rasterio.warp import transform
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.rasters import seen_in_file
+from lava_ros.forecast.rasters import observed_in_file
 from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.features import load_features, read_features
 from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier
 from lava_ros.scene.terrain_files import barrier_tags, load_terrain
-from lava_ros.simulation.terrain import ringed_heights
+from lava_ros.simulation.particles.terrain import ringed_heights
 
 #: A square kilometre on the central meridian of UTM zone 33.
 TERRAIN = Terrain(np.zeros((50, 50)), 20.0, epsg=32633, offset=(500_000.0, 4_180_000.0))
@@ -104,7 +104,8 @@ def test_polygon_marks_cells_by_their_centre_except_in_holes(tmp_path: Path) -> 
     rings = [[[500_000 + x, 4_180_000 + y] for x, y in ring] for ring in (*square, hole)]
     crs = {'type': 'name', 'properties': {'name': 'EPSG:32633'}}
     area = {'type': 'Polygon', 'coordinates': rings}
-    lava, known = seen_in_file(features(tmp_path / 'a.geojson', of={'a': area}, crs=crs), TERRAIN)
+    path = features(tmp_path / 'a.geojson', of={'a': area}, crs=crs)
+    lava, known = observed_in_file(path, TERRAIN)
     assert lava.sum() == 24 and lava[:5, :5].sum() == 24 and not lava[2, 2]
     assert known.all()
 

@@ -22,7 +22,7 @@ from lava_ros.scene.uncertainty import (
     uncertainty_from_dict,
     uncertainty_to_dict,
 )
-from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.output.checkpoint import from_bytes
 from small_checkpoint import small_checkpoint
 
 SHORT = {

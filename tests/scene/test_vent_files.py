@@ -20,7 +20,7 @@ from lava_ros.cli.scenes import vents_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors
 from lava_ros.files.columns import angle, COLUMNS, understood
-from lava_ros.forecast.rasters import seen_in_file
+from lava_ros.forecast.rasters import observed_in_file
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import read_features
 from lava_ros.scene.reshaping import read_barriers
@@ -135,7 +135,7 @@ def test_reads_lines_and_polygons_of_every_format(ending: str, tmp_path: Path) -
     )
     assert [item.name for item in found] == ['Strada', 'Strada']
     path = write(tmp_path / f'b.{ending}', 'MultiPolygon', [SQUARE], {})
-    lava, known = seen_in_file(path, TERRAIN)
+    lava, known = observed_in_file(path, TERRAIN)
     assert known.all() and lava.sum() == 100 and lava[5:15, 5:15].all()
 
 

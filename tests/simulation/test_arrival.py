@@ -18,14 +18,14 @@ from lava_ros.scene import Lava, Scene, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
-from lava_ros.simulation.checkpoint import from_bytes
-from lava_ros.simulation.inundation import inundated_cells, standing_cells
-from lava_ros.simulation.looks import Looks
+from lava_ros.simulation.output.checkpoint import from_bytes
+from lava_ros.simulation.output.inundation import inundated_cells, standing_cells
+from lava_ros.simulation.output.looks import Looks
 from solver import incline
 
 TERRAIN = incline(0.2, 30, 40, 5.0)
 SCENE = Scene(TERRAIN, (Vent((40.0, 75.0), 20.0),), lava=Lava())
-END = 60.0
+END = 90.0
 
 
 def strip(front, rows=1, columns=12, thickness=2.0):

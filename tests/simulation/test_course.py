@@ -13,8 +13,8 @@ import pytest
 from lava_ros.hindcast.coarse import coarsened
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.accuracy import Accuracy, MAX_THICKNESS
-from lava_ros.simulation.course import course_of
 from lava_ros.simulation.resolution import resolved_accuracy
+from lava_ros.simulation.setup.course import course_of
 from slope_scenes import ground, HOUR, LAVA, MOBILITY, scene, SLOPE
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from lava_ros.effects import EFFECTS, Effects
-from lava_ros.simulation.review import Review
 from lava_ros.simulation.selection import Decision, noted
+from lava_ros.simulation.setup.review import Review
 
 
 def decision(name, value, **others):

@@ -15,7 +15,7 @@ import warp as wp
 from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.state import FAR, State
+from lava_ros.simulation.particles.state import FAR, State
 from lava_ros.verification.cases import spread_of_fixed_volume
 from solver import flat, incline, lattice, only, simulated
 
@@ -97,6 +97,85 @@ def test_velocity_follows_the_gradient_of_the_thickness_sum():
     ]
     mobility = 2500.0 * 9.81 * sample.thickness[first] ** 2 / (3 * 1e4)
     assert sample.velocity[first] == pytest.approx(-mobility * np.array(slope), rel=1e-5)
+
+
+STIFF = {'viscosity': 1e4, 'reference_temperature': 1400.0}
+
+
+def checkered(lava, on, high=1400.0, low=1300.0, device='cpu', **knobs):
+    """Return the speed of columns in the middle of an even layer on a slope, and which are hot."""
+    places = lattice(12.0)
+    is_hot = np.round(places.sum(axis=1)).astype(int) % 2 == 0
+    simulation = simulated(
+        incline(0.1, 80, 80, 1.0, origin=(-40.0, -40.0)),
+        lava,
+        Particles(places, 1.0, np.where(is_hot, high, low)),
+        effects=only(*on),
+        device=device,
+        spacing=1.0,
+        thickness=1.0,
+        ratio=3.5,
+        **knobs,
+    )
+    if 'inertia' in on:
+        simulation.advance(0.5)
+    sample = simulation.sample()
+    middle = np.abs(sample.position).max(axis=1) < 4.0
+    return sample.velocity[middle, 0], sample.temperature[middle] > 1350.0
+
+
+@pytest.mark.parametrize('gradient', ['energy', 'difference', 'balanced'])
+@pytest.mark.parametrize(
+    ('on', 'constants'),
+    [
+        (('arrhenius',), {'arrhenius': 0.03}),
+        (('vft',), {'vft_a': -4.55, 'vft_b': 10000.0, 'vft_c': 300.0}),
+        (
+            ('arrhenius', 'crystals'),
+            {
+                'arrhenius': 0.0, 'crystals': 0.4, 'crystal_law': 'maron-pierce',
+                'liquidus': 1500.0, 'solidus': 1200.0,
+            },
+        ),
+        (('yielding',), {'arrhenius': 0.0, 'yield_strength': 500.0, 'yield_rate': 0.01}),
+        (('arrhenius', 'helmholtz'), {'arrhenius': 0.03}),
+        (('arrhenius', 'inertia'), {'arrhenius': 0.03}),
+    ],
+)
+def test_columns_in_one_place_do_not_overtake_each_other(device, gradient, on, constants):
+    lava = Lava(**STIFF, **constants)
+    speeds, is_hot = checkered(lava, on, gradient=gradient, device=device)
+    alone = [checkered(lava, on, kelvin, kelvin, device)[0].mean() for kelvin in (1400.0, 1300.0)]
+    assert alone[0] > 1.5 * alone[1]
+    assert is_hot.any() and not is_hot.all()
+    expected = checkered(lava, on, 1350.0, 1350.0, device)[0].mean()
+    assert speeds == pytest.approx(expected, rel=0.06)
+
+
+def test_printed_formulas_follow_the_temperature_of_each_column():
+    lava = Lava(**STIFF, arrhenius=0.03)
+    speeds, is_hot = checkered(lava, ('arrhenius', 'green'), formulation='as-published')
+    mixed, _ = checkered(lava, ('arrhenius', 'green'), 1350.0, 1350.0, formulation='as-published')
+    assert abs(speeds[is_hot].mean() / mixed.mean() - 1.0) > 0.1
+
+
+def test_edge_moves_by_its_own_temperature():
+    # a plain mean makes the edge 3.4 times as fast
+    places = lattice(12.0)
+    is_edge = places[:, 0] > 11.0
+    lava = Lava(**STIFF, arrhenius=0.03)
+
+    def speed(inside):
+        simulation = simulated(
+            flat(80), lava, Particles(places, 1.0, np.where(is_edge, 1300.0, inside)),
+            effects=only('arrhenius'), spacing=1.0, thickness=1.0, ratio=3.5,
+        )
+        sample = simulation.sample()
+        x, y = sample.position.T
+        return sample.velocity[(x > 11.0) & (np.abs(y) < 4.0), 0].mean()
+
+    cold, beside_hot = speed(1300.0), speed(1400.0)
+    assert 0.0 < cold <= beside_hot < 2.0 * cold
 
 
 def sheet_velocity(lava, thickness, device='cpu', **options):
@@ -191,10 +270,10 @@ def heads(simulation):
     places = sample.position - 0.5 * np.add(terrain.extent[:2], terrain.extent[2:])
     highest = np.full(len(places), -FAR)
     for n, place in enumerate(places):
-        height = wp.full(1, -FAR, dtype=simulation._state.real, device=simulation.device)
-        simulation._terrain.raise_to(place[None], height)
+        height = wp.full(1, -FAR, dtype=simulation.solver.state.real, device=simulation.device)
+        simulation.solver.terrain.raise_to(place[None], height)
         highest[n] = height.numpy()[0]
-    fall = np.maximum(simulation._state.top.numpy()[0] - highest, 0.0)
+    fall = np.maximum(simulation.solver.state.top.numpy()[0] - highest, 0.0)
     return (sample.velocity**2).sum(axis=1) / (2.0 * 9.81) - fall - sample.thickness
 
 
@@ -221,7 +300,7 @@ def test_free_fall_limit_does_not_change_slow_lava(device):
             ground, Lava(viscosity=1e4), vent, device=device, deterministic=True
         )
         if not bound:
-            simulation._state.top.fill_(FAR)
+            simulation.solver.state.top.fill_(FAR)
         simulation.advance(1800.0)
         samples.append(simulation.sample())
     assert np.array_equal(samples[0].position, samples[1].position)
@@ -234,7 +313,8 @@ def test_highest_source_is_kept_until_the_terrain_changes(device):
     lava = Particles(np.array([[205.0, 105.0]]), 10.0, 1400.0)
 
     def top(simulation):
-        return float(simulation._state.top.numpy()[0] + simulation.scene.terrain.elevation.mean())
+        mean = simulation.scene.terrain.elevation.mean()
+        return float(simulation.solver.state.top.numpy()[0] + mean)
 
     simulation = simulated(ground, Lava(), vents[305.0], lava, device=device)
     assert top(simulation) == pytest.approx(60.0)
@@ -245,7 +325,7 @@ def test_highest_source_is_kept_until_the_terrain_changes(device):
     simulation.set_vents((vents[305.0],))
     assert top(simulation) == pytest.approx(80.0)
     resumed = Simulation.resume(simulation.checkpoint(), device=device)
-    assert np.array_equal(resumed._state.top.numpy(), simulation._state.top.numpy())
+    assert np.array_equal(resumed.solver.state.top.numpy(), simulation.solver.state.top.numpy())
     simulation.set_effects({'inertia': False, 'crust': True})
     assert top(simulation) == pytest.approx(80.0)
     simulation.set_terrain(Terrain(ground.elevation + 500.0, 10.0))

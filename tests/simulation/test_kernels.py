@@ -11,7 +11,12 @@ from scipy import special
 import warp as wp
 
 from lava_ros.simulation.accuracy import KERNELS
-from lava_ros.simulation.kernels import bessel, k0_within, smoothing_kernel, SQUARED_SUPPORT
+from lava_ros.simulation.particles.kernels import (
+    bessel,
+    k0_within,
+    smoothing_kernel,
+    SQUARED_SUPPORT,
+)
 
 
 def evaluate(function, values):

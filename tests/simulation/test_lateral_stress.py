@@ -12,7 +12,7 @@ import pytest
 from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.state import ADVECTION
+from lava_ros.simulation.particles.state import ADVECTION
 from lava_ros.verification.cases.confined import channel_velocity
 from lava_ros.verification.cases.sheets import response
 from solver import flat, lattice, only, simulated
@@ -68,9 +68,10 @@ def test_step_length_follows_the_reduced_speed():
         effects=only('helmholtz'), spacing=1.0, thickness=50.0,
     )
     speed = np.linalg.norm(simulation.sample().velocity, axis=1).max()
-    reach = simulation._stage.constants.reach
+    reach = simulation.solver.stage.constants.reach
     simulation.advance(1e-3)
-    assert simulation._state.rates.numpy()[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
+    rates = simulation.solver.state.rates.numpy()
+    assert rates[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])

@@ -55,7 +55,8 @@ def responses(effects, lava, slopes, thickness, device):
         found: wp.array(dtype=wp.vec2d),
     ):
         i = wp.tid()
-        found[i] = speed(law, wp.float64(WEIGHT), depth, slope[i], wp.float64(1400.0))
+        temperature, age = wp.float64(1400.0), wp.float64(0.0)
+        found[i] = speed(law, wp.float64(WEIGHT), depth, slope[i], temperature, age)
 
     found = wp.zeros(len(slopes), dtype=wp.vec2d, device=device)
     wp.launch(

@@ -18,7 +18,7 @@ from lava_ros.scene.reshaping import Barrier
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.resolution import resolution_of
 
 #: An incline that falls by 0.1 towards the south, 40 x 24 cells of 10 m.

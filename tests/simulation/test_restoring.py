@@ -12,11 +12,12 @@ import pytest
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import neighbors, Particles, Simulation
+from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.checkpoint import from_bytes
-from lava_ros.simulation.inundation import standing_cells
-from lava_ros.simulation.state import FAR
+from lava_ros.simulation.output.checkpoint import from_bytes
+from lava_ros.simulation.output.inundation import standing_cells
+from lava_ros.simulation.particles import neighbors
+from lava_ros.simulation.particles.state import FAR
 
 #: Times of the checkpoint and of the end [s].
 STOP, END = 200.0, 400.0
@@ -150,7 +151,7 @@ def test_resumes_a_checkpoint_with_one_sum_of_lost_lava():
     arrays = {**checkpoint.arrays, 'state.left': left.sum(keepdims=True)}
     del arrays['state.top']
     resumed = Simulation.resume(replace(checkpoint, arrays=arrays), device='cpu')
-    assert resumed._state.top.numpy()[0] == np.float32(FAR)
+    assert resumed.solver.state.top.numpy()[0] == np.float32(FAR)
     budget = resumed.budget()
     assert (budget.over_border, budget.in_holes) == (left.sum(), 0.0)
     assert run.budget().left >= left.sum()
@@ -164,7 +165,7 @@ def test_neighbour_grid_of_a_resumed_run_covers_lava_far_from_vents(device, monk
         accuracy=Accuracy(spacing=10.0, thickness=1.0), device=device,
         particles=Particles(places, 100.0, 1400.0),
     )
-    monkeypatch.setattr(neighbors, 'MOST_IN_CELL', 50)
+    monkeypatch.setattr(neighbors, 'MAX_PARTICLES_PER_CELL', 50)
     resumed = Simulation.resume(simulation.checkpoint(), device=device)
     snapshots = [run.snapshot() for run in (simulation, resumed)]
     assert snapshots[0].budget.held == pytest.approx(4e4, rel=1e-6)

@@ -13,10 +13,10 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.checkpoint import from_bytes
-from lava_ros.simulation.measurement import measure_resolution, measure_widths
-from lava_ros.simulation.review import LONGEST, next_review
+from lava_ros.simulation.output.checkpoint import from_bytes
+from lava_ros.simulation.output.measurement import measure_resolution, measure_widths
 from lava_ros.simulation.selection import decide
+from lava_ros.simulation.setup.review import LONGEST, next_review
 from slope_scenes import ground, HOUR, LAVA, scene
 
 #: A vent whose lava solidifies once it is at rest: its discharge falls to 0.
@@ -45,7 +45,7 @@ def test_solidification_is_switched_on_beyond_the_horizon(simulation: Simulation
     (decision,) = (item for item in simulation.decisions() if item.name == 'solidification')
     assert decision.is_on and 0.0 < decision.since < 6.0 * HOUR
     assert decision.measured > decision.effect.threshold >= decision.value
-    assert f'from {decision.since:.0f} s on' in decision.reason
+    assert f'since {decision.since:.0f} s' in decision.reason
     budget = simulation.budget()
     assert budget.frozen > 0.95 * budget.emitted
     assert budget.error < 1e-5

@@ -15,17 +15,23 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.course import course_of
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import (
     ACROSS,
     EDGES,
-    LEAST_ACROSS,
+    MIN_ACROSS,
     MOST_PARTICLES,
     resolution_of,
     resolved_accuracy,
 )
-from lava_ros.simulation.selection import decide, effects_for, expected_scales, HORIZON, slopes_of
+from lava_ros.simulation.selection import (
+    decide,
+    effects_for,
+    expected_scales,
+    HORIZON,
+    slopes_of,
+)
+from lava_ros.simulation.setup.course import course_of
 from slope_scenes import ground, HOUR, LAVA, scene
 from solver import incline
 
@@ -41,7 +47,7 @@ def test_spacing_follows_the_width_of_the_flow():
         assert found.limit == 'flow'
         assert found.across == pytest.approx(ACROSS * refinement, rel=5e-3)
         assert found.spacing == pytest.approx(width / found.across)
-        assert found.is_coarse == (found.across < LEAST_ACROSS)
+        assert found.is_coarse == (found.across < MIN_ACROSS)
     assert resolved_accuracy(Accuracy(), valley).spacing == resolution_of(
         valley, Accuracy()
     ).spacing

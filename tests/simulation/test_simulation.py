@@ -14,7 +14,8 @@ import warp as wp
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Terrain, Vent
-from lava_ros.simulation import defaults, Particles
+from lava_ros.simulation import Particles
+from lava_ros.simulation.setup import defaults
 from solver import incline, simulated
 
 LAVA = Lava(viscosity=2e3, density=2600.0)

@@ -12,13 +12,12 @@ import pytest
 import warp as wp
 
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
-from lava_ros.simulation import simulation as simulation_module
+from lava_ros.simulation import advance, Simulation, solver
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.streams import Reader
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.diagnostics import FlowDiagnostics, moment_of
-from lava_ros.simulation.snapshot import Snapshot, StepReport
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of
+from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 from solver import incline, only, simulated
 
 #: Budget after a hole has taken most of an eruption.
@@ -151,18 +150,18 @@ def test_memory_of_snapshots_is_reused(device):
 
 def test_launches_in_flight_do_not_change_the_flow(monkeypatch):
     ends = []
-    monkeypatch.setattr(simulation_module, '_FIRST_CAPACITY', 256)
+    monkeypatch.setattr(solver, '_FIRST_CAPACITY', 256)
     for number in (1, 2):
-        monkeypatch.setitem(simulation_module._UNDER_WAY, False, number)
+        monkeypatch.setitem(advance._IN_FLIGHT, False, number)
         ground = incline(0.5, 30, 200, 10.0, top=900.0)
         simulation = simulated(
             ground, Lava(), Vent((60.0, 155.0), 100.0), effects=only('inertia'), spacing=5.0,
             thickness=0.4, deterministic=True,
         )
-        room = simulation._state.capacity
+        room = simulation.solver.state.capacity
         for time in (15.0, 15.001, 40.0):
             assert simulation.advance(time) >= time
-        assert simulation._state.capacity > room
+        assert simulation.solver.state.capacity > room
         assert simulation.most_particles == simulation.particle_count
         ends.append((simulation.steps, simulation.time, simulation.snapshot()))
     one, other = ends
@@ -176,7 +175,7 @@ def test_diagnostics_equal_sums_over_the_particles(device):
     for time in (0.0, 60.0, 600.0):
         simulation.advance(time)
         held = simulation.sample().volume.sum()
-        state, vents = simulation._state, simulation._vents
+        state, vents = simulation.solver.state, simulation.solver.vents
         numbers = FlowDiagnostics().take(state, vents).numpy()
         moment = moment_of(numbers, state, vents, 0.0)
         assert moment.budget.flowing == pytest.approx(held, rel=1e-12)
@@ -196,9 +195,9 @@ def sound(device):
 
 
 def spoil(simulation, column, value):
-    rows = simulation._state.particle.numpy()
+    rows = simulation.solver.state.particle.numpy()
     rows[3, column] = value
-    simulation._state.particle.assign(rows)
+    simulation.solver.state.particle.assign(rows)
 
 
 @pytest.mark.parametrize('value', [np.nan, np.inf])

@@ -16,10 +16,10 @@ from lava_ros.hindcast.case import Case, Event
 from lava_ros.hindcast.run import Run, Settings
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation import state as at
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.batch import Batch
-from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.output.checkpoint import from_bytes
+from lava_ros.simulation.particles import state as at
 
 END, OUTPUTS = 400.0, (1, 4, 7, 24)
 
@@ -65,7 +65,7 @@ def result_of(simulation):
     """Return the arrays and counts that later steps and maps depend on, by name."""
     # removes lost and solidified particles, and sorts the others by cell
     simulation.sample()
-    clock, counts = simulation._state.read_clock()
+    clock, counts = simulation.solver.state.read_clock()
     checkpoint = simulation.checkpoint()
     passing = ('state.clock', 'state.counts', 'state.stage', 'state.rates')
     arrays = {name: item for name, item in checkpoint.arrays.items() if name not in passing}
@@ -216,6 +216,6 @@ def test_highest_source_of_a_later_vent_does_not_depend_on_stops(device):
         simulation.advance(time, limit=END)
         simulation = resumed(simulation)
         frozen = simulation.snapshot().frozen
-        tops.append((time, float(simulation._state.top.numpy()[0]), float(frozen[15, 17])))
+        tops.append((time, float(simulation.solver.state.top.numpy()[0]), float(frozen[15, 17])))
     assert frozen[15, 17] > 0.1
     assert {top for _, top, _ in tops} == {0.0}, tops

@@ -13,7 +13,7 @@ import pytest
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.presets import preset_accuracy
 
 #: A slope towards +x of cells of 5 m.

@@ -10,11 +10,11 @@ import pytest
 import warp as wp
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.cells import cell_frame
-from lava_ros.simulation.motion_arguments import arguments_type
-from lava_ros.simulation.neighbors import _kernels
-from lava_ros.simulation.state import PARTICLES, REAL, SPARE
-from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
+from lava_ros.simulation.particles.cells import cell_frame
+from lava_ros.simulation.particles.motion_arguments import arguments_type
+from lava_ros.simulation.particles.neighbors import _kernels
+from lava_ros.simulation.particles.state import PARTICLES, REAL, SPARE
+from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain, terrain_functions
 
 #: Number of cells, of particles in them, and of particles that have left.
 CELLS, COUNT, LEFT = 12, 40, 5
@@ -118,7 +118,9 @@ def test_curvature_is_the_largest_eigenvalue_or_zero(device):
 
 def ordered(device, real, cell, rank, *, again):
     """Return the volumes of particles numbered 1, 2, ... in their new order, and their count."""
-    *_, order_particles, _, list_members = _kernels(real, False, False, False, False, again)
+    *_, order_particles, _, list_members = _kernels(
+        real, False, False, False, False, False, again
+    )
     count = len(cell)
     sizes = np.bincount(cell, minlength=CELLS + 1)
     starts = np.concatenate([[0], np.cumsum(sizes)])

@@ -14,10 +14,11 @@ import pytest
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
+from lava_ros.simulation import advance, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-import lava_ros.simulation.simulation as simulation_module
-from lava_ros.simulation.vents import Emission, MOST_A_SECOND, VentSet
+import lava_ros.simulation.solver as solver_module
+from lava_ros.simulation.solver import Solver
+from lava_ros.simulation.step.vents import Emission, MAX_PARTICLES_PER_SECOND, VentSet
 
 VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
 
@@ -40,11 +41,11 @@ def vent_set(
 
 
 def test_capacity_grows_if_each_part_is_one_stage(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulation_module, '_FIRST_CAPACITY', 64)
+    monkeypatch.setattr(solver_module, '_FIRST_CAPACITY', 64)
     ticks = count()
     # 1 s passes between two readbacks of the clock
     clock = SimpleNamespace(monotonic=lambda: float(next(ticks)))
-    monkeypatch.setattr(simulation_module, 'wall_clock', clock)
+    monkeypatch.setattr(advance, 'wall_clock', clock)
     simulation = flow(VENT)
     for _ in range(100_000):
         if simulation.advance(40.0, wall_limit=1.5) >= 40.0:
@@ -56,9 +57,9 @@ def test_capacity_grows_if_each_part_is_one_stage(monkeypatch: pytest.MonkeyPatc
 
 
 def test_lava_beyond_the_capacity_is_overdue(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulation_module, '_FIRST_CAPACITY', 64)
+    monkeypatch.setattr(solver_module, '_FIRST_CAPACITY', 64)
     simulation = flow(VENT)
-    monkeypatch.setattr(Simulation, '_make_room', lambda self, counts: None)
+    monkeypatch.setattr(Solver, 'make_room', lambda self, counts: None)
     simulation.advance(40.0)
     budget = simulation.budget()
     assert budget.late == pytest.approx(budget.pending, abs=1.1) and budget.late > 600.0
@@ -80,12 +81,12 @@ def test_rejects_a_discharge_of_too_many_particles(discharges: tuple[float, ...]
 
 
 def test_emission_per_step_is_limited() -> None:
-    simulation = flow(Vent((50.0, 50.0), 0.9 * MOST_A_SECOND, radius=1e5))
+    simulation = flow(Vent((50.0, 50.0), 0.9 * MAX_PARTICLES_PER_SECOND, radius=1e5))
     simulation.advance(2.0)
     budget = simulation.budget()
     assert simulation.steps >= 6
-    assert budget.emitted == pytest.approx(1.8 * MOST_A_SECOND)
-    assert simulation._state.capacity < 2**21
+    assert budget.emitted == pytest.approx(1.8 * MAX_PARTICLES_PER_SECOND)
+    assert simulation.solver.state.capacity < 2**21
 
 
 @pytest.mark.parametrize('end', [None, (70.0, 50.0)])

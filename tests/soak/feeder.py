@@ -77,7 +77,7 @@ class Feeder(graph_publisher.Publisher):
             self.node.destroy_subscription(leaving)
         elif len(self.subscriptions) < 8:
             topic = self.chance.choice(GRIDS)
-            more = self.node.create_subscription(OccupancyGrid, topic, self._hear, LATCHED)
+            more = self.node.create_subscription(OccupancyGrid, topic, self._count, LATCHED)
             self.subscriptions.append(more)
 
     def bad_message(self):
@@ -88,7 +88,7 @@ class Feeder(graph_publisher.Publisher):
         """Restart the scene at time 0."""
         self.call('reset')
 
-    def _hear(self, _):
+    def _count(self, _):
         self.done['received by temporary subscribers'] += 1
 
     def run(self, seconds):

@@ -56,11 +56,11 @@ SPACING = 3.0
 GROWTH = 0.05
 
 
-class Ear:
-    """A listener to a node: ``heard`` has the time [s] and the content of each message."""
+class Receiver:
+    """A listener to a node: ``received`` has the time [s] and the content of each message."""
 
     def __init__(self, graph: Graph) -> None:
-        self.heard: list[tuple[float, dict[str, Any]]] = []
+        self.received: list[tuple[float, dict[str, Any]]] = []
         self._listener = graph.listener(*GRIDS)
         self._is_open = True
         self._thread = threading.Thread(target=self._listen, daemon=True)
@@ -72,20 +72,20 @@ class Ear:
                 line = self._listener.line(1.0)
             except AssertionError:
                 continue
-            self.heard.append((time.monotonic(), json.loads(line)))
+            self.received.append((time.monotonic(), json.loads(line)))
 
     def statuses(self, task: str) -> list[dict[str, Any]]:
         """Return the statuses of a task in order of arrival."""
         return [
             item['status'][f'lava: {task}']
-            for _, item in list(self.heard)
+            for _, item in list(self.received)
             if item['topic'] == 'diagnostics'
         ]
 
     def wait(self, is_there: Any, timeout: float = 120.0) -> None:
         """Wait until a condition on the received messages holds."""
         end = time.monotonic() + timeout
-        while not any(is_there(item) for _, item in list(self.heard)):
+        while not any(is_there(item) for _, item in list(self.received)):
             if time.monotonic() > end:
                 raise TimeoutError('the node is silent')
             time.sleep(0.1)
@@ -122,9 +122,9 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
             program=('-m', 'lava_ros.ros.node'), msg_config='default.yaml', device='cpu',
             time_scale=20.0, spacing=SPACING, record=True, **recording,
         )
-        ear = Ear(graph)
+        receiver = Receiver(graph)
         feeder.publish('vents', 'terrain_info', 'terrain')
-        ear.wait(lambda item: item['topic'] == 'height' and item['wet'] > 0)
+        receiver.wait(lambda item: item['topic'] == 'height' and item['wet'] > 0)
         pid = node.child.pid
         start, processor = time.monotonic(), processor_time_of(pid)
         feeding = threading.Thread(target=feeder.run, args=(seconds,), daemon=True)
@@ -135,7 +135,7 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
             memory.append((time.monotonic() - start, memory_of(pid)))
             if node.child.poll() is not None:
                 raise RuntimeError(f'the node has ended:\n{node.log}')
-            show(seconds, memory, ear)
+            show(seconds, memory, receiver)
         busy = processor_time_of(pid) - processor
         wall = time.monotonic() - start
         feeding.join(60.0)
@@ -143,21 +143,21 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
             raise RuntimeError('what feeds the node has failed, or hangs')
         feeder.call('record', False)
         time.sleep(3.0)
-        ear.close()
+        receiver.close()
         code = node.end()
         figures = {
             'seconds': round(wall, 1),
             'done': dict(feeder.done),
             'processor_share': round(busy / wall, 3),
             'exit_code': code,
-            'states': dict(Counter(item['state'] for item in ear.statuses('simulation'))),
-            'particles': max(int(i.get('particles', 0)) for i in ear.statuses('simulation')),
-            'refused': int(ear.statuses('inputs')[-1]['rejected']),
+            'states': dict(Counter(item['state'] for item in receiver.statuses('simulation'))),
+            'particles': max(int(i.get('particles', 0)) for i in receiver.statuses('simulation')),
+            'refused': int(receiver.statuses('inputs')[-1]['rejected']),
             'refusals': dict(Counter(re.findall(r' (\S+ refused: .{,100})', node.log))),
             'tracebacks': node.log.count('Traceback'),
             **memory_figures(memory),
-            **deadline_figures(ear.heard, start, start + seconds),
-            **bag_figures(bag, ear.heard),
+            **deadline_figures(receiver.received, start, start + seconds),
+            **bag_figures(bag, receiver.received),
         }
     finally:
         graph.close()
@@ -165,11 +165,12 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
     return figures
 
 
-def show(seconds: float, memory: list[tuple[float, int]], ear: Ear) -> None:
+def show(seconds: float, memory: list[tuple[float, int]], receiver: Receiver) -> None:
     """Show the progress in a terminal."""
     if sys.stderr.isatty():
         at, size = memory[-1]
-        text = f'{at:.0f} of {seconds:.0f} s, {size / 1e6:.0f} MB, {len(ear.heard)} messages'
+        count = len(receiver.received)
+        text = f'{at:.0f} of {seconds:.0f} s, {size / 1e6:.0f} MB, {count} messages'
         print(f'\r{text:70}', end='', file=sys.stderr, flush=True)
 
 
@@ -193,12 +194,12 @@ def memory_figures(memory: list[tuple[float, int]]) -> dict[str, Any]:
 
 
 def deadline_figures(
-    heard: list[tuple[float, dict[str, Any]]], start: float, end: float
+    received: list[tuple[float, dict[str, Any]]], start: float, end: float
 ) -> dict[str, Any]:
     """Return the times between two messages of each grid."""
     gaps: list[float] = []
     for topic in GRIDS:
-        moments = [at for at, item in heard if item['topic'] == topic and start <= at <= end]
+        moments = [at for at, item in received if item['topic'] == topic and start <= at <= end]
         gaps += np.diff(moments).tolist()
     return {
         'grids': len(gaps) + len(GRIDS),
@@ -210,7 +211,7 @@ def deadline_figures(
     }
 
 
-def bag_figures(bag: Path, heard: list[tuple[float, dict[str, Any]]]) -> dict[str, Any]:
+def bag_figures(bag: Path, received: list[tuple[float, dict[str, Any]]]) -> dict[str, Any]:
     """Compare the received messages with those in the bag."""
     reader = BagReader(bag)
     recorded: Counter[tuple[str, int]] = Counter()
@@ -223,12 +224,12 @@ def bag_figures(bag: Path, heard: list[tuple[float, dict[str, Any]]]) -> dict[st
         elif key[0] in (*GRIDS, 'diagnostics'):
             recorded[key] += 1
             digests[key] = hashlib.sha256(message.data).hexdigest()
-    known = {(item['topic'], item['stamp_ns']): item['sha256'] for _, item in heard}
+    known = {(item['topic'], item['stamp_ns']): item['sha256'] for _, item in received}
     first = min(stamp for _, stamp in known)
     # Messages before the bag was opened, or after it was closed, are not in it.
     begin, end = (pick(stamp for _, stamp in recorded) for pick in (min, max))
     missing = [key for key in known if begin <= key[1] <= end and key not in recorded]
-    unheard = [key for key in recorded if key[1] >= first and key not in known]
+    unreceived = [key for key in recorded if key[1] >= first and key not in known]
     # DDS pads messages to multiples of four bytes; those of grids already have such a length.
     differ = [
         key for key in recorded if key[0] in GRIDS and digests[key] != known.get(key, digests[key])
@@ -248,7 +249,7 @@ def bag_figures(bag: Path, heard: list[tuple[float, dict[str, Any]]]) -> dict[st
         'heard': len(known),
         'heard_not_recorded': len(missing),
         'first_not_recorded': sorted(missing, key=lambda key: key[1])[:4],
-        'recorded_not_heard': len(unheard),
+        'recorded_not_heard': len(unreceived),
     }
 
 

@@ -104,8 +104,8 @@ def test_solidified_fraction_of_a_freezing_lens():
         time = fraction * lens.end
         temperature = 300.0 + 1123.0 * np.exp(-25.0 * time / (3e6 * h))
         frozen = h[temperature < 1300.0].sum() / h.sum()
-        assert lens.frozen_share(time) == pytest.approx(frozen, abs=1e-4)
-    assert lens.frozen_share(2.0 * lens.end) == 1.0
+        assert lens.frozen_fraction(time) == pytest.approx(frozen, abs=1e-4)
+    assert lens.frozen_fraction(2.0 * lens.end) == 1.0
 
 
 def test_temperature_step_and_warming_by_descent():

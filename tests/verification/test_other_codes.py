@@ -5,16 +5,12 @@
 
 import csv
 import importlib
-import math
 from pathlib import Path
-import re
 import shutil
 
 import pytest
 
-ACCURACY = Path(__file__).parents[2] / 'docs/accuracy'
-BENCHMARKS = ACCURACY.parent / 'benchmarks'
-COLUMNS = 'case,code,quantity,value,unit,cells_or_particles,seconds,machine,source'
+BENCHMARKS = Path(__file__).parents[2] / 'docs/benchmarks'
 
 
 def lines_of(path: Path) -> list[dict[str, str]]:
@@ -26,21 +22,6 @@ def lines_of(path: Path) -> list[dict[str, str]]:
 def scripts(monkeypatch):
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     return importlib.import_module
-
-
-def test_rows_of_other_codes_are_complete():
-    rows = lines_of(ACCURACY / 'other_codes.csv')
-    assert rows
-    for row in rows:
-        assert ','.join(row) == COLUMNS
-        assert all(row[name] for name in ('case', 'code', 'quantity', 'unit', 'source')), row
-        assert math.isfinite(float(row['value'])), row
-        assert not row['seconds'] or float(row['seconds']) > 0.0, row
-        assert re.fullmatch(r'(cells of \d+ m|\d+)?', row['cells_or_particles']), row
-        assert row['unit'] in ('%', '1'), row
-        assert row['source'].startswith('our own run') == (row['machine'] == '2 CPU cores'), row
-        assert bool(row['machine']) != ('doi:10.' in row['source']), row
-        assert not row['seconds'] or row['cells_or_particles'], row
 
 
 def test_tables_of_the_page_are_up_to_date(scripts):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Curves over time as SVG, drawn without any library so that the page needs none."""
+"""Curves over time as SVG, drawn without a library so that the page needs none."""
 
 from collections.abc import Sequence
 from html import escape
@@ -19,10 +19,10 @@ from lava_ros.pages.report.survey import Survey
 WIDTH, HEIGHT = 440.0, 240.0
 LEFT, RIGHT, TOP, BOTTOM = 52.0, 12.0, 14.0, 34.0
 
-#: Most points of a curve.
-MOST_POINTS = 400
+#: Maximum number of points of a curve.
+MAX_POINTS = 400
 
-#: Curves of the volume, and those that are only drawn where they are above 0.
+#: Curves of the volume, and curves that are only drawn if they are above 0.
 _VOLUMES = {'emitted': 'volume_emitted_m3', 'held': 'volume_held_m3'}
 _OTHERS = {
     'left the terrain': 'volume_left_m3',
@@ -31,7 +31,7 @@ _OTHERS = {
     'late in the vents': 'volume_late_m3',
 }
 
-#: The least value for a larger unit, its name and its size.
+#: Minimum value for a larger unit, its name and its size.
 _LARGER = {'m³': (1e6, 'million m³', 1e6), 'm²': (1e5, 'km²', 1e6), 'm': (1e3, 'km', 1e3)}
 
 
@@ -43,9 +43,9 @@ class Curve(NamedTuple):
     values: Sequence[float]
 
     def thinned(self) -> list[tuple[float, float]]:
-        """Times and values, at most ``MOST_POINTS``, its ends among them."""
+        """Return times and values of at most ``MAX_POINTS`` points, including both ends."""
         count = len(self.times)
-        chosen = np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int)
+        chosen = np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(int)
         return [(self.times[index], self.values[index]) for index in np.unique(chosen)]
 
 
@@ -58,7 +58,7 @@ class Chart(NamedTuple):
     curves: list[Curve]
 
     def data(self) -> dict[str, Any]:
-        """The curves as plain data for the page."""
+        """Return the curves as plain data for the page."""
         return {
             'key': self.key,
             'unit': self.unit,
@@ -75,47 +75,47 @@ class Chart(NamedTuple):
         }
 
 
-def charts_of(recording: Recording, seen: Survey) -> list[Chart]:
-    """Volume, area, front and temperature of a run."""
+def charts_of(recording: Recording, survey: Survey) -> list[Chart]:
+    """Return charts of the volume, area, front and temperature of a run."""
     run = recording.timeline.last_run
-    told = [item.time for item in run]
+    times = [item.time for item in run]
     volumes = [
-        Curve(label, told, [item.number(name) for item in run])
+        Curve(label, times, [item.number(name) for item in run])
         for label, name in {**_VOLUMES, **_OTHERS}.items()
     ]
     volumes = [
         item for item in volumes
         if item.label in _VOLUMES or any(value > 0.0 for value in item.values)
     ]
-    is_known = math.isfinite(seen.inundated[-1])
+    is_known = math.isfinite(survey.inundated[-1])
     return [
         _scaled('volume', 'Volume', 'm³', volumes),
         _scaled('area', 'Area', 'm²', [
-            *([Curve('inundated', seen.times, seen.inundated)] if is_known else []),
-            Curve('standing lava', seen.times, seen.standing),
+            *([Curve('inundated', survey.times, survey.inundated)] if is_known else []),
+            Curve('standing lava', survey.times, survey.standing),
         ]),
         _scaled(
             'front', 'Distance of the front', 'm',
-            [Curve('from the nearest vent', seen.times, seen.front)],
+            [Curve('from the nearest vent', survey.times, survey.front)],
         ),
-        Chart('temperature', 'Highest temperature', '°C', [_temperature(run, seen)]),
+        Chart('temperature', 'Highest temperature', '°C', [_temperature(run, survey)]),
     ]
 
 
-def _temperature(run: Sequence[Moment], seen: Survey) -> Curve:
-    """The hottest cell over time, as the diagnostics have it; of older bags that of the maps."""
-    told = [item.number('highest_temperature_c') for item in run]
-    if any(map(math.isfinite, told)):
-        return Curve('hottest cell', [item.time for item in run], told)
-    shown = seen.frame.layers.get('temperature')
+def _temperature(run: Sequence[Moment], survey: Survey) -> Curve:
+    """Return the temperature of the hottest cell: of diagnostics, or of maps in older bags."""
+    values = [item.number('highest_temperature_c') for item in run]
+    if any(map(math.isfinite, values)):
+        return Curve('hottest cell', [item.time for item in run], values)
+    shown = survey.frame.layers.get('temperature')
     step = 2.0 * rounding(shown.layer) if shown is not None else 0.0
-    # grids round to steps, between which the curve of a slowly cooling flow jumps to and fro
+    # the curve jumps between the rounded values of a grid
     label = 'hottest cell' + (f', recorded in steps of {step:g} °C' if step else '')
-    return Curve(label, seen.times, seen.hottest)
+    return Curve(label, survey.times, survey.hottest)
 
 
 def _scaled(key: str, title: str, unit: str, curves: list[Curve]) -> Chart:
-    """A chart in thousands or millions where that is easier to read."""
+    """Return a chart, in a larger unit if its values are large."""
     most = max((v for item in curves for v in item.values if math.isfinite(v)), default=0.0)
     least, name, size = _LARGER[unit]
     if most < least:
@@ -128,7 +128,7 @@ def _scaled(key: str, title: str, unit: str, curves: list[Curve]) -> Chart:
 
 
 def time_unit(span: float) -> tuple[float, str]:
-    """Length [s] and name of the unit that suits a time span [s]."""
+    """Return length [s] and name of the unit for a time span [s]."""
     for seconds, name, least in ((86_400.0, 'd', 3.0), (3600.0, 'h', 2.0), (60.0, 'min', 2.0)):
         if span >= least * seconds:
             return seconds, name
@@ -136,7 +136,7 @@ def time_unit(span: float) -> tuple[float, str]:
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
-    """Round numbers from low to high, at most so many and one."""
+    """Return at most ``most`` + 1 round numbers from low to high."""
     span = high - low
     if not span > 0.0:
         return [low]
@@ -148,7 +148,7 @@ def ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def svg(chart: Chart, start: float, end: float) -> str:
-    """Draw a chart from a time to another [s]; curves have the classes c0, c1, ... ."""
+    """Draw a chart between two times [s]; curves have the classes c0, c1, ... ."""
     known = [value for item in chart.curves for value in item.values if math.isfinite(value)]
     low, high = min([0.0, *known]), max([0.0, *known])
     if chart.key == 'temperature' and known:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""HTML pages: of a run, with a map that moves; and with one picture and without a script."""
+"""HTML pages: a report on a bag with an animated map, and static pages with one picture."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ def write_report(
     """Write a self-contained HTML page about a bag, and return its size [bytes].
 
     Raises:
-        LavaError: The bag or a file of ``overlays`` cannot be read, or the page cannot be written.
+        LavaError: If the bag or an overlay cannot be read, or the page cannot be written.
     """
     output = file_to_write('output', output, ('.html', '.htm'))
     places = _tables([path], overlays)
@@ -49,7 +49,7 @@ def write_report(
 
 
 def _tables(paths: Sequence[str | Path], overlays: Sequence[str]) -> dict[str, ArrivalTable]:
-    """When lava of runs arrives at the places of files, by the paths of the runs."""
+    """Return the arrival of lava at the places of files, by the paths of the runs."""
     if not overlays:
         return {}
     return {str(path): table_of(path, overlays, field='--overlay') for path in paths}
@@ -64,14 +64,14 @@ def page(
     """Return the HTML page about a recording; ``places`` has the arrival at places by run.
 
     Raises:
-        LavaError: The bag is damaged, or does not have its simulated times.
+        LavaError: If the bag is damaged or has no simulated times.
     """
-    seen = survey(recording, progress)
-    charts = charts_of(recording, seen)
-    data = _data(recording, seen, charts, progress)
+    summary = survey(recording, progress)
+    charts = charts_of(recording, summary)
+    data = _data(recording, summary, charts, progress)
     style, script = _file('report.css'), _file('report.js')
-    start, end = seen.times[0], seen.times[-1]
-    told = described(recording.bag.custom_data)
+    start, end = summary.times[0], summary.times[-1]
+    description = described(recording.bag.custom_data)
     layers = [item['name'] for item in data['layers']]
     return _rendered(
         'report.html',
@@ -81,8 +81,8 @@ def page(
         script_hash=_hash(script),
         name=recording.bag.path.resolve().name,
         heading=f'Lava flow after {duration(end)}',
-        warnings=sections.warnings(recording, seen),
-        facts=sections.facts(recording, seen),
+        warnings=sections.warnings(recording, summary),
+        facts=sections.facts(recording, summary),
         layers=layers if data['arrival'] is None else [*layers, 'arrival'],
         last=len(data['times']) - 1,
         charts=charts,
@@ -90,24 +90,24 @@ def page(
         start=start,
         end=end,
         hazard=sections.hazard_legend(recording),
-        depth=sections.depth_table(seen),
+        depth=sections.depth_table(summary),
         places=sections.place_tables(places),
-        rounding=sections.rounding_notes(seen),
-        effects=sections.effects_tables(told),
-        accuracy=sections.accuracy_table(recording, told),
-        recorded=sections.recorded_tables(recording, seen),
-        described=sections.described_data(recording, told),
+        rounding=sections.rounding_notes(summary),
+        effects=sections.effects_tables(description),
+        accuracy=sections.accuracy_table(recording, description),
+        recorded=sections.recorded_tables(recording, summary),
+        described=sections.described_data(recording, description),
         data=_json(data),
     )
 
 
 def _data(
-    recording: Recording, seen: Survey, charts: Sequence[Chart], progress: Progress
+    recording: Recording, summary: Survey, charts: Sequence[Chart], progress: Progress
 ) -> dict[str, Any]:
-    frame, view = seen.frame, view_of(seen)
+    frame, view = summary.frame, view_of(summary)
     place = placement_of(recording.scene)
     onset = recorded_onset(recording.bag.custom_data)
-    maps = pack_maps(recording, seen, view, progress)
+    maps = pack_maps(recording, summary, view, progress)
     rows, columns = (
         -(-(last - first) // view.factor) for first, last in (view.rows, view.columns)
     )
@@ -119,13 +119,13 @@ def _data(
         'south': frame.origin[1] + view.rows[0] * frame.resolution,
         'offset': list(place.offset),
         'epsg': place.epsg,
-        'vents': seen.vents.tolist(),
+        'vents': summary.vents.tolist(),
         'barriers': [crest.tolist() for crest in barriers_of(frame)],
-        'relief': relief(seen, view),
+        'relief': relief(summary, view),
         'times': maps['times'],
         'areas': maps['areas'],
-        'start': seen.times[0],
-        'end': seen.times[-1],
+        'start': summary.times[0],
+        'end': summary.times[-1],
         'onset': None if onset is None else onset.start.timestamp(),
         'layers': maps['layers'],
         'arrival': maps['arrival'],
@@ -134,7 +134,7 @@ def _data(
 
 
 def _rendered(template: str, **content: Any) -> str:
-    """Fill in a template of this folder; texts are escaped."""
+    """Render a template of this folder; texts are escaped."""
     require('jinja2', 'HTML pages')
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -150,17 +150,17 @@ def _file(name: str) -> str:
 
 
 def _hash(text: str) -> str:
-    """The source expression of a script or style in a Content-Security-Policy."""
+    """Return the source expression of a script or style for a Content-Security-Policy."""
     return 'sha256-' + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def _json(data: Any) -> str:
-    """JSON that cannot end the element it is in."""
+    """Return JSON that cannot end the HTML element around it."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(',', ':'))
     return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
 
 
-def write_still(
+def write_static_page(
     output: Path, picture: Path, *, template: str = 'still.html', **content: Any
 ) -> int:
     """Write a self-contained HTML page about a PNG.
@@ -169,14 +169,14 @@ def write_still(
         output: The page.
         picture: The PNG.
         template: A template of this folder: ``still.html``, or one that extends it.
-        content: What the template names: ``title``, ``subtitle``, ``warnings`` and ``facts`` of
+        content: Variables of the template: ``title``, ``subtitle``, ``warnings`` and ``facts`` of
             the page, ``shows``, which describes the picture, and the sections after the picture.
 
     Returns:
         Size of the page [bytes].
 
     Raises:
-        LavaError: The page cannot be written, or the picture cannot be read.
+        LavaError: If the page cannot be written, or the picture cannot be read.
     """
     try:
         image = base64.b64encode(picture.read_bytes()).decode()
@@ -193,7 +193,7 @@ def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -
     ``options`` are those of ``draw_runs``.
 
     Raises:
-        LavaError: A run or a file cannot be read, or the page cannot be written.
+        LavaError: If a run or a file cannot be read, or the page cannot be written.
     """
     output = file_to_write('output', output, ('.html', '.htm'))
     with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
@@ -204,7 +204,7 @@ def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -
             for name, scores in drawn['scores'].items()
             for term, value in scores.items()
         }
-        return write_still(
+        return write_static_page(
             output,
             picture,
             title=drawn['title'],

@@ -63,14 +63,14 @@
 
   const ramp = (stops) => {
     const colours = stops.map(rgb);
-    return (share) => {
-      const at = Math.min(Math.max(share, 0), 1) * (colours.length - 1);
+    return (fraction) => {
+      const at = Math.min(Math.max(fraction, 0), 1) * (colours.length - 1);
       const low = Math.min(Math.floor(at), colours.length - 2);
       return colours[low].map((value, i) => value + (at - low) * (colours[low + 1][i] - value));
     };
   };
 
-  const views = {};      // name -> how a layer is shown
+  const views = {};      // name -> view of a layer
   const makeViews = () => {
     for (const item of data.layers) {
       const value = (code) => item.low + code * item.step;
@@ -82,8 +82,8 @@
           title: item.title,
           classes: item.classes.map(([, name], number) => [name, colours[number]]),
           colour: (number) => colours[number],
-          share: place,
-          say: (code) => (code ? `${item.name} ${Math.round(value(code))}, ${item.classes[place(code)][1]}` : ''),
+          fraction: place,
+          describe: (code) => (code ? `${item.name} ${Math.round(value(code))}, ${item.classes[place(code)][1]}` : ''),
         };
         continue;
       }
@@ -94,8 +94,8 @@
         low: `${Math.round(low)} ${item.unit}`,
         high: `${Number(high.toPrecision(3))} ${item.unit}${item.saturated ? ' or more' : ''}`,
         colour: ramp(item.colours),
-        share: (code) => (value(code) - low) / (high - low),
-        say: (code) => (code ? `${item.name} ${Number(value(code).toPrecision(3))} ${item.unit}`.trim() : ''),
+        fraction: (code) => (value(code) - low) / (high - low),
+        describe: (code) => (code ? `${item.name} ${Number(value(code).toPrecision(3))} ${item.unit}`.trim() : ''),
       };
     }
     if (data.arrival) {
@@ -105,9 +105,9 @@
         low: duration(data.start),
         high: duration(data.end),
         colour: ramp(data.arrival.colours),
-        share: (code) => (time(code) - data.start) / Math.max(data.end - data.start, 1),
+        fraction: (code) => (time(code) - data.start) / Math.max(data.end - data.start, 1),
         time,
-        say: (code) => (code ? `lava came by ${duration(time(code))}` : ''),
+        describe: (code) => (code ? `lava arrived by ${duration(time(code))}` : ''),
       };
     }
   };
@@ -117,7 +117,7 @@
   const codeAt = (name, cell) => {
     if (name !== 'arrival') return cells[name][frame() * size + cell];
     const code = cells.arrival[cell];
-    // What comes later is not known yet at the slider's time.
+    // Later arrivals are not shown.
     return code && views.arrival.time(code) <= data.times[frame()] + data.arrival.step ? code : 0;
   };
 
@@ -148,8 +148,8 @@
         const left = ((x - data.west) / data.cell) * scale;
         context.lineTo(left, (data.rows - (y - data.south) / data.cell) * scale);
       }
-      for (const [share, colour] of [[2, '#fff'], [1, '#3d2b1f']]) {
-        context.lineWidth = share * width;
+      for (const [factor, colour] of [[2, '#fff'], [1, '#3d2b1f']]) {
+        context.lineWidth = factor * width;
         context.strokeStyle = colour;
         context.stroke();
       }
@@ -203,7 +203,7 @@
     for (let cell = 0; cell < size; cell += 1) {
       const code = codeAt(layer, cell);
       if (code) {
-        const colour = view.colour(view.share(code));
+        const colour = view.colour(view.fraction(code));
         // Row 0 is the southernmost.
         const row = data.rows - 1 - Math.floor(cell / data.columns);
         const at = 4 * (row * data.columns + (cell % data.columns));
@@ -274,12 +274,12 @@
 
   const moveCursors = () => {
     const time = data.times[frame()];
-    const share = (time - data.start) / Math.max(data.end - data.start, 1e-9);
+    const fraction = (time - data.start) / Math.max(data.end - data.start, 1e-9);
     for (const line of document.querySelectorAll('.cursor')) {
       const box = line.ownerSVGElement.viewBox.baseVal;
       const first = line.ownerSVGElement.querySelector('.grid');
       const [left, right] = [first.x1.baseVal.value, first.x2.baseVal.value];
-      const x = Math.min(left + share * (right - left), box.width);
+      const x = Math.min(left + fraction * (right - left), box.width);
       line.setAttribute('x1', x);
       line.setAttribute('x2', x);
     }
@@ -299,11 +299,11 @@
     const x = data.west + (column + 0.5) * data.cell + data.offset[0];
     const y = data.south + (row + 0.5) * data.cell + data.offset[1];
     const cell = row * data.columns + column;
-    const said = Object.keys(views).map((name) => views[name].say(codeAt(name, cell))).filter(Boolean);
+    const lines = Object.keys(views).map((name) => views[name].describe(codeAt(name, cell))).filter(Boolean);
     const place = data.epsg
       ? `E ${Math.round(x)}, N ${Math.round(y)} (EPSG:${data.epsg})`
       : `x ${Math.round(x)} m, y ${Math.round(y)} m`;
-    byId('readout').textContent = `${place}: ${said.length ? said.join(', ') : 'no lava'}`;
+    byId('readout').textContent = `${place}: ${lines.length ? lines.join(', ') : 'no lava'}`;
   };
 
   const show = () => {
@@ -345,7 +345,7 @@
     if (frame() >= last) go(0);
     play.textContent = 'Pause';
     play.setAttribute('aria-pressed', 'true');
-    // The whole run in ten seconds, whatever the distances between its frames.
+    // The whole run in ten seconds, at any interval between its frames.
     const started = performance.now();
     const from = data.times[frame()];
     const rate = (data.end - data.start) / 10000;

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The texts and tables of the page; the templates lay them out, and escape every text."""
+"""Texts and tables of the report; the templates arrange and escape them."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -28,13 +28,13 @@ from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.survey import Survey
 from lava_ros.scene.projection import system_name
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
-from lava_ros.simulation.resolution import LEAST_ACROSS
+from lava_ros.simulation.resolution import MIN_ACROSS
 
 
 class Table(NamedTuple):
-    """Titles of columns, and rows of texts; the column ``states`` has ``on`` or ``off``."""
+    """Titles of columns, and rows of texts; the column ``states`` contains ``on`` or ``off``."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -42,16 +42,16 @@ class Table(NamedTuple):
 
 
 def warnings(recording: Recording, survey: Survey) -> list[str]:
-    """What a reader has to know before anything else, as sentences."""
+    """Return the warnings at the top of the page, as sentences."""
     found = []
     if recording.bag.recovered:
-        found.append('The recording was cut off: what came after its last whole message is lost.')
+        found.append('The recording was cut off: data after its last complete message are lost.')
     found += [f'Part of the bag is damaged or missing: {text}.' for text in recording.bag.damage]
     moments, run = recording.timeline.moments, recording.timeline.last_run
     if len(run) < len(moments):
-        found.append('The simulation was reset while it was recorded: this is the last run.')
-    told = (VolumeBudget.from_texts(item.values) for item in run)
-    budgets = [budget for budget in told if budget is not None]
+        found.append('The simulation was reset during the recording: this is the last run.')
+    parsed = (VolumeBudget.from_texts(item.values) for item in run)
+    budgets = [budget for budget in parsed if budget is not None]
     errors = [budget.error for budget in budgets if not budget.is_conserved]
     if errors:
         found.append(
@@ -61,23 +61,23 @@ def warnings(recording: Recording, survey: Survey) -> list[str]:
     elif budgets:
         found += [f'{text[0].upper()}{text[1:]}.' for text in budgets[-1].warnings()]
     across, width = (run[-1].number(key) for key in ('particles_across', 'flow_width_m'))
-    if across < LEAST_ACROSS:
+    if across < MIN_ACROSS:
         found.append(
             f'The flow is under-resolved: {across:.2g} particles across about {width:.2g} m. '
-            'What it covers is another footprint than that of a finer run.'
+            'The inundated area would differ in a finer run.'
         )
     if 'thickness' in survey.saturated:
         layer = survey.frame.layers['thickness'].layer
         if layer.range is not None:
             found.append(
-                f'The lava is thicker in places than {layer.range[1]:g} m, the most that the '
-                f'layer {layer.name} can say.'
+                f'The lava is thicker in places than {layer.range[1]:g} m, the maximum of the '
+                f'layer {layer.name}.'
             )
     return found
 
 
 def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
-    """The run in a few numbers: names and values."""
+    """Return names and values of the main results of a run."""
     last = recording.timeline.last_run[-1]
     onset = recorded_onset(recording.bag.custom_data)
     dates = [] if onset is None else [
@@ -97,9 +97,9 @@ def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
     thickest = survey.frame.thickest
     if math.isfinite(thickest):
         prefix = 'over ' if survey.frame.layers['thickness'].is_saturated else ''
-        rows.append(('thickest', f'{prefix}{thickest:.3g} m'))
+        rows.append(('maximum thickness', f'{prefix}{thickest:.3g} m'))
     if survey.largest.get('thickness', 0.0) > thickest:
-        rows.append(('thickest before', f'{survey.largest["thickness"]:.3g} m'))
+        rows.append(('peak thickness', f'{survey.largest["thickness"]:.3g} m'))
     if math.isfinite(front := survey.front[-1]):
         shown = f'{front / 1000.0:.2f} km' if front >= 1000.0 else f'{front:.0f} m'
         rows.append(('front, from the nearest vent', shown))
@@ -112,31 +112,30 @@ def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
     return rows
 
 
-def effects_tables(told: Mapping[str, Any]) -> list[tuple[str, Table]]:
+def effects_tables(description: Mapping[str, Any]) -> list[tuple[str, Table]]:
     """Return tables with titles: effects at the start with reasons, and later changes."""
-    if not told['effects']:
+    if not description['effects']:
         return []
     start, *changes = (
         [(duration(float(change['time'])), *_effect(*item)) for item in change['effects'].items()]
-        for change in told['effects']
+        for change in description['effects']
     )
     order = sorted((row[1:] for row in start), key=lambda row: not row[1].startswith('on'))
-    tables = [('', Table(('effect', 'at the start', 'because'), order, states=1))]
+    tables = [('', Table(('effect', 'at the start', 'reason'), order, states=1))]
     if changes:
         rows = [row for rows in changes for row in rows]
-        head = ('when', 'effect', 'now', 'because')
-        tables.append(('Changed while it ran', Table(head, rows, states=2)))
+        head = ('time', 'effect', 'state', 'reason')
+        tables.append(('Changes during the run', Table(head, rows, states=2)))
     return tables
 
 
 def _effect(name: object, text: object) -> tuple[str, str, str]:
-    """The name of an effect, whether it is on, and why."""
     state, _, reason = str(text).partition(': ')
     return str(name).replace('_', ' '), state, reason
 
 
 def hazard_legend(recording: Recording) -> Table:
-    """What the values of the hazard mean, with the limits it was made with."""
+    """Return the meaning of hazard index values, with the limits of the recording."""
     known = [item.hazard for item in recording.layers.values() if item.source == 'hazard']
     limits = [HazardLimits(), *known][-1]
     lethal, safe = (
@@ -154,7 +153,7 @@ def hazard_legend(recording: Recording) -> Table:
                 '1 to 99',
                 f'the same class: lava cooler than {lethal}, which freezes long before: burial, '
                 f'from 0 to {limits.lethal_thickness:g} m, and heat, from {safe} to {lethal}, '
-                'as if they struck independently',
+                'combined like independent events',
             ),
             ('100', f'{fatal}: {limits.lethal_thickness:g} m or more, or {lethal} or more'),
         ],
@@ -162,15 +161,15 @@ def hazard_legend(recording: Recording) -> Table:
 
 
 def depth_table(survey: Survey) -> Table | None:
-    """Area of the lava that stands at the end by its depth, in classes that people can picture."""
+    """Return the area of standing lava at the end by classes of its thickness."""
     thickness = survey.frame.layers.get('thickness')
     if thickness is None:
         return None
     depth = thickness.values[survey.frame.standing]
     counts = np.histogram(depth, [0.0, *DEPTHS, np.inf])[0]
-    names = ('up to the knee', "up to somebody's height", 'up to a roof', 'over a roof')
+    names = ('up to the knee', 'up to the height of a person', 'up to a roof', 'over a roof')
     ends = [f'below {DEPTHS[0]:g} m', *(f'{a:g} to {b:g} m' for a, b in pairwise(DEPTHS))]
-    ends.append(f'from {DEPTHS[-1]:g} m on')
+    ends.append(f'{DEPTHS[-1]:g} m or more')
     cell = survey.frame.resolution**2
     rows = [
         (end, name, area_words(float(count) * cell))
@@ -179,9 +178,9 @@ def depth_table(survey: Survey) -> Table | None:
     return Table(('depth', 'as deep as', 'area'), rows)
 
 
-def accuracy_table(recording: Recording, told: Mapping[str, Any]) -> Table:
-    """The preset, how this run resolved its flow, and what it cost."""
-    name = (told['parameters'] or {}).get('preset')
+def accuracy_table(recording: Recording, description: Mapping[str, Any]) -> Table:
+    """Return the preset, the resolution of the flow, and the computational cost of a run."""
+    name = (description['parameters'] or {}).get('preset')
     preset = PRESETS.get(name) if isinstance(name, str) else None
     run = recording.timeline.last_run[-1]
     known = f'{name}: {preset.summary}' if preset is not None else str(name or 'unknown')
@@ -203,7 +202,7 @@ def accuracy_table(recording: Recording, told: Mapping[str, Any]) -> Table:
     ]
     speed = run.number('mean_speed')
     if speed > 0.0:
-        rows.append(('computing an hour of the flow took', seconds(3600.0 / speed)))
+        rows.append(('wall time per simulated hour', seconds(3600.0 / speed)))
     return Table(('this run', ''), rows)
 
 
@@ -215,9 +214,9 @@ def recorded_tables(recording: Recording, survey: Survey) -> list[Table]:
     terrain = terrain if isinstance(terrain, dict) else {}
     lines = [
         ('bag', bag.path.name),
-        ('state', 'cut off; what was written before is here' if bag.recovered else 'finished'),
+        ('state', 'cut off; earlier messages are complete' if bag.recovered else 'finished'),
         ('size', f'{bag.size / 1e6:.2f} MB in {len(bag.files)} file(s)'),
-        ('recording lasted', duration(bag.duration_ns / 1e9)),
+        ('duration of the recording', duration(bag.duration_ns / 1e9)),
         ('maps shown on this page', f'{len(survey.times)} frames of the last run'),
         ('terrain', f'{columns} x {rows} cells of {frame.resolution:g} m'),
         ('coordinate system', system_name(terrain.get('epsg'), terrain.get('wkt'))),
@@ -232,17 +231,17 @@ def recorded_tables(recording: Recording, survey: Survey) -> list[Table]:
     ]
 
 
-def described_data(recording: Recording, told: Mapping[str, Any]) -> list[tuple[str, str]]:
+def described_data(recording: Recording, description: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the recorded scene and parameters as YAML with titles."""
     return [
         (title, yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
-        for title, data in (('Scene', recording.scene), ('Parameters', told['parameters']))
+        for title, data in (('Scene', recording.scene), ('Parameters', description['parameters']))
         if data
     ]
 
 
 def rounding_notes(survey: Survey) -> list[str]:
-    """How finely the values of each layer were recorded."""
+    """Return the step between recorded values of each layer, as texts."""
     notes = []
     for source, shown in sorted(survey.frame.layers.items()):
         layer = shown.layer
@@ -254,7 +253,7 @@ def rounding_notes(survey: Survey) -> list[str]:
 
 
 def place_tables(tables: Mapping[str, ArrivalTable]) -> list[tuple[str, str, Table]]:
-    """When lava arrives at places: the name of each run, a summary and a table."""
+    """Return the arrival at places: the name of each run, a summary and a table."""
     return [
         (name, table.summary, Table(head, rows))
         for name, table in tables.items()

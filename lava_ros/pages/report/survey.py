@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The frames of a run: what comes of them as a whole, and their maps in few bytes."""
+"""Summary of the frames of a run, and their maps in compressed form."""
 
 import base64
 from collections.abc import Sequence
@@ -22,32 +22,32 @@ from lava_ros.maps.layers import Layer, OCCUPANCY_GRID, SOURCES
 from lava_ros.maps.plot import shaded_ground
 from lava_ros.simulation.accuracy import COVERED
 
-#: Most frames and most cells of a frame that a page has.
-MOST_FRAMES, MOST_CELLS = 120, 90_000
+#: Maximum number of frames on a page, and of cells in a frame.
+MAX_FRAMES, MAX_CELLS = 120, 90_000
 
-#: Share of the flow's size left free around it, and the least size of the map [cells].
-MARGIN, LEAST_CELLS = 0.15, 48
+#: Margin around the flow, as a fraction of its size, and minimum size of the map [cells].
+MARGIN, MIN_CELLS = 0.15, 48
 
 #: Units of the layers on the page, by source.
 _UNITS = {'thickness': 'm', 'temperature': '°C', 'hazard': ''}
 
-#: Largest value of a cell: 0 is no lava.
-_MOST_CODE = 250
+#: Maximum code of a cell; 0 means no lava.
+_MAX_CODE = 250
 
-#: Largest value of a cell in the map of arrival.
-_MOST_ARRIVAL = 65_535
+#: Maximum code of a cell in the map of arrival times.
+_MAX_ARRIVAL_CODE = 65_535
 
 
 @dataclass(eq=False)
 class Survey:
-    """A run as a whole: its last frame, and curves with one value for each frame.
+    """Summary of a run: its last frame, and curves with one value for each frame.
 
-    ``touched`` are the cells that ever had lava, and ``vents`` the positions [m] of the vents that
-    ever emitted. ``front`` is the distance [m] of the farthest touched cell from its nearest such
-    vent. ``inundated`` and ``standing`` are the inundated area so far and the area of standing
-    lava [m2], the first NaN where the bag does not say; ``hottest`` is in Celsius, NaN without
-    lava. ``largest`` has the largest value by source, and ``saturated`` the sources
-    with values at the limit of their grid.
+    ``touched`` are the cells that have had lava, and ``vents`` the positions [m] of the vents that
+    have emitted. ``front`` is the maximum distance [m] of these cells from their nearest vent.
+    ``inundated`` and ``standing`` are the inundated area so far and the area of standing lava
+    [m2], the first NaN without arrival times; ``hottest`` is in Celsius, NaN without lava.
+    ``largest`` has the maximum by source, and ``saturated`` the sources with values at the limit
+    of their grid.
     """
 
     frame: Frame
@@ -64,21 +64,21 @@ class Survey:
 
 
 def survey(recording: Recording, progress: Progress = silent) -> Survey:
-    """Read every frame of the last run, and summarise it.
+    """Read and summarise all frames of the last run.
 
     Raises:
-        LavaError: The bag is damaged, or has no map or no simulated times.
+        LavaError: If the bag is damaged, or has no map or no simulated times.
     """
     if not recording.timeline.moments:
-        right = 'a bag with /diagnostics of the node, which say the simulated time'
-        raise LavaError('bag', str(recording.bag.path), right)
-    # that which inundates ground, unless a layer shows thicker lava only
+        expected = 'a bag with /diagnostics of the node, which contain the simulated time'
+        raise LavaError('bag', str(recording.bag.path), expected)
+    # the inundation thickness, unless a layer shows only thicker lava
     layers = recording.layers.values()
     least = max([COVERED, *(item.threshold for item in layers if item.source == THICKNESS)])
     result: Survey | None = None
     for frame in recording.frames():
         if result is None or frame.elevation.shape != result.touched.shape:
-            # another terrain: earlier frames do not fit it
+            # discards the frames of an earlier terrain
             result = Survey(
                 frame,
                 Arrival(least),
@@ -86,7 +86,7 @@ def survey(recording: Recording, progress: Progress = silent) -> Survey:
                 np.empty((0, 2)),
             )
         _add(result, frame)
-        progress('reading', 0.5 * recording.share_at(frame))
+        progress('reading', 0.5 * recording.progress_at(frame))
     if result is None:
         raise LavaError('bag', str(recording.bag.path), 'a bag with at least one map')
     return result
@@ -109,18 +109,18 @@ def _add(result: Survey, frame: Frame) -> None:
     before = result.front[-1] if result.front else math.nan
     if not set(map(tuple, frame.vents)) <= set(map(tuple, result.vents)):
         result.vents = np.unique(np.concatenate([result.vents, frame.vents]), axis=0)
-        # earlier cells may be nearer to the new vent
+        # cells may be nearer to the new vent
         fresh, before = result.touched, math.nan
     result.times.append(frame.time or 0.0)
     unknown = np.nan if frame.inundated is None else frame.area(frame.inundated)
     result.inundated.append(unknown)
     result.standing.append(frame.area(frame.standing))
-    result.front.append(float(np.fmax(before, _farthest(frame, fresh, result.vents))))
+    result.front.append(float(np.fmax(before, _front_distance(frame, fresh, result.vents))))
     result.hottest.append(most.get('temperature', math.nan))
 
 
-def _farthest(frame: Frame, cells: np.ndarray, vents: np.ndarray) -> float:
-    """Largest distance [m] of cells from the nearest vent, NaN without cells or vents."""
+def _front_distance(frame: Frame, cells: np.ndarray, vents: np.ndarray) -> float:
+    """Return the maximum distance [m] of cells from their nearest vent, NaN without either."""
     rows, columns = np.nonzero(cells)
     if len(rows) == 0 or len(vents) == 0:
         return math.nan
@@ -134,7 +134,7 @@ def _farthest(frame: Frame, cells: np.ndarray, vents: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class View:
-    """The rows and columns of the terrain from the first to the one after the last shown.
+    """The visible rows and columns of the terrain: the first, and the one after the last.
 
     ``factor`` cells along a side are combined into one.
     """
@@ -144,7 +144,7 @@ class View:
     factor: int
 
     def cut(self, values: np.ndarray, reduce: np.ufunc) -> np.ndarray:
-        """Cells that are shown, each reduced from its parts by a function such as ``np.fmax``."""
+        """Return the visible cells, combined by a function such as ``np.fmax``."""
         part = values[slice(*self.rows), slice(*self.columns)]
         if self.factor == 1:
             return part
@@ -156,7 +156,7 @@ class View:
 
 
 def view_of(survey: Survey) -> View:
-    """Choose what is shown: the flow and the vents with a margin, or all without lava."""
+    """Return the view of flow and vents with a margin, or of the whole terrain without lava."""
     frame = survey.frame
     rows, columns = np.nonzero(survey.touched)
     places = (survey.vents - np.array(frame.origin)) / frame.resolution
@@ -168,8 +168,8 @@ def view_of(survey: Survey) -> View:
         ends = [*map(int, cells), *(math.floor(item) for item in vents)]
         low, high = (min(ends), max(ends) + 1) if ends else (0, size)
         spans.append((low, high, size))
-    lengths = [max((high - low) * (1.0 + 2.0 * MARGIN), LEAST_CELLS) for low, high, _ in spans]
-    # neither too wide nor too high
+    lengths = [max((high - low) * (1.0 + 2.0 * MARGIN), MIN_CELLS) for low, high, _ in spans]
+    # limits the aspect ratio
     lengths[0] = max(lengths[0], 0.55 * lengths[1])
     lengths[1] = max(lengths[1], 0.8 * lengths[0])
     ranges = []
@@ -178,16 +178,16 @@ def view_of(survey: Survey) -> View:
         first = min(max(0, (low + high - count) // 2), size - count)
         ranges.append((first, first + count))
     cells = math.prod(last - first for first, last in ranges)
-    return View(ranges[0], ranges[1], math.ceil(math.sqrt(cells / MOST_CELLS)))
+    return View(ranges[0], ranges[1], math.ceil(math.sqrt(cells / MAX_CELLS)))
 
 
 def pack_maps(
     recording: Recording, survey: Survey, view: View, progress: Progress = silent
 ) -> dict[str, Any]:
-    """The frames as plain data for the page: times, and the packed cells of each layer.
+    """Return the frames as plain data for the page: times, and the packed cells of each layer.
 
-    Row 0 is the southernmost. The cells of a frame are bytes that say what has changed since the
-    frame before (exclusive or); 0 is no lava, ``low + code * step`` the value of another code.
+    Row 0 is the southernmost. The cells of a frame are its codes XOR those of the previous frame.
+    Code 0 means no lava; the value of any other code is ``low + code * step``.
     """
     shown = _shown(survey.times)
     layers = {
@@ -208,7 +208,7 @@ def pack_maps(
             areas.append(frame.area(frame.standing))
             for source in layers:
                 codes[source].append(_codes(frame, source, view, scales[source]))
-            progress('packing', 0.5 + 0.5 * recording.share_at(frame))
+            progress('packing', 0.5 + 0.5 * recording.progress_at(frame))
     return {
         'times': times,
         'areas': areas,
@@ -232,10 +232,10 @@ def pack_maps(
 
 
 def relief(survey: Survey, view: View) -> str:
-    """The shaded ground, north up, as a data URL of a JPEG.
+    """Return the shaded ground, north up, as a data URL of a JPEG.
 
     Raises:
-        LavaError: matplotlib is not installed.
+        LavaError: If matplotlib is not installed.
     """
     require('matplotlib', 'report', 'relief')
     from PIL import Image
@@ -250,50 +250,49 @@ def relief(survey: Survey, view: View) -> str:
 
 
 def _packed(frames: Sequence[np.ndarray]) -> str:
-    """What each frame changes in the one before, compressed, in base64."""
+    """Return the compressed changes from frame to frame in base64."""
     cells = np.stack(frames)
     cells[1:] ^= cells[:-1].copy()
     return base64.b64encode(zlib.compress(cells.tobytes(), 9)).decode()
 
 
 def _shown(times: list[float]) -> set[int]:
-    """Numbers of the frames that are shown: all, or those next to evenly spread times."""
-    if len(times) <= MOST_FRAMES:
+    """Return the indices of the frames on the page: all, or those at evenly spread times."""
+    if len(times) <= MAX_FRAMES:
         return set(range(len(times)))
-    wanted = np.linspace(times[0], times[-1], MOST_FRAMES)
+    wanted = np.linspace(times[0], times[-1], MAX_FRAMES)
     return {int(index) for index in np.searchsorted(times, wanted)}
 
 
 def _scale(layer: Layer, largest: float) -> tuple[float, float]:
-    """Value of code 0 and what each code adds: exact for grids, rounded for images."""
+    """Return the value of code 0 and the step between codes; only images are rounded."""
     if layer.message == OCCUPANCY_GRID and layer.range is not None and layer.scale == (0, 100):
         low, high = layer.range
         return low, (high - low) / 100.0
-    return 0.0, max(largest, 1e-6) / _MOST_CODE
+    return 0.0, max(largest, 1e-6) / _MAX_CODE
 
 
 def _codes(frame: Frame, source: str, view: View, scale: tuple[float, float]) -> np.ndarray:
-    """Cells of a layer, uint8; a layer the frame lacks has no lava."""
+    """Return the codes of a layer, uint8, 0 if the frame does not have it."""
     shown = frame.layers.get(source)
     values = np.full(frame.elevation.shape, np.nan) if shown is None else shown.values
-    # The worst of the cells that are shown as one.
+    # the maximum of combined cells
     values = view.cut(values, np.fmax)
     low, step = scale
-    codes = np.clip(np.rint((np.nan_to_num(values) - low) / step), 1, _MOST_CODE)
+    codes = np.clip(np.rint((np.nan_to_num(values) - low) / step), 1, _MAX_CODE)
     return np.where(np.isfinite(values), codes, 0).astype(np.uint8)
 
 
 def _arrival(survey: Survey, view: View) -> dict[str, Any] | None:
-    """Times at which lava came, as 16 bits a cell: 0 is never; earlier by the rounding."""
+    """Return the arrival times with 16 bits per cell, rounded down; 0 means no arrival."""
     times = survey.arrival.times
     if times is None or not np.isfinite(times).any():
         return None
     earliest = view.cut(times, np.fmin)
     start, end = survey.times[0], survey.times[-1]
-    step = max(end - start, 1.0) / (_MOST_ARRIVAL - 1)
-    # What is rounded must not be later than it was.
+    step = max(end - start, 1.0) / (_MAX_ARRIVAL_CODE - 1)
     codes = 1.0 + np.floor((np.nan_to_num(earliest, nan=start) - start) / step)
-    codes = np.where(np.isfinite(earliest), np.clip(codes, 1, _MOST_ARRIVAL), 0)
+    codes = np.where(np.isfinite(earliest), np.clip(codes, 1, _MAX_ARRIVAL_CODE), 0)
     return {
         'title': 'Arrival',
         'colours': list(STYLES['arrival'].colours),

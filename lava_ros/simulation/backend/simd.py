@@ -20,7 +20,7 @@ _AROUND = """{
     const whole lane = {0, 1, 2, 3, 4, 5, 6, 7};
     const wide none = {};
     const int last_place = values.shape[0] - 8;
-    wide sum_0 = {}, sum_1 = {}, sum_2 = {};
+    wide ZEROS;
     for (int row = box[0]; row < box[1]; ++row) {
         const int end = cells.starts.data[row * cells.columns + box[3]];
         for (int j = cells.starts.data[row * cells.columns + box[2]]; j < end; j += 8) {
@@ -46,18 +46,21 @@ _AROUND = """{
     auto total = [](wide v) {
         return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
     };
-    return wp::vec_t<3, wp::float32>(total(sum_0), total(sum_1), total(sum_2));
+    return wp::vec_t<COUNT, wp::float32>(TOTALS);
 }"""
 
 
-def over_neighbors(each: str) -> str:
-    """Return the C++ of a float32 device function that computes three sums over neighbours.
+def over_neighbors(each: str, count: int = 3) -> str:
+    """Return the C++ of a float32 device function that computes sums over neighbours.
 
     Its arguments include ``values``, an array of vec4, and ``cells`` and ``box`` as in
-    ``cells.cell_functions``; it returns a vec3. ``each`` is C++ that adds the contributions of
-    eight neighbours to ``sum_0``, ``sum_1`` and ``sum_2``. ``other_0`` to ``other_3`` are the
-    components of their values, ``place`` is the index of the first of them, and ``is_in`` marks
-    those that count; the values of the rest are arbitrary, even NaN. ``wide`` is a vector of
-    eight floats, ``whole`` of integers, ``none`` is 0.
+    ``cells.cell_functions``; it returns a vector of ``count`` sums, at most 4. ``each`` is C++
+    that adds the contributions of eight neighbours to ``sum_0``, ``sum_1`` and so on. ``other_0``
+    to ``other_3`` are the components of their values, ``place`` is the index of the first of them,
+    and ``is_in`` marks those that count; the values of the rest are arbitrary, even NaN. ``wide``
+    is a vector of eight floats, ``whole`` of integers, ``none`` is 0.
     """
-    return _AROUND.replace('EACH', each)
+    sums = [f'sum_{n}' for n in range(count)]
+    code = _AROUND.replace('ZEROS', ', '.join(f'{name} = {{}}' for name in sums))
+    code = code.replace('TOTALS', ', '.join(f'total({name})' for name in sums))
+    return code.replace('COUNT', str(count)).replace('EACH', each)

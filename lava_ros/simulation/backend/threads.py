@@ -29,7 +29,7 @@ from typing import Any, TYPE_CHECKING
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
-    from lava_ros.simulation.state import State
+    from lava_ros.simulation.particles.state import State
 
 #: Environment variable with the number of computing threads.
 VARIABLE = 'LAVA_THREADS'
@@ -37,7 +37,7 @@ VARIABLE = 'LAVA_THREADS'
 #: Minimum number of particles per part: about 0.3 ms of sums over neighbours, or of work on single
 #: particles. A helper starts 0.1 ms after it is called, and only the launches of a single-threaded
 #: stage are captured.
-LEAST_SUMS, LEAST_MOVES = 2048, 16384
+MIN_SUMS, MIN_MOVES = 2048, 16384
 
 #: Parts per thread: a thread that is done early takes more, and each part costs 0.02 ms.
 PARTS = 4
@@ -127,7 +127,7 @@ def launch_over(
     kernel: Any,
     arguments: Sequence[Any],
     *,
-    least: int = LEAST_SUMS,
+    least: int = MIN_SUMS,
     lanes: int = 1,
     ahead: int = 0,
     count: int | None = None,
@@ -159,7 +159,7 @@ def launch_over(
 
 def is_alone(state: 'State') -> bool:
     """Return True if one thread runs a whole stage, so that its launches can be captured."""
-    return state.device.is_cuda or state.extent < 2 * LEAST_SUMS or threads() < 2
+    return state.device.is_cuda or state.extent < 2 * MIN_SUMS or threads() < 2
 
 
 class _Job:

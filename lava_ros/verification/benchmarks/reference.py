@@ -18,9 +18,9 @@ import numpy as np
 import warp as wp
 
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.state import centre_of
-from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
+from lava_ros.simulation.particles.kernels import smoothing_kernel
+from lava_ros.simulation.particles.state import centre_of
+from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain, terrain_functions
 
 
 class Reference:

@@ -91,9 +91,10 @@ def scenes() -> tuple[BenchScene, ...]:
         # stiff, thick lava above its liquidus, finely resolved
         bench_scene('dome', 600.0, ground((-100.0, 60.0), (-80.0, 80.0), 2.0, _plane(0.1)),
                     replace(MELT, vft_b=0.0, viscosity=1e6, liquidus=1400.0), Vent(VENT, 50.0)),
-        # lava with a yield strength that grows as it cools, on a slope of 6 degrees
+        # lava with a strong crust, and a strength that grows as it cools, on a slope of 6 degrees
         bench_scene('strong', 3600.0, ground((-400.0, 100.0), (-200.0, 200.0), 4.0, _plane(0.105)),
-                    replace(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02),
+                    replace(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02,
+                            crust_strength=1e5),
                     Vent(VENT, 15.0)),
         # a toe with a crust that freezes
         bench_scene('lobe', 45000.0, ground((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
@@ -123,7 +124,8 @@ def scenes() -> tuple[BenchScene, ...]:
         # lava on a slope of 30 degrees in wind
         bench_scene('steep_slope', 240.0,
                     ground((-600.0, 60.0), (-80.0, 80.0), 3.0, _plane(0.577)),
-                    replace(BASALT, viscosity=8000.0), Vent(VENT, 10.0), wind_speed=3.0),
+                    replace(BASALT, viscosity=8000.0, crust_strength=1e3), Vent(VENT, 10.0),
+                    wind_speed=3.0),
         # two streams that flow twelve times longer than was assumed
         bench_scene('longer', 600.0,
                     ground((-400.0, 80.0), (-160.0, 160.0), 4.0, _rough(0.05, 0.5)),

@@ -16,7 +16,7 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.snapshot import ParticleSample
+from lava_ros.simulation.output.snapshot import ParticleSample
 
 #: Isothermal lava: nothing but weight and viscosity.
 ISOTHERMAL = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)

@@ -192,7 +192,7 @@ def _run_freezing(accuracy: Accuracy, device: str) -> case.Run:
 
     for fraction in SHARES:
         trial.advance(fraction * lens.end)
-        expected = lens.frozen_share(fraction * lens.end)
+        expected = lens.frozen_fraction(fraction * lens.end)
         trial.compare(f'frozen after {fraction:g} of the time', frozen(), expected, '', scale=1.0)
     trial.advance(1.2 * lens.end)
     trial.compare('frozen in the end', frozen(), 1.0, '')

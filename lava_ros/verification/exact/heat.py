@@ -241,7 +241,7 @@ class FreezingLens:
         """Return the thickness at a distance from the axis [m]."""
         return self.depth * np.maximum(1.0 - (r / self.radius) ** 2, 0.0)
 
-    def frozen_share(self, time: float) -> float:
+    def frozen_fraction(self, time: float) -> float:
         """Return the fraction of the volume that has solidified at a time [s]."""
         return min(1.0, time / self.end) ** 2
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag with everything a report can show, names that would break a careless page among it."""
+"""A bag with all contents of a report, including text that could break the page."""
 
 import json
 
@@ -10,13 +10,13 @@ import yaml
 
 from recording import record
 
-#: Text that would run, or end the element it is in, on a page that does not escape it.
+#: Text that runs, or ends the element around it, on a page that does not escape it.
 HOSTILE = '</script><script>window.broken = 1</script><img src=x onerror="window.broken = 1">&\'"'
 
 
 @pytest.fixture(scope='session')
 def run(tmp_path_factory):
-    """Nine frames, effects that change, parameters and hostile texts."""
+    """Return a bag with nine frames, effects that change, parameters and hostile texts."""
     effects = [
         {
             'stamp_ns': 1,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A real browser for tests, driven by the DevTools protocol."""
+"""A real browser for tests, controlled by the DevTools protocol."""
 
 import base64
 from collections.abc import Callable
@@ -23,13 +23,13 @@ pytest.importorskip('tornado')
 from tornado.ioloop import IOLoop
 from tornado.websocket import websocket_connect
 
-#: Names that Chromium has, beside the path in the environment variable CHROME.
+#: Names of Chromium, used without a path in the environment variable CHROME.
 NAMES = ('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
 
-#: Longest that anything may take [s]: other work goes on beside the tests.
-PATIENCE = 60.0
+#: Timeout of each action on a busy machine [s].
+TIMEOUT = 60.0
 
-# Chromium as Qt's WebEngine has it, which comes as a wheel.
+# Chromium in Qt's WebEngine, which is available as a wheel.
 _QT = """
 import sys
 from PySide6.QtCore import QUrl
@@ -45,18 +45,17 @@ application.exec()
 
 
 def chromium() -> str | None:
-    """Path of an installed Chromium, None without one."""
+    """Return the path of an installed Chromium, None without one."""
     return os.environ.get('CHROME') or next(filter(None, map(shutil.which, NAMES)), None)
 
 
 def _has_qt() -> bool:
-    """Whether Qt's WebEngine is installed."""
     if importlib.util.find_spec('PySide6') is None:
         return False
     return importlib.util.find_spec('PySide6.QtWebEngineWidgets') is not None
 
 
-#: Marks tests that drive a browser.
+#: Mark of tests that use a browser.
 needs_browser = pytest.mark.skipif(
     chromium() is None and not _has_qt(),
     reason='needs Chromium (apt install chromium, or CHROME) or Qt (make look)',
@@ -64,19 +63,19 @@ needs_browser = pytest.mark.skipif(
 
 
 class ProtocolError(LookupError):
-    """The browser refused a call, perhaps because it is between two pages."""
+    """A call that the browser rejected, for example between two pages."""
 
 
 class Browser:
     """A headless browser with one page.
 
     Attributes:
-        problems: Errors and warnings of the page's console, exceptions, refused resources.
-        requested: Addresses the page has asked for, those inside it left out.
+        problems: Errors and warnings in the page's console, exceptions, blocked resources.
+        requested: Addresses that the page has requested, without those inside it.
     """
 
     def __init__(self, folder: Path) -> None:
-        """Start it, with an empty folder for its files."""
+        """Start the browser with an empty folder for its files."""
         self.problems: list[str] = []
         self.requested: list[str] = []
         self._log = (folder / 'browser.log').open('wb')
@@ -115,24 +114,24 @@ class Browser:
         async def call() -> Any:
             return await function(*args, **options)
 
-        return self._loop.run_sync(call, PATIENCE)
+        return self._loop.run_sync(call, TIMEOUT)
 
     def _explain(self) -> str:
         self._log.flush()
         return Path(self._log.name).read_text(errors='replace')[-1000:]
 
     def close(self) -> None:
-        """End it."""
+        """Stop the browser."""
         self._process.terminate()
         try:
-            self._process.wait(PATIENCE)
+            self._process.wait(TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
         self._log.close()
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Call a method of the protocol, and note the events that come before its answer."""
+        """Call a method of the protocol, and record the events before its answer."""
         self._last_id += 1
         message = {'id': self._last_id, 'method': method, 'params': parameters}
         self._run(self._socket.write_message, json.dumps(message))
@@ -145,12 +144,12 @@ class Browser:
             self._note(answer)
 
     def open(self, path: Path) -> None:
-        """Open a file, and wait until its script says that it is ready."""
+        """Open a file, and wait until its script is ready."""
         self.call('Page.navigate', url=path.as_uri())
         self.wait_for('document.documentElement?.dataset.ready === "true"')
 
     def evaluate(self, expression: str) -> Any:
-        """The value of an expression in the page."""
+        """Return the value of an expression in the page."""
         answer = self.call('Runtime.evaluate', expression=expression, returnByValue=True)
         assert 'exceptionDetails' not in answer, answer['exceptionDetails']
         return answer['result'].get('value')
@@ -176,7 +175,7 @@ class Browser:
             )
 
     def click(self, selector: str, *, x: float = 0.5, y: float = 0.5) -> None:
-        """Click into an element, at shares of its width and height from its upper left."""
+        """Click into an element, at fractions of its width and height from the upper left."""
         found = json.dumps(selector)
         self.evaluate(f'document.querySelector({found}).scrollIntoView({{block: "center"}})')
         box = self.evaluate(
@@ -189,12 +188,12 @@ class Browser:
             self.call('Input.dispatchMouseEvent', type=kind, **more, **place)
 
     def resize(self, width: int, height: int, *, phone: bool = False) -> None:
-        """Give the page a size [pixels]."""
+        """Set the size of the page [pixels]."""
         size = {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': phone}
         self.call('Emulation.setDeviceMetricsOverride', **size)
 
     def screenshot(self, path: Path) -> None:
-        """Write what is seen as PNG."""
+        """Write a picture of the page as PNG."""
         data = self.call('Page.captureScreenshot', format='png')['data']
         path.write_bytes(base64.b64decode(data))
 
@@ -214,14 +213,14 @@ class Browser:
 
 
 def _page_address(port: int) -> str:
-    with urlopen(f'http://127.0.0.1:{port}/json/list', timeout=PATIENCE) as answer:
+    with urlopen(f'http://127.0.0.1:{port}/json/list', timeout=TIMEOUT) as answer:
         pages = [item for item in json.load(answer) if item['type'] == 'page']
     return pages[0]['webSocketDebuggerUrl']
 
 
 def _wait(attempt: Callable[[], Any], explain: Callable[[], str]) -> Any:
-    """What an attempt gives, once it does not fail for want of something."""
-    until = time.monotonic() + PATIENCE
+    """Repeat an attempt until it succeeds, and return its result."""
+    until = time.monotonic() + TIMEOUT
     while True:
         try:
             return attempt()

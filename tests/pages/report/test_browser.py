@@ -1,8 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report opened and driven in a real browser."""
-
+"""The report in a real browser."""
 
 from matplotlib.image import imread
 import numpy as np
@@ -13,7 +12,7 @@ from pages.report.devtools import Browser, needs_browser
 
 pytestmark = needs_browser
 
-# A checksum of what the map shows, and how many of its pixels are as dark red as lethal hazard.
+# A checksum of the map, and the fraction of its pixels in the dark red of lethal hazard.
 PIXELS = """(() => {
   const copy = document.createElement('canvas');
   const map = document.getElementById('map');
@@ -36,7 +35,7 @@ FRAME = 'Number(document.getElementById("time").value)'
 
 @pytest.fixture(scope='module')
 def browser(run, tmp_path_factory):
-    """A browser that has opened the report."""
+    """Yield a browser with the report."""
     folder = tmp_path_factory.mktemp('browser')
     write_report(run, folder / 'report.html')
     (folder / 'profile').mkdir()
@@ -51,9 +50,9 @@ def browser(run, tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def at_the_end(browser):
-    """Each test begins with the thickness of the last frame, and leaves no error behind."""
+    """Show the thickness of the last frame, and check for errors after the test."""
     browser.click('input[value=thickness] + span')
-    # The keys of a switch that has the focus are its own.
+    # a focused switch handles keys itself
     browser.evaluate('document.activeElement.blur()')
     set_frame(browser, 8)
     yield
@@ -62,7 +61,7 @@ def at_the_end(browser):
 
 
 def set_frame(browser: Browser, frame: int) -> None:
-    """Move the slider as a hand does."""
+    """Move the slider."""
     browser.evaluate(
         f'(() => {{const s = document.getElementById("time"); s.value = {frame};'
         's.dispatchEvent(new Event("input", {bubbles: true}))})()'
@@ -70,12 +69,12 @@ def set_frame(browser: Browser, frame: int) -> None:
 
 
 def test_the_slider_moves_the_map_the_clock_and_the_curves(browser):
-    """Another time shows other pixels, another time, another cursor and other values."""
-    said = 'document.querySelector("output[data-curve=area]").textContent'
+    """Pixels, clock, cursor and values change with the time."""
+    area = 'document.querySelector("output[data-curve=area]").textContent'
     cursor = 'document.querySelector(".cursor").x1.baseVal.value'
-    late = [browser.evaluate(item) for item in (PIXELS, CLOCK, said, cursor)]
+    late = [browser.evaluate(item) for item in (PIXELS, CLOCK, area, cursor)]
     set_frame(browser, 2)
-    early = [browser.evaluate(item) for item in (PIXELS, CLOCK, said, cursor)]
+    early = [browser.evaluate(item) for item in (PIXELS, CLOCK, area, cursor)]
     assert late[1:3] == ['27 min', '4000 m²']
     assert early[1:3] == ['7 min', '1000 m²']
     assert late[0] != early[0]
@@ -83,23 +82,23 @@ def test_the_slider_moves_the_map_the_clock_and_the_curves(browser):
 
 
 def test_each_layer_has_its_own_picture_and_legend(browser):
-    """Four layers: four pictures, four legends; lethal hazard is dark red."""
-    seen = {}
+    """All pictures and legends differ; lethal hazard is dark red."""
+    views = {}
     for name in ('thickness', 'temperature', 'hazard', 'arrival'):
         browser.click(f'input[value={name}] + span')
         legend = browser.evaluate('document.getElementById("legend").textContent')
         checksum, red = browser.evaluate(PIXELS)
-        seen[name] = (checksum, legend, red)
-    assert len({item[0] for item in seen.values()}) == 4
-    assert seen['thickness'][1] == 'Lava thickness 0 m3.26 m'
-    assert seen['hazard'][1] == 'Hazard index:harmful: lava has drained awaylethal lava'
-    assert seen['arrival'][1] == 'Arrival 0 s27 min'
-    assert seen['hazard'][2] > 0.05
-    assert seen['temperature'][2] < 0.02
+        views[name] = (checksum, legend, red)
+    assert len({item[0] for item in views.values()}) == 4
+    assert views['thickness'][1] == 'Lava thickness 0 m3.26 m'
+    assert views['hazard'][1] == 'Hazard index:harmful: lava has drained awaylethal lava'
+    assert views['arrival'][1] == 'Arrival 0 s27 min'
+    assert views['hazard'][2] > 0.05
+    assert views['temperature'][2] < 0.02
 
 
-def test_keys(browser):
-    """Arrows step, Home and End go to the ends, space plays and stops, numbers choose."""
+def test_keys_choose_frame_and_layer(browser):
+    """Arrows step, Home and End jump to the ends, and numbers choose the layer."""
     for key, frame in (('ArrowLeft', 7), ('ArrowLeft', 6), ('ArrowRight', 7)):
         browser.press(key)
         assert browser.evaluate(FRAME) == frame
@@ -111,8 +110,8 @@ def test_keys(browser):
     assert browser.evaluate('document.querySelector("input[value=hazard]").checked')
 
 
-def test_play(browser):
-    """Space begins at the start, runs to the end by itself and stops there."""
+def test_play_starts_at_the_first_frame_and_stops_at_the_last(browser):
+    """The space bar and the button start and stop it."""
     browser.press(' ')
     assert browser.evaluate('document.getElementById("play").textContent') == 'Pause'
     assert browser.evaluate(FRAME) < 8
@@ -125,14 +124,14 @@ def test_play(browser):
     assert browser.evaluate(FRAME) == 8
 
 
-def test_reading_a_cell(browser):
-    """The cell under the pointer is told in the world's coordinates with all its values."""
+def test_pointer_shows_the_values_of_a_cell(browser):
+    """Projected coordinates and the values of all layers are shown."""
     found = """(() => {
       const d = JSON.parse(document.getElementById('data').textContent);
       return [d.west, d.south, d.cell, d.rows, d.columns];
     })()"""
     west, south, cell, rows, columns = browser.evaluate(found)
-    # The middle of row 15, column 3 of the terrain.
+    # the centre of row 15, column 3
     x, y = -50.0 + 3.5 * 5.0, 20.0 + 15.5 * 5.0
     browser.click(
         '#map', x=(x - west) / (cell * columns), y=1.0 - (y - south) / (cell * rows)
@@ -141,17 +140,17 @@ def test_reading_a_cell(browser):
     assert text.startswith(f'E {500_000 + x:.0f}, N {4_180_000 + y:.0f} (EPSG:32633): ')
     assert 'thickness 3.1 m' in text
     assert 'hazard 100' in text
-    # Column 3 is there from 400 s on.
-    assert 'lava came by 7 min' in text
+    # lava arrives in column 3 at 400 s
+    assert 'lava arrived by 7 min' in text
 
 
-def test_no_network(browser):
-    """The page asks for itself and nothing else."""
+def test_page_requests_nothing(browser):
+    """The page is the only requested file."""
     assert {item.rsplit('/', 1)[1] for item in browser.requested} == {'report.html'}
 
 
-def test_on_a_phone(browser, tmp_path):
-    """Nothing is wider than the screen, and the map and its controls are on it."""
+def test_page_fits_on_a_phone(browser, tmp_path):
+    """The page is not wider than the screen, which shows the map and its controls."""
     browser.resize(360, 740, phone=True)
     try:
         assert browser.evaluate('document.documentElement.scrollWidth') <= 360

@@ -26,7 +26,7 @@ from lava_ros.pages.report.charts import (
     Curve,
     HEIGHT,
     LEFT,
-    MOST_POINTS,
+    MAX_POINTS,
     svg,
     ticks,
     time_unit,
@@ -47,19 +47,19 @@ SAMPLE = ROOT / 'bags/sample'
 
 
 class Reader(HTMLParser):
-    """Takes the page of a bag apart, and insists that every element that is opened is closed.
+    """Parser of the page of a bag, which checks that all elements are closed.
 
     Attributes:
         page: The page.
         elements: Names and attributes of all elements.
-        texts: Their texts, those of script and style left out.
+        texts: Texts of all elements except scripts and styles.
         data: The JSON for the script.
     """
 
     VOID = frozenset({'meta', 'link', 'input', 'img', 'br'})
 
     def __init__(self, bag: Path) -> None:
-        """Make and read the page."""
+        """Create and parse the page."""
         super().__init__()
         self.page = page(Recording(bag))
         self.elements: list[tuple[str, dict[str, str | None]]] = []
@@ -71,13 +71,13 @@ class Reader(HTMLParser):
         assert self._open == []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note an element."""
+        """Record an element."""
         self.elements.append((tag, dict(attrs)))
         if tag not in self.VOID and not self.get_starttag_text().endswith('/>'):
             self._open.append((tag, dict(attrs)))
 
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note an element that is closed at once."""
+        """Record an element without content."""
         self.elements.append((tag, dict(attrs)))
 
     def handle_endtag(self, tag: str) -> None:
@@ -85,7 +85,7 @@ class Reader(HTMLParser):
         assert self._open.pop()[0] == tag
 
     def handle_data(self, data: str) -> None:
-        """Note a text."""
+        """Record a text."""
         tag, attributes = self._open[-1] if self._open else ('', {})
         if attributes.get('id') == 'data':
             self.data = json.loads(data)
@@ -93,43 +93,43 @@ class Reader(HTMLParser):
             self.texts.append(data.strip())
 
     def after(self, text: str, count: int) -> list[str]:
-        """The texts that come after one."""
+        """Return the texts after a text."""
         at = self.texts.index(text) + 1
         return self.texts[at : at + count]
 
 
 @pytest.fixture(scope='module')
 def read(run):
-    """The page of the run."""
+    """Return the parsed page of the run."""
     return Reader(run)
 
 
 def frames(data: dict[str, Any], name: str) -> np.ndarray:
-    """The codes of a layer as the script unpacks them, shape [frames, rows, columns]."""
+    """Return the codes of a layer, unpacked like in the script, shape [frames, rows, columns]."""
     (layer,) = [item for item in data['layers'] if item['name'] == name]
     raw = zlib.decompress(base64.b64decode(layer['cells']))
     shape = (len(data['times']), data['rows'], data['columns'])
     return np.bitwise_xor.accumulate(np.frombuffer(raw, np.uint8).reshape(shape), axis=0)
 
 
-def test_a_page_needs_nothing_else(read):
-    """No address of anything outside, and a policy that lets the page run and nothing else."""
+def test_page_is_self_contained(read):
+    """The page has no external addresses, and its policy allows only its own content."""
     for _, attributes in read.elements:
         for name in ('src', 'href', 'srcset', 'action'):
             value = attributes.get(name)
             assert value is None or value.startswith('data:')
     assert "default-src 'none'" in read.page
-    # Relative addresses that style sheets and scripts could ask for.
+    # requests of style sheets and scripts
     assert re.search(r'@import|url\(|fetch\(|XMLHttpRequest|importScripts', read.page) is None
     for kind in ('script', 'style'):
-        # the only one, to the last blank
+        # exact text of the only one
         (content,) = re.findall(f'<{kind}>(.*?)</{kind}>', read.page, re.DOTALL)
         digest = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()
         assert f"{kind}-src 'sha256-{digest}'" in read.page
 
 
-def test_the_script_finds_what_it_asks_for(read):
-    """Elements by their id, and each part of the data and of a layer by its name."""
+def test_script_uses_only_existing_elements_and_data(read):
+    """All ids and names in the script exist in the page and in its data."""
     script = (ROOT / 'lava_ros/pages/report/report.js').read_text(encoding='utf-8')
     ids = set(re.findall(r"byId\('(\w+)'\)", script))
     assert len(ids) >= 7
@@ -143,16 +143,16 @@ def test_the_script_finds_what_it_asks_for(read):
     assert set(re.findall(r'\bitem\.(\w+)', script)) <= layer | charts
 
 
-def test_texts_of_the_bag_are_texts(read):
-    """What a bag says is shown as it is, and never becomes an element or a script."""
+def test_page_escapes_texts_of_the_bag(read):
+    """Texts in a bag are shown unchanged and never become an element or a script."""
     assert sum('window.broken' in item for item in read.texts) >= 2
     assert any(HOSTILE in item for item in read.texts)
     assert not any(tag == 'img' for tag, _ in read.elements)
     assert sum(tag == 'script' for tag, _ in read.elements) == 2
 
 
-def test_the_maps_are_those_of_the_bag(read):
-    """Each frame unpacks to the grid that was recorded, at its place."""
+def test_maps_equal_the_recorded_grids(read):
+    """Each frame unpacks to the recorded grid, at its position."""
     data = read.data
     assert data['times'] == [0.0, 200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0, 1400.0, 1600.0]
     height = frames(data, 'thickness')
@@ -169,7 +169,7 @@ def test_the_maps_are_those_of_the_bag(read):
 
 
 def test_arrival_is_never_late(read):
-    """The packed times are those of the frames, or earlier by less than a step."""
+    """Packed times are those of the frames, or earlier by less than a step."""
     arrival = read.data['arrival']
     raw = zlib.decompress(base64.b64decode(arrival['cells']))
     codes = np.frombuffer(raw, '<u2').reshape(read.data['rows'], read.data['columns'])
@@ -180,7 +180,7 @@ def test_arrival_is_never_late(read):
     np.testing.assert_allclose(reached, expected, atol=1.01 * arrival['step'])
 
 
-def test_curves(read):
+def test_curves_have_the_values_of_the_frames(read):
     """Volume, area, front and temperature are those of the frames."""
     charts = {item['key']: item['curves'] for item in read.data['charts']}
     times = charts['area'][0]['times']
@@ -189,22 +189,22 @@ def test_curves(read):
     volumes = [round(float(growing(time).sum()) * 25.0, 1) for time in times]
     for curve in charts['volume'][:2]:
         assert curve['values'] == pytest.approx(volumes, rel=1e-4)
-    # From the vent in the first column's middle to the corner of the flow's last column.
+    # from the vent in the centre of the first column to the corner of the last column
     tip = np.hypot(5.0 * (columns[-1] - 1), 22.5)
     assert charts['front'][0]['values'][-1] == pytest.approx(tip, rel=1e-4)
     assert charts['front'][0]['values'][0] is None
-    # to the digit, where grids have steps of 12 degrees
+    # exact, although grids have steps of 12 degrees
     hot = [900.0 - 0.1 * time if count else None
            for time, count in zip(times, columns, strict=True)]
     assert charts['temperature'][0]['values'] == pytest.approx(hot, abs=0.01)
 
 
-def test_temperatures_of_old_bags_say_how_they_are_rounded(tmp_path, monkeypatch):
-    """Diagnostics without the highest temperature leave that of the grids."""
-    said = recording.diagnostics_of
+def test_temperature_curve_of_old_bags_states_its_rounding(tmp_path, monkeypatch):
+    """Without the highest temperature in the diagnostics, that of the grids is shown."""
+    original = recording.diagnostics_of
 
     def without(snapshot, stamp_ns):
-        message = said(snapshot, stamp_ns)
+        message = original(snapshot, stamp_ns)
         (status,) = message.status
         status.values = [item for item in status.values if 'temperature' not in item.key]
         return message
@@ -218,36 +218,36 @@ def test_temperatures_of_old_bags_say_how_they_are_rounded(tmp_path, monkeypatch
 
 
 def test_barriers_are_on_the_map(tmp_path):
-    """Those of the scene, in its map coordinates."""
+    """Barriers of the scene are drawn in map coordinates."""
     scene = '{terrain: {offset: [100.0, 200.0], barriers: [[[110.0, 220.0], [150.0, 260.0]]]}}'
     found = Reader(record(tmp_path / 'dam', custom_data={'scene': scene}))
     assert found.data['barriers'] == [[[10.0, 20.0], [50.0, 60.0]]]
 
 
-def test_effects_and_accuracy(read):
-    """What is on and why, what changed, and the preset with its measured error and cost."""
+def test_page_lists_effects_and_accuracy(read):
+    """The tables have effects with reasons, changes, and the preset with its error and cost."""
     assert read.after('cooling', 2) == ['on', 'heat lost = 2.5 > 0.01']
-    assert read.after('Changed while it ran', 8)[4:] == ['5 min', 'crust', 'on', 'forced']
+    assert read.after('Changes during the run', 8)[4:] == ['5 min', 'crust', 'on', 'forced']
     assert any(item.startswith('standard: For maps') for item in read.texts)
     assert float(*read.after('particles across the flow', 1)) > 1.0
     assert re.fullmatch(r'[0-9.]+ %', *read.after('expected error of the footprint', 1))
     assert {'-1', 'lethal lava: 0.5 m or more, or 300 °C or more'} <= set(read.texts)
 
 
-def test_a_bag_that_was_cut_off(tmp_path):
-    """The page says it before anything else."""
+def test_page_warns_if_the_bag_was_cut_off(tmp_path):
+    """The warning is before all other content."""
     bag = record(tmp_path / 'bag', close=False)
     assert BagReader(bag).recovered
     read = Reader(bag)
     alerts = [item for tag, item in read.elements if item.get('role') == 'alert']
     assert len(alerts) == 2
     assert read.texts.index(
-        'The recording was cut off: what came after its last whole message is lost.'
+        'The recording was cut off: data after its last complete message are lost.'
     ) < read.texts.index('simulated')
 
 
-def test_the_picture_and_the_page_agree(tmp_path):
-    """Area and largest thickness are one number, of lava from 0.1 m on; nothing ends at 10 m."""
+def test_picture_and_page_agree(tmp_path):
+    """Area and maximum thickness, of lava at or above 0.1 m, are equal and have no upper limit."""
 
     def flow(time: float) -> np.ndarray:
         thickness = growing(time)
@@ -258,28 +258,28 @@ def test_the_picture_and_the_page_agree(tmp_path):
     bag = record(tmp_path / 'bag', flow=flow)
     frame = Recording(bag).frame_at()
     rows = dict(facts(Recording(bag), survey(Recording(bag))))
-    # 10 rows of 8 columns, less the row that is too thin
+    # 10 rows of 8 columns without the row that is too thin
     assert frame.area(frame.standing) == 72 * 25.0
     assert rows['standing lava, 0.1 m or more'] == '1800 m²'
-    # without arrival times nobody knows what has drained
+    # without arrival times, drained cells are unknown
     assert frame.inundated is None and not any('inundated' in name for name in rows)
-    assert rows['thickest'] == '41.3 m'
-    assert Reader(bag).after('from 5 m on', 2) == ['over a roof', '25 m²']
+    assert rows['maximum thickness'] == '41.3 m'
+    assert Reader(bag).after('5 m or more', 2) == ['over a roof', '25 m²']
     assert read_run(bag).summary == '1800 m² standing lava  ·  up to 41.3 m thick'
     assert not any('thicker in places' in item for item in warnings(
         Recording(bag), survey(Recording(bag))))
 
 
-def test_layers_of_floats(tmp_path):
-    """Unrounded layers are packed in steps of a 250th of the largest value."""
+def test_unrounded_layers_are_packed_in_250_steps(tmp_path):
+    """The last step is the maximum."""
     read = Reader(record(tmp_path / 'bag', config=RAW_CONFIG))
     (layer,) = [item for item in read.data['layers'] if item['name'] == 'thickness']
     assert layer['step'] == pytest.approx(3.26 / 250.0, rel=1e-5)
     assert frames(read.data, 'thickness').max() == 250
 
 
-def test_a_large_and_long_run_stays_small(tmp_path):
-    """Cells and frames are thinned; the worst of those that become one is kept."""
+def test_page_of_a_large_run_combines_cells_and_frames(tmp_path):
+    """Combined cells have their maximum."""
     elevation = np.add.outer(np.arange(310.0), np.arange(310.0))
     terrain = Terrain(elevation, 5.0, TERRAIN.origin, 32633)
 
@@ -300,45 +300,45 @@ def test_a_large_and_long_run_stays_small(tmp_path):
     assert len(read.page.encode()) < 300_000
 
 
-def test_a_run_without_lava(tmp_path):
-    """All of the terrain is shown, and nothing divides by zero."""
+def test_page_without_lava_shows_the_whole_terrain(tmp_path):
+    """There is no map of arrival times."""
     bag = record(tmp_path / 'bag', flow=lambda time: np.zeros(TERRAIN.shape, dtype=np.float32))
     read = Reader(bag)
     assert (read.data['rows'], read.data['columns']) == (30, 40)
     assert read.data['arrival'] is None
 
 
-def test_a_bag_that_does_not_say_its_times(tmp_path):
-    """Without them there is no report."""
+def test_report_needs_simulated_times(tmp_path):
+    """The error names the missing topic."""
     with pytest.raises(LavaError, match='/diagnostics of the node'):
         page(Recording(record(tmp_path / 'bag', clock=False)))
 
 
 @pytest.mark.parametrize('name', ['report.pdf', 'missing/report.html'])
-def test_a_page_that_cannot_be_written(run, tmp_path, name):
-    """A bad path or format is one error that names it."""
+def test_rejects_an_output_that_cannot_be_written(run, tmp_path, name):
+    """A bad path or format is an error about the output."""
     with pytest.raises(LavaError, match='output is '):
         write_report(run, tmp_path / name)
 
 
-def test_the_sample(tmp_path):
-    """The recorded sample gives a page of some 100 kB, with the effects that were on."""
+def test_page_of_the_sample_bag(tmp_path):
+    """The page has about 100 kB and lists the active effects."""
     read = Reader(SAMPLE)
     size = write_report(SAMPLE, tmp_path / 'report.html')
     assert (tmp_path / 'report.html').read_text(encoding='utf-8') == read.page
     assert 50_000 < size == len(read.page.encode()) < 250_000
     assert read.data['epsg'] == 26710
-    assert 'The bag does not say.' not in read.texts
+    assert 'The bag does not contain the effects.' not in read.texts
     assert 'solidification' in read.texts
 
 
 def drawn(chart: Chart, start: float, end: float) -> ElementTree.Element:
-    """The chart as a tree, which needs well-formed text."""
+    """Parse a chart, which must be well-formed XML."""
     return ElementTree.fromstring(svg(chart, start, end))
 
 
-def test_a_curve_is_where_its_values_are():
-    """The first point is at the lower left, the last at the upper right, a gap lifts the pen."""
+def test_curve_points_match_values():
+    """The first point is at the lower left, the last at the upper right; NaN leaves a gap."""
     curve = Curve('a', [0.0, 3600.0, 7200.0, 10800.0], [0.0, 1.0, math.nan, 4.0])
     tree = drawn(Chart('area', 'Area', 'm²', [curve]), 0.0, 10800.0)
     (path,) = [item.get('d') for item in tree.iter('path')]
@@ -353,8 +353,8 @@ def test_a_curve_is_where_its_values_are():
     assert {'0', '1', '2', '3', '4'} <= set(texts)
 
 
-def test_hostile_words_are_escaped():
-    """Labels are text."""
+def test_chart_escapes_labels():
+    """A label with a tag stays text."""
     name = '"><script>'
     tree = drawn(Chart(name, name, name, [Curve(name, [0.0, 1.0], [1.0, 2.0])]), 0.0, 1.0)
     assert [item.tag for item in tree.iter() if 'script' in item.tag] == []
@@ -362,8 +362,8 @@ def test_hostile_words_are_escaped():
 
 
 @pytest.mark.parametrize('values', [[0.0, 0.0], [math.nan, math.nan], [5.0, 5.0]])
-def test_curves_without_height(values):
-    """What does not change, or is not there, is drawn without dividing by zero."""
+def test_draws_constant_and_empty_curves(values):
+    """A range or a duration of zero is not a division by zero."""
     assert len(drawn(Chart('a', 'A', 'm', [Curve('a', [0.0, 1.0], values)]), 0.0, 1.0)) > 3
     assert len(drawn(Chart('a', 'A', 'm', [Curve('a', [0.0], [1.0])]), 0.0, 0.0)) > 3
 
@@ -377,22 +377,22 @@ def test_curves_without_height(values):
         (3.0, 3.0, [3.0]),
     ],
 )
-def test_ticks(low, high, expected):
-    """Round numbers between the ends."""
+def test_ticks_are_round_numbers(low, high, expected):
+    """Ticks are between the ends."""
     assert ticks(low, high, 4) == expected
 
 
-def test_long_curves_are_thinned():
-    """Their ends stay."""
+def test_thinned_curve_keeps_its_ends():
+    """A long curve has at most ``MAX_POINTS`` points."""
     times = np.arange(5000.0).tolist()
     few = Curve('a', times, times).thinned()
-    assert len(few) <= MOST_POINTS
+    assert len(few) <= MAX_POINTS
     assert (few[0], few[-1]) == ((0.0, 0.0), (4999.0, 4999.0))
 
 
 @pytest.mark.parametrize(
     ('span', 'name'), [(60.0, 's'), (600.0, 'min'), (7200.0, 'h'), (300_000.0, 'd')]
 )
-def test_time_units(span, name):
-    """Spans are said in the unit people would use."""
+def test_time_unit_suits_the_span(span, name):
+    """Seconds, minutes, hours and days are used."""
     assert time_unit(span)[1] == name

@@ -14,8 +14,8 @@ import pytest
 
 from lava_ros.ros import worker_status
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.snapshot import PendingSnapshot
-from lava_ros.simulation.state import State
+from lava_ros.simulation.output.snapshot import PendingSnapshot
+from lava_ros.simulation.particles.state import State
 from ros.graph_publisher import PATIENCE, vents
 
 GRIDS = ('height', 'temperature', 'hazard')
@@ -67,7 +67,7 @@ def want_memory(patch):
     advance = Simulation.advance
 
     def grow(simulation, *arguments, **options):
-        simulation._state.grow(2 * simulation._state.capacity)
+        simulation.solver.state.grow(2 * simulation.solver.state.capacity)
         return advance(simulation, *arguments, **options)
 
     patch.setattr(State, '_allocate', refuse_memory)
@@ -78,9 +78,9 @@ def break_position(patch):
     advance = Simulation.advance
 
     def spoil(simulation, *arguments, **options):
-        rows = simulation._state.particle.numpy()
+        rows = simulation.solver.state.particle.numpy()
         rows[0, 0] = np.nan
-        simulation._state.particle.assign(rows)
+        simulation.solver.state.particle.assign(rows)
         return advance(simulation, *arguments, **options)
 
     patch.setattr(Simulation, 'advance', spoil)
@@ -191,7 +191,7 @@ def test_step_that_does_not_end_is_reported(node, monkeypatch):
         return advance(*arguments, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(worker_status, 'LONGEST_TURN', 0.1)
+        patch.setattr(worker_status, 'MAX_TASK_DURATION', 0.1)
         patch.setattr(Simulation, 'advance', advance_slowly)
         node.jump(node.now + 0.5)
         try:

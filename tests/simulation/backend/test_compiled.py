@@ -16,12 +16,14 @@ from types import SimpleNamespace
 import pytest
 import warp as wp
 
-from lava_ros.simulation import flow, neighbors, Simulation
-from lava_ros.simulation import stage as stages
+from lava_ros.simulation import Simulation
 from lava_ros.simulation.backend.batched_launches import BLOCK
 from lava_ros.simulation.backend.compiled import FEW_THREADS
-from lava_ros.simulation.fused_stage import BOUNDS
-from lava_ros.simulation.state import State
+from lava_ros.simulation.particles import neighbors
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.step import flow
+from lava_ros.simulation.step import stage as stages
+from lava_ros.simulation.step.fused_stage import BOUNDS
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
 #: Sets of effects, by their names in the benchmark: one in every run, all of them nightly.
@@ -135,7 +137,7 @@ def launched(name, lanes=1, integrator='euler', is_short=None, directs=None, par
                 simulation.scene, effects=simulation.effects, accuracy=accuracy, device='cpu'
             )
         kernels.clear()
-        simulation._stage.take(simulation.scene, simulation._vents)
+        simulation.solver.stage.take(simulation.scene, simulation.solver.vents)
     return kernels
 
 
@@ -276,7 +278,7 @@ def test_sums_of_the_balanced_gradient_are_efficient(compiled):
 
 @pytest.mark.nightly
 def test_deterministic_order_is_efficient(compiled):
-    kernels = neighbors._kernels(wp.float32, True, False, True, False, True)
+    kernels = neighbors._kernels(wp.float32, True, False, True, True, False, True)
     order, members = compiled(kernels, ('order_particles', 'list_members'))
     check_local(order)
     check_local(members)

@@ -14,7 +14,7 @@ import pytest
 import warp as wp
 
 from lava_ros.simulation import Simulation
-from lava_ros.simulation import simulation as simulation_module
+from lava_ros.simulation import solver as solver_module
 from lava_ros.simulation.backend import graph as launches_module
 from lava_ros.simulation.backend import programmatic_launch
 from lava_ros.simulation.backend.compiled import quick_kernel
@@ -103,7 +103,7 @@ def test_unchanged_step_packs_no_arguments(monkeypatch, name):
     simulation.advance(simulation.time + 20.0 * STEP)
     assert not packed
     # more capacity: all arrays are replaced
-    simulation._state.grow(2 * simulation._state.capacity)
+    simulation.solver.state.grow(2 * simulation.solver.state.capacity)
     simulation.advance(simulation.time + 5.0 * STEP)
     assert packed
     packed.clear()
@@ -115,7 +115,7 @@ def test_replaced_terrain_is_freed():
     simulation = lava_field(100, effect_sets()['solidification'], 'cpu')
     simulation.advance(5.0 * STEP)
     for _ in range(3):
-        arrays = simulation._terrain.height, simulation._neighbors.cells.starts
+        arrays = simulation.solver.terrain.height, simulation.solver.neighbors.cells.starts
         gone = [weakref.ref(array) for array in arrays]
         del arrays
         simulation.set_terrain(simulation.scene.terrain)
@@ -184,7 +184,7 @@ def test_replay_calls_the_compiled_functions(monkeypatch, launches):
 def test_replayed_stage_is_bitwise_identical(monkeypatch, name, is_deterministic):
     ends = []
     for is_alone in (True, False):
-        monkeypatch.setattr(simulation_module, 'is_alone', lambda _, value=is_alone: value)
+        monkeypatch.setattr(solver_module, 'is_alone', lambda _, value=is_alone: value)
         simulation = lava_field(200, effect_sets()[name], 'cpu')
         if is_deterministic:
             accuracy = replace(simulation.accuracy, deterministic=True)
@@ -193,7 +193,7 @@ def test_replayed_stage_is_bitwise_identical(monkeypatch, name, is_deterministic
             )
         simulation.advance(20.0 * STEP)
         assert simulation.particle_count > 100
-        assert simulation._state.launches.can_replay(0) == is_alone
+        assert simulation.solver.state.launches.can_replay(0) == is_alone
         ends.append(simulation.checkpoint().to_bytes())
     assert ends[0] == ends[1]
 

@@ -10,7 +10,7 @@ import warp as wp
 
 from lava_ros.ros.session import failure_text
 from lava_ros.scene import Lava, Vent
-from lava_ros.simulation.state import SPARE
+from lava_ros.simulation.particles.state import SPARE
 from solver import incline, only, simulated
 
 #: More particles than fit on any GPU: each of ten arrays would take up to 34 GB.
@@ -30,7 +30,7 @@ def flow(device):
 @contextmanager
 def scarce(simulation):
     """Make allocations fail: on a GPU by their size, on the CPU with an error like Warp's."""
-    state, zeros, given = simulation._state, wp.zeros, []
+    state, zeros, given = simulation.solver.state, wp.zeros, []
 
     def refuse(shape, *arguments, **options):
         given.append(shape)
@@ -46,13 +46,13 @@ def scarce(simulation):
 
 def test_failed_growth_leaves_the_simulation_unchanged(device):
     simulation, other = flow(device), flow(device)
-    before, capacity = simulation.checkpoint().to_bytes(), simulation._state.capacity
+    before, capacity = simulation.checkpoint().to_bytes(), simulation.solver.state.capacity
     with scarce(simulation), pytest.raises(RuntimeError, match=NO_ROOM) as caught:
-        simulation._state.grow(TOO_MANY)
+        simulation.solver.state.grow(TOO_MANY)
     words = failure_text(caught.value, simulation.snapshot())
     assert words.startswith('out of memory with')
     assert 'a larger spacing or a coarser terrain needs less' in words
-    assert simulation._state.capacity == capacity
+    assert simulation.solver.state.capacity == capacity
     assert simulation.checkpoint().to_bytes() == before
     for run in (simulation, other):
         run.advance(120.0)
@@ -61,7 +61,7 @@ def test_failed_growth_leaves_the_simulation_unchanged(device):
 
 def test_new_simulation_runs_after_a_failed_allocation(device):
     simulation = flow(device)
-    if simulation._state.device.is_cuda:
+    if simulation.solver.state.device.is_cuda:
         blocks = []
         with pytest.raises(RuntimeError, match='Failed to allocate'):
             while True:

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import warp as wp
 
-from lava_ros.effects.green import device as green
-from lava_ros.effects.helmholtz import device as helmholtz
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.backend.simd import WIDTH
-from lava_ros.simulation.cells import cell_frame, sums_function, wide_sums_function
-from lava_ros.simulation.kernels import k0_within, smoothing_kernel
-from lava_ros.simulation.state import SPARE
+from lava_ros.simulation.particles.cells import cell_frame, sums_function, wide_sums_function
+from lava_ros.simulation.particles.kernels import k0_within, smoothing_kernel
+from lava_ros.simulation.particles.state import SPARE
+from lava_ros.simulation.step.effects import green as green
+from lava_ros.simulation.step.effects import helmholtz as helmholtz
 
 #: Rows and columns of cells in the grid: before, in and after the box.
 ROWS, COLUMNS = 5, 9
@@ -29,6 +29,11 @@ FLOW = (
     sums_function(wp.float32, WENDLAND, 1, False),
     sums_function(wp.float32, WENDLAND, 1, True),
     wide_sums_function(WENDLAND.wide_terms),
+)
+HEAT = (
+    sums_function(wp.float32, WENDLAND, 1, False, has_heat=True),
+    sums_function(wp.float32, WENDLAND, 1, True, has_heat=True),
+    wide_sums_function(WENDLAND.wide_terms, has_heat=True),
 )
 GREEN = (
     green._sums_function(wp.float32, 1, False),
@@ -53,22 +58,29 @@ def kernel_of(name, sums):
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
         p: wp.vec4,
-        result: wp.array(dtype=wp.vec3),
+        result: wp.array(dtype=wp.vec4),
     ):
         inverse = wp.static(1.0 / RADIUS)
-        if wp.static(name == 'flow'):
+        if wp.static(name == 'heat'):
             result[0] = sums(0, values, cells, box, p, inverse)
+            return
+        found = wp.vec3()
+        if wp.static(name == 'flow'):
+            found = sums(0, values, cells, box, p, inverse)
         if wp.static(name == 'green'):
-            result[0] = sums(0, values, area, cells, box, p, powers_of(2.0), 0.2)
+            found = sums(0, values, area, cells, box, p, powers_of(2.0), 0.2)
         if wp.static(name == 'helmholtz'):
-            result[0] = sums(0, values, pairs, cells, box, p, wp.vec2(0.3, -0.4), inverse)
+            found = sums(0, values, pairs, cells, box, p, wp.vec2(0.3, -0.4), inverse)
+        result[0] = wp.vec4(found[0], found[1], found[2], 0.0)
 
     return sum_up
 
 
 KERNELS = {
     name: [kernel_of(name, sums) for sums in every]
-    for name, every in (('flow', FLOW), ('green', GREEN), ('helmholtz', HELMHOLTZ))
+    for name, every in (
+        ('flow', FLOW), ('heat', HEAT), ('green', GREEN), ('helmholtz', HELMHOLTZ)
+    )
 }
 
 
@@ -94,7 +106,7 @@ def sums_of(kernel, sizes, seed=0, outside=np.nan, room=0):
     cells = cell_frame(wp.float32)()
     cells.rows, cells.columns = ROWS, COLUMNS
     cells.starts = wp.array(starts, dtype=wp.int32, device='cpu')
-    result = wp.zeros(1, dtype=wp.vec3, device='cpu')
+    result = wp.zeros(1, dtype=wp.vec4, device='cpu')
     wp.launch(
         kernel,
         dim=1,

@@ -72,7 +72,7 @@ def test_memory_counts_an_array_once(device):
     few, many = (lava_field(n, effect_sets()['bare'], device) for n in (40_000, 160_000))
     one, four = (sum(steps._arrays(field).values()) for field in (few, many))
     assert 3.0 < four / one < 4.5
-    array = few._state.particle
+    array = few.solver.state.particle
     assert steps._arrays([array, array[:5], {'it': array}]) == {array.ptr: array.capacity}
 
 

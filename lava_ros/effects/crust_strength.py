@@ -1,0 +1,71 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A strong crust that thickens with age and stops lava at margins and fronts.
+
+A crust of strength sigma that is delta = sqrt(kappa t) thick at the age t of a column resists as a
+stress sigma delta / h at the base of a column of thickness h (Castruccio, Rust & Sparks 2013,
+Bulletin of Volcanology 75, 681; Kerr & Lyman 2007, JGR 112, B03201): lava stops where
+
+    rho g h s = sigma delta / h,   that is h = sqrt(sigma delta / (rho g s)).
+
+The crust is at most as thick as the column. Its stress adds to the yield strength of the core
+(``bingham.py``): young lava in the channel hardly feels it, old and thin lava at the margins and
+at the front does, which builds levees. In the ten eruptions of Castruccio et al. sigma is within
+an order of magnitude of 1e5 Pa.
+
+If the effect is switched on during a run, ages count from then.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from lava_ros.effects.bingham import speed  # noqa: F401, the speed function of this effect
+from lava_ros.effects.effect import Effect, number
+from lava_ros.effects.scales import footprint_change, Scales
+
+
+def _resistance(scales: Scales) -> np.ndarray:
+    """Return the stress of the crust at the horizon over that at the base of each column."""
+    lava, thickness = scales.lava, scales.columns.thickness
+    crust = np.minimum(np.sqrt(lava.crust_diffusivity * scales.duration), thickness)
+    return lava.crust_strength * crust / thickness / scales.stress
+
+
+EFFECT = Effect(
+    rank=25,
+    title='strength of the crust',
+    symbol='stress of the crust over that at the base',
+    number=_resistance,
+    threshold=0.01,
+    admits='1.5 % of the speed: 3/2 of the number',
+    cost=footprint_change(0.015),
+    source='exact sheet, verification/exact/rheology.py',
+    exists=lambda lava: lava.crust_strength > 0.0,
+    constants={
+        'crust_strength': number(0.0, 'Strength of the crust; 0: none', 0.0, 1e9, 'Pa'),
+        'crust_diffusivity': number(
+            5e-7, 'Thermal diffusivity of the crust, by which it thickens', 0.0, 1e-3, 'm2/s'
+        ),
+    },
+    law={
+        'crust_strength': lambda lava: lava.crust_strength,
+        'crust_diffusivity': lambda lava: lava.crust_diffusivity,
+    },
+    needs_age=True,
+    benchmark={'crust_strength': 1e5},
+)
+
+
+@lru_cache
+def strength(wp: Any, real: Any, law_type: Any) -> Any:
+    """Return the device function for the stress of the crust [Pa]."""
+
+    @wp.func
+    def crust_stress(law: law_type, temperature: real, depth: real, age: real) -> real:
+        crust = wp.min(wp.sqrt(real(law.crust_diffusivity) * age), depth)
+        return real(law.crust_strength) * crust / depth
+
+    return crust_stress

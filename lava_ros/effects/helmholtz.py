@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Lateral stress by solving an equation (equations: simulation/step/effects/helmholtz.py)."""
+
+from lava_ros.effects.effect import Array, Effect
+from lava_ros.effects.scales import footprint_change
+
+EFFECT = Effect(
+    rank=90,
+    title='lateral viscous stress, solved',
+    symbol='h / half-width',
+    number=lambda scales: scales.lateral,
+    needs_extent=True,
+    threshold=0.22,
+    admits='5 % of the speed of the shortest waves: (pi h / 2 l)^2 / 2.5',
+    cost=footprint_change(0.05),
+    source='docs/accuracy, lateral stress; docs/benchmarks/choice_lateral.csv',
+    excludes={
+        'green': 'they are one effect',
+        'inertia': 'the lateral stress is part of the local balance',
+    },
+    arrays={
+        # x, y from the centre [m], area V / h [m2] and thickness [m] of each ordered particle
+        'layer': Array('vec4'),
+        # velocities of two sweeps and their difference [m/s] of each ordered particle
+        'solution': Array('vec2'),
+        'next_solution': Array('vec2'),
+        'correction': Array('vec2'),
+    },
+)

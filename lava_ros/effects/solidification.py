@@ -1,0 +1,27 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Solidification (equations: simulation/step/effects/solidification.py)."""
+
+from lava_ros.effects.effect import Array, Effect
+from lava_ros.effects.scales import FREEZING_THRESHOLD
+
+EFFECT = Effect(
+    rank=170,
+    title='columns that freeze become ground',
+    symbol='fraction of the way to the solidus',
+    number=lambda scales: scales.freezing,
+    threshold=FREEZING_THRESHOLD,
+    fraction=1.0,
+    admits='nothing freezes',
+    source='column at rest',
+    exists=lambda lava: lava.solidus > 0.0,
+    arrays={
+        # 1 if a particle became colder than the solidus in this step
+        'cold': Array('int32', 1),
+        # solidified volume [m3]
+        'frozen': Array('float64', 1, is_total=True),
+    },
+    removes_particles=True,
+    benchmark={'solidus': 1100.0},
+)

@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The loop that advances a solver to a time, alone or within a batch."""
+
+from collections import deque
+from collections.abc import Generator
+from functools import partial
+import math
+import time as wall_clock
+from typing import Any
+
+import numpy as np
+
+from lava_ros.simulation.batch import at_work, Batch
+from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles.state import count_in
+from lava_ros.simulation.solver import Solver
+
+#: Launches in flight, by whether the device is a GPU, while the target is far enough away.
+_IN_FLIGHT = {True: 2, False: 1}
+
+#: Largest part of a launch's progress that rounding may change.
+_ROUNDING = 1e-3
+
+#: Copies of the clock and the counts of a ``State``.
+_Readback = tuple[np.ndarray, np.ndarray]
+
+
+def advancing_to(
+    solver: Solver, until: float, end: float, deadline: float
+) -> Generator[None, None, float]:
+    """Advance to a time, in parts.
+
+    Args:
+        solver: The solver.
+        until: Simulated time to reach [s].
+        end: Simulated time that no step may pass [s].
+        deadline: Time of ``time.monotonic`` after which to stop early [s].
+
+    Returns:
+        The simulated time reached [s].
+    """
+    state = solver.state
+    state.write_target(until, end)
+    batch = at_work()
+    if batch is None:
+        clock, counts = yield from _advance_alone(solver, until, deadline)
+    else:
+        clock, counts = yield from _advance_in_batch(solver, batch, until, deadline)
+    if clock[at.TIME] < until:
+        # only the remaining stages of the current step
+        state.write_target(clock[at.TIME])
+    while counts[at.STAGE]:
+        solver.run_stages()
+        yield
+        clock, counts = state.read_clock()
+    # a part that ends with its first stage makes room as well
+    solver.make_room(counts)
+    return float(clock[at.TIME])
+
+
+def _advance_alone(
+    solver: Solver, until: float, deadline: float
+) -> Generator[None, None, _Readback]:
+    """Advance to a time [s], or a wall time [s]; return clock and counts."""
+    state = solver.state
+    clock, counts = state.read_clock()
+    # a GPU computes the next stages while the host reads the results of the previous ones
+    in_flight: deque[Any] = deque()
+    gain = math.inf
+    while clock[at.TIME] < until and wall_clock.monotonic() < deadline:
+        is_free = len(in_flight) < _IN_FLIGHT[solver.device.is_cuda]
+        # the launches in flight may reach the target but for rounding: more of them would idle
+        reached = clock[at.TIME] + (len(in_flight) + _ROUNDING) * gain
+        if not in_flight or (is_free and reached < until):
+            solver.run_stages()
+            in_flight.append(state.begin_readback())
+            yield
+            continue
+        former = clock[at.TIME]
+        clock, counts = in_flight.popleft()()
+        gain = clock[at.TIME] - former
+        solver.most_particles = max(solver.most_particles, count_in(counts))
+        if state.needs_room(counts) or counts[at.NEAR_BORDER]:
+            while in_flight:
+                clock, counts = in_flight.popleft()()
+            solver.make_room(counts)
+    while in_flight:
+        clock, counts = in_flight.popleft()()
+    return clock, counts
+
+
+def _advance_in_batch(
+    solver: Solver, batch: Batch, until: float, deadline: float
+) -> Generator[None, None, _Readback]:
+    """Advance with others: the batch reads all clocks at once."""
+    while True:
+        solver.bin()
+        launches = partial(solver.record_launches, solver.take_stages)
+        batch.bring(solver.state, launches, until)
+        yield
+        clock, counts = batch.seen
+        solver.most_particles = max(solver.most_particles, count_in(counts))
+        if clock[at.TIME] >= until:
+            return clock, counts
+        if wall_clock.monotonic() >= deadline:
+            # stages that were launched meanwhile have continued
+            return solver.state.read_clock()
+        solver.make_room(counts)

@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Clock, counts and volumes of one moment, gathered on the device in one array.
+
+Read one after the other while steps continue, they would belong to different moments, and all
+particle volumes would have to be copied to the host for one sum.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import warp as wp
+
+from lava_ros.scene import Terrain
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.snapshot import Snapshot, StepReport
+from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.step.timestep import LIMITS
+from lava_ros.simulation.step.vents import VentSet
+
+#: Number of partial sums of the particles' volumes, which the host adds up. It is the same on
+#: every device and for any number of particles, and with it the order of summation.
+_SUMS = 16384
+
+
+class Moment(NamedTuple):
+    """Clock, counts and volumes of one moment, as fields of ``Snapshot``."""
+
+    time: float
+    particle_count: int
+    steps: StepReport
+    budget: VolumeBudget
+
+
+@lru_cache
+def _kernel(real: Any) -> Any:
+    vec4 = wp.types.vector(4, real)
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def gather(
+        particle: wp.array(dtype=vec4),
+        clock: wp.array(dtype=wp.float64),
+        counts: wp.array(dtype=wp.int32),
+        left: wp.array(dtype=wp.float64),
+        frozen: wp.array(dtype=wp.float64),
+        released: wp.array(dtype=wp.int32),
+        numbers: wp.array(dtype=wp.float64),
+    ):
+        t = wp.tid()
+        total = wp.float64(0.0)
+        for i in range(t, counts[at.PARTICLES] + counts[at.NEWCOMERS], wp.static(_SUMS)):
+            total += wp.float64(particle[i][2])
+        numbers[t] = total
+        if t == 0:
+            place = int(wp.static(_SUMS))
+            numbers[place] = left[at.BORDER]
+            numbers[place + 1] = left[at.HOLES]
+            if frozen:
+                numbers[place + 2] = frozen[0]
+            place += 3
+            for i in range(clock.shape[0]):
+                numbers[place + i] = clock[i]
+            place += clock.shape[0]
+            for i in range(counts.shape[0]):
+                numbers[place + i] = wp.float64(counts[i])
+            place += counts.shape[0]
+            for i in range(released.shape[0]):
+                numbers[place + i] = wp.float64(released[i])
+
+    return gather
+
+
+class FlowDiagnostics:
+    """Device array that gathers the values of a moment."""
+
+    def __init__(self) -> None:
+        """Initialize without an array."""
+        self._numbers: Any = None
+
+    def take(self, state: State, vents: VentSet) -> Any:
+        """Gather the current values on the device; the next call overwrites them.
+
+        Particles that have left must have been dropped.
+        """
+        length = _SUMS + 3 + state.clock.size + state.counts.size + vents.released.size
+        if self._numbers is None or self._numbers.size != length:
+            self._numbers = wp.zeros(length, dtype=wp.float64, device=state.device)
+        wp.launch(
+            _kernel(state.real),
+            dim=_SUMS,
+            inputs=[
+                state.particle, state.clock, state.counts, state.left,
+                getattr(state, 'frozen', None), vents.released,
+            ],
+            outputs=[self._numbers],
+            device=state.device,
+        )
+        return self._numbers
+
+
+def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) -> Moment:
+    """Convert a copy of the gathered values.
+
+    Only the sizes of the state's arrays are read; ``before`` [m3] was emitted by earlier vents.
+    """
+    ends = np.cumsum([_SUMS, 3, state.clock.size, state.counts.size])
+    sums, (border, holes, frozen), clock, places, released = np.split(numbers, ends)
+    counts, time = places.astype(np.int64), float(clock[at.TIME])
+    pending = float(vents.pending(time, released.astype(np.int32)).sum())
+    return Moment(
+        time=time,
+        particle_count=at.count_in(counts),
+        steps=StepReport(
+            count=int(counts[at.STEPS]),
+            evaluations=int(counts[at.EVALUATIONS]),
+            stages=int(counts[at.STAGES]),
+            length=float(clock[at.FULL_STEP]),
+            limit=LIMITS[int(counts[at.LIMIT])],
+        ),
+        budget=VolumeBudget(
+            emitted=before + vents.emitted(time),
+            held=float(sums.sum()) + pending,
+            pending=pending,
+            left=float(border + holes),
+            frozen=float(frozen),
+            late=vents.late(pending),
+            in_holes=float(holes),
+        ),
+    )
+
+
+def snapshot_of(
+    copies: Sequence[np.ndarray],
+    terrain: Terrain,
+    state: State,
+    vents: VentSet,
+    before: float,
+) -> Snapshot:
+    """Build the snapshot of a moment; state, vents and volume as for ``moment_of``.
+
+    ``copies`` are the grids on the terrain (thickness, temperature, with solidification the
+    solidified thickness, and arrival), and the gathered values.
+    """
+    grids, numbers = copies
+    arrived, grids = np.where(grids[-1] < 0.0, np.float32(np.nan), grids[-1]), grids[:-1]
+    return Snapshot(
+        terrain=terrain,
+        thickness=grids[0],
+        temperature=grids[1],
+        frozen=grids[2] if len(grids) > 2 else None,
+        arrived=arrived,
+        **moment_of(numbers, state, vents, before)._asdict(),
+    )

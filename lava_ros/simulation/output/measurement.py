@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Measurement of the lava of a running simulation: columns, width and resolution."""
+
+import math
+
+import numpy as np
+
+from lava_ros.effects.scales import Columns, volume_quantile
+from lava_ros.scene import Terrain
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.output.inundation import standing_cells
+from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
+from lava_ros.simulation.resolution import is_extended, Resolution
+from lava_ros.simulation.setup.course import NARROW
+
+#: Maximum number of particles that are measured; of more, every n-th is.
+MAX_COLUMNS = 4096
+
+#: Minimum measured thickness [m] and slope.
+MIN_MEASURED = 1e-6
+
+
+def measure_columns(snapshot: Snapshot, sample: ParticleSample) -> Columns:
+    """Measure the columns of the lava that still flows.
+
+    Args:
+        snapshot: The flow on the cells of its terrain.
+        sample: Its particles at the same time, at least one.
+    """
+    some = slice(None, None, -(-len(sample.volume) // MAX_COLUMNS))
+    terrain, cell = snapshot.terrain, snapshot.terrain.resolution
+    row, column = _cells_of(terrain, sample.position[some])
+    rows, columns = _window(np.nan_to_num(snapshot.thickness) > 0.0, row, column)
+    here = row - rows.start, column - columns.start
+    thickness = np.nan_to_num(snapshot.thickness[rows, columns])
+    ground = terrain.elevation[rows, columns].astype(np.float64)
+    surface = ground + thickness
+    if snapshot.frozen is not None:
+        ground = ground + np.nan_to_num(snapshot.frozen[rows, columns])
+    return Columns(
+        volume=sample.volume[some],
+        thickness=np.maximum(sample.thickness[some], MIN_MEASURED),
+        slope=np.maximum(_slopes(surface, cell)[here], MIN_MEASURED),
+        ground_slope=_slopes(ground, cell)[here],
+        temperature=sample.temperature[some],
+        speed=np.hypot(*sample.velocity[some].T),
+        width=measure_widths(standing_cells(thickness), cell)[here],
+    )
+
+
+def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | None:
+    """Measure how well the particles resolve a flow; None while it is too small to measure.
+
+    Args:
+        snapshot: The flow on the cells of its terrain.
+        accuracy: Its resolution, with all automatic values resolved.
+    """
+    assert accuracy.spacing is not None and accuracy.thickness is not None
+    thickness, cell = np.nan_to_num(snapshot.thickness), snapshot.terrain.resolution
+    wet = standing_cells(thickness)
+    if not wet.any():
+        return None
+    rows, columns = _window(wet, *np.nonzero(wet))
+    thickness, wet = thickness[rows, columns], wet[rows, columns]
+    width, thickness = measure_widths(wet, cell)[wet], thickness[wet]
+    distance = accuracy.spacing * np.sqrt(accuracy.thickness / thickness)
+    if not is_extended(np.count_nonzero(wet) * cell**2, float(np.median(distance))):
+        return None
+    middle = volume_quantile(thickness, thickness, 0.5)
+    return Resolution(
+        spacing=accuracy.spacing,
+        thickness=middle,
+        width=volume_quantile(width, thickness, NARROW),
+        across=volume_quantile(width / distance, thickness, NARROW),
+        cell=cell,
+        limit='measured',
+    )
+
+
+def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
+    """Measure the width of a flow at each of its cells: the shortest chord through the cell.
+
+    The chords run along rows, columns and both diagonals.
+
+    Args:
+        wet: The cells with lava, bool, shape [rows, columns].
+        cell: Size of a cell [m].
+
+    Returns:
+        The width [m], float64, same shape, 0 without lava.
+    """
+    rows, columns = wet.shape
+    straight = np.minimum(_runs(wet), _runs(wet.T).T) * cell
+    widths = [straight]
+    row, column = np.indices(wet.shape)
+    for diagonal in (column - row + rows - 1, column + row):
+        # one row per diagonal, indexed by the row in the grid
+        lines = np.zeros((rows + columns - 1, rows), dtype=bool)
+        lines[diagonal, row] = wet
+        widths.append(_runs(lines)[diagonal, row] * (math.sqrt(2.0) * cell))
+    return np.where(wet, np.min(widths, axis=0), 0.0)
+
+
+def _runs(wet: np.ndarray) -> np.ndarray:
+    """Return the length of the run of cells along a row that contains each cell, same shape."""
+    count = wet.shape[1]
+    places = np.arange(count)
+    before = np.maximum.accumulate(np.where(wet, -1, places), axis=1)
+    after = np.minimum.accumulate(np.where(wet, count, places)[:, ::-1], axis=1)[:, ::-1]
+    return after - before - 1
+
+
+def _slopes(elevation: np.ndarray, cell: float) -> np.ndarray:
+    """Return the slope of each cell, rise over run, 0 next to cells without data, same shape."""
+    along = [
+        np.gradient(elevation, cell, axis=axis) if elevation.shape[axis] > 1 else 0.0
+        for axis in (0, 1)
+    ]
+    return np.nan_to_num(np.hypot(*along) * np.ones_like(elevation))
+
+
+def _window(wet: np.ndarray, row: np.ndarray, column: np.ndarray) -> tuple[slice, slice]:
+    """Return rows and columns that enclose wet and given cells, with a margin of 1."""
+    ends = []
+    for axis, others in ((1, row), (0, column)):
+        found = np.concatenate([np.flatnonzero(wet.any(axis=axis)), others])
+        last = wet.shape[1 - axis] - 1
+        ends.append(slice(max(int(found.min()) - 1, 0), min(int(found.max()) + 1, last) + 1))
+    return ends[0], ends[1]
+
+
+def _cells_of(terrain: Terrain, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and columns of the (nearest) cells at map positions [m]."""
+    found = np.floor((places - terrain.origin) / terrain.resolution).astype(int)
+    rows, columns = terrain.shape
+    return np.clip(found[:, 1], 0, rows - 1), np.clip(found[:, 0], 0, columns - 1)

@@ -1,0 +1,304 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Particles to grid: thickness and temperature at the cells of the terrain (section 3.4.2).
+
+A kernel sum extends by its radius past the last particle, and the paper's borders are too round.
+Here lava is where the particles' own areas V / h, smoothed by the same kernel, cover more than
+half of the ground: at a straight border the lava ends there, whatever the radius. The covered
+fraction of a border cell follows from the cover in its middle and the gradient, and the cell's
+thickness is the mean over all of it. A cell of which less than half is covered, and which lava at
+least ``COVERED`` thick has not reached (``own_ground.py``), has none: maps of thickness and of
+arrival then end at the same cells.
+
+The volume is conserved: each particle distributes all of its volume to the covered cells,
+
+    h_c = f_c sum_j V_j W_cj / N_j,    N_j = A sum_c f_c W_cj,
+
+A the area of a cell. The weight f_c is the covered fraction times the root of the particles' mean
+thickness around it over their cover: to first order this undoes the kernel's smoothing
+(docs/MODEL.md). A particle far from all covered cells gives its volume to the cell in which it
+lies.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.backend.compiled import load4, quick_kernel
+from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
+from lava_ros.simulation.output.own_ground import cells_function
+from lava_ros.simulation.particles.cells import cell_functions
+from lava_ros.simulation.particles.kernels import smoothing_kernel
+from lava_ros.simulation.particles.motion_arguments import arguments_type
+from lava_ros.simulation.particles.neighbors import NeighborGrid
+from lava_ros.simulation.particles.state import PARTICLES, State
+from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain
+
+#: Fraction of a cell at or above which it holds lava.
+COVER_THRESHOLD = 0.5
+
+#: Smoothed weight of the covered cells at a particle, relative to its own thickness, below which
+#: it is far from them: smaller sums have few significant digits.
+_MIN_NEAR_WEIGHT = 1e-3
+
+#: Placeholder for a weight: particles are within reach of the cell, but do not cover it.
+_BESIDE = wp.constant(wp.float32(-1.0))
+
+#: Placeholder for a temperature: the cell is in a particle's own square.
+_OWN = wp.constant(wp.float32(-1.0))
+
+
+@lru_cache
+def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, Any]:
+    norm, shape, slope, *_ = smoothing_kernel(kernel_name, real, ratio)
+    _, _, cells_around, range_in = cell_functions(real)
+    load = load4(real)
+    cells_of = cells_function(real)
+
+    @wp.func
+    def middle(first: wp.float64, n: int, resolution: wp.float64) -> real:
+        """Coordinate of the middle of the n-th cell; bitwise identical in all passes."""
+        return real(first + (wp.float64(n) + wp.float64(0.5)) * resolution)
+
+    @wp.func
+    def cell_at(place: real, first: wp.float64, resolution: wp.float64) -> int:
+        return int(wp.floor((wp.float64(place) - first) / resolution))
+
+    @wp.func
+    def part_above(middle: real, rise_x: real, rise_y: real) -> real:
+        """Fraction of a cell where a plane is above 0, by its middle and its rises across."""
+        wide = real(0.5) * wp.max(wp.abs(rise_x), wp.abs(rise_y))
+        narrow = real(0.5) * wp.min(wp.abs(rise_x), wp.abs(rise_y))
+        height = wp.abs(middle)
+        small = real(0.0)
+        if height < wide - narrow:
+            small = real(0.5) - real(0.5) * height / wide
+        elif height < wide + narrow:
+            rest = wide + narrow - height
+            small = rest * rest / (real(8.0) * wide * narrow)
+        return wp.where(middle > real(0.0), real(1.0) - small, small)
+
+    @quick_kernel(fast_math=False)
+    def mark(k: int, m: arguments_type(real), temperature: wp.array2d(dtype=wp.float32)):
+        """Mark the cells of a particle's own square."""
+        if k >= m.counts[PARTICLES]:
+            return
+        cells = cells_of(load(m.ordered, k), m.flow[k][0], m.ground)
+        for i in range(cells[0], cells[1]):
+            for j in range(cells[2], cells[3]):
+                temperature[i, j] = _OWN
+
+    @quick_kernel(fast_math=False)
+    def weigh(
+        thread: int,
+        m: arguments_type(real),
+        terrain: ground_type(wp.float64),
+        radius: wp.float64,
+        thickness: wp.array2d(dtype=wp.float32),
+        temperature: wp.array2d(dtype=wp.float32),
+    ):
+        """Weigh the covered cells, and mark those not covered but with lava in reach."""
+        i = thread // thickness.shape[1]
+        j = thread % thickness.shape[1]
+        is_own = temperature[i, j] == _OWN
+        temperature[i, j] = wp.float32(wp.nan)
+        if terrain.known[i, j] == wp.uint8(0):
+            thickness[i, j] = wp.float32(wp.nan)
+            return
+        x = middle(terrain.x0, j, terrain.resolution)
+        y = middle(terrain.y0, i, terrain.resolution)
+        reach = real(radius)
+        inverse = real(1.0) / reach
+        height = real(0.0)
+        cover = real(0.0)
+        rise_x = real(0.0)
+        rise_y = real(0.0)
+        box = cells_around(m.cells, x, y, reach)
+        for r in range(box[0], box[1]):
+            near = range_in(m.cells, r, box)
+            for k in range(near[0], near[1]):
+                p = load(m.ordered, k)
+                dx = (x - p[0]) * inverse
+                dy = (y - p[1]) * inverse
+                square = dx * dx + dy * dy
+                if square < real(1.0):
+                    distance = wp.sqrt(square)
+                    area = p[2] / m.flow[k][0]
+                    share = area * shape(distance)
+                    height += share * m.flow[k][0]
+                    cover += share
+                    area *= slope(distance)
+                    rise_x += area * dx
+                    rise_y += area * dy
+        if cover == real(0.0):
+            thickness[i, j] = wp.float32(0.0)
+            return
+        mean = height / cover
+        scale = real(wp.static(norm)) * inverse * inverse
+        cover *= scale
+        scale *= real(terrain.resolution) * inverse
+        rise_x *= scale
+        rise_y *= scale
+        above = cover - real(wp.static(COVER_THRESHOLD))
+        part = part_above(above, rise_x, rise_y)
+        # half-way between the highest cover in the cell and the lowest that counts as lava
+        change = real(0.5) * (wp.abs(rise_x) + wp.abs(rise_y))
+        lowest = wp.max(cover - change, real(wp.static(COVER_THRESHOLD)))
+        typical = real(0.5) * (cover + change + lowest)
+        weight = wp.float32(part * wp.sqrt(mean * typical) / cover)
+        # a cover of NaN is not dry ground
+        thickness[i, j] = wp.where(weight > wp.float32(0.0), weight, wp.float32(wp.nan))
+        is_reached = is_own or m.arrived[i, j] >= wp.float32(0.0)
+        is_rim = part < real(0.5) and mean >= real(wp.static(COVERED)) and not is_reached
+        if cover > real(0.0) and (part == real(0.0) or is_rim):
+            thickness[i, j] = _BESIDE
+
+    @quick_kernel(fast_math=False)
+    def share_out(
+        k: int,
+        m: arguments_type(real),
+        terrain: ground_type(wp.float64),
+        radius: wp.float64,
+        thickness: wp.array2d(dtype=wp.float32),
+    ):
+        """Find a particle's volume per unit of weight, or for the cell in which it lies."""
+        if k >= m.counts[PARTICLES]:
+            return
+        p = load(m.ordered, k)
+        reach = real(radius)
+        inverse = real(1.0) / reach
+        south = wp.max(cell_at(p[1] - reach, terrain.y0, terrain.resolution), 0)
+        north = wp.min(cell_at(p[1] + reach, terrain.y0, terrain.resolution) + 1, terrain.rows)
+        west = wp.max(cell_at(p[0] - reach, terrain.x0, terrain.resolution), 0)
+        east = wp.min(cell_at(p[0] + reach, terrain.x0, terrain.resolution) + 1, terrain.columns)
+        total = real(0.0)
+        for i in range(south, north):
+            dy = (middle(terrain.y0, i, terrain.resolution) - p[1]) * inverse
+            for j in range(west, east):
+                dx = (middle(terrain.x0, j, terrain.resolution) - p[0]) * inverse
+                square = dx * dx + dy * dy
+                if square < real(1.0) and thickness[i, j] > wp.float32(0.0):
+                    total += real(thickness[i, j]) * shape(wp.sqrt(square))
+        area = real(terrain.resolution * terrain.resolution)
+        m.share[k] = p[2] / (area * total)
+        m.home[k] = -1
+        total *= area * real(wp.static(norm)) * inverse * inverse
+        if total > real(wp.static(_MIN_NEAR_WEIGHT)) * wp.sqrt(m.flow[k][0]):
+            return
+        # the cell in which it lies, or next to a hole, because of rounding, the nearest known one
+        nearest = real(1.0)
+        is_covered = wp.bool(False)
+        for i in range(south, north):
+            dy = (middle(terrain.y0, i, terrain.resolution) - p[1]) * inverse
+            for j in range(west, east):
+                dx = (middle(terrain.x0, j, terrain.resolution) - p[0]) * inverse
+                square = dx * dx + dy * dy
+                if square < nearest and terrain.known[i, j] != wp.uint8(0):
+                    nearest = square
+                    m.home[k] = i * terrain.columns + j
+                    is_covered = thickness[i, j] > wp.float32(0.0)
+        if is_covered:
+            m.home[k] = -1
+        elif m.home[k] >= 0:
+            m.share[k] = p[2] / area
+
+    @quick_kernel(fast_math=False)
+    def gather(
+        thread: int,
+        m: arguments_type(real),
+        terrain: ground_type(wp.float64),
+        radius: wp.float64,
+        thickness: wp.array2d(dtype=wp.float32),
+        temperature: wp.array2d(dtype=wp.float32),
+    ):
+        """Sum the particles' contributions to a cell, and their mean temperature."""
+        i = thread // thickness.shape[1]
+        j = thread % thickness.shape[1]
+        own_weight = thickness[i, j]
+        if own_weight == wp.float32(0.0) or wp.isnan(own_weight):
+            return
+        is_covered = own_weight > wp.float32(0.0)
+        own = i * terrain.columns + j
+        x = middle(terrain.x0, j, terrain.resolution)
+        y = middle(terrain.y0, i, terrain.resolution)
+        reach = real(radius)
+        inverse = real(1.0) / reach
+        height = real(0.0)
+        heat = real(0.0)
+        box = cells_around(m.cells, x, y, reach)
+        for r in range(box[0], box[1]):
+            near = range_in(m.cells, r, box)
+            for k in range(near[0], near[1]):
+                part = real(0.0)
+                p = load(m.ordered, k)
+                if is_covered:
+                    dx = (x - p[0]) * inverse
+                    dy = (y - p[1]) * inverse
+                    square = dx * dx + dy * dy
+                    if square < real(1.0) and m.home[k] < 0:
+                        part = m.share[k] * shape(wp.sqrt(square))
+                elif m.home[k] == own:
+                    part = m.share[k]
+                height += part
+                heat += part * p[3]
+        if is_covered:
+            height *= real(own_weight)
+            heat *= real(own_weight)
+        thickness[i, j] = wp.float32(height)
+        if height != real(0.0):
+            temperature[i, j] = wp.float32(heat / height)
+
+    return mark, weigh, share_out, gather
+
+
+class Raster:
+    """Output grids on a device, one value for each cell of a terrain.
+
+    Attributes:
+        grids: Grids that ``fill`` fills, and additional ones for callers to fill, float32, shape
+            [2 or more, rows, columns].
+        thickness: The first grid [m], NaN where the terrain has no data.
+        temperature: The second grid [K], NaN also where it is dry.
+    """
+
+    def __init__(
+        self,
+        terrain: StaggeredTerrain,
+        radius: float,
+        kernel: str,
+        ratio: float,
+        device: Any,
+        *,
+        more: int = 0,
+    ) -> None:
+        """Allocate the grids, and ``more`` additional ones for callers to fill.
+
+        ``radius`` is the radius of the output's kernel [m], l_render in the paper; ``ratio`` the
+        particles' kernel radius over their spacing.
+        """
+        self._terrain = terrain
+        self._radius = radius
+        self._choice = (kernel, ratio)
+        self._device = device
+        shape = (2 + more, terrain.ground.rows, terrain.ground.columns)
+        self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
+        self.thickness, self.temperature = self.grids[0], self.grids[1]
+
+    def fill(self, state: State, neighbors: NeighborGrid) -> None:
+        """Fill thickness and temperature from the flow of the ordered particles.
+
+        Between the passes ``thickness`` holds the cells' weights. The first pass marks cells with
+        a negative temperature, so no temperature may be negative before.
+        """
+        mark, weigh, share_out, gather = _kernels(state.real, *self._choice)
+        cells = self.thickness.size
+        maps = [self.thickness, self.temperature]
+        way = neighbors.motion_arguments(state)
+        inputs = [way, self._terrain.exact_ground, self._radius]
+        launch_over(state, mark, [way, self.temperature], least=MIN_MOVES)
+        launch_over(state, weigh, [*inputs, *maps], count=cells)
+        launch_over(state, share_out, [*inputs, self.thickness])
+        launch_over(state, gather, [*inputs, *maps], count=cells)

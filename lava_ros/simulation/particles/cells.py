@@ -1,0 +1,201 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Cells by which particles are sorted, the cells around a particle, and sums over their particles.
+
+Cells are numbered row by row, so the particles in adjacent columns of a row are one contiguous
+range. Thickness and its gradient have two summation functions with the same arguments: a GPU
+thread adds one neighbour after the other, a CPU core eight at a time (simd.py).
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import warp as wp
+
+from lava_ros.simulation.backend.compiled import load4, load_int, unseen_one
+from lava_ros.simulation.backend.simd import over_neighbors
+from lava_ros.simulation.particles.kernels import SmoothingKernel
+
+#: Rows and columns of cells per kernel radius, by minimum radius over spacing. Fewer cells hold
+#: more particles out of reach; more rows take more look-ups. With one particle per cell rows are
+#: alike, and threads wait less for each other; where that is impossible, longer rows are better.
+_CELLS = ((2.8, (3, 3)), (0.0, (2, 4)))
+
+#: Neighbours in a row that are summed at once, by whether the launch is bound by latency. The
+#: threads of a warp wait for the longest row: a second loop for a remainder would cost more than
+#: padding the last step with zeros.
+NEIGHBORS_AT_ONCE = {False: 2, True: 4}
+
+
+def cells_to_radius(ratio: float) -> tuple[int, int]:
+    """Return rows and columns of cells per kernel radius, for a ratio of radius to spacing."""
+    return next(cells for least, cells in _CELLS if ratio >= least)
+
+
+@lru_cache
+def cell_frame(real: Any) -> Any:
+    """Return the struct of the cell grid; positions are relative to the terrain's centre.
+
+    ``rows_per_metre`` and ``columns_per_metre`` are one over a cell's sides [1/m]. ``first_row``
+    and ``first_column`` locate the window in the grid of the whole terrain. Lava before column
+    ``west`` or row ``south``, or at or beyond ``east`` or ``north``, is near the window's border.
+    ``starts`` is the index of each cell's first ordered particle, shape [at least cells + 2]; the
+    item after the last cell is the number of particles on the terrain, the next that of all.
+    ``sizes`` counts the particles of each cell during binning, and is 0 otherwise.
+    """
+
+    @wp.struct
+    class CellFrame:
+        x0: real
+        y0: real
+        rows_per_metre: real
+        columns_per_metre: real
+        first_row: wp.int32
+        first_column: wp.int32
+        rows: wp.int32
+        columns: wp.int32
+        west: wp.int32
+        south: wp.int32
+        east: wp.int32
+        north: wp.int32
+        starts: wp.array(dtype=wp.int32)
+        sizes: wp.array(dtype=wp.int32)
+
+    return CellFrame
+
+
+class CellFunctions(NamedTuple):
+    """Device functions that find cells and their particles.
+
+    ``column_of(cells, x)`` and ``row_of(cells, y)`` are clamped to the grid. ``cells_around(cells,
+    x, y, reach)`` returns the first row that a disc touches and the one after the last, then the
+    same for columns. ``range_in(cells, row, box)`` returns the first ordered particle of a row of
+    these cells, and the one after the last.
+    """
+
+    column_of: Any
+    row_of: Any
+    cells_around: Any
+    range_in: Any
+
+
+@lru_cache
+def cell_functions(real: Any) -> CellFunctions:
+    """Return the device functions that find cells."""
+
+    @wp.func
+    def column_of(cells: cell_frame(real), x: real) -> int:
+        column = int(wp.floor((x - cells.x0) * cells.columns_per_metre)) - cells.first_column
+        return wp.clamp(column, 0, cells.columns - 1)
+
+    @wp.func
+    def row_of(cells: cell_frame(real), y: real) -> int:
+        row = int(wp.floor((y - cells.y0) * cells.rows_per_metre)) - cells.first_row
+        return wp.clamp(row, 0, cells.rows - 1)
+
+    @wp.func
+    def cells_around(cells: cell_frame(real), x: real, y: real, reach: real) -> wp.vec4i:
+        return wp.vec4i(
+            row_of(cells, y - reach), row_of(cells, y + reach) + 1,
+            column_of(cells, x - reach), column_of(cells, x + reach) + 1,
+        )
+
+    @wp.func
+    def range_in(cells: cell_frame(real), row: int, box: wp.vec4i) -> wp.vec2i:
+        first = row * cells.columns
+        start = load_int(cells.starts, first + box[2])
+        return wp.vec2i(start, load_int(cells.starts, first + box[3]))
+
+    return CellFunctions(column_of, row_of, cells_around, range_in)
+
+
+@lru_cache
+def sums_function(
+    real: Any, kernel: SmoothingKernel, parts: int, is_short: bool, has_heat: bool = False
+) -> Any:
+    """Return the device function that sums thickness and its gradient over the neighbours.
+
+    Its first argument is the index of a part; part k takes every ``parts``-th row of cells. With
+    ``has_heat`` it returns a fourth sum: thickness times the excess temperature of the neighbour.
+    """
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    terms = kernel.terms
+    range_in = cell_functions(real).range_in
+    load = load4(real)
+    at_once = NEIGHBORS_AT_ONCE[is_short]
+    sums_type = vec4 if has_heat else vec3
+
+    @wp.func
+    def added(sums: vec3, p: vec4, other: vec4, inverse: real) -> vec3:
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
+        return vec3(sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy)
+
+    @wp.func
+    def added_with_heat(sums: vec4, p: vec4, other: vec4, inverse: real) -> vec4:
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
+        return vec4(
+            sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy,
+            sums[3] + part[0] * (other[3] - p[3]),
+        )
+
+    add = added_with_heat if has_heat else added
+
+    @wp.func
+    def sums_around(
+        part: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
+        inverse: real,
+    ) -> sums_type:
+        sums = sums_type()
+        near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
+        for r in range(box[0] + part, box[1], parts):
+            following = near
+            if wp.static(is_short):
+                following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
+            else:
+                near = range_in(cells, r, box)
+            j = near[0]
+            while j < near[1]:
+                for n in range(at_once):
+                    other = load(ordered, j + n)
+                    if j + n >= near[1]:
+                        # it belongs to the next row, or is past the end
+                        other[2] = real(0.0)
+                    sums = add(sums, p, other, inverse)
+                j += at_once * unseen_one()
+            near = following
+        return sums
+
+    return sums_around
+
+
+@lru_cache
+def wide_sums_function(wide_terms: str, has_heat: bool = False) -> Any:
+    """Return the float32 device function of the same sums for a CPU."""
+    heat = 'sum_3 += shapes * (is_in ? other_3 - p[3] : none);' if has_heat else ''
+    sums_type = wp.vec4 if has_heat else wp.vec3
+
+    @wp.func_native(
+        over_neighbors(f"""
+            const wide dx = is_in ? p[0] - other_0 : none;
+            const wide dy = is_in ? p[1] - other_1 : none;
+            const wide volume = is_in ? other_2 : none;
+            const wide distance = __builtin_elementwise_sqrt(dx * dx + dy * dy);
+            {wide_terms}
+            sum_0 += shapes;
+            sum_1 += slopes * dx;
+            sum_2 += slopes * dy;
+            {heat}
+        """, 4 if has_heat else 3)
+    )
+    def sums_around(
+        part: int, values: wp.array(dtype=wp.vec4), cells: cell_frame(wp.float32), box: wp.vec4i,
+        p: wp.vec4, inverse: wp.float32,
+    ) -> sums_type: ...
+
+    return sums_around

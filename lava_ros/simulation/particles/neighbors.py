@@ -1,0 +1,339 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The neighbour grid (section 3.2.1): particles sorted by cells narrower than the kernel radius.
+
+Cells are numbered row by row, so the surroundings of a particle are a contiguous range of the
+ordered particles in each of a few rows. With cells as wide as the radius, and all nine around a
+particle, almost twice as many particles would be examined.
+
+On large terrains the grid is a window around the lava, which grows when needed: particles beyond
+the window, as beyond the terrain, are assigned to its outermost cells. The window consists of
+whole cells of the terrain's own grid, so the order of the particles does not depend on it.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.errors import LavaError
+from lava_ros.simulation.backend import compiled
+from lava_ros.simulation.backend.compiled import quick_kernel
+from lava_ros.simulation.backend.scan import Scan
+from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
+from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles.cells import cell_frame, cell_functions, cells_to_radius
+from lava_ros.simulation.particles.motion_arguments import arguments_type, motion_arguments
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import StaggeredTerrain, terrain_functions
+
+#: Maximum number of cells for which the whole terrain is covered.
+WHOLE = 2**14
+
+#: Initial margin of a window on each side of the lava, minimum length of an extension [radii], and
+#: the length of an extension over that of the window: each stage visits all of its cells.
+MARGIN, PIECE, GROWTH = 16.0, 12.0, 1.0
+
+#: Distance from the window's border at which lava requests an extension [radii]; some more steps
+#: run until then. Beyond the window lava counts as on its border: its sums are rounded
+#: differently.
+NEAR = 4.0
+
+#: Outward directions from the lower and the upper ends of a window.
+_OUTWARD = np.array(((-1,), (1,)))
+
+#: Column and row limits that are never crossed.
+_NEVER_BELOW, _NEVER_ABOVE = -(2**31), 2**31 - 1
+
+#: Maximum number of particles in a cell; evenly spread lava has one. It bounds the cost of sums
+#: over neighbours relative to that of evenly spread lava.
+MAX_PARTICLES_PER_CELL = 2**15
+
+
+@lru_cache
+def bin_function(real: Any, has_empty: bool) -> Any:
+    """Return the device function that assigns a particle to its cell."""
+    vec4 = wp.types.vector(4, real)
+    functions = terrain_functions(real)
+    is_known, side_of = functions.is_known, functions.side_of
+    column_of, row_of, _, _ = cell_functions(real)
+    volume_lost = _loss_function(real)
+
+    @wp.func
+    def sides_near(cells: cell_frame(real), x: real, y: real) -> int:
+        """Return the movable sides of the window that a place is near (``State.counts``)."""
+        column = int(wp.floor((x - cells.x0) * cells.columns_per_metre))
+        row = int(wp.floor((y - cells.y0) * cells.rows_per_metre))
+        sides = int(column < cells.west) + 2 * int(row < cells.south)
+        return sides + 4 * int(column >= cells.east) + 8 * int(row >= cells.north)
+
+    @wp.func
+    def place(i: int, p: vec4, m: arguments_type(real)):
+        """Find a particle's cell and its rank there; particles off the terrain go last.
+
+        On the CPU ranks are counted afterwards, by ``rank_particles``.
+        """
+        c = m.cells.rows * m.cells.columns
+        if not (wp.static(has_empty) and p[2] == real(0.0)):
+            # nothing leaves between the stages of a step: a stage may overshoot the border
+            number = p[0] + p[1] + p[3]
+            if m.counts[at.STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
+                c = row_of(m.cells, p[1]) * m.cells.columns + column_of(m.cells, p[0])
+                near = sides_near(m.cells, p[0], p[1])
+                if near != 0:
+                    wp.atomic_or(m.counts, at.NEAR_BORDER, near)
+            elif compiled.can_count():
+                wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
+        m.cell[i] = c
+        if compiled.can_count():
+            m.rank[i] = wp.atomic_add(m.cells.sizes, c, 1)
+
+    return place
+
+
+@lru_cache
+def _loss_function(real: Any) -> Any:
+    """Return the device function that returns the lost volume of a particle off the terrain."""
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def volume_lost(p: vec4) -> wp.float64:
+        # a NaN must not count as lava that flowed off: it makes the sum NaN
+        return wp.float64(p[2] + real(0.0) * (p[0] + p[1] + p[3]))
+
+    return volume_lost
+
+
+@lru_cache
+def _kernels(
+    real: Any, is_staged: bool, has_velocity: bool, has_age: bool, has_mean: bool,
+    has_empty: bool, is_ranked_again: bool,
+) -> tuple[Any, ...]:
+    vec4 = wp.types.vector(4, real)
+    load, store = compiled.load4(real), compiled.store4(real)
+    load_pair, store_pair = compiled.load2(real), compiled.store2(real)
+
+    place, volume_lost = bin_function(real, has_empty), _loss_function(real)
+    side_of = terrain_functions(real).side_of
+
+    @quick_kernel
+    def bin_particles(i: int, m: arguments_type(real)):
+        if i < m.counts[at.PARTICLES] + m.counts[at.NEWCOMERS]:
+            place(i, load(m.particle, i), m)
+
+    @quick_kernel
+    def rank_particles(i: int, m: arguments_type(real)):
+        """Rank particles in their cells in the order of all particles, one after the other."""
+        if i >= m.counts[at.PARTICLES] + m.counts[at.NEWCOMERS]:
+            return
+        c = compiled.load_int(m.cell, i)
+        if c == m.cells.rows * m.cells.columns:
+            p = m.particle[i]
+            if not (wp.static(has_empty) and p[2] == real(0.0)):
+                m.left[side_of(m.ground, p[0], p[1])] += volume_lost(p)
+        before = m.cells.sizes[c]
+        m.rank[i] = before
+        m.cells.sizes[c] = before + 1
+
+    @quick_kernel
+    def list_members(i: int, m: arguments_type(real)):
+        if i < m.cells.starts[m.cells.rows * m.cells.columns + 1]:
+            m.members[compiled.load_int(m.cells.starts, m.cell[i]) + m.rank[i]] = i
+
+    @wp.func
+    def rank_of(i: int, first: int, end: int, members: wp.array(dtype=wp.int32)) -> int:
+        """Return the rank of a particle by number among those of its cell."""
+        before = wp.int32(0)
+        for k in range(first, end):
+            if compiled.load_int(members, k) < i:
+                before += 1
+        return before
+
+    @quick_kernel
+    def order_particles(i: int, m: arguments_type(real)):
+        """Gather the particles of each cell, and reset the values for the next sums over them."""
+        starts = m.cells.starts
+        last = m.cells.rows * m.cells.columns
+        if i == 0:
+            m.counts[at.PARTICLES] = starts[last]
+            m.counts[at.NEWCOMERS] = 0
+            m.rates[at.DIFFUSION] = real(0.0)
+            m.rates[at.ADVECTION] = real(0.0)
+            m.chosen[0] = 0
+        end = starts[last + 1]
+        if i >= end:
+            # sums read past the end of the last row, with weights of 0: that memory must not be
+            # NaN
+            if i < end + at.SPARE:
+                store(m.ordered, i, vec4())
+            return
+        c = compiled.load_int(m.cell, i)
+        p = load(m.particle, i)
+        m.cells.sizes[c] = 0
+        place = compiled.load_int(starts, c)
+        if wp.static(is_ranked_again):
+            place += rank_of(i, place, compiled.load_int(starts, c + 1), m.members)
+        else:
+            place += compiled.load_int(m.rank, i)
+        if c == last:
+            # it has left the terrain
+            p = vec4()
+        store(m.ordered, place, p)
+        if wp.static(real is wp.float32):
+            store_pair(m.ordered_remainder, place, load_pair(m.remainder, i))
+        if wp.static(has_velocity):
+            store_pair(m.ordered_velocity, place, load_pair(m.velocity, i))
+        if wp.static(has_age):
+            m.ordered_age[place] = m.age[i]
+        if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
+            if m.counts[at.STAGE] > 0:
+                store(m.ordered_base, place, load(m.base, i))
+                store(m.ordered_drift, place, load(m.drift, i))
+                if wp.static(has_mean):
+                    m.ordered_mean_temperature[place] = m.mean_temperature[i]
+
+    return bin_particles, order_particles, rank_particles, list_members
+
+
+def _kernels_of(state: State) -> tuple[Any, ...]:
+    return _kernels(
+        state.real, state.is_staged, state.has_velocity, state.has_age, state.has_mean,
+        state.has_empty, state.is_ranked_again,
+    )
+
+
+class NeighborGrid:
+    """The cells of a terrain for one kernel radius.
+
+    Attributes:
+        cells: Position and contents of the cells (cells.py).
+        is_binned: True if the particles have been assigned to cells. Particles that have left are
+            then counted as such, though they are not dropped yet.
+    """
+
+    def __init__(
+        self, terrain: StaggeredTerrain, radius: float, ratio: float, device: Any
+    ) -> None:
+        """Divide the terrain into cells for a kernel radius [m] and its ratio to the spacing."""
+        self._terrain = terrain
+        self._radius = radius
+        rows, columns = cells_to_radius(ratio)
+        self._device = device
+        ground = terrain.exact_ground
+        self.cells = cell_frame(terrain.height.dtype)()
+        self.cells.x0, self.cells.y0 = ground.x0, ground.y0
+        self.cells.rows_per_metre = rows / radius
+        self.cells.columns_per_metre = columns / radius
+        side = ground.resolution / radius
+        #: Columns and rows of the whole terrain.
+        self._all = np.ceil(side * np.array((ground.columns * columns, ground.rows * rows)))
+        self._all = np.maximum(self._all.astype(int), 1)
+        self._per_metre = np.array((columns, rows)) / radius
+        #: Columns and rows of the initial margin, and of an extension.
+        self._margin, self._piece = (
+            np.ceil(length * radius * self._per_metre).astype(int) for length in (MARGIN, PIECE)
+        )
+        self._constants: dict[str, Any] = {}
+        self._way: Any = None
+        self.is_binned = False
+
+    def fit(self, places: np.ndarray) -> None:
+        """Cover the surroundings of some places, or the whole of a small terrain.
+
+        This discards the assignment to cells and replaces them in the motion arguments: launches
+        recorded with the previous arguments must be discarded, too. Places are relative to the
+        terrain's centre [m], shape [count, 2].
+        """
+        cells = self.cells
+        ends = np.stack((np.zeros(2, dtype=int), self._all))
+        if self._all.prod() > WHOLE:
+            places = places[np.isfinite(places).all(axis=1)]
+            bounds = (places.min(axis=0), places.max(axis=0)) if len(places) else np.zeros((2, 2))
+            origin = np.array((cells.x0, cells.y0))
+            ends = np.floor((bounds - origin) * self._per_metre).astype(int)
+            ends += ((0,), (1,)) + _OUTWARD * self._margin
+        self._cover(ends)
+
+    def widen(self, sides: int) -> None:
+        """Extend some sides (``State.counts[NEAR_BORDER]``); otherwise as ``fit``."""
+        cells = self.cells
+        first = np.array((cells.first_column, cells.first_row))
+        length = np.array((cells.columns, cells.rows))
+        is_near = sides >> np.arange(4).reshape(2, 2) & 1
+        piece = np.maximum(self._piece, (GROWTH * length).astype(int))
+        self._cover(np.stack((first, first + length)) + _OUTWARD * is_near * piece)
+
+    def _cover(self, ends: np.ndarray) -> None:
+        """Cover the columns and rows from the first ones up to the ends, int [2, 2]."""
+        # a new struct: launches with the previous one may be repeated
+        cells = cell_frame(self._terrain.height.dtype)()
+        cells.assign(self.cells)
+        first = np.clip(ends[0], 0, self._all - 1)
+        last = np.clip(ends[1], first + 1, self._all)
+        cells.first_column, cells.first_row = first.tolist()
+        cells.columns, cells.rows = (last - first).tolist()
+        near = np.ceil(NEAR * self._radius * self._per_metre).astype(int)
+        # the border of the terrain does not move
+        cells.west, cells.south = np.where(first > 0, first + near, _NEVER_BELOW).tolist()
+        cells.east, cells.north = np.where(last < self._all, last - near, _NEVER_ABOVE).tolist()
+        self.is_binned = False
+        # always 0 except while particles are binned
+        room = 4 * math.ceil((cells.rows * cells.columns + 2) / 4)
+        cells.sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
+        cells.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
+        self.cells = cells
+        if self._way is not None:
+            self._way.cells = cells
+        self._scan = Scan(room, self._device)
+
+    def bin(self, state: State) -> None:
+        """Assign each particle to its cell, as a motion that sets ``is_binned`` does."""
+        way, (bins, *_) = self.motion_arguments(state), _kernels_of(state)
+        launch_over(state, bins, [way], least=MIN_MOVES)
+        self.is_binned = True
+
+    def set_constants(self, **constants: Any) -> None:
+        """Set the constants of a stage (motion_arguments.py) for the motion from now on."""
+        self._constants, self._way = constants, None
+
+    def motion_arguments(self, state: State) -> Any:
+        """Return the argument of all kernels (motion_arguments.py), cached."""
+        if self._way is None or self._way.particle is not state.particle:
+            ground = self._terrain.ground
+            self._way = motion_arguments(state, ground, self.cells, **self._constants)
+        return self._way
+
+    def rebuild(self, state: State) -> None:
+        """Sort ``state.particle`` into ``state.ordered`` and drop particles off the terrain.
+
+        Resets ``state.rates`` to 0, to be raised by the sums over the neighbours.
+        """
+        if not self.is_binned:
+            self.bin(state)
+        self.is_binned = False
+        way, (_, order, rank, members) = self.motion_arguments(state), _kernels_of(state)
+        if not state.device.is_cuda:
+            state.launches(rank, [way], dim=state.extent)
+        self._scan(state.launches, self.cells.sizes, self.cells.starts)
+        if state.is_ranked_again:
+            launch_over(state, members, [way], least=MIN_MOVES)
+        launch_over(state, order, [way], least=MIN_MOVES)
+
+    def refuse_crowds(self) -> None:
+        """Check the number of particles per cell: each particle visits all those around it.
+
+        Raises:
+            LavaError: If a cell contains more than ``MAX_PARTICLES_PER_CELL`` particles.
+        """
+        starts = read(self.cells.starts)[: self.cells.rows * self.cells.columns + 1]
+        most = int(np.diff(starts).max())
+        if most > MAX_PARTICLES_PER_CELL:
+            sides = 1.0 / self.cells.columns_per_metre, 1.0 / self.cells.rows_per_metre
+            size = f'{sides[0]:g} by {sides[1]:g} m'
+            most_there = f'at most {MAX_PARTICLES_PER_CELL} in {size}'
+            expected = f'{most_there}: give it room, or a larger spacing'
+            raise LavaError('particles', f'{most} in {size}', expected)

@@ -1,0 +1,444 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The arrays of a simulation on its device."""
+
+from collections.abc import Callable, Mapping
+import math
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.effects.effect import Array
+from lava_ros.errors import LavaError
+from lava_ros.scene import Terrain
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.graph import Launches
+from lava_ros.simulation.backend.memory import forget_failure, zeros
+from lava_ros.simulation.backend.streams import read, Readback
+from lava_ros.simulation.output.checkpoint import FAR as FAR
+from lava_ros.simulation.output.checkpoint import fitting
+
+# Indices into State.clock.
+TIME, STEP, TARGET, FULL_STEP, FORMER_STEP = range(5)
+
+# Indices into State.stage: the weights of the current Runge-Kutta stage.
+FORMER, BEFORE_FORMER, VELOCITY, FIRST_VELOCITY = range(4)
+
+# Indices into State.counts.
+PARTICLES, STEPS, LIMIT, FULL, STAGE, STAGES, IS_LAST, EVALUATIONS = range(8)
+CURRENT, NEAR_BORDER, NEWCOMERS = range(8, 11)
+
+# Indices into State.rates: reciprocals of the longest step that each limit allows [1/s].
+DIFFUSION, ADVECTION = range(2)
+
+#: Indices into ``left``: over the terrain's border, and onto cells without data.
+BORDER, HOLES = range(2)
+
+#: Threads on a GPU of a kernel that rarely has work: it must cost little when it has none.
+RARE_THREADS = 65536
+
+#: Particle counts up to which this many threads suffice; there may be many small simulations.
+_FEW_RARE = 4096, 16384
+
+#: Threads of such a kernel in a batch, for members of any size.
+RARE_THREADS_TOGETHER = 1024
+
+#: Maximum fraction of the capacity in use before it grows. Threads without a particle cost time,
+#: so there is little spare capacity; a vent that finds none waits until it has grown.
+FULLEST = 0.875
+
+#: Capacity below which growing doubles it [particles].
+FEW = 16384
+
+#: Threads per particle on a GPU, and the maximum capacity for which they are worthwhile.
+SHARED_LANES, SHARED_UP_TO = 4, 50_000
+
+#: Threads that a GPU holds at once, idle ones included, with ``compiled.FEW_THREADS`` on 132
+#: processors. At or below this number latency dominates: registers are then not scarce, and
+#: launches are expensive.
+AT_ONCE = 150_000
+
+#: Items after the last one that sums over neighbours may read (cells.py).
+SPARE = 3
+
+REAL = {'float32': wp.float32, 'float64': wp.float64}
+
+#: The solver's own arrays, described in ``State``. A carried array has a twin named ``ordered_``
+#: and its name, in the order of the cells.
+ARRAYS = {
+    'stage': Array('real', 4),
+    'rates': Array('real', 2),
+    'top': Array('real', 1),
+    'share': Array('real'),
+    'age': Array('real', is_carried=True),
+    'remainder': Array('vec2', is_carried=True),
+    'surface': Array('vec2'),
+    'flow': Array('vec3'),
+    'particle': Array('vec4'),
+    'ordered': Array('vec4'),
+    'base': Array('vec4', is_carried=True),
+    'drift': Array('vec4', is_carried=True),
+    'mean_temperature': Array('real', is_carried=True),
+    'counts': Array('int32', 11),
+    'chosen': Array('int32', 1),
+    'cell': Array('int32'),
+    'rank': Array('int32'),
+    'members': Array('int32'),
+    'home': Array('int32'),
+    'clock': Array('float64', 5),
+    'limit_time': Array('float64', 1),
+    'left': Array('float64', 2),
+}
+
+
+def kinds_of(real: Any) -> dict[str, Any]:
+    """Return the Warp types by the names that an ``Array`` uses for them."""
+    vectors = {f'vec{length}': wp.types.vector(length, real) for length in (2, 3, 4)}
+    return {'real': real, 'int32': wp.int32, 'float64': wp.float64, **vectors}
+
+
+class State:
+    """Every device array that depends on the number of particles, and the clock.
+
+    Positions are kept relative to the terrain's centre. float32 resolves 1 mm at 10 km.
+    ``remainder`` carries the rounding error of each step to the next (compensated summation).
+
+    Attributes:
+        particle: x, y [m], volume [m3], temperature [K] of each particle. Arrays up to ``surface``
+            have the shape [capacity].
+        cell, rank: Cell of each particle and its rank there.
+        members: Only when deterministic on a GPU: the particles of each cell, unsorted.
+        ordered: ``particle`` in the order of the neighbour grid's cells.
+        remainder: Only in float32: rounding error of each particle's position [m]. Without it slow
+            lava far from the centre would never move.
+        age: Only if an effect needs it: time since each particle was emitted [s].
+        base: Position at the start of the step [m] and displacement since then two stages ago [m],
+            of each particle; absent with the Euler integrator.
+        drift: Displacement one stage ago [m] and velocity at the start of the step [m/s]; absent
+            with the Euler integrator.
+        mean_temperature: Only if the speed depends on temperature: mean temperature around each
+            particle at the start of the step [K].
+        flow: Thickness [m], velocity x and y [m/s], of each ordered particle.
+        share: Contribution of each ordered particle to a map: to a cell of unit weight, before the
+            kernel's weight [m^(1/2)], or to the single cell in ``home`` [m].
+        home: Number of the single cell that receives an ordered particle's volume, -1 if several
+            do.
+        surface: Only if the gradient uses differences: elevation of the surface [m] and the area
+            V/h [m2] of each ordered particle.
+        clock: Simulated time, step, target time, latest full step and, with inertia, the previous
+            step [s], float64.
+        limit_time: Time that no step may pass [s], at or after the target, float64; not in
+            checkpoints.
+        counts: Particles; steps; the limit of the latest step; 1 if the capacity was reached; the
+            current stage (0 at the last one); the stages of the step; 1 if the stage is the last;
+            the velocity evaluations so far; the current stage including the last (0 past the
+            target, where stages idle); the sides of the neighbour grid's window that particles are
+            near (sum of 1 west, 2 south, 4 east, 8 north); and the particles emitted since the
+            cells were built, which are not in the first count.
+        chosen: 1 from when a stage is chosen within its motion (fused_stage.py) until its end.
+        stage: Weights of the current stage.
+        rates: Reciprocal of the step each limit allows [1/s].
+        top: Elevation of the highest ground that lava came from, above the terrain's mean [m].
+        left: Volume that has left the terrain [m3], float64.
+        arrived: Time at which lava reached each cell of the terrain [s], -1 before, float32, shape
+            [rows, columns]; kept by ``Simulation``.
+
+    Effects declare their additional arrays in their own files (``Effect.arrays``).
+    """
+
+    arrived: Any
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...  # noqa: D105
+
+    def __init__(
+        self, capacity: int, effects: Effects, accuracy: Accuracy, device: Any
+    ) -> None:
+        """Allocate for ``capacity`` particles."""
+        forget_failure(device)
+        self.real = REAL[accuracy.precision]
+        self.effects = effects
+        # with inertia a step has one stage: effects/inertia.py
+        self.is_staged = accuracy.integrator == 'rkl2' and 'inertia' not in effects
+        self.has_remainder = accuracy.precision == 'float32'
+        self.is_deterministic = accuracy.deterministic
+        # a step of fixed length is not limited
+        self.is_guarded = accuracy.fixed_step is None
+        self.has_velocity = 'inertia' in effects
+        self.has_mean = effects.any('stiffens')
+        self.has_age = effects.any('needs_age')
+        # particles that have frozen or merged into another have no volume and are dropped
+        self.has_empty = effects.any('removes_particles')
+        # without a pass after the motion, the motion itself assigns the particles to cells
+        self.bins_in_motion = not self.has_empty
+        # with inertia the pairwise energy gradient conserves momentum, which a bore needs
+        self.has_surface = accuracy.gradient != 'energy' and 'inertia' not in effects
+        self.device = device
+        self.launches = Launches(device)
+        self._allocate(capacity)
+        self.top.fill_(-FAR)
+        if not device.is_cuda:
+            # a view of the current values: creating it takes 10 us
+            self._seen_counts = self.counts.numpy()
+        self._target = self.clock[TARGET : TARGET + 1]
+        self._readbacks = [Readback((self.clock, self.counts))]
+
+    @property
+    def _arrays(self) -> dict[str, Array]:
+        """Specifications of all arrays of this state, by name: its own and its effects'."""
+        is_needed = {
+            'age': self.has_age,
+            'remainder': self.has_remainder,
+            'surface': self.has_surface,
+            'base': self.is_staged,
+            'drift': self.is_staged,
+            'mean_temperature': self.has_mean,
+            'members': self.is_ranked_again,
+        }
+        own = {name: array for name, array in ARRAYS.items() if is_needed.get(name, True)}
+        return own | self.effects.arrays
+
+    def _allocate(self, capacity: int) -> None:
+        """Allocate the arrays of some particles; keep those that do not depend on the number."""
+        kinds, items, others = kinds_of(self.real), {}, {}
+        for name, array in self._arrays.items():
+            dtype = kinds[array.dtype]
+            if array.count is None:
+                items[name] = dtype, capacity
+            elif not hasattr(self, name):
+                others[name] = dtype, array.count
+            if array.is_carried:
+                items[f'ordered_{name}'] = dtype, capacity
+        arrays = zeros(items, self.device, spare=SPARE) | zeros(others, self.device)
+        self.launches.forget()
+        vars(self).update(arrays, capacity=capacity)
+
+    @property
+    def extent(self) -> int:
+        """Number of particles that a launch covers: on a GPU the whole capacity."""
+        if self.device.is_cuda:
+            return self.capacity
+        if self.launches.is_capturing:
+            return self.launches.extent
+        return int(self._seen_counts[PARTICLES] + self._seen_counts[NEWCOMERS])
+
+    @property
+    def is_ranked_again(self) -> bool:
+        """True if particles rank in their cells by number, not in the order of GPU atomics."""
+        return self.is_deterministic and self.device.is_cuda
+
+    @property
+    def parts(self) -> int:
+        """Number of parts in which a particle's neighbours are summed, which threads can share."""
+        return SHARED_LANES if self.device.is_cuda and self.capacity <= SHARED_UP_TO else 1
+
+    @property
+    def lanes(self) -> int:
+        """Threads per particle: one for each part, because few particles do not fill a GPU.
+
+        A batch does fill it (batched_launches.py); its launches are recorded.
+        """
+        return 1 if self.launches.is_capturing else self.parts
+
+    @property
+    def is_short(self) -> bool:
+        """True if a GPU runs all threads of a pass over the particles at once."""
+        is_alone = self.device.is_cuda and not self.launches.is_capturing
+        return is_alone and self.capacity * self.lanes <= AT_ONCE
+
+    @property
+    def is_wide(self) -> bool:
+        """True if sums over neighbours process several of them at a time (simd.py)."""
+        return not self.device.is_cuda and self.real is wp.float32
+
+    @property
+    def rare_threads(self) -> int:
+        """Threads of a kernel that rarely has work; each processes every n-th item."""
+        if not self.device.is_cuda:
+            return 1
+        if self.launches.is_capturing:
+            # all members of a batch must run the same kernels
+            return RARE_THREADS_TOGETHER
+        # each different number is a separate kernel
+        return next((few for few in _FEW_RARE if self.capacity <= few), RARE_THREADS)
+
+    def read_clock(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return copies of ``clock`` and ``counts`` after all earlier launches on this stream."""
+        return self._readbacks[0].begin()()
+
+    def begin_readback(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
+        """Start to copy them; return a function that waits, to be called before a third copy."""
+        # page-locked memory is slow to allocate, and a member of a batch needs none of these
+        while len(self._readbacks) < 3:
+            self._readbacks.append(Readback((self.clock, self.counts)))
+        self._readbacks[1:] = reversed(self._readbacks[1:])
+        return self._readbacks[1].begin()
+
+    def make_room(self, counts: np.ndarray) -> None:
+        """Grow if a copy of ``counts`` shows that it is necessary."""
+        if self.needs_room(counts):
+            # spare capacity is cheap while there are few particles
+            twice = 2 * self.capacity if self.capacity < FEW else 0
+            self.grow(max(room_for(count_in(counts)), room_for(self.capacity), twice))
+
+    def needs_room(self, counts: np.ndarray) -> bool:
+        """Return True if the capacity is almost used up or a vent found none."""
+        return bool(counts[FULL] or count_in(counts) > FULLEST * self.capacity)
+
+    def grow(self, capacity: int) -> None:
+        """Grow to a capacity of ``capacity`` particles and keep the existing ones.
+
+        Raises:
+            RuntimeError: If memory is insufficient; the state is then unchanged.
+        """
+        names = 'particle', 'cell', 'rank', *self._carried, *self._of_step
+        kept = {name: getattr(self, name) for name in names}
+        count = min(self.capacity, capacity)
+        try:
+            self._allocate(capacity)
+        except RuntimeError as error:
+            forget_failure(self.device)
+            raise RuntimeError(f'room for {capacity} particles: {error}') from error
+        # copies the full old capacity, which avoids waiting for the number of particles
+        for name, values in kept.items():
+            wp.copy(getattr(self, name), values, count=count)
+        self.write_count(FULL, 0)
+
+    @property
+    def _carried(self) -> list[str]:
+        """Names of the arrays that particles carry from step to step, each with a twin."""
+        names = ['remainder'] if self.has_remainder else []
+        names += [name for name, array in self.effects.arrays.items() if array.is_carried]
+        return names + (['age'] if self.has_age else [])
+
+    @property
+    def _of_step(self) -> tuple[str, ...]:
+        """Names of the arrays that particles carry from stage to stage of a step."""
+        names = ('base', 'drift') if self.is_staged else ()
+        return (*names, 'mean_temperature') if self.has_mean else names
+
+    def _put(self, name: str, values: np.ndarray) -> None:
+        """Replace the first items of an array."""
+        # a count of 0 would copy everything
+        if len(values):
+            array = getattr(self, name)
+            rows = wp.array(values, dtype=array.dtype, device=self.device)
+            wp.copy(array, rows, count=len(values))
+
+    def write_target(self, time: float, limit: float | None = None) -> None:
+        """Replace the target time of ``clock`` and, if given, ``limit_time`` [s].
+
+        Stages that have been launched already still use the previous values.
+        """
+        self._target.fill_(time)
+        if limit is not None:
+            self.limit_time.fill_(limit)
+
+    def write_count(self, place: int, value: int) -> None:
+        """Replace one of the ``counts``."""
+        self.counts[place : place + 1].fill_(value)
+
+    @property
+    def count(self) -> int:
+        """Number of particles (read back from the device)."""
+        return count_in(self.read_clock()[1])
+
+    def write_particles(self, values: np.ndarray) -> None:
+        """Replace all particles by rows of (x, y from the centre, volume, temperature), float64.
+
+        The first rows are the existing particles: they keep their velocity and age.
+        """
+        count = min(self.count, len(values))
+        kept = {name: getattr(self, name).numpy()[:count].copy() for name in self._carried}
+        if self.has_remainder:
+            kept['remainder'] = values[:, :2] - values[:, :2].astype(np.float32)
+        if len(values) > FULLEST * self.capacity:
+            self._allocate(room_for(len(values)))
+        self._put('particle', values)
+        for name in self._carried:
+            getattr(self, name).zero_()
+        for name, former in kept.items():
+            self._put(name, former)
+        self.write_count(PARTICLES, len(values))
+        self.write_count(NEWCOMERS, 0)
+
+    def take_over(self, former: 'State') -> None:
+        """Adopt the data of another state with other effects, as far as both have them."""
+        self.write_particles(former.read_particles())
+        count = former.count
+        for name in set(self._carried) & set(former._carried):
+            if count:
+                wp.copy(getattr(self, name), getattr(former, name), count=count)
+        arrays = self.effects.arrays
+        totals = [name for name in arrays if arrays[name].is_total and hasattr(former, name)]
+        for name in ('clock', 'counts', 'top', 'left', *totals):
+            wp.copy(getattr(self, name), getattr(former, name))
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy all arrays that the next step depends on, between two steps, by name."""
+        count = self.count
+        arrays = {
+            name: getattr(self, name).numpy()[:count].copy()
+            for name in ('particle', *self._carried)
+        }
+        return arrays | {name: getattr(self, name).numpy().copy() for name in self._sums}
+
+    def load(self, arrays: Mapping[str, np.ndarray], capacity: int) -> None:
+        """Restore the arrays that ``save`` has copied, with the same capacity.
+
+        Raises:
+            LavaError: If an array is missing or has the wrong shape or type.
+        """
+        count = len(arrays['particle'])
+        self._allocate(capacity)
+        for name in ('particle', *self._carried, *self._sums):
+            template = getattr(self, name).numpy()
+            shape = template.shape if name in self._sums else (count, *template.shape[1:])
+            values = fitting(f'state.{name}', arrays.get(name), shape, template.dtype)
+            self._put(name, values)
+        _, counts = self.read_clock()
+        if (counts[PARTICLES], counts[NEWCOMERS], counts[STAGE]) != (count, 0, 0):
+            expected = f'{count} particles, between two steps'
+            raise LavaError('checkpoint.state.counts', counts.tolist(), expected)
+
+    @property
+    def _sums(self) -> list[str]:
+        """Names of the arrays that do not depend on the number of particles."""
+        items = self.effects.arrays.items()
+        kept = [name for name, array in items if array.is_total or array.is_saved]
+        return ['clock', 'counts', 'rates', 'stage', 'top', 'left', *kept]
+
+    def take_order(self, *, within_step: bool = False) -> None:
+        """Copy the ordered arrays back to the particles, also possible within a step."""
+        wp.copy(self.particle, self.ordered)
+        for name in (*self._carried, *(self._of_step if within_step else ())):
+            wp.copy(getattr(self, name), getattr(self, f'ordered_{name}'))
+
+    def read_particles(self) -> np.ndarray:
+        """Return rows of (x, y, volume, temperature), float64, x and y from the centre."""
+        count = self.count
+        if not count:
+            return np.empty((0, 4))
+        rows = read(self.particle[:count]).astype(np.float64)
+        if self.has_remainder:
+            rows[:, :2] += read(self.remainder[:count])
+        return rows
+
+
+def count_in(counts: np.ndarray) -> int:
+    """Return the number of particles in a copy of ``State.counts``."""
+    return int(counts[PARTICLES] + counts[NEWCOMERS])
+
+
+def room_for(count: int) -> int:
+    """Return the capacity for some particles: whole blocks of threads, a third of them spare."""
+    return 256 * math.ceil(max(4 * count / 3, 1) / 256)
+
+
+def centre_of(terrain: Terrain) -> np.ndarray:
+    """Return the map position [m] of the origin of particle positions: the terrain's centre."""
+    return np.array(terrain.centre)

@@ -1,0 +1,276 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The staggered terrain grid (3.15 to 3.22): heights at cell centres, gradients between them.
+
+At the cells' corners the gradient is the paper's 3.21. Between them the paper interpolates it
+bilinearly, component by component; no surface has that gradient, and a pond on it never comes to
+rest. Here it is the gradient of the quadratic B-spline of the heights: linear along its own
+direction, quadratic across, the same at the corners, and curl-free.
+"""
+
+from copy import copy
+from functools import lru_cache
+from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
+
+import numpy as np
+import warp as wp
+
+from lava_ros.scene import Terrain
+from lava_ros.simulation.backend.compiled import load9
+from lava_ros.simulation.particles.state import BORDER, centre_of, HOLES, REAL
+
+
+@lru_cache
+def ground_type(real: Any) -> Any:
+    """Return the struct of a terrain: position from its centre [m], cells with data, elevation.
+
+    It has the precision of the kernels that read it: converting numbers in each thread would cost
+    more than reading them. ``elevation`` and ``known`` are as in ``StaggeredTerrain``.
+    """
+
+    @wp.struct
+    class Ground:
+        x0: real
+        y0: real
+        resolution: real
+        rows: wp.int32
+        columns: wp.int32
+        elevation: wp.array2d(dtype=real)
+        known: wp.array2d(dtype=wp.uint8)
+
+    return Ground
+
+
+class StaggeredTerrain:
+    """A terrain on a device.
+
+    Attributes:
+        height: Elevation of the cells and of a ring around them, above the mean [m], shape
+            [rows + 2, columns + 2].
+        bare: ``height`` without solidified lava.
+        known: 1 for cells with data, 0 for others, shape [rows, columns].
+        ground: Argument of kernels with all of these.
+        exact_ground: The same argument in float64, without elevations.
+    """
+
+    def __init__(self, terrain: Terrain, precision: str, device: Any) -> None:
+        """Copy the heights to the device."""
+        rows, columns = terrain.shape
+        self.bare = wp.array(ringed_heights(terrain), dtype=REAL[precision], device=device)
+        self.height = self.bare
+        self.known = wp.array(terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=device)
+        x0, y0 = np.asarray(terrain.origin) - centre_of(terrain)
+        self.ground, self.exact_ground = ground_type(REAL[precision])(), ground_type(wp.float64)()
+        for ground in (self.ground, self.exact_ground):
+            ground.x0, ground.y0 = float(x0), float(y0)
+            ground.resolution = terrain.resolution
+            ground.rows, ground.columns = rows, columns
+            ground.known = self.known
+        self.ground.elevation = self.height
+
+    @classmethod
+    def shared(cls, terrain: Terrain, precision: str, device: Any) -> 'StaggeredTerrain':
+        """Return a cached or new instance for these heights; it must not be written to."""
+        key = terrain, precision, str(device)
+        staggered = _shared.get(key)
+        if staggered is None:
+            staggered = _shared[key] = cls(terrain, precision, device)
+        return staggered
+
+    def own(self) -> 'StaggeredTerrain':
+        """Return a copy with a ``height`` that may be written to."""
+        terrain = copy(self)
+        # keeps this instance alive, so that it can still be shared
+        terrain._source = self
+        terrain.height = wp.clone(self.bare)
+        terrain.ground = ground_type(self.height.dtype)()
+        terrain.ground.assign(self.ground)
+        terrain.ground.elevation = terrain.height
+        return terrain
+
+    def raise_to(self, places: np.ndarray, top: Any) -> None:
+        """Raise a height [m], shape [1] on the device, to that of the highest of some places.
+
+        They are relative to the terrain's centre [m], shape [count, 2].
+        """
+        real, device = self.height.dtype, self.height.device
+        where = wp.array(places, dtype=wp.types.vector(2, real), device=device)
+        wp.launch(_raise(real), len(places), [where, self.ground], [top], device=device)
+
+
+_shared: WeakValueDictionary[tuple[Terrain, str, str], StaggeredTerrain] = WeakValueDictionary()
+
+
+@lru_cache
+def _raise(real: Any) -> Any:
+    height_at = terrain_functions(real).height_at
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def raise_top(
+        places: wp.array(dtype=wp.types.vector(2, real)),
+        ground: ground_type(real),
+        top: wp.array(dtype=real),
+    ):
+        place = places[wp.tid()]
+        wp.atomic_max(top, 0, height_at(ground, place[0], place[1]))
+
+    return raise_top
+
+
+def sampled(
+    values: np.ndarray, before: Terrain, after: Terrain, *, outside: float
+) -> np.ndarray:
+    """Sample values at the middles of the cells of another terrain, from the cells around them.
+
+    ``values`` have the shape of the terrain ``before``; cells beyond it become ``outside``.
+    """
+    index, is_inside = [], []
+    for axis in (0, 1):
+        middles = (np.arange(after.shape[axis]) + 0.5) * after.resolution
+        middles += after.origin[1 - axis] - before.origin[1 - axis]
+        place = np.floor(middles / before.resolution).astype(int)
+        is_inside.append((place >= 0) & (place < before.shape[axis]))
+        index.append(np.clip(place, 0, before.shape[axis] - 1))
+    return np.where(np.logical_and.outer(*is_inside), values[np.ix_(*index)], outside)
+
+
+@lru_cache(maxsize=1)
+def ringed_heights(terrain: Terrain) -> np.ndarray:
+    """Return elevations above the mean [m], extended by one cell, shape [rows + 2, columns + 2].
+
+    Outside the grid the terrain continues with the slope of its border; on cells without data it
+    continues with the slope of adjacent cells. Subtracting the mean saves digits in float32.
+    Members of an ensemble on the same terrain share the array.
+    """
+    height = terrain.elevation.astype(np.float64)
+    if not terrain.has_data.all():
+        height = _extended(height)
+    return np.pad(height - height.mean(), 1, mode='reflect', reflect_type='odd')
+
+
+def _extended(height: np.ndarray) -> np.ndarray:
+    """Fill cells next to known ones with the mean of their neighbours' linear continuations."""
+    rows, columns = height.shape
+    wide = np.pad(height, 2, constant_values=np.nan)
+    total = np.zeros_like(height)
+    number = np.zeros_like(height)
+    for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+        near = wide[2 + dy : 2 + dy + rows, 2 + dx : 2 + dx + columns]
+        far = wide[2 + 2 * dy : 2 + 2 * dy + rows, 2 + 2 * dx : 2 + 2 * dx + columns]
+        continued = np.where(np.isfinite(far), 2.0 * near - far, near)
+        usable = np.isfinite(continued)
+        total[usable] += continued[usable]
+        number += usable
+    filled = np.where(number > 0, total / np.maximum(number, 1), np.nanmean(height))
+    return np.where(np.isnan(height), filled, height)
+
+
+class TerrainFunctions(NamedTuple):
+    """Device functions that read a staggered terrain."""
+
+    gradient_at: Any
+    bend_at: Any
+    height_at: Any
+    is_known: Any
+    side_of: Any
+
+
+@lru_cache
+def terrain_functions(real: Any) -> TerrainFunctions:
+    """Return the functions for gradient, curvature and height, and the test for data."""
+    vec2 = wp.types.vector(2, real)
+    patch = load9(real)
+
+    @wp.func
+    def spline(n: int, t: real) -> real:
+        """Weight of the n-th of three rows (or columns): a quadratic B-spline."""
+        if n == 1:
+            return real(0.75) - t * t
+        side = real(0.5) + wp.where(n == 0, -t, t)
+        return real(0.5) * side * side
+
+    @wp.func
+    def cell_at(ground: ground_type(real), x: real, y: real):
+        """Return row and column of the cell at a place, and the place relative to its centre."""
+        inverse = real(1.0) / ground.resolution
+        column = (x - ground.x0) * inverse
+        row = (y - ground.y0) * inverse
+        i = wp.clamp(int(wp.floor(row)), 0, ground.rows - 1)
+        j = wp.clamp(int(wp.floor(column)), 0, ground.columns - 1)
+        s = wp.clamp(column - real(j) - real(0.5), real(-0.5), real(0.5))
+        t = wp.clamp(row - real(i) - real(0.5), real(-0.5), real(0.5))
+        return i, j, s, t
+
+    @wp.func
+    def gradient_at(ground: ground_type(real), x: real, y: real) -> vec2:
+        inverse = real(1.0) / ground.resolution
+        i, j, s, t = cell_at(ground, x, y)
+        before_s = real(0.5) - s
+        after_s = real(0.5) + s
+        before_t = real(0.5) - t
+        after_t = real(0.5) + t
+        rise = vec2()
+        around = patch(ground.elevation, i, j)
+        for n in range(3):
+            east = before_s * (around[n, 1] - around[n, 0])
+            east += after_s * (around[n, 2] - around[n, 1])
+            north = before_t * (around[1, n] - around[0, n])
+            north += after_t * (around[2, n] - around[1, n])
+            rise += vec2(spline(n, t) * east, spline(n, s) * north)
+        return rise * inverse
+
+    @wp.func
+    def bend_at(ground: ground_type(real), x: real, y: real) -> real:
+        """Largest curvature of the surface whose gradient is ``gradient_at``, 0 on a dome."""
+        inverse = real(1.0) / ground.resolution
+        i, j, s, t = cell_at(ground, x, y)
+        along = real(0.0)
+        across = real(0.0)
+        twist = real(0.0)
+        around = patch(ground.elevation, i, j)
+        for n in range(3):
+            west = around[n, 1] - around[n, 0]
+            east = around[n, 2] - around[n, 1]
+            south = around[1, n] - around[0, n]
+            north = around[2, n] - around[1, n]
+            along += spline(n, t) * (east - west)
+            across += spline(n, s) * (north - south)
+            # the derivative of the spline's weight
+            change = real(-2.0) * t
+            if n != 1:
+                change = t + wp.where(n == 0, real(-0.5), real(0.5))
+            twist += change * ((real(0.5) - s) * west + (real(0.5) + s) * east)
+        mean = real(0.5) * (along + across)
+        half = real(0.5) * (along - across)
+        bend = mean + wp.sqrt(half * half + twist * twist)
+        return wp.max(bend, real(0.0)) * inverse * inverse
+
+    @wp.func
+    def height_at(ground: ground_type(real), x: real, y: real) -> real:
+        """Height of the surface whose gradient is ``gradient_at``."""
+        i, j, s, t = cell_at(ground, x, y)
+        total = real(0.0)
+        around = patch(ground.elevation, i, j)
+        for m in range(3):
+            for n in range(3):
+                total += spline(m, t) * spline(n, s) * around[m, n]
+        return total
+
+    @wp.func
+    def is_known(ground: ground_type(real), x: real, y: real) -> bool:
+        j = int(wp.floor((x - ground.x0) / ground.resolution))
+        i = int(wp.floor((y - ground.y0) / ground.resolution))
+        if i < 0 or j < 0 or i >= ground.rows or j >= ground.columns:
+            return False
+        return ground.known[i, j] != wp.uint8(0)
+
+    @wp.func
+    def side_of(ground: ground_type(real), x: real, y: real) -> int:
+        # places are relative to the middle of the grid
+        if wp.abs(x) >= -ground.x0 or wp.abs(y) >= -ground.y0:
+            return BORDER
+        return HOLES
+
+    return TerrainFunctions(gradient_at, bend_at, height_at, is_known, side_of)

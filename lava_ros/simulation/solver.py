@@ -1,0 +1,330 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The device side of a simulation: particles, grids and kernels for one scene and set of effects.
+
+``Simulation`` decides what to simulate, and ``advance.py`` how far. The solver holds the arrays
+and runs single stages.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.graph import Launch
+from lava_ros.simulation.backend.streams import read, Reader
+from lava_ros.simulation.backend.threads import is_alone
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of, snapshot_of
+from lava_ros.simulation.output.looks import Looks
+from lava_ros.simulation.output.rasterization import Raster
+from lava_ros.simulation.output.snapshot import Particles, PendingSnapshot, rows_of
+from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles.neighbors import NeighborGrid
+from lava_ros.simulation.particles.state import centre_of, room_for, State
+from lava_ros.simulation.particles.terrain import sampled, StaggeredTerrain
+from lava_ros.simulation.step.effects import device_part
+from lava_ros.simulation.step.stage import Stage
+from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
+
+#: Initial capacity, in particles.
+_FIRST_CAPACITY = 4096
+
+#: Stages per launch, by whether the device is a GPU.
+_GRAPH_STAGES = {True: 16, False: 1}
+
+#: Positions of no particles.
+_NOWHERE = np.empty((0, 2))
+
+
+class Solver:
+    """Particles, terrain, vents and kernels on a device.
+
+    Attributes:
+        scene: The current scene.
+        effects: The effects that are on.
+        accuracy: The resolution, without automatic values.
+        device: The Warp device.
+        particle_volume: Volume of the particles that vents emit [m3].
+        radius: Radius of the smoothing kernel [m].
+        state: Arrays of the particles, and the clock.
+        terrain: The ground on the device.
+        neighbors: The grid of cells in which neighbours are found.
+        raster: The terrain's cells, for maps.
+        stage: The kernels of one stage of a step.
+        after_step: Passes of effects at the end of a step, by effect.
+        vents: The vents on the device.
+        counted: The vents, and the indices of those that ``raise_top`` has counted.
+        volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
+        most_particles: Largest number of particles at any readback so far.
+    """
+
+    def __init__(
+        self, scene: Scene, effects: Effects, accuracy: Accuracy, device: wp.Device
+    ) -> None:
+        """Allocate the arrays and compile the kernels; there are no vents yet.
+
+        Args:
+            scene: Terrain, vents and lava.
+            effects: The effects that are on.
+            accuracy: The resolution, without automatic values.
+            device: The Warp device.
+        """
+        self.scene, self.effects, self.accuracy, self.device = scene, effects, accuracy, device
+        spacing, thickness = accuracy.spacing, accuracy.thickness
+        assert spacing is not None and thickness is not None
+        # in float32, so that the sum of the particles' volumes is their number times this
+        self.particle_volume = float(np.float32(spacing * spacing * thickness))
+        self.radius = accuracy.ratio * spacing
+        self.state = State(_FIRST_CAPACITY, effects, accuracy, device)
+        self._diagnostics, self._reader = FlowDiagnostics(), Reader(device)
+        self.volume_before = 0.0
+        self.most_particles = 0
+        self.after_step: dict[str, Any] = {}
+        self._arrived: tuple[Terrain, Any] | None = None
+        self.place_terrain()
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.state.read_clock()[0][at.TIME])
+
+    def start_with(self, particles: Particles | None) -> None:
+        """Place the initial particles, open the vents of the scene, and find the highest ground.
+
+        Raises:
+            LavaError: If a particle is not on the terrain, or a discharge is out of range.
+        """
+        places = _NOWHERE
+        if particles is not None:
+            assert self.accuracy.spacing is not None
+            rows = rows_of(particles, self.scene.terrain, self.accuracy.spacing)
+            self.add_particles(rows)
+            if 'inertia' in self.effects:
+                self.state.velocity[: len(rows)].assign(particles.velocity)
+            self.cover()
+            self.volume_before = float(self.state.read_particles()[:, 2].sum())
+            self.sort()
+            places = self.state.read_particles()[:, :2]
+        check_rates(self.scene.vents, self.particle_volume)
+        self.open_vents(0.0, Emission.of_new_vents(len(self.scene.vents)))
+        self.counted: tuple[VentSet, set[int]] = self.vents, set()
+        self.raise_top(places, until=0.0)
+
+    def switch_effects(self, effects: Effects) -> None:
+        """Continue with other effects."""
+        self.settle()
+        former = self.state
+        self.effects = effects
+        self.state = State(former.capacity, effects, self.accuracy, self.device)
+        self.state.take_over(former)
+        self.place_terrain()
+
+    def place_terrain(self) -> None:
+        """Put the terrain, and the grids and kernels that depend on it, on the device."""
+        terrain, accuracy = self.scene.terrain, self.accuracy
+        # solidified lava raises the ground of this simulation alone
+        shared = StaggeredTerrain.shared(terrain, accuracy.precision, self.device)
+        self.terrain = shared.own() if 'solidification' in self.effects else shared
+        self.neighbors = NeighborGrid(self.terrain, self.radius, accuracy.ratio, self.device)
+        output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
+        # grids for solidified lava, and for the arrival
+        more = ('solidification' in self.effects) + 1
+        self.raster = Raster(
+            self.terrain, output_radius, accuracy.kernel, accuracy.ratio, self.device, more=more
+        )
+        self._keep_arrival(terrain)
+        former = self.after_step
+        self.after_step = {
+            name: part.AfterStep(self.scene, accuracy, self.terrain, self.state)
+            for name in self.effects
+            if hasattr(part := device_part(name), 'AfterStep')
+        }
+        if 'solidification' in former:
+            self.after_step['solidification'].take_over(former['solidification'], self.state)
+        self.stage = Stage(self.scene, accuracy, self.state, self.neighbors, self.after_step)
+        self.cover()
+
+    def _keep_arrival(self, terrain: Terrain) -> None:
+        """Let the motion record arrival times, starting from those recorded so far."""
+        if self._arrived is None:
+            times = np.full(terrain.shape, -1.0, dtype=np.float32)
+            self._arrived = terrain, wp.array(times, dtype=wp.float32, device=self.device)
+        former, recorded = self._arrived
+        cells = [(item.shape, item.resolution, item.origin) for item in (former, terrain)]
+        if cells[0] != cells[1]:
+            times = sampled(read(recorded), former, terrain, outside=-1.0)
+            recorded = wp.array(times, dtype=wp.float32, device=self.device)
+        self._arrived = terrain, recorded
+        self.state.arrived = recorded
+
+    def replace_terrain(self, scene: Scene) -> None:
+        """Put the terrain of another scene under the particles; those outside it have left."""
+        self.settle()
+        rows = self.state.read_particles()
+        rows[:, :2] += centre_of(self.scene.terrain) - centre_of(scene.terrain)
+        before, now = self.vents.emission(self.time), self.time
+        self.volume_before += self.vents.emitted(now)
+        self.scene = scene
+        self.place_terrain()
+        self.state.write_particles(rows)
+        self.cover()
+        self.open_vents(now, before)
+
+    def open_vents(self, since: float, before: Emission) -> None:
+        """Put the vents of the scene on the device.
+
+        Args:
+            since: Simulated time from which they emit [s].
+            before: Their emission until then.
+        """
+        self.vents = VentSet(
+            self.scene.vents, self.scene.terrain, self.accuracy, self.particle_volume,
+            self.device, since=since, before=before,
+        )
+
+    def load_vents(self, arrays: Mapping[str, np.ndarray], *, since: float) -> None:
+        """Load the emission of the vents from the arrays of a checkpoint."""
+        self.open_vents(since, Emission.from_arrays(arrays, len(self.scene.vents)))
+
+    def raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
+        """Update the elevation of the highest ground that lava came from, for places and vents.
+
+        ``places`` are relative to the centre [m], shape [count, 2]. Each vent counts once, and
+        only if it has emitted lava or will by the time ``until`` [s], by default now.
+        """
+        if self.counted[0] is not self.vents:
+            self.counted = self.vents, set()
+        until = self.time if until is None else until
+        new = self.vents.giving(until, others_than=self.counted[1])
+        if not len(places) and not new:
+            return
+        self.counted[1].update(new)
+        every = [places]
+        centre, resolution = centre_of(self.scene.terrain), self.scene.terrain.resolution
+        for vent in (self.scene.vents[number] for number in new):
+            start, end = np.subtract((vent.position, vent.end or vent.position), centre)
+            count = 1 + math.ceil(math.dist(start, end) / resolution)
+            every.append(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start))
+        self.terrain.raise_to(np.concatenate(every), self.state.top)
+
+    def lower_top(self) -> None:
+        """Find the highest ground again, after the terrain has changed."""
+        self.state.top.fill_(-at.FAR)
+        self.raise_top(self.state.read_particles()[:, :2])
+
+    def add_particles(self, rows: np.ndarray | list[Any]) -> None:
+        """Add particles given as (map x, map y, volume, temperature)."""
+        if not len(rows):
+            return
+        added = np.array(rows, dtype=np.float64)
+        added[:, :2] -= centre_of(self.scene.terrain)
+        self.state.write_particles(np.concatenate([self.state.read_particles(), added]))
+        self.state.launches.forget()
+
+    def run_stages(self) -> None:
+        """Run one stage on the CPU, a graph of several on a GPU; past the target they idle."""
+        state, is_cuda = self.state, self.device.is_cuda
+        if not is_alone(state):
+            self.take_stages()
+            return
+        self.bin()
+        if not state.launches.can_replay(state.extent):
+            if is_cuda:
+                self.take_stages()
+            # on a CPU each possible particle costs time
+            extent = min(room_for(state.extent), state.capacity)
+            take = partial(self.take_stages, _GRAPH_STAGES[is_cuda])
+            state.launches.capture(take, extent)
+        state.launches.replay()
+
+    def take_stages(self, count: int = 1, *, look: Callable[[], None] | None = None) -> None:
+        """Launch stages; ``look`` is called before the motion of each."""
+        for _ in range(count):
+            self.stage.take(self.scene, self.vents, look=look)
+
+    def record_launches(self, take: Callable[[], None]) -> list[Launch]:
+        """Return the launches of a function without running them, for a batch."""
+        return self.state.launches.taken_down(take, self.state.capacity)
+
+    def make_room(self, counts: np.ndarray) -> None:
+        """Enlarge the arrays or the neighbour grid if the counts of the state require it."""
+        self.state.make_room(counts)
+        if counts[at.NEAR_BORDER]:
+            if self.neighbors.is_binned:
+                # particles that have left are counted already
+                self.neighbors.rebuild(self.state)
+                self.state.take_order(within_step=True)
+            self.state.write_count(at.NEAR_BORDER, 0)
+            self.neighbors.widen(int(counts[at.NEAR_BORDER]))
+            self.state.launches.forget()
+
+    def bin(self) -> None:
+        """Assign the particles to cells, unless the previous motion has done so."""
+        if self.state.bins_in_motion and not self.neighbors.is_binned:
+            self.neighbors.bin(self.state)
+
+    def cover(self) -> None:
+        """Fit the neighbour grid to the lava and the vents."""
+        self.settle()
+        self.state.write_count(at.NEAR_BORDER, 0)
+        ends = [end for vent in self.scene.vents for end in (vent.position, vent.end) if end]
+        places = np.reshape(ends, (-1, 2)) - centre_of(self.scene.terrain)
+        self.neighbors.fit(np.concatenate([self.state.read_particles()[:, :2], places]))
+        self.state.launches.forget()
+
+    def settle(self) -> None:
+        """Drop particles that have left and are counted as such, before others read or change."""
+        if self.neighbors.is_binned:
+            self.sort()
+
+    def sort(self) -> None:
+        """Sort the particles by cell and drop those that have left.
+
+        Raises:
+            LavaError: If too many particles are in one place.
+        """
+        self.order()
+        self.neighbors.refuse_crowds()
+
+    def order(self) -> None:
+        """Sort the particles by cell, without reading anything back."""
+        self.neighbors.rebuild(self.state)
+        self.state.take_order()
+
+    def map_looks(self, looks: Looks) -> None:
+        """Add the current flow to looks."""
+        self._fill_raster()
+        raster = self.raster
+        looks.take(self.state, self.terrain.known, raster.thickness, raster.temperature)
+
+    def _fill_raster(self) -> None:
+        self.raster.fill(self.state, self.neighbors)
+        if 'solidification' in self.effects:
+            self.after_step['solidification'].show(self.state, self.raster.grids)
+
+    def begin_snapshot(self, *, beside: bool) -> PendingSnapshot:
+        """Map the ordered particles; with ``beside`` the copy runs beside the next steps."""
+        state, raster = self.state, self.raster
+        self.stage.compute_flow()
+        self._reader.before_writing()
+        self._fill_raster()
+        wp.copy(raster.grids[-1], state.arrived)
+        numbers = self._diagnostics.take(state, self.vents)
+        copies = self._reader.begin([raster.grids, numbers], beside=beside)
+        terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
+        return PendingSnapshot(lambda: snapshot_of(copies(), terrain, state, vents, before))
+
+    def budget(self) -> VolumeBudget:
+        """Return the budget of the lava's volume."""
+        self.settle()
+        self._reader.before_writing()
+        numbers = read(self._diagnostics.take(self.state, self.vents))
+        return moment_of(numbers, self.state, self.vents, self.volume_before).budget

@@ -1,0 +1,306 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Lateral viscous stress by the Green's function of the velocity equation (3.37 to 3.44).
+
+With u' = h^3 u the depth-averaged balance is lap u' - k^2 u' = b, and its Green's function in the
+plane is -K0(k r) / (2 pi). The velocity is the K0-weighted mean of the driving term b.
+Where the paper's print is inconsistent, this is computed:
+
+* k = sqrt(5/2) / h (``LATERAL_DRAG``): from 3.37, whose k is sqrt(3/2) / h, with the isotropic
+  Newtonian stress tau = 2 mu eps in place of the paper's tau = mu eps and the parabolic profile.
+* K0 takes k r, r the distance of two particles (3.38 prints |u|, 3.41 drops the k).
+* the mean of b is divided by k^2 h^3, as u = u' / h^3 and the integral of the Green's function is
+  1 / k^2 (3.40 multiplies by h^3). With b = k^2 h^3 u_local that is the weighted mean of
+  h u_local over the particle's own h.
+* a particle's own weight is the mean of K0 over its own area (the paper takes K0(0.001)).
+* the weights are divided by their own sum: inside the flow that is the disc's integral
+  (2 pi / k^2)(1 - k l K1(k l)) up to the error of the sum, and at a free edge it leaves out the
+  part of the disc that holds no lava.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any
+
+import warp as wp
+
+from lava_ros.effects.laws import LATERAL_DRAG
+from lava_ros.simulation.backend.compiled import (
+    load1,
+    load4,
+    past_the_cache,
+    quick_kernel,
+    sum_over,
+    unseen_one,
+    wait_for,
+)
+from lava_ros.simulation.backend.simd import over_neighbors
+from lava_ros.simulation.backend.threads import launch_over, MIN_SUMS
+from lava_ros.simulation.particles.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
+from lava_ros.simulation.particles.kernels import (
+    bessel,
+    k0_within,
+    MIN_SQUARED_DISTANCE,
+    SQUARED_SUPPORT,
+    WIDE_K0,
+)
+from lava_ros.simulation.particles.motion_arguments import arguments_type
+from lava_ros.simulation.particles.neighbors import NeighborGrid
+from lava_ros.simulation.particles.state import PARTICLES, State
+from lava_ros.simulation.step.emission import Outlets
+from lava_ros.simulation.step.flow import fall_function
+from lava_ros.simulation.step.fused_stage import DIRECTORS, StageChoice
+from lava_ros.simulation.step.motion import motion_of
+from lava_ros.simulation.step.timestep import pace_type
+
+#: The squared distance within which K0 is constant, over the area of a particle's own disc: the
+#: value there is the mean of ln r over the disc. As K0 is convex in ln r, its mean is no less, and
+#: a
+#: neighbour, however near, counts no more than the particle itself: two push each other apart.
+_NEAR = math.exp(-1.0) / math.pi
+
+#: Minimum number of particles per part on the CPU: K0 takes as long as three other kernels.
+_MIN_PARTICLES_PER_PART = MIN_SUMS // 2
+
+
+@lru_cache
+def _sums_function(real: Any, parts: int, is_short: bool) -> Any:
+    """Return the device function of the K0-weighted sums of area and of volume times velocity.
+
+    Its first argument is the index of a part, as for ``cells.sums_function``. Distances are in
+    the units of ``K0Within``, ``least`` is the minimum square of one, ``powers`` the values that
+    K0 needs of k.
+    """
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    range_in = cell_functions(real).range_in
+    load, load_number = load4(real), load1(real)
+    within = k0_within(real)
+    k0, k0_powers = within.at, within.powers
+    at_once = NEIGHBORS_AT_ONCE[is_short]
+
+    @wp.func
+    def added(
+        sums: vec3, p: vec4, other: vec4, size: real, powers: k0_powers, least: real, counts: bool
+    ) -> vec3:
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        square = dx * dx + dy * dy
+        weight = k0(powers, wp.max(square, least))
+        if not counts or square >= real(SQUARED_SUPPORT):
+            weight = real(0.0)
+        return sums + weight * vec3(size, other[2], other[3])
+
+    @wp.func
+    def sums_around(
+        part: int,
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
+        cells: cell_frame(real),
+        box: wp.vec4i,
+        p: vec4,
+        powers: k0_powers,
+        least: real,
+    ) -> vec3:
+        sums = vec3()
+        near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
+        for r in range(box[0] + part, box[1], parts):
+            following = near
+            if wp.static(is_short):
+                following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
+            else:
+                near = range_in(cells, r, box)
+            j = near[0]
+            while j < near[1]:
+                for n in range(at_once):
+                    other = load(source, j + n)
+                    size = load_number(area, j + n)
+                    # items after the last belong to the next row, or are past the end
+                    sums = added(sums, p, other, size, powers, least, j + n < near[1])
+                j += at_once * unseen_one()
+            near = following
+        return sums
+
+    return sums_around
+
+
+@lru_cache
+def _wide_sums_function() -> Any:
+    """Return the float32 device function of the same sums for a CPU."""
+    k0_powers = k0_within(wp.float32).powers
+
+    @wp.func_native(
+        over_neighbors(f"""
+            wide size;
+            __builtin_memcpy(&size, area.data + place, 32);
+            const wide dx = p[0] - other_0;
+            const wide dy = p[1] - other_1;
+            const wide square = dx * dx + dy * dy;
+            const wide squares = square > least ? square : none + least;
+            {WIDE_K0}
+            const whole counts = is_in & (square < {SQUARED_SUPPORT!r}f);
+            sum_0 += counts ? weights * size : none;
+            sum_1 += counts ? weights * other_2 : none;
+            sum_2 += counts ? weights * other_3 : none;
+        """)
+    )
+    def sums_around(
+        part: int,
+        values: wp.array(dtype=wp.vec4),
+        area: wp.array(dtype=wp.float32),
+        cells: cell_frame(wp.float32),
+        box: wp.vec4i,
+        p: wp.vec4,
+        powers: k0_powers,
+        least: wp.float32,
+    ) -> wp.vec3: ...
+
+    return sums_around
+
+
+@lru_cache
+def _velocity_function(
+    real: Any, lanes: int, parts: int, is_short: bool, is_wide: bool
+) -> Any:
+    """Return the device function that computes a particle's velocity from the local ones.
+
+    A particle has as many threads as lanes, and only the first one's result counts; its neighbours
+    are summed in parts.
+    """
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    cells_around = cell_functions(real).cells_around
+    _, x_k1 = bessel(real)
+    within = k0_within(real)
+    powers_of, k0 = within.powers_of, within.at
+    sum_up = sum_over(real, lanes)
+    sums_around = _wide_sums_function() if is_wide else _sums_function(real, parts, is_short)
+
+    @wp.func
+    def velocity_of(lane: int, here: vec4, p: vec4, own: real, m: arguments_type(real)) -> vec3:
+        """Return thickness and velocity."""
+        support = m.constants.radius
+        height = here[2] / own
+        k = real(wp.static(math.sqrt(LATERAL_DRAG))) / height
+        powers = powers_of(k * support)
+        # inside the particle's own disc K0 is constant
+        unit = real(wp.static(math.sqrt(SQUARED_SUPPORT))) / support
+        least = wp.max(own * real(_NEAR) * unit * unit, real(MIN_SQUARED_DISTANCE))
+        box = cells_around(m.cells, here[0], here[1], support)
+        sums = sums_around(lane, m.source, m.area, m.cells, box, p, powers, least)
+        if wp.static(parts > lanes):
+            # in the order in which threads would add their sums
+            odd = sums_around(1, m.source, m.area, m.cells, box, p, powers, least)
+            sums += sums_around(2, m.source, m.area, m.cells, box, p, powers, least)
+            sums += odd + sums_around(3, m.source, m.area, m.cells, box, p, powers, least)
+        total = sum_up(sums[0])
+        x = sum_up(sums[1])
+        y = sum_up(sums[2])
+        # k times the radius of the disc of area V / h
+        ka = k * wp.sqrt(own / real(wp.pi))
+        # replaces the weight that it had as its own neighbour
+        weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(powers, least)
+        weight = wp.max(weight, real(0.0))
+        total += weight * own
+        x += weight * p[2]
+        y += weight * p[3]
+        return vec3(height, x / (total * height), y / (total * height))
+
+    return velocity_of
+
+
+@lru_cache
+def _velocity_kernel(real: Any, lanes: int, parts: int, is_short: bool, is_wide: bool) -> Any:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    load, load_number = load4(real), load1(real)
+    velocity_of = _velocity_function(real, lanes, parts, is_short, is_wide)
+    fallen = fall_function(real)
+
+    @quick_kernel
+    def green_velocity(thread: int, m: arguments_type(real)):
+        i = thread // lanes
+        lane = thread % lanes
+        if i < m.counts[PARTICLES]:
+            here, p, own = load(m.ordered, i), load(m.source, i), load_number(m.area, i)
+            f = velocity_of(lane, here, p, own, m)
+            if lane == 0:
+                u = fallen(vec2(f[1], f[2]), f[0], vec2(here[0], here[1]), m)
+                m.flow[i] = vec3(f[0], u[0], u[1])
+
+    return green_velocity
+
+
+@lru_cache
+def _motion_kernel(
+    real: Any,
+    lanes: int,
+    parts: int,
+    is_short: bool,
+    is_wide: bool,
+    motion: Any,
+    choose_and_emit: Any,
+    bounds: tuple[int, int] | None,
+) -> Any:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    load, load_number = load4(real), load1(real)
+    velocity_of = _velocity_function(real, lanes, parts, is_short, is_wide)
+    fallen = fall_function(real)
+
+    @quick_kernel(bounds=bounds)
+    def green_motion(
+        thread: int, pace: pace_type(real), outlets: Outlets, m: arguments_type(real)
+    ):
+        if wp.static(choose_and_emit is not None):
+            if thread < wp.static(DIRECTORS):
+                choose_and_emit(thread, pace, outlets, m)
+                return
+            thread -= wp.static(DIRECTORS)
+        i = thread // lanes
+        lane = thread % lanes
+        if i >= past_the_cache(m.counts, PARTICLES):
+            return
+        here, driven, own = load(m.ordered, i), load(m.source, i), load_number(m.area, i)
+        f = velocity_of(lane, here, driven, own, m)
+        if lane > 0:
+            return
+        if wp.static(choose_and_emit is not None):
+            wait_for(pace.chosen)
+        # read again: keeping it would take registers from the sums
+        p = load(m.ordered, i)
+        u = fallen(vec2(f[1], f[2]), f[0], vec2(p[0], p[1]), m)
+        motion(i, p, vec3(f[0], u[0], u[1]), m)
+
+    return green_motion
+
+
+def move_particles(
+    state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice
+) -> None:
+    """Move the ordered particles over the stage by the Green's function's velocity.
+
+    ``source`` and ``area`` of the state must be filled; ``choice`` runs at the same time.
+    """
+    kernel = _motion_kernel(
+        state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion_of(state),
+        choice.function, choice.bounds,
+    )
+    arguments = [choice.pace, choice.outlets, way]
+    launch_over(
+        state, kernel, arguments, least=_MIN_PARTICLES_PER_PART, lanes=state.lanes,
+        ahead=choice.threads,
+    )
+    neighbors.is_binned = state.bins_in_motion
+
+
+def spread_velocity(state: State, way: Any) -> None:
+    """Replace the local velocity in ``state.flow`` by the Green's function's.
+
+    ``source`` and ``area`` of the state must be filled; the kernel radius cuts the function off.
+    """
+    kernel = _velocity_kernel(
+        state.real, state.lanes, state.parts, state.is_short, state.is_wide
+    )
+    launch_over(state, kernel, [way], least=_MIN_PARTICLES_PER_PART, lanes=state.lanes)

@@ -1,0 +1,265 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Inertia: lava has momentum and takes time to reach the speed that balances its weight.
+
+Du/Dt = -g grad S - gamma u, gamma = 3 mu / (rho h^2) for Newtonian lava (MODEL.md, section 4).
+
+* Drag. A layer that moves at the speed u bears the stress rho g h s of the slope s for which u is
+  the speed of the local balance, u = M(s) s, for any law of flow (``laws.py``). It is evaluated at
+  the end of a kick of length k: u' = M s with |u'| + k g s = |u + k a|, solved for s. This is
+  u' = (u + k a) / (1 + k gamma) for Newtonian lava; any steady state is the local balance; and
+  lava with a yield strength stops, exactly, where k tau_y / (rho h) >= |u + k a|.
+* Time. Velocities belong to the middle of a step (leapfrog, in other words forward-backward: a
+  is -g grad S at the new positions): a kick consists of half of the previous step and half of this
+  one. Reported velocities are half a step later, at the time of the positions. A wave of number q
+  is stable for dt^2 g h q^2 <= 4 + 2 gamma dt, and the largest q^2 W^(q) is the kernel's
+  stiffness. For large gamma dt that is the explicit viscous limit: the implicit drag does not lift
+  it.
+* Bores. Two particles that approach at v = -u_ij . e_ij > 0 exchange momentum as over a wave
+  between them, with the limiter of Zhang, Hu & Adams (2017, J. Comput. Phys. 335):
+  du_i/dt = -sum_j V_j P_ij grad W_ij, P_ij = v min(``STRENGTH`` v, c) / h, c and h their means of
+  wave speed and thickness. It removes energy, never momentum; it is of second order in the
+  spacing where the flow is smooth, and 0 where lava spreads.
+* Pressure. The energy sum V_i h_i / 2 has a gradient of sum V_j grad W_ij where h is the kernel's
+  sum s; h is that without its excess e = c (V / (s l^2))^p, which multiplies each term by
+  (1 + (p - 1) (e_i + e_j) / 2). Otherwise waves in thinning lava would be too slow.
+* Energy. So the force is the gradient of the reported energy, and the remaining error is that of
+  leapfrog: it conserves an energy that differs from it by fractions of (w dt)^2 / 8, w the
+  frequency of the motion, with which the reported energy oscillates. Reported velocities omit the
+  term of e for the last half of a step: they are exact where that is short.
+* Steep slopes. On a map the acceleration down a slope b is g tan b cos^2 b: along a wall lava
+  takes as long as in free fall. The drag is that of the layer in ``steep.py``; for lava that
+  climbs a wall it is that of a layer as steep as the wall.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.effects import load as load_effect
+from lava_ros.effects.laws import law_type, speed_function, viscosity_function
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.compiled import load4, quick_kernel, raise_to
+from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
+from lava_ros.simulation.particles.cells import cell_functions
+from lava_ros.simulation.particles.kernels import smoothing_kernel
+from lava_ros.simulation.particles.motion_arguments import arguments_type, law_arguments_function
+from lava_ros.simulation.particles.state import (
+    ADVECTION,
+    CURRENT,
+    DIFFUSION,
+    FORMER_STEP,
+    PARTICLES,
+    State,
+    STEP,
+)
+from lava_ros.simulation.particles.terrain import terrain_functions
+
+#: Wave speed of the dissipation over the speed of approach, limited by c.
+STRENGTH = 3.0
+
+#: Relative tolerance of the slope of the drag, and maximum number of iterations.
+_CHANGE, _ITERATIONS = 1e-6, 40
+
+#: The excess of a kernel's sum (``kernels.py``) is proportional to this power of V / (h l^2).
+_EXCESS_POWERS = {'wendland': 2.5, 'spiky': 1.5}
+
+
+@lru_cache
+def _drag_function(real: Any, effects: Effects) -> Any:
+    """Return the device function that slows a velocity down over a time."""
+    vec2 = wp.types.vector(2, real)
+    viscosity = viscosity_function(wp, real, law_type(real), effects)
+    speed = speed_function(wp, real, law_type(real), effects)
+    along = load_effect('steep').along(real) if 'steep' in effects else None
+    up = load_effect('steep').along(real, climbs=True) if 'steep' in effects else None
+
+    @wp.func
+    def slowed(
+        velocity: vec2,
+        fall: real,
+        height: real,
+        column: vec2,
+        ground: vec2,
+        m: arguments_type(real),
+    ) -> vec2:
+        """Return the velocity after a time in which a slope of 1 changes it by ``fall`` [m/s]."""
+        pace = wp.length(velocity)
+        weight = m.constants.weight
+        if pace == real(0.0) or fall == real(0.0):
+            return velocity
+        layer = vec2(height, real(1.0))
+        if wp.static('steep' in effects):
+            layer = along(height, velocity / pace, ground)
+            if wp.dot(velocity, ground) > real(0.0):
+                layer = up(height, velocity / pace, ground)
+        if wp.static(speed is None):
+            mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(m.law, column[0]))
+        else:
+            # Newton's method from above: the bound of du/ds keeps it above
+            slope = pace / fall
+            response = speed(m.law, weight, layer[0], layer[1] * slope, column[0], column[1])
+            for _ in range(_ITERATIONS):
+                change = (slope * (response[0] + fall) - pace) / (response[1] + fall)
+                slope -= change
+                response = speed(m.law, weight, layer[0], layer[1] * slope, column[0], column[1])
+                if change <= real(_CHANGE) * slope:
+                    break
+            mobility = response[0]
+        return velocity * (mobility / (mobility + fall))
+
+    return slowed
+
+
+@lru_cache
+def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tuple[Any, ...]:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    kernel = smoothing_kernel(kernel_name, real, ratio)
+    norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
+    power = _EXCESS_POWERS.get(kernel_name, 1.0)
+    gradient_at, bend_at, height_at, *_ = terrain_functions(real)
+    _, _, cells_around, range_in = cell_functions(real)
+    raised = raise_to(real)
+    load = load4(real)
+    law_arguments = law_arguments_function(real, effects)
+    viscosity = viscosity_function(wp, real, law_type(real), effects)
+    is_newtonian = speed_function(wp, real, law_type(real), effects) is None
+    slowed = _drag_function(real, effects)
+    steep, heats = 'steep' in effects, 'viscous_heating' in effects
+
+    @wp.func
+    def of_sum(e: real) -> real:
+        """Return the excess at the sum s, from that at h = s (1 - e_s): e_s = e (1 - e_s)^p."""
+        rest = real(1.0) - e / (real(1.0) + real(power) * e)
+        if wp.static(power == 2.5):
+            return e * rest * rest * wp.sqrt(rest)
+        if wp.static(power == 1.5):
+            return e * rest * wp.sqrt(rest)
+        return e
+
+    @wp.func
+    def share_of(ground: vec2) -> real:
+        """Return the fraction of g that acts on a map, cos^2 b."""
+        if wp.static(steep):
+            return real(1.0) / (real(1.0) + wp.dot(ground, ground))
+        return real(1.0)
+
+    @quick_kernel
+    def synchronize(i: int, m: arguments_type(real), number: real):
+        """Compute the acceleration, the velocity half a step after the stored one, and limits."""
+        if i >= m.counts[PARTICLES]:
+            return
+        p = load(m.ordered, i)
+        height = m.flow[i][0]
+        column = law_arguments(i, p, m)
+        ground = gradient_at(m.ground, p[0], p[1])
+        g = m.constants.gravity * share_of(ground)
+        fall = -g * vec2(m.flow[i][1], m.flow[i][2])
+        m.kick[i] = fall
+        half = real(wp.float64(0.5) * m.clock[STEP])
+        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, column, ground, m)
+        m.flow[i] = vec3(height, u[0], u[1])
+        # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
+        square = g * height * m.constants.stiffness
+        square += g * bend_at(m.ground, p[0], p[1]) * m.constants.share
+        mobility = real(1.0)
+        drag = real(0.0)
+        if wp.static(is_newtonian):
+            mobility = m.constants.weight * height * height
+            mobility /= real(3.0) * viscosity(m.law, column[0])
+            drag = g
+        root = wp.sqrt(drag * drag + real(4.0) * number * square * mobility * mobility)
+        advection = wp.length(u) / m.constants.reach
+        raised(m.rates, DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
+        raised(m.rates, ADVECTION, advection)
+
+    @quick_kernel
+    def accelerate(i: int, m: arguments_type(real)):
+        if i >= m.counts[PARTICLES]:
+            return
+        if m.counts[CURRENT] == 0:
+            # past the target; the next step starts from the velocity in the middle of this one
+            m.velocity[i] = m.ordered_velocity[i]
+            return
+        p = load(m.ordered, i)
+        f = m.flow[i]
+        inverse = real(1.0) / m.constants.radius
+        g = m.constants.gravity
+        push = vec2()
+        lift = vec2()
+        own = of_sum(excess(p[2] * inverse * inverse / f[0]))
+        box = cells_around(m.cells, p[0], p[1], m.constants.radius)
+        for r in range(box[0], box[1]):
+            near = range_in(m.cells, r, box)
+            for j in range(near[0], near[1]):
+                other = load(m.ordered, j)
+                d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
+                square = wp.dot(d, d)
+                if square < real(1.0) and square > real(0.0):
+                    there = m.flow[j]
+                    q = wp.sqrt(square)
+                    pull = other[2] * derivative(q)
+                    both = own + of_sum(excess(other[2] * inverse * inverse / there[0]))
+                    lift += pull * both * d
+                    approach = -(d[0] * (f[1] - there[1]) + d[1] * (f[2] - there[2])) / q
+                    if approach > real(0.0):
+                        height = real(0.5) * (f[0] + there[0])
+                        pace = wp.min(real(STRENGTH) * approach, wp.sqrt(g * height))
+                        push -= pull * approach * pace / height * d
+        scale = real(wp.static(norm)) * inverse * inverse * inverse
+        # 1/2 (power - 1) (e_i + e_j) of g V_j grad W_ij
+        lift *= -g * scale * real(wp.static(0.5 * (power - 1.0)))
+        ground = gradient_at(m.ground, p[0], p[1])
+        step = real(m.clock[STEP])
+        time = real(0.5) * (real(m.clock[FORMER_STEP]) + step)
+        old = m.ordered_velocity[i]
+        free = old + time * (m.kick[i] + lift) + step * scale * push
+        fall = time * g * share_of(ground)
+        column = law_arguments(i, p, m)
+        new = slowed(free, fall, f[0], column, ground, m)
+        m.velocity[i] = new
+        if wp.static(heats):
+            # the slope that balances the drag: its work is the heat, not that of the weight
+            m.slope[i] = vec2()
+            if fall > real(0.0):
+                m.slope[i] = (new - free) / fall
+                # limited by the energy from weight and motion: speeds on the map do not account
+                # for the turn of lava that runs from level ground into a wall
+                way = step * new
+                surface = -m.kick[i] / (g * share_of(ground))
+                given = height_at(m.ground, p[0], p[1])
+                given -= height_at(m.ground, p[0] + way.x, p[1] + way.y)
+                given += wp.dot(ground - surface, way)
+                given += real(0.5) * (wp.dot(old, old) - wp.dot(new, new)) / g
+                given = wp.max(given, real(0.0))
+                work = -wp.dot(m.slope[i], way)
+                if work > given:
+                    m.slope[i] = m.slope[i] * (given / work)
+
+    @quick_kernel
+    def adopt(i: int, m: arguments_type(real)):
+        if i < m.counts[PARTICLES]:
+            m.flow[i] = vec3(m.flow[i][0], m.velocity[i][0], m.velocity[i][1])
+
+    return synchronize, accelerate, adopt
+
+
+def synchronize(state: State, way: Any, accuracy: Accuracy) -> None:
+    """Turn the slopes in ``state.flow`` into velocities at the particles' time.
+
+    It stores the accelerations in ``state.kick`` and raises ``state.rates``.
+    """
+    kernel = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)[0]
+    # 2 at the limit of stability
+    launch_over(state, kernel, [way, accuracy.diffusion_number], least=MIN_MOVES)
+
+
+def accelerate(state: State, way: Any, accuracy: Accuracy) -> None:
+    """Advance the velocities to the middle of the chosen step."""
+    _, kick, adopt = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)
+    launch_over(state, kick, [way])
+    launch_over(state, adopt, [way], least=MIN_MOVES)

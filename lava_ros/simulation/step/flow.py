@@ -1,0 +1,490 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Thickness, surface slope and the local balance of gravity and basal viscous drag.
+
+Heights are SPH sums (3.9 with q = h). Where inertia and lateral stress are negligible the
+depth-averaged velocity is u = -rho g h^2 grad S / (3 mu). The surface gradient has three forms:
+
+* energy, e: grad S = grad h + grad H, the first the sum of V_j grad W_ij, the second sampled from
+  the staggered terrain grid. It is the gradient of sum_i V_i (h_i / 2 + H_i), which never grows,
+  and it keeps the particles evenly spaced. On a level surface it is not quite 0.
+* difference, d: the sum of V_j / h_j (S_j - S_i) grad W_ij with S = h + H at the particles, times
+  the inverse of its matrix for S = x (Bonet & Lok 1999), so that an edge does not halve it. It is
+  0 where S is constant, but not the gradient of an energy: nothing keeps the particles apart.
+* balanced: d + r, where r is the difference e - d limited to the length of d. It is e unless the
+  surface is nearly level, and 0 where d is. The energy never grows either: where r is limited,
+  e . (d + r) >= |d|^2 - (1 + |d| / |e - d|) |d| |e - d| + |d| |e - d| = 0.
+
+Viscosity and yield strength follow the mean temperature of the lava around a particle:
+
+    T = T_i + max(0, 1 - l |grad h| / (3 h)) sum_j V_j W_ij (T_j - T_i) / sum_j V_j W_ij.
+
+The velocity of a depth-averaged flow is a function of the place. By their own temperatures hot
+particles would overtake cold ones in the same place. At an edge the mean is one-sided: it has no
+weight there, where l |grad h| is 3 h. Particles exchange no heat by it.
+
+The balance has no inertia, so nothing bounds its speed: at a wall, or where lava is thin as water,
+it could exceed any free fall. The speed is therefore limited by the energy of the fall. A particle
+on ground of height H has fallen from at most the highest ground that lava came from,
+``State.top``, and lies h deep: u^2 <= 2 g (max(top - H, 0) + h). The limit never affects lava with
+u^2 <= 2 g h. Since inertia is selected where u^2 / (g h) exceeds 0.1 (``selection.py``), that is
+all lava for which the balance is valid.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any, NamedTuple
+
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.effects import load as load_effect
+from lava_ros.effects.laws import LATERAL_DRAG, law_type, speed_function, viscosity_function
+from lava_ros.simulation.backend.compiled import (
+    FEW_THREADS,
+    load2,
+    load4,
+    quick_kernel,
+    raise_to,
+    store4,
+    sum_over,
+)
+from lava_ros.simulation.backend.threads import launch_over
+from lava_ros.simulation.particles.cells import (
+    cell_frame,
+    cell_functions,
+    sums_function,
+    wide_sums_function,
+)
+from lava_ros.simulation.particles.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
+from lava_ros.simulation.particles.motion_arguments import arguments_type
+from lava_ros.simulation.particles.state import ADVECTION, DIFFUSION, PARTICLES, STAGE, State
+from lava_ros.simulation.particles.terrain import terrain_functions
+
+#: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
+_EDGE = 3.0
+
+
+class FlowKernels(NamedTuple):
+    """The kernels of ``compute_flow`` for one set of effects, ``elevate`` for differences only."""
+
+    elevate: Any
+    flow: Any
+
+
+@lru_cache
+def fall_function(real: Any) -> Any:
+    """Return the device function that limits a velocity at a place to that of free fall."""
+    vec2 = wp.types.vector(2, real)
+    height_at = terrain_functions(real).height_at
+
+    @wp.func
+    def fallen(velocity: vec2, thickness: real, place: vec2, m: arguments_type(real)) -> vec2:
+        square = wp.dot(velocity, velocity)
+        head = square / (real(2.0) * m.constants.gravity) - thickness
+        kept = velocity
+        # read the ground's height only for the few particles this fast
+        if head > real(0.0):
+            fall = wp.max(m.top[0] - height_at(m.ground, place[0], place[1]), real(0.0))
+            if head > fall:
+                kept *= wp.sqrt((fall + thickness) / (head + thickness))
+        return kept
+
+    return fallen
+
+
+@lru_cache
+def _mean_function(real: Any) -> Any:
+    """Return the device function of the temperature that a particle's speed follows."""
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func
+    def mean_temperature(own: real, warmer: real, rise: vec2, height: real, radius: real) -> real:
+        beside = wp.length(rise) * radius / (real(_EDGE) * height)
+        return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
+
+    return mean_temperature
+
+
+def _whole_function(real: Any, sums_around: Any, lanes: int, parts: int) -> Any:
+    """Return the device function of the sums over all the neighbours that a thread has."""
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def sums_of(
+        lane: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
+        inverse: real,
+    ):
+        sums = sums_around(lane, ordered, cells, box, p, inverse)
+        if wp.static(parts > lanes):
+            # in the order in which threads would add up theirs
+            odd = sums_around(1, ordered, cells, box, p, inverse)
+            sums += sums_around(2, ordered, cells, box, p, inverse)
+            sums += odd + sums_around(3, ordered, cells, box, p, inverse)
+        return sums
+
+    return sums_of
+
+
+@lru_cache
+def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
+    """Return the device function from a surface gradient to velocity, drive and rates."""
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    store = store4(real)
+    viscosity = viscosity_function(wp, real, law_type(real), effects)
+    _, x_k1 = bessel(real)
+    green, helmholtz = 'green' in effects, 'helmholtz' in effects
+    steep = load_effect('steep').factor(real) if 'steep' in effects else None
+    along = load_effect('steep').along(real) if 'steep' in effects else None
+    speed = speed_function(wp, real, law_type(real), effects)
+    has_age = effects.any('needs_age')
+    raised = raise_to(real)
+    fallen, bend_at = fall_function(real), terrain_functions(real).bend_at
+
+    @wp.func
+    def balance(
+        i: int, p: vec4, temperature: real, height: real, surface: vec2, ground: vec2,
+        m: arguments_type(real), fills_flow: bool,
+    ):
+        place = vec2(p[0], p[1])
+        bend = bend_at(m.ground, p[0], p[1])
+        weight = m.constants.weight
+        if wp.static(speed is None):
+            mobility = weight * height * height / (real(3.0) * viscosity(m.law, temperature))
+            if wp.static('steep' in effects):
+                mobility *= steep(ground)
+            largest = mobility
+        else:
+            depth = height
+            fall = wp.length(surface)
+            if wp.static('steep' in effects):
+                layer = along(height, surface, ground)
+                depth = layer[0]
+                fall = layer[1]
+            age = real(0.0)
+            if wp.static(has_age):
+                age = m.ordered_age[i]
+            response = speed(m.law, weight, depth, fall, temperature, age)
+            mobility = response[0]
+            largest = response[1]
+        velocity = -mobility * surface
+        bounded = velocity
+        if wp.static('inertia' not in effects):
+            bounded = fallen(velocity, height, place, m)
+        if wp.static(not (green or helmholtz)):
+            # lateral stress uses it as the driving force, and the mean is limited
+            velocity = bounded
+        if fills_flow:
+            m.flow[i] = vec3(height, velocity[0], velocity[1])
+        if wp.static('viscous_heating' in effects):
+            m.slope[i] = surface
+        rate = largest * height * m.constants.stiffness
+        if wp.static(green or helmholtz):
+            # lateral stress divides the response by 1 + q^2 / k^2; with W^ <= 1 no wave then
+            # decays faster than D / (l^2 / stiffness + 1 / k^2), k^2 = LATERAL_DRAG / h^2
+            stressed = height
+            if wp.static(helmholtz):
+                # thicker lava keeps the local balance, and its rate, in the sweeps
+                stressed = wp.min(height, m.constants.thickest)
+            radius = m.constants.radius
+            thick = stressed * stressed / (radius * radius)
+            thick *= real(wp.static(stiffness / LATERAL_DRAG))
+            if wp.static(helmholtz and 'steep' in effects):
+                # in proportion to the increase of the drag, which divides it (effects/helmholtz)
+                thick *= steep(ground)
+            reduced = rate / (real(1.0) + thick)
+            if wp.static(green):
+                # distances in the units of K0Within
+                near = place * (real(wp.static(math.sqrt(SQUARED_SUPPORT))) / radius)
+                store(m.source, i, vec4(near.x, near.y, p[2] * velocity.x, p[2] * velocity.y))
+                m.area[i] = p[2] / height
+                # corrected for the cut-off of the Green's function
+                support = real(wp.static(math.sqrt(LATERAL_DRAG))) * radius / height
+                whole = real(1.0) - x_k1(support)
+                reduced = wp.min(rate, reduced / whole)
+            rate = reduced
+        # lava flows to the bottom of a hollow, and would overshoot it as on level ground
+        rate += largest * bend * m.constants.share
+        if wp.static('inertia' in effects):
+            # the balance of momentum (effects/inertia.py) needs the slope, and has its own limits
+            m.flow[i] = vec3(height, surface.x, surface.y)
+        else:
+            raised(m.rates, DIFFUSION, rate)
+            if wp.static(not helmholtz):
+                # the speed under lateral stress is known only after it is solved
+                raised(m.rates, ADVECTION, wp.length(bounded) / m.constants.reach)
+
+    return balance
+
+
+@lru_cache
+def flow_kernels(
+    real: Any, kernel_name: str, ratio: float, gradient: str, effects: Effects, lanes: int = 1,
+    parts: int = 1, is_short: bool = False, is_wide: bool = False, has_means: bool = True,
+) -> FlowKernels:
+    """Return the kernels that compute thickness and local velocity, for one set of effects.
+
+    ``parts`` is the number of parts in which a particle's neighbours are summed, ``lanes`` the
+    number of threads per particle: as many, or one. ``is_short``: latency dominates the launch.
+    ``is_wide``: a CPU processes several neighbours at a time (simd.py).
+    Without ``has_means`` each particle moves by its own temperature.
+    """
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    vec10 = wp.types.vector(10, real)
+    has_heat = has_means and effects.any('stiffens')
+    mean_temperature = _mean_function(real)
+    mat22 = wp.types.matrix((2, 2), real)
+    kernel = smoothing_kernel(kernel_name, real, ratio)
+    norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
+    shape_factor, slope_factor = kernel.factors
+    sums_around, sums_with_heat = (
+        _whole_function(
+            real,
+            wide_sums_function(kernel.wide_terms, heat)
+            if is_wide and kernel.wide_terms
+            else sums_function(real, kernel, parts, is_short, heat),
+            lanes, parts,
+        )
+        for heat in (False, True)
+    )
+    gradient_at, _, height_at, *_ = terrain_functions(real)
+    _, _, cells_around, range_in = cell_functions(real)
+    load, load_pair = load4(real), load2(real)
+    balance = _balance_function(real, kernel.stiffness, effects)
+    total = sum_over(real, lanes)
+
+    @wp.func
+    def height_around(
+        part: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
+        inverse: real,
+    ) -> real:
+        height = real(0.0)
+        for r in range(box[0] + part, box[1], parts):
+            near = range_in(cells, r, box)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                height += other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
+        return height
+
+    @wp.func
+    def differences_around(
+        part: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
+        cells: cell_frame(real), box: wp.vec4i, p: vec4, own: real, inverse: real,
+    ) -> vec10:
+        """Sum differences, their second moments, and V grad W over the neighbours' areas.
+
+        The last two sums are of thickness, and of thickness times the excess temperature.
+        """
+        rise = vec2()
+        moment = mat22()
+        push = vec2()
+        weight = real(0.0)
+        warmth = real(0.0)
+        for r in range(box[0] + part, box[1], parts):
+            near = range_in(cells, r, box)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
+                d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
+                there = load_pair(surface, j)
+                pull = slope(wp.length(d)) * d
+                rise += there[1] * (there[0] - own) * pull
+                moment -= there[1] * wp.outer(d, pull)
+                if wp.static(gradient == 'balanced' or has_heat):
+                    push += other[2] * pull
+                if wp.static(has_heat):
+                    held = other[2] * shape(wp.length(d))
+                    weight += held
+                    warmth += held * (other[3] - p[3])
+        return vec10(
+            rise.x, rise.y, moment[0, 0], moment[0, 1], moment[1, 0], moment[1, 1], push.x, push.y,
+            weight, warmth,
+        )
+
+    @quick_kernel(bounds=FEW_THREADS if is_short else None)
+    def thickness_and_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
+        i = thread // lanes
+        lane = thread % lanes
+        if i >= m.counts[PARTICLES]:
+            return
+        p = load(m.ordered, i)
+        radius = m.constants.radius
+        inverse = real(1.0) / radius
+        box = cells_around(m.cells, p[0], p[1], radius)
+        sums = vec3()
+        mean = p[3]
+        warmer = real(0.0)
+        if wp.static(has_heat):
+            # in the course of a step it stays with the particle
+            if m.counts[STAGE] == 0:
+                more = sums_with_heat(lane, m.ordered, m.cells, box, p, inverse)
+                sums = vec3(more[0], more[1], more[2])
+                warmer = total(more[3])
+            else:
+                sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
+        else:
+            sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
+        height = total(sums[0]) * real(shape_factor)
+        rise_x = total(sums[1]) * inverse * real(slope_factor)
+        rise_y = total(sums[2]) * inverse * real(slope_factor)
+        warmer *= real(shape_factor) / height
+        if lane > 0:
+            return
+        scale = real(wp.static(norm)) * inverse * inverse
+        height *= scale
+        height *= real(1.0) - excess(p[2] * inverse * inverse / height)
+        ground = gradient_at(m.ground, p[0], p[1])
+        rise = vec2(rise_x, rise_y) * (scale * inverse)
+        if wp.static(has_heat):
+            if m.counts[STAGE] == 0:
+                mean = mean_temperature(p[3], warmer, rise, height, radius)
+                m.ordered_mean_temperature[i] = mean
+            else:
+                mean = m.ordered_mean_temperature[i]
+        balance(i, p, mean, height, rise + ground, ground, m, fills_flow)
+
+    @quick_kernel
+    def elevate(thread: int, m: arguments_type(real)):
+        """Compute thickness, surface elevation and area V / h of each particle."""
+        i = thread // lanes
+        lane = thread % lanes
+        if i >= m.counts[PARTICLES]:
+            return
+        p = load(m.ordered, i)
+        radius = m.constants.radius
+        inverse = real(1.0) / radius
+        box = cells_around(m.cells, p[0], p[1], radius)
+        height = height_around(lane, m.ordered, m.cells, box, p, inverse)
+        if wp.static(parts > lanes):
+            odd = height_around(1, m.ordered, m.cells, box, p, inverse)
+            height += height_around(2, m.ordered, m.cells, box, p, inverse)
+            height += odd + height_around(3, m.ordered, m.cells, box, p, inverse)
+        height = total(height) * real(wp.static(norm)) * inverse * inverse
+        if lane > 0:
+            return
+        height *= real(1.0) - excess(p[2] * inverse * inverse / height)
+        m.surface[i] = vec2(height + height_at(m.ground, p[0], p[1]), p[2] / height)
+        m.flow[i] = vec3(height, real(0.0), real(0.0))
+
+    @quick_kernel
+    def velocity_of_differences(thread: int, m: arguments_type(real), fills_flow: bool):
+        i = thread // lanes
+        lane = thread % lanes
+        if i >= m.counts[PARTICLES]:
+            return
+        p = load(m.ordered, i)
+        radius = m.constants.radius
+        inverse = real(1.0) / radius
+        own = m.surface[i][0]
+        box = cells_around(m.cells, p[0], p[1], radius)
+        sums = differences_around(lane, m.ordered, m.surface, m.cells, box, p, own, inverse)
+        if wp.static(parts > lanes):
+            odd = differences_around(1, m.ordered, m.surface, m.cells, box, p, own, inverse)
+            sums += differences_around(2, m.ordered, m.surface, m.cells, box, p, own, inverse)
+            odd += differences_around(3, m.ordered, m.surface, m.cells, box, p, own, inverse)
+            sums += odd
+        rise = vec2(total(sums[0]), total(sums[1]))
+        moment = mat22(total(sums[2]), total(sums[3]), total(sums[4]), total(sums[5]))
+        push = vec2(total(sums[6]), total(sums[7]))
+        mean = p[3]
+        if wp.static(has_heat):
+            warmer = total(sums[9]) / total(sums[8])
+        if lane > 0:
+            return
+        scale = real(wp.static(norm)) * inverse * inverse
+        moment *= scale
+        rise *= scale * inverse
+        # a lone row of particles does not define the slope across it
+        if wp.determinant(moment) > real(0.05):
+            rise = wp.inverse(moment) * rise
+        ground = gradient_at(m.ground, p[0], p[1])
+        if wp.static(gradient == 'balanced'):
+            rest = push * (scale * inverse) + ground - rise
+            size = wp.length(rest)
+            most = wp.length(rise)
+            if size > most:
+                rest *= most / size
+            rise += rest
+        height = m.flow[i][0]
+        if wp.static(has_heat):
+            mean = mean_temperature(p[3], warmer, push * (scale * inverse), height, radius)
+        balance(i, p, mean, height, rise, ground, m, fills_flow)
+
+    if gradient == 'energy':
+        return FlowKernels(None, thickness_and_velocity)
+    return FlowKernels(elevate, velocity_of_differences)
+
+
+def compute_flow(state: State, way: Any, kernels: FlowKernels, *, fills_flow: bool = True) -> None:
+    """Compute thickness and local velocity of the ordered particles, and raise the rates.
+
+    The result is stored in ``state.flow``, if ``fills_flow``, and in ``state.source`` and
+    ``state.area`` as input to the lateral stress.
+    """
+    if state.has_surface:
+        launch_over(state, kernels.elevate, [way], lanes=state.lanes)
+    launch_over(state, kernels.flow, [way, fills_flow], lanes=state.lanes)
+
+
+@lru_cache
+def _published_kernel(real: Any) -> Any:
+    """Return the kernel of the velocity as the paper prints it (3.36 to 3.44), for comparison.
+
+    u_i = h_i^3 sum_j K0(r) b_j / sum_j K0(r) over neighbours within l, with
+    b = -h^3 rho g grad S / (f(theta) mu). Printed in it: the velocity is multiplied by h^3 instead
+    of divided by k^2 h^3; the viscosity counts twice, as f(theta) and as mu; K0 is its two-term
+    series of the bare distance r in metres, without k; and K0(0) is K0(0.001). The paper writes
+    |u| for the distance; the distance of two particles is used here.
+    """
+    vec3 = wp.types.vector(3, real)
+    _, _, cells_around, range_in = cell_functions(real)
+    load = load4(real)
+
+    @wp.func
+    def series(r: real) -> real:
+        log = wp.log(real(2.0) / r) - real(0.577216)
+        return log + real(0.25) * r * r * (log + real(1.0))
+
+    @quick_kernel
+    def published_velocity(i: int, m: arguments_type(real), viscosity: real):
+        if i >= m.counts[PARTICLES]:
+            return
+        p = load(m.ordered, i)
+        height = m.flow[i][0]
+        support = m.constants.radius
+        total = real(0.0)
+        x = real(0.0)
+        y = real(0.0)
+        box = cells_around(m.cells, p[0], p[1], support)
+        for r in range(box[0], box[1]):
+            near = range_in(m.cells, r, box)
+            for j in range(near[0], near[1]):
+                other = load(m.ordered, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                square = dx * dx + dy * dy
+                if square < support * support:
+                    weight = series(wp.max(wp.sqrt(square), real(1.0e-3)))
+                    total += weight
+                    there = load(m.source, j)
+                    x += weight * there[2] / m.area[j]
+                    y += weight * there[3] / m.area[j]
+        # source over area is h u_local = -h^3 rho g grad S / (3 f): b is 3 / mu of it
+        scale = real(3.0) / viscosity * height * height * height / total
+        m.flow[i] = vec3(height, scale * x, scale * y)
+
+    return published_velocity
+
+
+def publish_velocity(state: State, way: Any, viscosity: float) -> None:
+    """Replace the local velocity in ``state.flow`` by that of the printed formulas.
+
+    ``source`` and ``area`` of the state must be filled; ``viscosity`` is the constant mu [Pa s].
+    """
+    launch_over(state, _published_kernel(state.real), [way, viscosity])

@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Choice of a stage, and emission, by the first block of threads of the motion.
+
+Work of a single thread, once all rates are known, would cost a GPU two kernel starts. The sums of
+the Green's function do not depend on it: the first block of their threads chooses the stage while
+the other blocks sum; these wait for it before they move their particles, and the first block emits
+particles while they do. With few particles, where kernel starts dominate a stage, the plain motion
+does the same; with many particles the other blocks would wait too long, so the block is a separate
+launch. A GPU starts blocks in the order of their numbers, and the first one waits for none.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import warp as wp
+
+from lava_ros.simulation.backend.compiled import announce, FEW_THREADS, quick_kernel
+from lava_ros.simulation.particles.motion_arguments import arguments_type
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.step.emission import emitters, Outlets
+from lava_ros.simulation.step.timestep import choice_of, pace_type
+from lava_ros.simulation.step.vents import VentSet
+
+#: Threads of the block.
+DIRECTORS = FEW_THREADS[0]
+
+#: Threads per block and minimum number of blocks per GPU processor, by whether there are few
+#: particles, alone or in a batch. The first block's work needs more registers than the rest; with
+#: many particles it keeps some values in local memory, which delays nothing else.
+BOUNDS = {True: FEW_THREADS, False: (DIRECTORS, 6)}
+
+
+class StageChoice(NamedTuple):
+    """Choice of the stage of a motion.
+
+    Attributes:
+        pace: Arguments of the choice of a stage (timestep.py).
+        outlets: The tables of the vents.
+        function: Device function for the first block of the motion's threads; None if other
+            launches choose and emit.
+        bounds: The ``bounds`` of ``quick_kernel``; None without the function.
+    """
+
+    pace: Any
+    outlets: Any
+    function: Any = None
+    bounds: tuple[int, int] | None = None
+
+    @property
+    def threads(self) -> int:
+        """Number of threads before those of the particles."""
+        return 0 if self.function is None else DIRECTORS
+
+
+@lru_cache
+def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
+    @wp.func
+    def choose_and_emit(
+        thread: int, pace: pace_type(real), outlets: Outlets, m: arguments_type(real)
+    ):
+        if thread == 0:
+            choose(pace)
+        announce(pace.chosen)
+        if wp.static(emission is not None):  # noqa: SIM102, the static test decides
+            if thread < wp.static(emitters):
+                emission(thread, wp.static(emitters), outlets, m)
+
+    return choose_and_emit
+
+
+@lru_cache
+def _kernel(real: Any, function: Any) -> Any:
+    @quick_kernel
+    def choose_stage(
+        thread: int, pace: pace_type(real), outlets: Outlets, m: arguments_type(real)
+    ):
+        function(thread, pace, outlets, m)
+
+    return choose_stage
+
+
+def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
+    """Return True if the motion chooses its stage; ``sums_up``: it sums before it moves.
+
+    With inertia the stage must be known before the forces of the motion are computed.
+    """
+    is_worth_it = state.is_short or (state.device.is_cuda and sums_up)
+    return is_worth_it and 'inertia' not in state.effects
+
+
+def choice_within_motion(state: State, pace: Any, vents: VentSet) -> StageChoice:
+    """Let a motion choose its stage and, if it assigns particles to cells, emit."""
+    emission = vents.emission_on(state) if state.bins_in_motion else None
+    # one number for any vents: each different one would be another kernel
+    threads = emitters(state, DIRECTORS)
+    function = _function(state.real, choice_of(state), emission, threads)
+    has_long_sums = state.is_short or state.lanes < state.parts
+    return StageChoice(pace, vents.outlets, function, BOUNDS[has_long_sums])
+
+
+def choose_before_motion(state: State, choice: StageChoice, way: Any) -> StageChoice:
+    """Choose a stage in a launch of one block before the motion, instead of within it.
+
+    Returns:
+        The choice to pass to the motion.
+    """
+    threads = DIRECTORS if state.device.is_cuda else 1
+    arguments = [choice.pace, choice.outlets, way]
+    kernel = _kernel(state.real, choice.function)
+    state.launches(kernel, arguments, dim=threads, block_dim=threads)
+    return StageChoice(choice.pace, choice.outlets)

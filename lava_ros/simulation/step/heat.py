@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+
+"""The temperature of a column: the sum of all effects that transport heat.
+
+Each effect contributes -s T + f to the balance, with s >= 0. Two exponential stages (s and f at
+the start give the midpoint, those at the midpoint the whole step) are of second order, and stay
+between the temperature and the equilibrium f / s for any step.
+
+A loss that depends on a column's age t falls as 1 / sqrt(t). Over a span from t0 to t1 it is
+evaluated at the age ((sqrt(t0) + sqrt(t1)) / 2)^2, the midpoint in sqrt(t), which integrates
+1 / sqrt(t) exactly, even from an age of 0.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any
+
+import warp as wp
+
+from lava_ros.effects import drop_superseded, Effects
+from lava_ros.effects.laws import heat_loss, heat_type
+from lava_ros.scene import Scene
+
+#: Minimum number of steps in which lava solidifies: a column solidifies at the end of a step, on
+#: average half a step late, and advances too far by as much.
+_FREEZING_STEPS = 16
+
+#: Minimum excess over the solidus [K]: cooler lava solidifies at its vent.
+_MIN_ABOVE_SOLIDUS = 10.0
+
+
+def freezing_step(scene: Scene, thickness: float) -> float:
+    """Return the longest step that resolves how lava of a thickness [m] solidifies [s]."""
+    lava = scene.lava
+    soonest, loss_at = math.inf, heat_loss(scene)
+    for vent in scene.vents:
+        loss = loss_at(vent.temperature)
+        if loss > 0.0 and vent.temperature > lava.solidus:
+            above = max(vent.temperature - lava.solidus, _MIN_ABOVE_SOLIDUS)
+            capacity = lava.density * lava.specific_heat * thickness
+            soonest = min(soonest, capacity * above / loss)
+    return soonest / _FREEZING_STEPS
+
+
+@lru_cache
+def temperature_function(real: Any, effects: Effects) -> Any:
+    """Return the device function for the temperature after a step, None if it is constant.
+
+    Its arguments: the constants, thickness [m], temperature [K], age at the start of the step [s],
+    drop of the surface under the column along its way [m], its speed [m/s], and the step [s].
+    """
+    constants_type, modules = heat_type(real), effects.having('terms')
+    names = drop_superseded(modules)
+    if not names:
+        return None
+    balance, *others = (modules[name].terms(wp, real, constants_type) for name in names)
+    for other in others:
+        balance = _sum(real, balance, other)
+
+    @wp.func
+    def relaxation(temperature: real, rate: real, source: real, step: real) -> real:
+        """Solve T' = -rate T + source, both constant."""
+        x = rate * step
+        if x < real(1.0e-6):
+            return temperature + step * (source - rate * temperature)
+        equilibrium = source / rate
+        return equilibrium + (temperature - equilibrium) * wp.exp(-x)
+
+    @wp.func
+    def plain(
+        constants: constants_type, temperature: real, rate: real, source: real, step: real
+    ) -> real:
+        return relaxation(temperature, rate, source, step)
+
+    relaxed = plain
+    for module in effects.having('relaxed').values():
+        relaxed = module.relaxed(wp, real, constants_type, relaxation)
+
+    @wp.func
+    def mean_age(age: real, span: real) -> real:
+        """Age at which to evaluate a loss over a span; never 0."""
+        root = wp.sqrt(age) + wp.sqrt(age + span)
+        return wp.max(real(0.25) * root * root, real(1.0e-9))
+
+    @wp.func
+    def temperature_after(
+        constants: heat_type(real), thickness: real, temperature: real, age: real, drop: real,
+        speed: real, step: real,
+    ) -> real:
+        if step <= real(0.0):
+            return temperature
+        rate = drop / step
+        half = real(0.5) * step
+        start = balance(constants, thickness, temperature, mean_age(age, half), rate, speed)
+        middle = relaxed(constants, temperature, start[0], start[1], half)
+        half_way = balance(constants, thickness, middle, mean_age(age, step), rate, speed)
+        return relaxed(constants, temperature, half_way[0], half_way[1], step)
+
+    return temperature_after
+
+
+def _sum(real: Any, first: Any, second: Any) -> Any:
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func
+    def both(
+        constants: heat_type(real), thickness: real, temperature: real, age: real, drop: real,
+        speed: real,
+    ) -> vec2:
+        return first(constants, thickness, temperature, age, drop, speed) + second(
+            constants, thickness, temperature, age, drop, speed
+        )
+
+    return both

@@ -1,0 +1,237 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The motion of the particles over a stage, and changes of their values on the way.
+
+At the end of a step they are heated or cooled. If no pass comes after the motion, it assigns the
+particles to the cells of their new positions. It is a device function of a particle and its
+velocity, so that the pass that computes the velocity can also move the particle.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.simulation.backend import compiled
+from lava_ros.simulation.backend.compiled import quick_kernel
+from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
+from lava_ros.simulation.output.own_ground import note_function
+from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles.motion_arguments import arguments_type
+from lava_ros.simulation.particles.neighbors import bin_function, NeighborGrid
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import terrain_functions
+from lava_ros.simulation.step.emission import Outlets
+from lava_ros.simulation.step.fused_stage import DIRECTORS, StageChoice
+from lava_ros.simulation.step.heat import temperature_function
+from lava_ros.simulation.step.timestep import pace_type
+
+#: Maximum displacement in a step over the one it was chosen for: speeds may rise within a step.
+_MAX_DISPLACEMENT_GROWTH = 2.0
+
+#: Halvings of a displacement that would lift lava too high, before it is set to 0.
+_HALVINGS = 8
+
+#: Maximum slope of a sum over neighbours, times its radius over the thickness: twice that at the
+#: edge, for lava that is twice as thick behind it.
+_STEEPEST = 3.0
+
+
+@lru_cache
+def _guard_function(real: Any, is_pushed: bool) -> Any:
+    """Return the device function that limits a displacement to the validity range of a step.
+
+    A step is as long as the speeds at its start allow. Where the ground changes from one cell to
+    the next, a particle may be a thousand times as fast a stage later, and would be thrown across
+    cells, or high up a wall at whose foot it has to stop. Its displacement in a step is therefore
+    at most ``_MAX_DISPLACEMENT_GROWTH`` times the one that steps are chosen for, and lifts it by
+    at most its thickness (plus the head of its velocity). If only the slope of its surface moves
+    it, ``is_pushed`` is False, and it is also lifted by at most that slope times the way,
+    ``_STEEPEST`` h / l.
+    """
+    vec2 = wp.types.vector(2, real)
+    height_at = terrain_functions(real).height_at
+
+    @wp.func
+    def guarded(
+        m: arguments_type(real), x: real, y: real, way: vec2, thickness: real, head: real
+    ) -> vec2:
+        most = real(_MAX_DISPLACEMENT_GROWTH) * m.constants.reach
+        size = wp.length(way)
+        kept = way
+        if size > most:
+            kept = way * (most / size)
+        here = height_at(m.ground, x, y) + head
+        for _ in range(_HALVINGS):
+            share = real(1.0)
+            if wp.static(not is_pushed):
+                share = wp.min(share, real(_STEEPEST) * wp.length(kept) / m.constants.radius)
+            top = here + share * thickness
+            if height_at(m.ground, x + kept.x, y + kept.y) <= top:
+                return kept
+            kept *= real(0.5)
+        return vec2()
+
+    return guarded
+
+
+@lru_cache
+def motion_function(
+    real: Any, effects: Effects, is_staged: bool, is_guarded: bool, bins: bool, has_surface: bool
+) -> Any:
+    """Return the device function that moves the i-th of the ordered particles.
+
+    Its arguments: the particle's number, its item of ``State.ordered``, its thickness [m] and
+    velocity [m/s], and arguments of the motion.
+    """
+    vec2 = wp.types.vector(2, real)
+    # differences and lateral stress push lava up slopes that its own surface slope does not
+    guarded = _guard_function(real, has_surface or 'green' in effects or 'helmholtz' in effects)
+    place = bin_function(real, False)
+    load, store = compiled.load4(real), compiled.store4(real)
+    load_pair, store_pair = compiled.load2(real), compiled.store2(real)
+    gradient_at, _, height_at, *_ = terrain_functions(real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    temperature_after = temperature_function(real, effects)
+    heats = temperature_after is not None
+    note = note_function(real, False)
+    has_age = effects.any('needs_age')
+    has_mean = effects.any('stiffens')
+    falls = 'viscous_heating' in effects
+
+    @wp.func
+    def move_on(i: int, p: vec4, f: vec3, m: arguments_type(real)):
+        x = p[0]
+        y = p[1]
+        dx = m.stage[at.VELOCITY] * f[1]
+        dy = m.stage[at.VELOCITY] * f[2]
+        before = vec2()
+        start = vec2(f[1], f[2])
+        if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
+            # displacements, not positions, are combined: this keeps more digits in float32
+            if m.counts[at.CURRENT] > 1:
+                b = load(m.ordered_base, i)
+                d = load(m.ordered_drift, i)
+                dx += (
+                    m.stage[at.FORMER] * d[0]
+                    + m.stage[at.BEFORE_FORMER] * b[2]
+                    + m.stage[at.FIRST_VELOCITY] * d[2]
+                )
+                dy += (
+                    m.stage[at.FORMER] * d[1]
+                    + m.stage[at.BEFORE_FORMER] * b[3]
+                    + m.stage[at.FIRST_VELOCITY] * d[3]
+                )
+                x = b[0]
+                y = b[1]
+                before = vec2(d[0], d[1])
+                start = vec2(d[2], d[3])
+        if wp.static(is_guarded):
+            head = real(0.0)
+            if wp.static('inertia' in effects):
+                head = (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * m.constants.gravity)
+            way = guarded(m, x, y, vec2(dx, dy), f[0], head)
+            dx = way[0]
+            dy = way[1]
+        if wp.static(is_staged):
+            store(m.base, i, vec4(x, y, before[0], before[1]))
+            store(m.drift, i, vec4(dx, dy, start[0], start[1]))
+            if wp.static(has_mean):
+                m.mean_temperature[i] = m.ordered_mean_temperature[i]
+        temperature = p[3]
+        time_out = real(0.0)
+        if wp.static(has_age):
+            time_out = m.ordered_age[i]
+            m.age[i] = time_out
+            if m.counts[at.IS_LAST] == 1:
+                m.age[i] = time_out + real(m.clock[at.STEP])
+        if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
+            if m.counts[at.IS_LAST] == 1:
+                step = real(m.clock[at.STEP])
+                drop = real(0.0)
+                if wp.static(falls):
+                    drop = -wp.dot(m.slope[i], vec2(dx, dy))
+                    if wp.static('inertia' not in effects):
+                        # the actual drop of the ground, however steep it is where the step begins
+                        ground = gradient_at(m.ground, p[0], p[1])
+                        drop += wp.dot(ground, vec2(dx, dy))
+                        drop += height_at(m.ground, x, y)
+                        drop -= height_at(m.ground, x + dx, y + dy)
+                speed = real(0.0)
+                if wp.static(effects.any('needs_speed')):
+                    speed = wp.sqrt(dx * dx + dy * dy) / step
+                temperature = temperature_after(
+                    m.heat, f[0], temperature, time_out, drop, speed, step
+                )
+        if wp.static('solidification' in effects):  # noqa: SIM102, the static test decides
+            if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
+                m.cold[0] = 1
+        if wp.static(real is wp.float32):
+            rest = load_pair(m.ordered_remainder, i)
+            new = vec2(x, y)
+            # past the target nothing moves, not even by rounding
+            if m.counts[at.CURRENT] > 0:
+                dx += rest[0]
+                dy += rest[1]
+                new = vec2(x + dx, y + dy)
+                if m.counts[at.IS_LAST] == 1:
+                    rest = vec2(dx - (new[0] - x), dy - (new[1] - y))
+            store_pair(m.remainder, i, rest)
+            p = vec4(new[0], new[1], p[2], temperature)
+        else:
+            p = vec4(x + dx, y + dy, p[2], temperature)
+        if m.counts[at.IS_LAST] == 1:
+            note(p, f[0], m)
+        store(m.particle, i, p)
+        if wp.static(bins):
+            place(i, p, m)
+
+    return move_on
+
+
+def motion_of(state: State) -> Any:
+    """Return the device function of ``motion_function`` for the particles of a state."""
+    return motion_function(
+        state.real, state.effects, state.is_staged, state.is_guarded, state.bins_in_motion,
+        state.has_surface,
+    )
+
+
+@lru_cache
+def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int] | None) -> Any:
+    vec3 = wp.types.vector(3, real)
+    load = compiled.load4(real)
+
+    @quick_kernel(bounds=bounds)
+    def move(
+        i: int, flow: wp.array(dtype=vec3), pace: pace_type(real), outlets: Outlets,
+        m: arguments_type(real),
+    ):
+        if wp.static(choose_and_emit is not None):
+            if i < wp.static(DIRECTORS):
+                choose_and_emit(i, pace, outlets, m)
+                return
+            i -= wp.static(DIRECTORS)
+        if i >= compiled.past_the_cache(m.counts, at.PARTICLES):
+            return
+        p, f = load(m.ordered, i), flow[i]
+        if wp.static(choose_and_emit is not None):
+            compiled.wait_for(pace.chosen)
+        motion(i, p, f, m)
+
+    return move
+
+
+def move_particles(state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice) -> None:
+    """Move the ordered particles over the stage by the velocity in ``state.flow``."""
+    launch_over(
+        state,
+        _kernel(state.real, motion_of(state), choice.function, choice.bounds),
+        [state.flow, choice.pace, choice.outlets, way],
+        least=MIN_MOVES,
+        ahead=choice.threads,
+    )
+    neighbors.is_binned = state.bins_in_motion

@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Computations of one stage of a time step, algorithm 1 of the paper, in their order."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from lava_ros.effects.laws import heat_of, law_of
+from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.particles.motion_arguments import flow_constants
+from lava_ros.simulation.particles.neighbors import NeighborGrid
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.step import motion, timestep
+from lava_ros.simulation.step.effects import device_part
+from lava_ros.simulation.step.flow import compute_flow, flow_kernels, publish_velocity
+from lava_ros.simulation.step.fused_stage import (
+    choice_within_motion,
+    choose_before_motion,
+    is_within_the_motion,
+    StageChoice,
+)
+from lava_ros.simulation.step.vents import VentSet
+
+
+class Stage:
+    """The equations of a scene on its terrain, for one set of effects.
+
+    ``constants`` are those of the flow kernels.
+    """
+
+    def __init__(
+        self, scene: Scene, accuracy: Accuracy, state: State, neighbors: NeighborGrid,
+        after_step: Mapping[str, Any],
+    ) -> None:
+        """Collect the constants and the kernels for the effects that are on in ``state``.
+
+        ``after_step`` contains the passes that effects need at the end of a step, by effect.
+        """
+        assert accuracy.spacing is not None and accuracy.thickness is not None
+        self._accuracy, self._effects = accuracy, state.effects
+        self._viscosity = scene.lava.viscosity
+        self._state, self._neighbors = state, neighbors
+        self._after_step = after_step
+        self._radius = accuracy.ratio * accuracy.spacing
+        self._pace: tuple[Scene, VentSet, Any] | None = None
+        self.constants = flow_constants(scene, accuracy, self._radius, state.real)
+        neighbors.set_constants(
+            law=law_of(scene.lava, state.real),
+            heat=heat_of(scene, state.effects, state.real),
+            constants=self.constants,
+        )
+        gradient = accuracy.gradient if state.has_surface else 'energy'
+        self._flow_kernels = partial(
+            flow_kernels, state.real, accuracy.kernel, accuracy.ratio, gradient, state.effects
+        )
+        # the pass that computes the velocity also moves the particles
+        self._moves_at_once = 'green' in state.effects and accuracy.formulation != 'as-published'
+
+    def take(
+        self, scene: Scene, vents: VentSet, *, look: Callable[[], None] | None = None
+    ) -> None:
+        """Run one stage; at the end of a step the vents emit the particles that are due.
+
+        The scene's vents limit the length of steps. ``look`` launches observations of the flow
+        before it moves.
+        """
+        state, neighbors = self._state, self._neighbors
+        neighbors.rebuild(state)
+        is_needed = not self._moves_at_once or bool(self._after_step) or look is not None
+        self.compute_flow(fills_flow=is_needed)
+        if look is not None:
+            look()
+        if 'inertia' in self._effects:
+            device_part('inertia').synchronize(state, self._arguments(), self._accuracy)
+        if not self._moves_at_once:
+            # before the choice of the step, which depends on the speed under lateral stress
+            self._spread_velocity()
+        pace, way = self._pace_of(scene, vents), self._arguments()
+        choice = choice_within_motion(state, pace, vents)
+        if not is_within_the_motion(state, sums_up=self._moves_at_once):
+            choice = choose_before_motion(state, choice, way)
+        self._move(way, choice)
+        if not state.bins_in_motion:
+            vents.emit(state, way)
+
+    def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
+        """Return the (cached) arguments for the choice of a stage."""
+        if self._pace is None or self._pace[0] is not scene or self._pace[1] is not vents:
+            longest = timestep.longest_step(
+                scene, self._accuracy, self._effects, vents, self.constants.reach
+            )
+            pace = timestep.pace_of(self._state, longest, self._accuracy, vents.due)
+            self._pace = scene, vents, pace
+        return self._pace[2]
+
+    def compute_flow(self, *, fills_flow: bool = True) -> None:
+        """Compute thickness and local velocity of the ordered particles."""
+        state = self._state
+        kernels = self._flow_kernels(
+            state.lanes, state.parts, state.is_short, state.is_wide,
+            self._accuracy.formulation != 'as-published',
+        )
+        compute_flow(state, self._arguments(), kernels, fills_flow=fills_flow)
+
+    def compute_velocity(self) -> None:
+        """Compute thickness and velocity of the ordered particles."""
+        self.compute_flow()
+        if 'inertia' in self._effects:
+            device_part('inertia').synchronize(self._state, self._arguments(), self._accuracy)
+        self._spread_velocity()
+
+    def _spread_velocity(self) -> None:
+        """Apply lateral stress to the local velocities."""
+        if self._accuracy.formulation == 'as-published':
+            publish_velocity(self._state, self._arguments(), self._viscosity)
+        elif 'green' in self._effects:
+            device_part('green').spread_velocity(self._state, self._arguments())
+        elif 'helmholtz' in self._effects:
+            device_part('helmholtz').solve_velocity(self._state, self._arguments(), self._accuracy)
+
+    def _move(self, way: Any, choice: StageChoice) -> None:
+        """Move the particles, after lateral stress where that is one sum; end the step."""
+        state, neighbors = self._state, self._neighbors
+        if self._moves_at_once:
+            device_part('green').move_particles(state, neighbors, way, choice)
+        else:
+            if 'inertia' in self._effects:
+                device_part('inertia').accelerate(state, way, self._accuracy)
+            motion.move_particles(state, neighbors, way, choice)
+        for effect in self._after_step.values():
+            effect.apply(state, way)
+
+    def _arguments(self) -> Any:
+        return self._neighbors.motion_arguments(self._state)

@@ -1,0 +1,234 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Time integration: the choice of the step and of its stages, on the device.
+
+Particles move with dx/dt = u(x), and u follows the surface gradient: a stiff, diffusive system.
+It is integrated by RKL2, the super-time-stepping of Meyer, Balsara & Aslam (2014, J. Comput.
+Phys. 257): second order, s velocity evaluations cover (s^2 + s - 2) / 4 explicit steps. Explicit
+Euler is the case of one stage. Steps and stages are chosen on the device; one launch of the
+kernels is one stage, so the host needs neither.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any
+
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.step.heat import freezing_step
+from lava_ros.simulation.step.vents import VentSet
+
+#: Limits of a step, indexed by ``State.counts[LIMIT]``.
+LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
+
+#: Maximum number of stages of a step: more would lose digits, not save steps.
+MAX_STAGES = 64
+
+@wp.func
+def _b(j: int) -> wp.float64:
+    """Coefficient b_j of RKL2 (Meyer et al. 2014, equation 16)."""
+    if j < 2:
+        return wp.float64(1.0) / wp.float64(3.0)
+    square = wp.float64(j * j + j)
+    return (square - wp.float64(2.0)) / (wp.float64(2.0) * square)
+
+
+#: Maximum number of particles for which steps end when a particle is due, at a refinement of 1. A
+#: late one changes the volume of n by 1/n and the radius by 1/(2 n): with more of them by less
+#: than the error of the edge that the presets state, 0.004 at standard, 0.008 at draft.
+FEW = 128
+
+#: Fraction of a step by which it ends after a particle is due, so that rounding does not delay it.
+_AFTERWARDS = 1e-6
+
+
+@wp.func
+def up_to_one(due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64) -> wp.float64:
+    """Return a step that ends when particles are due, if they are due at one moment of it.
+
+    Particles are emitted at the ends of steps. If steps are shorter than the time between two
+    particles, they would be late, and the flow with them, by up to a step.
+    """
+    least = wp.float64(_AFTERWARDS) * step
+    end = time + step
+    first = end
+    last = time
+    for v in range(due.shape[0]):
+        for n in range(2):
+            if due[v][n] > time + least and due[v][n] < end:
+                first = wp.min(first, due[v][n])
+                last = wp.max(last, due[v][n])
+    if first < end and last - first < least:
+        return wp.min(first - time + least, step)
+    return step
+
+
+@lru_cache
+def pace_type(real: Any) -> Any:
+    """Return the struct for the choice of a stage: limits, arrays of ``State``, vents."""
+
+    @wp.struct
+    class Pace:
+        longest: wp.float64
+        fixed: wp.float64
+        few: wp.int32
+        rates: wp.array(dtype=real)
+        due: wp.array(dtype=wp.vec2d)
+        clock: wp.array(dtype=wp.float64)
+        limit_time: wp.array(dtype=wp.float64)
+        counts: wp.array(dtype=wp.int32)
+        stage: wp.array(dtype=real)
+        cold: wp.array(dtype=wp.int32)
+        chosen: wp.array(dtype=wp.int32)
+
+    return Pace
+
+
+@lru_cache
+def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: bool) -> Any:
+    """Return the device function that begins a step or its next stage.
+
+    The last stage advances the clock. One thread calls it, when all rates are known.
+
+    Only ``limit_time`` shortens steps, never the target: after the first end of a step at or
+    after the target, stages idle. Idle stages change nothing that a later step depends on, so the
+    steps of a simulation do not depend on where it stops.
+    """
+
+    @wp.func
+    def choose(pace: pace_type(real)):
+        one = wp.float64(1.0)
+        # read everything before writing anything: reads after a write would be repeated one by one
+        time = pace.clock[at.TIME]
+        target = pace.clock[at.TARGET]
+        end = pace.limit_time[0]
+        step = pace.clock[at.STEP]
+        j = pace.counts[at.STAGE] + 1
+        s = pace.counts[at.STAGES]
+        steps = pace.counts[at.STEPS]
+        evaluations = pace.counts[at.EVALUATIONS]
+        particles = pace.counts[at.PARTICLES]
+        diffusion = wp.float64(pace.rates[at.DIFFUSION])
+        advection = wp.float64(pace.rates[at.ADVECTION])
+        if wp.static(freezes):
+            pace.cold[0] = 0
+        if j == 1:
+            if time >= target:
+                pace.counts[at.IS_LAST] = 0
+                pace.counts[at.CURRENT] = 0
+                pace.stage[at.VELOCITY] = real(0.0)
+                return
+            if wp.static(has_velocity):
+                pace.clock[at.FORMER_STEP] = step
+            remaining = end - time
+            step = pace.longest
+            limit = 0
+            explicit = pace.longest
+            if diffusion * pace.longest > one:
+                explicit = one / diffusion
+            if wp.static(is_staged):
+                most = wp.float64(wp.static(0.25 * (MAX_STAGES**2 + MAX_STAGES - 2)))
+                explicit_limit = most * explicit
+                if explicit_limit < step:
+                    step = explicit_limit
+                    limit = 1
+            else:
+                if explicit < step:
+                    step = explicit
+                    limit = wp.static(LIMITS.index('waves' if has_velocity else 'diffusion'))
+            if advection * step > one:
+                step = one / advection
+                limit = 2
+            if pace.fixed > wp.float64(0.0):
+                step = pace.fixed
+                limit = 3
+            pace.clock[at.FULL_STEP] = step
+            pace.counts[at.LIMIT] = limit
+            pace.counts[at.STEPS] = steps + 1
+            if remaining <= step:
+                step = remaining
+            elif remaining < wp.float64(2.0) * step and pace.fixed == wp.float64(0.0):
+                # two equal steps rather than a full one and a sliver
+                step = wp.float64(0.5) * remaining
+            if pace.fixed == wp.float64(0.0) and particles < pace.few:
+                step = up_to_one(pace.due, time, step)
+            pace.clock[at.STEP] = step
+            s = 1
+            if wp.static(is_staged):
+                # (s^2 + s - 2) / 4 explicit steps are at least this step
+                root = wp.sqrt(wp.float64(9.0) + wp.float64(16.0) * step / explicit)
+                s = wp.max(2, int(wp.ceil(wp.float64(0.5) * (root - one) - wp.float64(1e-9))))
+            pace.counts[at.STAGES] = s
+        pace.counts[at.CURRENT] = j
+        pace.counts[at.EVALUATIONS] = evaluations + 1
+        if s == 1:
+            pace.stage[at.VELOCITY] = real(step)
+        else:
+            w = wp.float64(4.0) / wp.float64(s * s + s - 2)
+            if j == 1:
+                pace.stage[at.VELOCITY] = real(_b(1) * w * step)
+            else:
+                n = wp.float64(j)
+                mu = (wp.float64(2.0) * n - one) / n * _b(j) / _b(j - 1)
+                pace.stage[at.FORMER] = real(mu)
+                pace.stage[at.BEFORE_FORMER] = real(-(n - one) / n * _b(j) / _b(j - 2))
+                pace.stage[at.VELOCITY] = real(mu * w * step)
+                pace.stage[at.FIRST_VELOCITY] = real(-(one - _b(j - 1)) * mu * w * step)
+        if j == s:
+            pace.counts[at.IS_LAST] = 1
+            pace.counts[at.STAGE] = 0
+            time += step
+            if wp.abs(end - time) < wp.float64(1e-9) * step:
+                time = end
+            pace.clock[at.TIME] = time
+        else:
+            pace.counts[at.IS_LAST] = 0
+            pace.counts[at.STAGE] = j
+
+    return choose
+
+
+def choice_of(state: State) -> Any:
+    """Return the device function of ``choice_function`` for the particles of a state."""
+    return choice_function(
+        state.real, state.is_staged, state.has_velocity, 'solidification' in state.effects
+    )
+
+
+def longest_step(
+    scene: Scene, accuracy: Accuracy, effects: Effects, vents: VentSet, reach: float
+) -> float:
+    """Return the longest step [s] that the user, the vents and solidification allow.
+
+    ``reach`` is the maximum displacement in a step [m].
+    """
+    assert accuracy.thickness is not None
+    longest = min(accuracy.longest_step, vents.longest_step(accuracy.thickness))
+    if 'solidification' in effects:
+        longest = min(longest, freezing_step(scene, accuracy.thickness))
+    if 'inertia' in effects:
+        # lava has the velocity of its vent when it is emitted
+        fastest = max((math.hypot(*vent.velocity) for vent in scene.vents), default=0.0)
+        longest = min(longest, reach / max(fastest, 1e-9))
+    return longest
+
+
+def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
+    """Build the arguments for the choice of a stage.
+
+    ``longest`` is the longest step [s], ``due`` that of a ``VentSet``.
+    """
+    pace = pace_type(state.real)()
+    pace.longest, pace.fixed = longest, accuracy.fixed_step or 0.0
+    pace.few = int(FEW * accuracy.refinement)
+    pace.due = due
+    for name in ('rates', 'clock', 'limit_time', 'counts', 'stage', 'cold', 'chosen'):
+        if hasattr(state, name):
+            setattr(pace, name, getattr(state, name))
+    return pace

@@ -1,0 +1,384 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Vents, which emit particles of constant volume by the integral of their discharge."""
+
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from itertools import count, pairwise
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.errors import LavaError
+from lava_ros.scene import Terrain, Vent
+from lava_ros.scene.vents import distances, extents
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.output.checkpoint import fitting
+from lava_ros.simulation.particles.state import centre_of, State
+from lava_ros.simulation.step.emission import (
+    DISC_GROUP,
+    emission_function,
+    emission_kernel,
+    emitters,
+    FISSURE_GROUP,
+    foresee_kernel,
+    Outlets,
+    places_kernel,
+)
+from lava_ros.simulation.step.vent_ground import is_open, permitted_places
+
+#: Maximum number of particles that the vents may emit per second: more cannot be computed.
+MAX_PARTICLES_PER_SECOND = 1e6
+
+#: Maximum number of particles of all vents in a step, and minimum of that for each vent.
+_MAX_PARTICLES_PER_STEP, _MIN_PARTICLE_LIMIT = 2**18, 64
+
+#: Fraction of a particle that rounding may delay.
+_ROUNDING = 1e-6
+
+#: Number of candidate places of a vent around which lava may not come out everywhere.
+_CANDIDATES = 4096
+
+
+@dataclass(frozen=True)
+class Emission:
+    """Emitted volumes of vents, and the sequences of places of their particles.
+
+    A vent that changes keeps only these values: its next particle comes out at the next place of
+    its sequence, however often the vent or the ground is updated.
+
+    Attributes:
+        volume: Volume that each vent has emitted [m3], float64, shape [vents].
+        released: Number of particles that each vent has emitted, int32, shape [vents].
+        phase: Start of the sequence of places of each vent, different for vents at the same place,
+            float64, shape [vents]. NaN if not chosen yet.
+        downhill: Direction in which the ground fell when the vent opened [half turns], float64,
+            shape [vents]. NaN if not computed yet.
+    """
+
+    volume: np.ndarray
+    released: np.ndarray
+    phase: np.ndarray
+    downhill: np.ndarray
+
+    @classmethod
+    def of_new_vents(
+        cls, number: int, volume: float = 0.0, particle_volume: float = 1.0
+    ) -> 'Emission':
+        """Return the emission of vents that open after other vents have emitted a volume.
+
+        The sequences begin as if each new vent had emitted all of that volume. A vent that closes
+        and opens again therefore emits at other places than before.
+
+        Args:
+            number: Number of new vents.
+            volume: Volume that other vents have emitted [m3].
+            particle_volume: Volume of a particle [m3].
+        """
+        whole = DISC_GROUP * math.ceil(volume / (DISC_GROUP * particle_volume))
+        unknown = np.full(number, np.nan)
+        released = np.full(number, whole, dtype=np.int32)
+        return cls(released * particle_volume, released, unknown, unknown)
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray], number: int) -> 'Emission':
+        """Return the emission of ``number`` vents in a checkpoint (``VentSet.save``).
+
+        Raises:
+            LavaError: If an array is missing or has another number of vents.
+        """
+        # older checkpoints do not contain the sequences
+        unknown = np.full(number, np.nan)
+        former = {'phase': unknown, 'downhill': unknown, 'volume': arrays.get('carried')}
+        kinds = {'released': np.int32}
+        return cls(**{
+            name: fitting(
+                f'vents.{name}', arrays.get(name, former.get(name)), (number,),
+                kinds.get(name, np.float64),
+            )
+            for name in (item.name for item in fields(cls))
+        })
+
+    def continued(self, matches: Sequence[int | None], new: 'Emission') -> 'Emission':
+        """Return the emission of vents that continue these by index, or ``new`` where None."""
+        old = [index for index, match in enumerate(matches) if match is not None]
+        chosen = [match for match in matches if match is not None]
+        result = {name: values.copy() for name, values in vars(new).items()}
+        for name, values in vars(self).items():
+            result[name][old] = values[chosen]
+        return Emission(**result)
+
+
+class VentSet:
+    """The vents of one span of time, on a device.
+
+    Attributes:
+        vents: The vents.
+        since: Time from which they emit [s].
+        due: Times at which the next and the second next particles of each vent are due [s],
+            float64, shape [vents, 2].
+        released: Number of emitted particles of each vent, shape [vents], at least one.
+        outlets: Tables of the vents for kernels.
+        is_symmetric: True if particles are emitted in groups with the vent's symmetries.
+    """
+
+    def __init__(
+        self,
+        vents: tuple[Vent, ...],
+        terrain: Terrain,
+        accuracy: Accuracy,
+        particle_volume: float,
+        device: Any,
+        *,
+        since: float,
+        before: Emission,
+    ) -> None:
+        """Build the vents' tables.
+
+        Args:
+            vents: The vents.
+            terrain: The ground.
+            accuracy: The resolution; a vent narrower than the spacing is widened to it.
+            particle_volume: Volume of a particle [m3].
+            device: Warp device.
+            since: Time from which they emit [s].
+            before: Emission of each vent until then.
+        """
+        spacing, thickness = accuracy.spacing, accuracy.thickness
+        assert spacing is not None
+        self.vents = vents
+        self.since = since
+        # read at each advance, so computed once
+        self._opening = [vent.next_opening(since) for vent in self.vents]
+        self._particle_volume = particle_volume
+        self.is_symmetric = accuracy.symmetric
+        self._device = device
+        self._before = self._with_places(before, terrain, spacing)
+        conduits = before.volume - before.released * particle_volume
+        self._is_filled = conduits > _ROUNDING * particle_volume
+        shape = np.zeros((len(self.vents), 11))
+        self._centre = centre_of(terrain)
+        starts, times, fluxes, volumes = [0], [], [], []
+        for row, vent, emitted in zip(shape, vents, before.volume.tolist(), strict=True):
+            end = vent.position if vent.end is None else vent.end
+            row[0:2] = vent.position - self._centre
+            row[2:4] = end - self._centre
+            row[4] = max(vent.radius, spacing)
+            row[5] = vent.temperature
+            row[6] = math.dist(vent.position, end)
+            row[7:9] = vent.velocity
+            begins = [max(time, since) for time, _ in vent.series]
+            times += begins
+            fluxes += [flux for _, flux in vent.series]
+            volumes += [emitted + volume for volume in vent.volumes_at(begins, since=since)]
+            starts.append(len(times))
+        shape[:, 9], shape[:, 10] = self._before.phase, self._before.downhill
+        self._areas = [math.pi * row[4] ** 2 + 2.0 * row[4] * row[6] for row in shape]
+        self.released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
+        self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
+        self.outlets = Outlets()
+        self.outlets.starts = wp.array(starts, dtype=wp.int32, device=device)
+        # one copy, with an extra item: Warp has no empty slice at the end of an array
+        rows = [shape.ravel(), times, fluxes, volumes]
+        table = wp.array([*np.concatenate(rows), 0.0], dtype=wp.float64, device=device)
+        ends = np.cumsum([0, *map(len, rows)]).tolist()
+        parts = [table[first:end] for first, end in pairwise(ends)]
+        self.outlets.shape = parts[0].reshape(shape.shape)
+        self.outlets.times, self.outlets.fluxes, self.outlets.volumes = parts[1:]
+        self.outlets.particle_volume = particle_volume
+        share = _MAX_PARTICLES_PER_STEP // max(len(self.vents), 1)
+        self.outlets.most = max(share, _MIN_PARTICLE_LIMIT)
+        self.outlets.released, self.outlets.due = self.released, self.due
+        self._restrict(terrain, shape[:, 4], spacing if thickness is None else thickness)
+        if self.vents:
+            self.released.assign(before.released)
+            wp.launch(
+                foresee_kernel(self.is_symmetric),
+                dim=len(self.vents),
+                inputs=[self.outlets],
+                device=device,
+            )
+
+    def _with_places(self, before: Emission, terrain: Terrain, spacing: float) -> Emission:
+        """Return an emission in which the missing phases and directions are chosen."""
+        phase, downhill = before.phase.copy(), before.downhill.copy()
+        sizes, new = extents(self.vents, spacing), np.flatnonzero(np.isnan(phase))
+        apart = distances([self.vents[index] for index in new], self.vents)
+        for index, distance in zip(new, apart, strict=True):
+            # overlapping vents need different phases, or their particles would coincide
+            near = distance <= np.maximum(sizes, sizes[index])
+            taken = set(phase[near].tolist())
+            phase[index] = next(number for number in count() if number not in taken)
+        for index in np.flatnonzero(np.isnan(downhill)):
+            # relative to downhill: in a rotated scene the places of particles are rotated too
+            downhill[index] = _downhill(terrain, self.vents[index].position) / math.pi
+        return Emission(before.volume, before.released, phase, downhill)
+
+    def _restrict(self, terrain: Terrain, radii: np.ndarray, rise: float) -> None:
+        """List the places of each vent around which lava may not come out everywhere."""
+        places, first = [np.empty((0, 2))], [0]
+        nowhere = wp.empty(0, dtype=wp.vec2d, device=self._device)
+        self.outlets.places = nowhere
+        self.outlets.first_place = wp.zeros(
+            len(self.vents) + 1, dtype=wp.int32, device=self._device
+        )
+        for number, (vent, radius) in enumerate(zip(self.vents, radii.tolist(), strict=True)):
+            if not is_open(vent, radius, terrain, rise):
+                tried = self.places(number, 0, _CANDIDATES)
+                found = permitted_places(vent, tried, terrain, rise)
+                if len(found) < _CANDIDATES or not np.array_equal(found, tried):
+                    places.append(found - self._centre)
+            first.append(sum(map(len, places)))
+        if first[-1]:
+            self.outlets.places = wp.array(
+                np.concatenate(places), dtype=wp.vec2d, device=self._device
+            )
+            self.outlets.first_place.assign(np.array(first, dtype=np.int32))
+        self._is_restricted = np.diff(first) > 0
+
+    def places(self, number: int, first: int, count: int) -> np.ndarray:
+        """Return the places of consecutive particles of a vent, (x, y) [m], shape [count, 2]."""
+        places = wp.empty(count, dtype=wp.vec2d, device=self._device)
+        wp.launch(
+            places_kernel(self.is_symmetric),
+            dim=count,
+            inputs=[number, first, self.outlets],
+            outputs=[places],
+            device=self._device,
+        )
+        return read(places) + self._centre
+
+    def emission_on(self, state: State) -> Any:
+        """Return the ``emission_function`` for the particles of a state."""
+        return emission_function(
+            state.real, self.is_symmetric, state.has_velocity, state.has_age, state.bins_in_motion
+        )
+
+    def emit(self, state: State, way: Any) -> None:
+        """Append the particles that are due at the time of a state."""
+        if self.vents:
+            threads = emitters(state, len(self.vents))
+            kernel = emission_kernel(state.real, self.emission_on(state))
+            state.launches(kernel, [threads, self.outlets, way], dim=threads)
+
+    def emission(self, time: float) -> Emission:
+        """Return the emission up to a time [s]; no step may be running."""
+        given = [vent.volume_between(self.since, time) for vent in self.vents]
+        released = read(self.released)[: len(self.vents)]
+        return replace(self._before, volume=self._before.volume + given, released=released)
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy the arrays of ``Emission`` for a checkpoint at ``since``."""
+        released = read(self.released)[: len(self.vents)]
+        return asdict(self._before) | {'released': released}
+
+    def parting(self, number: int, waiting: float) -> list[tuple[float, float, float, float]]:
+        """Return the particles that empty the conduit of a vent.
+
+        They have equal volumes and are at the next places of the vent.
+
+        Args:
+            number: Index of the vent.
+            waiting: Volume in its conduit [m3].
+
+        Returns:
+            Rows of (x [m], y [m], volume [m3], temperature [K]).
+        """
+        vent = self.vents[number]
+        count = max(min(math.ceil(waiting / self._particle_volume), _MAX_PARTICLES_PER_STEP), 0)
+        if self.is_symmetric and count > 1:
+            group = FISSURE_GROUP if vent.end else DISC_GROUP
+            count = group * math.ceil(count / group)
+        if not count:
+            return []
+        if self.is_symmetric and count == 1 and not self._is_restricted[number]:
+            places = 0.5 * np.add(vent.position, vent.end or vent.position)[None]
+        else:
+            places = self.places(number, int(read(self.released)[number]), count)
+        return [(x, y, waiting / count, vent.temperature) for x, y in places.tolist()]
+
+    def giving(self, until: float, *, others_than: Container[int]) -> list[int]:
+        """Return the indices of vents with lava in their conduits, or that emit by ``until`` [s].
+
+        Vents with indices in ``others_than`` are excluded.
+        """
+        return [
+            number
+            for number, time in enumerate(self._opening)
+            if number not in others_than and (self._is_filled[number] or time < until)
+        ]
+
+    def emitted(self, time: float) -> float:
+        """Return the volume [m3] that the vents have emitted from ``since`` to ``time``."""
+        return sum(vent.volume_between(self.since, time) for vent in self.vents)
+
+    def pending(self, time: float, released: np.ndarray | None = None) -> np.ndarray:
+        """Return the volume [m3] of each vent that is emitted but not yet a particle.
+
+        Args:
+            time: Simulated time [s].
+            released: A copy of ``released`` at that time, by default the current values.
+        """
+        if released is None:
+            released = read(self.released)
+        released = released[: len(self.vents)]
+        given = [vent.volume_between(self.since, time) for vent in self.vents]
+        return self._before.volume + given - released * self._particle_volume
+
+    def late(self, pending: float) -> float:
+        """Return the part of the pending volume [m3] that is overdue."""
+        groups = [FISSURE_GROUP if vent.end else DISC_GROUP for vent in self.vents]
+        count = sum(groups) if self.is_symmetric else len(groups)
+        usual = count * self._particle_volume * (1.0 + _ROUNDING)
+        return pending - usual if pending > usual else 0.0
+
+    def longest_step(self, thickness: float) -> float:
+        """Return the time [s] in which no vent raises its area by more than half a thickness [m].
+
+        All vents together then emit no more than the maximum number of particles in a step.
+        """
+        strongest, total = 0.0, 0.0
+        for vent, area in zip(self.vents, self._areas, strict=True):
+            strongest, total = max(strongest, vent.peak / area), total + vent.peak
+        if strongest <= 0.0:
+            return math.inf
+        most = _MAX_PARTICLES_PER_STEP * self._particle_volume
+        return min(0.5 * thickness / strongest, most / total)
+
+
+def check_rates(vents: Sequence[Vent], particle_volume: float) -> None:
+    """Check that a discharge does not produce more particles than can be computed.
+
+    Raises:
+        LavaError: If the sum of the peaks is too large; it names the vent that exceeds it.
+    """
+    most, total = MAX_PARTICLES_PER_SECOND * particle_volume, 0.0
+    for number, vent in enumerate(vents):
+        total += vent.peak
+        if total > most:
+            raise LavaError(
+                f'vents[{number}].discharge',
+                vent.peak,
+                f'at most {most:.3g} m3/s of all vents together, '
+                f'{MAX_PARTICLES_PER_SECOND:g} particles of {particle_volume:.3g} m3 in a second',
+            )
+
+
+def _downhill(terrain: Terrain, place: tuple[float, float]) -> float:
+    """Return the direction in which the ground falls around a place [rad], 0 if level."""
+    cell = terrain.cell_at(*place)
+    if cell is None:
+        return 0.0
+    rows, columns = (
+        np.clip(np.arange(n - 1, n + 2), 0, side - 1)
+        for n, side in zip(cell, terrain.shape, strict=True)
+    )
+    around = terrain.elevation[np.ix_(rows, columns)].astype(np.float64)
+    fall_x = float((around[:, 0] - around[:, 2]).sum())
+    fall_y = float((around[0, :] - around[2, :]).sum())
+    falls = math.hypot(fall_x, fall_y) > 0.0
+    return math.atan2(fall_y, fall_x) if falls else 0.0
