@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frames that become more when a test says so, and the server of their pages with a visitor."""
+"""A server of a growing number of frames, and a visitor that does what a browser does."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,7 +26,7 @@ TIMES = [200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0]
 
 
 class Growing(Frames):
-    """Six frames of a flow, of which the first so many are there; the last has probabilities."""
+    """Six frames of a flow, the first ``count`` available; the last has probabilities."""
 
     status = Status(Level.BAD, 'no node answers <here>')
 
@@ -43,19 +43,17 @@ class Growing(Frames):
         self.grow(count)
 
     def grow(self, count: int) -> None:
-        """Let there be so many frames."""
+        """Make the first ``count`` frames available."""
         self.times = [frame.time for frame in self._frames[:count]]
         self.version += 1
 
     def poll(self) -> None:
-        """Nothing comes by itself."""
+        """Do nothing: no frame arrives by itself."""
 
     def frame(self, index: int) -> Frame:
-        """One of them."""
         return self._frames[index]
 
     def facts(self, index: int) -> dict[str, str]:
-        """What the simulation says."""
         return {'<i>effects</i>': f'frame <{index}>'}
 
     def particles(self, index: int) -> np.ndarray | None:
@@ -63,21 +61,19 @@ class Growing(Frames):
         return np.array([[0.0, 90.0 + 5.0 * i, 900.0 + i] for i in range(3)]) if index else None
 
     def command(self, name: str) -> None:
-        """Note a command."""
         self.commands.append(name)
 
     def open_vent(self, x: float, y: float) -> None:
-        """Note the place."""
         self.commands.append((x, y))
 
 
 def _arrived(time: float) -> np.ndarray:
-    """One more column of cells every 100 s."""
+    """Return the arrival times of a flow that covers one more column every 100 s."""
     return np.where(growing(time) > 0.0, 100.0 * np.arange(1.0, 41.0), np.nan)
 
 
 class Visitor:
-    """What a browser does: it opens the page, tells of its camera, clicks and reads."""
+    """A client that opens the page, sends its camera as a browser does, and changes elements."""
 
     def __init__(self, server: Server) -> None:
         self._server = server
@@ -95,19 +91,17 @@ class Visitor:
 
     @property
     def pages(self) -> list[Page]:
-        """The pages of the server."""
         return list(self._server._pages.values())
 
     def say(self, kind: str, **fields: Any) -> None:
-        """Send a message."""
         self.socket.send(msgspec.msgpack.encode({'type': kind, **fields}))
 
     def press(self, handle: Any, value: Any = True) -> None:
-        """Give an element of the page another value."""
+        """Change the value of an element of the page."""
         self.say('GuiUpdateMessage', uuid=handle._impl.uuid, updates={'value': value})
 
     def wait(self, condition: Callable[[], Any]) -> None:
-        """Let the server work until something holds."""
+        """Update the server until a condition holds."""
         end = time.monotonic() + 120.0
         self._server.update()
         while not condition():
@@ -118,7 +112,7 @@ class Visitor:
 
 @contextmanager
 def served(frames: Frames, **options: Any) -> Iterator[Server]:
-    """A server of frames, until the end."""
+    """Serve frames until the end of the block."""
     server = Server(frames, 0, **options)
     try:
         yield server

@@ -74,7 +74,7 @@ def draped(path: str) -> Callable[[Frame], np.ndarray]:
 class Page:
     """The page of one browser, with its own slider and choice of map.
 
-    All methods are called from one thread. What is clicked waits for it in a queue.
+    All methods are called from one thread, for which clicks wait in a queue.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class Page:
         self._client.gui.add_button(text).on_click(lambda _: self._asked.append(act))
 
     def update(self) -> None:
-        """Show new frames, and what the browser has asked for."""
+        """Process clicks, and show new frames and changed choices."""
         while self._asked:
             asked = self._asked.popleft()
             asked() if callable(asked) else self._click(asked)
@@ -391,7 +391,7 @@ def _vents(frame: Frame) -> Iterator[tuple[str, tuple[float, float]]]:
     for x, y in frame.vents.tolist():
         name = ''
         for vent in described if isinstance(described, list) else ():
-            # a foreign bag may say anything
+            # the description in a foreign bag is untrusted
             with suppress(AttributeError, TypeError, ValueError):
                 if np.allclose(vent.get('position'), (x, y), atol=0.01):
                     name = str(vent.get('name') or '')

@@ -120,7 +120,7 @@ def _guarded(listener: socket.socket) -> Iterator[None]:
     """Let viser serve at a socket, with limits, and only requests that are ``is_own``."""
     serve = websocket_server.serve
     log = logging.getLogger('lava_ros.watch.requests')
-    # a refused or broken request is no error of this program
+    # a refused or malformed request is not an error of this program
     log.propagate = False
     log.addHandler(logging.NullHandler())
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live view without a browser: what is served, to whom, and what a page holds."""
+"""The live view without a browser: server, pages and frames."""
 
 from dataclasses import replace
 from http.client import HTTPConnection
@@ -303,7 +303,7 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
     assert frames.particles(1) is None
     checkpoint = small_checkpoint(400.0, 5)
     monkeypatch.setattr('lava_ros.watch.frames.checkpoint_at', lambda path, time: checkpoint)
-    # of a terrain of 4 x 3 m, whose centre is the origin of the particles
+    # the origin of particles is the centre of the terrain, which is 4 m x 3 m
     placed = checkpoint.arrays['state.particle'][:, [0, 1, 3]] + [2.0, 1.5, -273.15]
     np.testing.assert_allclose(frames.particles(1), placed, rtol=1e-5)
     for source_name, item in expected.layers.items():

@@ -35,7 +35,7 @@ def test_the_page_shows_a_growing_run_in_3d(tmp_path):
             browser.call('Page.navigate', url=f'http://127.0.0.1:{server.port}/')
             browser.wait_for(f'{TEXT}.includes("Dev Settings")')
             wait_for(f'{TEXT}.includes("Lava flow after 13 min of 13 min so far")')
-            # texts of files and nodes are no part of the page
+            # texts of files and nodes are not markup
             wait_for(f'{TEXT}.includes("no node answers <here>")')
             assert browser.evaluate('document.querySelectorAll("here").length') == 0
             frames.grow(6)
