@@ -25,13 +25,15 @@ from lava_ros.maps.sheet import Panel
 from lava_ros.watch import server as server_module
 from lava_ros.watch import surface
 from lava_ros.watch.frames import BagFrames, EnsembleFrames, Level, watched_layers
-from lava_ros.watch.page import draped, relief
+from lava_ros.watch.page import draped, relief, SHOWN
 from lava_ros.watch.surface import Ground, SIDE
 from recording import growing, record, TERRAIN
 from small_checkpoint import small_checkpoint
 from watch_page import Growing, served, Visitor
 
 MIDDLE = (50.0, 95.0)
+
+PROBABLE = SHOWN[PROBABILITY][0]
 
 
 @pytest.fixture
@@ -172,8 +174,8 @@ def test_offers_the_maps_that_there_are(visitor, page, frames):
     names = ('Lava thickness', 'Hazard index', 'Temperature', 'Arrival')
     assert page.choice.options == names
     frames.grow(6)
-    visitor.wait(lambda: page.choice.options == (*names, 'Probability that lava comes'))
-    visitor.press(page.choice, 'Probability that lava comes')
+    visitor.wait(lambda: page.choice.options == (*names, PROBABLE))
+    visitor.press(page.choice, PROBABLE)
     visitor.wait(lambda: '[%]' in page.legend.content)
     frames.frame(5).layers[PROBABILITY].values[:] = np.nan
     frames.version += 1
@@ -332,7 +334,7 @@ def test_an_ensemble_is_one_frame(frames, monkeypatch):
         visitor = Visitor(server)
         visitor.wait(lambda: '<td>runs</td><td>3</td>' in visitor.pages[0].facts.content)
         assert '<b>3 runs</b><br>all' in visitor.pages[0].title.content
-        assert visitor.pages[0].choice.options == ('Probability that lava comes',)
+        assert visitor.pages[0].choice.options == (PROBABLE,)
         assert visitor.pages[0].slider.disabled
 
 
