@@ -219,7 +219,7 @@ def test_missing_messages_are_reported(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr('lava_ros.ros.player.play', lambda bag, **_: 0)
-    monkeypatch.setattr('lava_ros.watch.page.serve', lambda *_, **__: Mock(port=1))
+    monkeypatch.setattr('lava_ros.watch.server.Server', Mock())
     monkeypatch.setattr('signal.signal', lambda *_: None)
     (tmp_path / 'huts.csv').write_text('name,x,y\nhut,300,300\n')
     path = bag / 'bag_0.mcap'

@@ -9,6 +9,7 @@ too, but reading one raises an error.
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 import mmap
 from pathlib import Path
@@ -170,6 +171,20 @@ def newest_checkpoint(bag: str | Path) -> FoundCheckpoint:
     if refused:
         raise refused[0]
     raise LavaError('bag', str(bag), 'a bag with a checkpoint in it; this one has none')
+
+
+def checkpoint_at(bag: str | Path, time: float) -> Checkpoint | None:
+    """Read the newest undamaged checkpoint at or before a simulated time [s], None without one.
+
+    Raises:
+        LavaError: If the bag does not exist or cannot be read.
+    """
+    newest_first = reversed(attachments_of(bag))
+    for item, summary in _parsed(newest_first, summary_of, lambda _: None):
+        if summary.time <= time:
+            with suppress(LavaError):
+                return from_bytes(item.read())
+    return None
 
 
 def _parsed(

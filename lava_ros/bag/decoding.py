@@ -6,6 +6,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+import math
 import re
 import struct
 from typing import Any, NamedTuple
@@ -269,6 +270,21 @@ def last_moment(bag: BagReader, decoder: Decoder) -> Moment | None:
 
 def _moments(message: Any) -> list[Moment]:
     return [item for item in map(moment_of, message.status) if item is not None]
+
+
+def places_in(message: Any) -> dict[str, tuple[float, float]]:
+    """Read the map positions [m] of the places in a message of arrivals at places, by name."""
+    result = {}
+    for status in message.status:
+        values = {item.key: item.value for item in status.values}
+        try:
+            x, y = float(values['x_m']), float(values['y_m'])
+        except (KeyError, ValueError):
+            # recorded before positions were published
+            continue
+        if math.isfinite(x) and math.isfinite(y):
+            result[str(status.name)] = (x, y)
+    return result
 
 
 def moment_of(status: Any) -> Moment | None:

@@ -1,13 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava watch`: the maps of a node or a bag, live in the browser."""
+"""`lava watch`: the lava of a node, a bag or an ensemble, in 3-D in the browser."""
 
 from __future__ import annotations
 
 import argparse
 import signal
 import sys
+import threading
 from typing import TYPE_CHECKING
 
 from lava_ros import validation
@@ -21,27 +22,36 @@ if TYPE_CHECKING:
 
 
 @command(
-    argument('bag', None, 'bag directory or .mcap file (default: the running node)', nargs='?'),
-    argument('--namespace', 'NS', "namespace of the node's topics: /etna", ''),
     argument(
-        '--address', None, 'address of the server; 0.0.0.0 shows the page to the whole network '
-        '(default: %(default)s, to this machine only)', '127.0.0.1',
+        'bag', None, 'bag directory, .mcap file, or folder of an ensemble (default: the running '
+        'node)', nargs='?',
     ),
+    argument('--namespace', 'NS', "namespace of the node's topics: /etna", ''),
     argument('--port', None, 'port of the server; 0 takes a free one', 5006),
+    argument(
+        '--drape', 'FILE', 'PNG or JPEG picture of exactly the terrain, north at the top, on the '
+        'ground in place of its relief',
+    ),
+    argument(
+        '--control', None, 'let the page open vents with a click, and pause, step and reset the '
+        'node', action='store_true',
+    ),
 )
 def watch(args: argparse.Namespace) -> int:
-    """Show a running node, or a bag, live in the browser.
+    """Show a running node, a bag or an ensemble in 3-D in the browser.
 
-    The command serves a page with the maps of a running node over shaded relief and a slider over
-    the maps received so far. Of a bag, even of one that is being recorded, the slider covers all
-    maps. The page needs no internet. ROS_DOMAIN_ID selects the ROS graph.
+    The command serves a page with the lava of a running node on its ground and a slider over the
+    maps received so far. Of a bag, even of one that is being recorded, the slider covers all
+    maps. Only this machine can open the page, which needs no internet. ROS_DOMAIN_ID selects the
+    ROS graph.
     """
     validation.number('--port', args.port, at_least=0.0, at_most=65535.0)
-    require('bokeh', 'lava watch')
+    require('viser', 'lava watch')
     frames = _frames(args)
-    from lava_ros.watch.page import serve
+    from lava_ros.watch.page import draped, relief
+    from lava_ros.watch.server import Server
 
-    was_bad = False
+    was_bad, ended = False, threading.Event()
 
     def report() -> None:
         """Print when the source of the frames fails, and when it works again."""
@@ -51,25 +61,25 @@ def watch(args: argparse.Namespace) -> int:
             was_bad = not was_bad
             print(f'lava watch: {words}', file=sys.stderr, flush=True)
 
-    server = serve(frames, args.address, args.port, on_poll=report)
+    picture = relief if args.drape is None else draped(args.drape)
+    server = Server(frames, args.port, picture=picture, control=args.control)
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(
-            number, lambda *_: server.io_loop.add_callback_from_signal(server.io_loop.stop)
-        )
-    print(f'open http://{args.address}:{server.port}/ in a browser; Ctrl+C ends', flush=True)
-    server.io_loop.start()
-    server.stop()
+        signal.signal(number, lambda *_: ended.set())
+    print(f'open http://127.0.0.1:{server.port}/ in a browser; Ctrl+C ends', flush=True)
+    server.run(ended, report)
     return 0
 
 
 def _frames(args: argparse.Namespace) -> Frames:
-    from lava_ros.watch.frames import BagFrames
-
     if args.bag is None:
         require_ros()
         from lava_ros.ros.live_frames import LiveFrames
 
         return LiveFrames(args.namespace)
-    if args.namespace:
-        raise LavaError('--namespace', args.namespace, 'no --namespace together with a bag')
-    return BagFrames(args.bag)
+    for name in ('namespace', 'control'):
+        if value := getattr(args, name):
+            raise LavaError(f'--{name}', value, f'no --{name} together with a bag or an ensemble')
+    from lava_ros.pages.runs import is_ensemble
+    from lava_ros.watch.frames import BagFrames, EnsembleFrames
+
+    return (EnsembleFrames if is_ensemble(args.bag) else BagFrames)(args.bag)

@@ -9,7 +9,7 @@ from lava_ros.errors import LavaError
 
 #: Extra that installs a package.
 _EXTRAS = {
-    'bokeh': 'watch',
+    'viser': 'watch',
     'distributed': 'ensemble',
     'jinja2': 'plot',
     'matplotlib': 'plot',

@@ -74,8 +74,8 @@ def save_picture(figure: Any, path: str | Path, *, title: str = '', author: str 
         figure.savefig(partial, metadata=known)
 
 
-def read_logo(field: str, path: str | Path) -> Any:
-    """Read a logo as an RGBA image of Pillow.
+def read_picture(field: str, path: str | Path, max_side: int = _MAX_LOGO) -> Any:
+    """Read a picture as an RGBA image of Pillow with at most ``max_side`` pixels a side.
 
     Raises:
         LavaError: If the file is not a readable PNG or JPEG.
@@ -85,7 +85,7 @@ def read_logo(field: str, path: str | Path) -> Any:
 
     try:
         with open_input(path) as file, Image.open(file, formats=('PNG', 'JPEG')) as image:
-            image.thumbnail((_MAX_LOGO, _MAX_LOGO))
+            image.thumbnail((max_side, max_side))
             return image.convert('RGBA')
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise LavaError(field, str(path), f'a PNG or JPEG picture ({error})') from error

@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 
 from lava_ros.bag import BagReader
-from lava_ros.bag.decoding import cloud_columns, Decoder, image_array, read_grid, Timeline
+from lava_ros.bag.decoding import (
+    cloud_columns,
+    Decoder,
+    image_array,
+    places_in,
+    read_grid,
+    Timeline,
+)
 from lava_ros.bag.reader import BagMessage
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
@@ -156,6 +163,13 @@ class Recording:
         """Names of the topics of a frame."""
         names = {self.terrain, self.terrain_info, self.vents, *self.layers}
         return {name for name in names if name is not None}
+
+    @property
+    def places(self) -> dict[str, tuple[float, float]]:
+        """Map positions [m] of the places whose arrivals the bag has, by name."""
+        topic = _topic(self.bag, 'place_arrivals', 'diagnostic_msgs/msg/DiagnosticArray')
+        found = self.bag.newest([topic], (self.bag.end_ns or 0) + 1) if topic else ()
+        return next((self.decoder.decode(item, places_in) for item in found), {})
 
     def frame_at(self, time: float | None = None) -> Frame:
         """Read the newest maps up to a simulated time [s]; None for the last ones.

@@ -64,6 +64,14 @@ class Places:
         """Return the number of places."""
         return len(self.names)
 
+    def middle(self, index: int) -> tuple[float, float]:
+        """Return the map position [m] of a point, the middle of a line, or that of an area."""
+        segments = self.segments[index]
+        if self.kinds[index] != 'area':
+            segments = segments[len(segments) // 2]
+        x, y = segments.reshape(-1, 2).mean(axis=0).tolist()
+        return (x, y)
+
     def at(self, values: np.ndarray) -> np.ndarray:
         """Return the values of a map in the cells that places touch, shape [cells]."""
         return np.asarray(values[self.rows, self.columns])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.files.pictures import new_figure, read_logo, save_picture
+from lava_ros.files.pictures import new_figure, read_picture, save_picture
 from lava_ros.maps import overlays as overlay_files
 from lava_ros.maps import plot
 from lava_ros.maps.colours import picture_of, Scale, scale_of, STYLES
@@ -107,7 +107,7 @@ def draw_sheet(
             cannot be read, or the picture cannot be written.
     """
     notes, overlays, imprint = dict(notes or {}), overlays or {}, imprint or Imprint()
-    logo = read_logo('--logo', imprint.logo) if imprint.logo else None
+    logo = read_picture('--logo', imprint.logo) if imprint.logo else None
     # the area of all maps, in projected coordinates
     limits = _union(_moved(plot.extent_of(item.frame), item) for item in panels)
     bounds, margin = extent, 0.0

@@ -3,6 +3,7 @@
 
 """Frames of a running node, from the maps that it publishes."""
 
+from collections.abc import Mapping
 from functools import partial
 import os
 import time
@@ -10,22 +11,24 @@ from typing import Any
 import zlib
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import MapMetaData
 import numpy as np
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 from sensor_msgs.msg import Image
+from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
-from lava_ros.bag.decoding import image_array, Moment, moment_of
+from lava_ros.bag.decoding import image_array, Moment, moment_of, places_in
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame
 from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
-from lava_ros.ros.outputs import BARRIERS, PLACES
+from lava_ros.ros.outputs import BARRIERS, LABELS, PLACES
 from lava_ros.ros.spinning import Watcher
-from lava_ros.watch.frames import Level, Status, watched_layers
+from lava_ros.watch.frames import Frames, Level, Status, watched_layers
 
 #: Time without diagnostics after which the node counts as silent [s]; the normal period is 1 s.
 PATIENCE = 5.0
@@ -44,14 +47,21 @@ class _Packed:
     def __init__(self, shown: LayerFrame) -> None:
         self._layer, self._is_saturated = shown.layer, shown.is_saturated
         self.shape = shown.values.shape
-        self._data = zlib.compress(shown.values.astype(np.float32).tobytes(), 1)
+        is_known = np.isfinite(shown.values)
+        # most of a large map is empty
+        ends = [np.flatnonzero(is_known.any(axis=axis))[[0, -1]] if is_known.any() else (0, -1)
+                for axis in (1, 0)]
+        self._part = tuple(slice(first, last + 1) for first, last in ends)
+        self._data = zlib.compress(shown.values[self._part].astype(np.float32).tobytes(), 1)
 
     def unpacked(self) -> LayerFrame:
-        values = np.frombuffer(zlib.decompress(self._data), np.float32).reshape(self.shape)
+        values = np.full(self.shape, np.nan, dtype=np.float32)
+        part = values[self._part]
+        part[:] = np.frombuffer(zlib.decompress(self._data), np.float32).reshape(part.shape)
         return LayerFrame(self._layer, values, self._is_saturated)
 
 
-class LiveFrames(Watcher):
+class LiveFrames(Watcher, Frames):
     """Frames received from the node in a namespace, at simulated ``times`` [s].
 
     ``version`` increases with every change of the frames.
@@ -69,16 +79,19 @@ class LiveFrames(Watcher):
         except InvalidNamespaceException as error:
             expected = 'letters, digits and _ between slashes, such as /etna'
             raise LavaError('--namespace', namespace, expected) from error
-        super().__init__('lava_watch', domain_id, self._namespace)
-        self.times: list[float | None] = []
-        self.version = 0
+        Watcher.__init__(self, 'lava_watch', domain_id, self._namespace)
+        Frames.__init__(self)
         self._maps: list[dict[str, _Packed]] = []
         self._waiting: dict[int, dict[str, _Packed]] = {}
         self._forecasts: dict[str, _Packed] = {}
         self._info: MapMetaData | None = None
         self._elevation: np.ndarray | None = None
+        self._frame_id = 'map'
         self._vents = np.empty((0, 2))
-        self._barriers: list[list[tuple[float, float]]] = []
+        self._scene: dict[str, Any] = {}
+        self._statuses: dict[str, str] = {}
+        self._senders: dict[str, Any] = {}
+        self._lava = 'lava'
         self._moment: Moment | None = None
         self._received, self._received_at = 0, time.monotonic()
         self._reported = Status(Level.WAITING, '')
@@ -93,6 +106,7 @@ class LiveFrames(Watcher):
             (Image, 'terrain', self._on_terrain),
             (MapMetaData, 'terrain_info', self._on_terrain_info),
             (MarkerArray, 'vents_markers', self._on_vents),
+            (DiagnosticArray, 'place_arrivals', self._on_places),
         ]
         for kind, topic, read in subscribed:
             self._node.create_subscription(kind, topic, partial(self._read, topic, read), latched)
@@ -153,9 +167,47 @@ class LiveFrames(Watcher):
             layers=layers,
             vents=self._vents,
             time=self.times[index],
-            scene={'terrain': {'barriers': self._barriers}},
+            scene=self._scene,
             arrived=None if arrived is None else arrived.values,
         )
+
+    def facts(self, index: int) -> Mapping[str, str]:
+        """Return the newest sentence of each status of the node."""
+        return self._statuses
+
+    def command(self, name: str) -> None:
+        """Call a service of the node; its answer follows in ``answer``."""
+        switches = {'pause': True, 'resume': False}
+        service, kind = ('pause', SetBool) if name in switches else (name, Trigger)
+        if service not in self._senders:
+            full = f'/{self._lava}/{service}'
+            self._senders[service] = self._node.create_client(kind, full)
+        client = self._senders[service]
+        if not client.service_is_ready():
+            self.answer = f'{name}: no node answers'
+            return
+        request = kind.Request()
+        if name in switches:
+            request.data = switches[name]
+        self.answer = f'{name}: asked'
+        client.call_async(request).add_done_callback(partial(self._on_answer, name))
+
+    def open_vent(self, x: float, y: float) -> None:
+        """Publish the place on ``clicked_point``; the node's statuses tell if it is refused."""
+        if 'clicked_point' not in self._senders:
+            profile = qos.ros_profile(qos.COMMANDS)
+            self._senders['clicked_point'] = self._node.create_publisher(
+                PointStamped, 'clicked_point', profile
+            )
+        message = PointStamped()
+        message.header.frame_id = self._frame_id
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.point.x, message.point.y = x, y
+        self._senders['clicked_point'].publish(message)
+        self.answer = f'vent at {x:.0f} m, {y:.0f} m: sent'
+
+    def _on_answer(self, name: str, future: Any) -> None:
+        self.answer = f'{name}: {future.result().message}'
 
     def _read(self, topic: str, read: Any, message: Any) -> None:
         """Read a message; an invalid one is reported in ``status`` and otherwise ignored."""
@@ -180,7 +232,12 @@ class LiveFrames(Watcher):
             if len(self._waiting) > _MAX_PENDING:
                 del self._waiting[min(self._waiting)]
 
+    def _on_places(self, message: DiagnosticArray) -> None:
+        self.places = places_in(message)
+        self.version += 1
+
     def _on_terrain(self, image: Image) -> None:
+        self._frame_id = image.header.frame_id
         self._elevation = image_array(image, 'terrain').astype(np.float32)
         self.version += 1
 
@@ -190,26 +247,38 @@ class LiveFrames(Watcher):
 
     def _on_vents(self, message: MarkerArray) -> None:
         points: list[Any] = []
-        self._barriers = [
+        barriers = [
             [(point.x, point.y) for point in item.points]
             for item in message.markers
             if item.ns == BARRIERS
         ]
+        labels = {item.id: item.text for item in message.markers if item.ns == LABELS}
+        vents = []
         for item in message.markers:
             if item.ns == PLACES:
                 is_line = item.type == Marker.LINE_STRIP
-                points += item.points if is_line else [item.pose.position]
+                places = item.points if is_line else [item.pose.position]
+                points += places
+                vents += [
+                    {'name': labels.get(item.id, ''), 'position': [place.x, place.y]}
+                    for place in places
+                ]
+        self._scene = {'terrain': {'barriers': barriers}, 'vents': vents}
         self._vents = np.array([(item.x, item.y) for item in points]).reshape(-1, 2)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self._received += 1
         for status in message.status:
             node, _, task = status.name.partition(': ')
-            if task != 'simulation':
+            if not task:
                 continue
             if node.rpartition('/')[0] != self._namespace:
-                self._others.add(node)
+                self._others |= {node} if task == 'simulation' else set()
                 continue
+            self._statuses = {**self._statuses, task: status.message}
+            if task != 'simulation':
+                continue
+            self._lava = node
             self._received_at = time.monotonic()
             levels = {status.OK: Level.WELL, status.ERROR: Level.BAD}
             level = levels.get(status.level, Level.WAITING)

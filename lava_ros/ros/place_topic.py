@@ -87,7 +87,9 @@ class PlaceTopic:
         if is_new:
             self._shown = shown
             self._latest = self._arrivals(snapshot, forecast, ensemble)
-            statuses = _statuses(self._latest) if self._latest is not None else []
+            statuses = []
+            if self._latest is not None and self._places is not None:
+                statuses = _statuses(self._latest, self._places)
             self._message = DiagnosticArray(
                 header=codec.header(self._frame_id, stamp_ns), status=statuses
             )
@@ -135,13 +137,18 @@ class PlaceTopic:
         return live_arrivals(self._places, snapshot, forecast, ensemble)
 
 
-def _statuses(latest: LiveArrivals) -> list[DiagnosticStatus]:
+def _statuses(latest: LiveArrivals, places: Places) -> list[DiagnosticStatus]:
     """Return a status for each place: its name, a sentence, and the numbers."""
     return [
         diagnostics.status(
             row.name, _level(latest, index), latest.words(index),
             {
-                key: _text(value) for key, value in latest.values(index).items() if key != 'name'
+                key: _text(value)
+                for key, value in [
+                    *zip(('x_m', 'y_m'), places.middle(index), strict=True),
+                    *latest.values(index).items(),
+                ]
+                if key != 'name'
             },
         )
         for index, row in enumerate(latest.rows)

@@ -117,6 +117,12 @@ class Terrain:
         x, y = self.origin
         return (x, y, x + columns * self.resolution, y + rows * self.resolution)
 
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Map position [m] of the centre, the origin of the solver's particle positions."""
+        x0, y0, x1, y1 = self.extent
+        return (0.5 * (x0 + x1), 0.5 * (y0 + y1))
+
     @cached_property
     def has_data(self) -> np.ndarray:
         """True where the elevation is known, bool, shape [rows, columns]."""

@@ -3,24 +3,37 @@
 
 """Frames of a live view: a growing list whose source has a status."""
 
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
 from enum import IntEnum
+import math
 import os
 from pathlib import Path
 import time
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
+import numpy as np
+
+from lava_ros.bag.checkpoints import checkpoint_at
 from lava_ros.bag.reader import BagReader
 from lava_ros.errors import LavaError, printable
 from lava_ros.files.resources import share_path
-from lava_ros.maps.frames import Frame, Recording
+from lava_ros.maps.frames import Frame, LayerFrame, Recording
 from lava_ros.maps.layer_files import load_layers
-from lava_ros.maps.layers import ARRIVAL, ARRIVED, Layer, PROBABILITY
+from lava_ros.maps.layers import ARRIVAL, ARRIVED, IMAGE, Layer, PROBABILITY, ZERO_CELSIUS
+from lava_ros.maps.plot import titles
+from lava_ros.pages.runs import ENSEMBLE_MAPS, read_run
 
 #: Sources of the maps in a live view. The thickness is the layer that is not rounded.
 SOURCES = ('thickness', 'temperature', 'hazard', ARRIVED, ARRIVAL, PROBABILITY)
 
 #: Minimum wall time between two reads of a bag [s], and as a multiple of the duration of a read.
 PERIOD, REST = 1.0, 5.0
+
+
+#: Commands to a node.
+COMMANDS = ('pause', 'resume', 'step', 'reset')
 
 
 class Level(IntEnum):
@@ -38,30 +51,64 @@ class Status(NamedTuple):
     words: str
 
 
-class Frames(Protocol):
+class Frames(ABC):
     """Frames of one run, oldest first.
 
     Attributes:
         times: Simulated times of the frames [s]; None if unknown.
         version: Number that changes with the frames.
+        places: Map positions [m] of named places, by name.
+        answer: The last command, and the node's answer.
     """
 
-    times: list[float | None]
-    version: int
+    answer = ''
+
+    def __init__(self) -> None:
+        """Initialize without frames."""
+        self.times: list[float | None] = []
+        self.version = 0
+        self.places: Mapping[str, tuple[float, float]] = {}
 
     @property
+    @abstractmethod
     def status(self) -> Status:
         """Status of the source."""
 
+    @abstractmethod
     def poll(self) -> None:
         """Read new data; never raises an error for invalid data."""
 
+    @abstractmethod
     def frame(self, index: int) -> Frame:
         """Return the frame of ``times[index]``.
 
         Raises:
             LavaError: If the frame cannot be read.
         """
+
+    def titles(self, frame: Frame) -> tuple[str, str]:
+        """Return the title of a frame, and a line with its main numbers."""
+        return titles(frame)
+
+    def facts(self, index: int) -> Mapping[str, str]:
+        """Return the diagnostics at ``times[index]`` as texts by name."""
+        return {}
+
+    def particles(self, index: int) -> np.ndarray | None:
+        """Return the newest particles at or before ``times[index]``, None if there are none.
+
+        Returns:
+            Map position x, y [m] and temperature [Celsius], shape [particles, 3].
+        """
+        return None
+
+    def command(self, name: str) -> None:
+        """Send one of ``COMMANDS`` to the node."""
+        self.answer = f'{name}: there is no node'
+
+    def open_vent(self, x: float, y: float) -> None:
+        """Ask the node for a vent at a map position [m]."""
+        self.command(f'vent at {x:.0f} m, {y:.0f} m')
 
 
 def watched_layers(files: tuple[str, ...] = ('default.yaml', 'forecast.yaml')) -> list[Layer]:
@@ -75,8 +122,47 @@ def watched_layers(files: tuple[str, ...] = ('default.yaml', 'forecast.yaml')) -
     return list(layers.values())
 
 
-class BagFrames:
+class EnsembleFrames(Frames):
+    """The maps of an ensemble's folder as a single frame."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Read the maps.
+
+        Raises:
+            LavaError: If the path is not the folder of a finished ensemble.
+        """
+        super().__init__()
+        self._run = read_run(path)
+        self.times, self.version = [None], 1
+        layers = {}
+        for name, panel in self._run.panels.items():
+            source = ENSEMBLE_MAPS[name][0]
+            layers[source] = LayerFrame(Layer(source, source, source, IMAGE), panel.values, False)
+        self._frame = replace(next(iter(self._run.panels.values())).frame, layers=layers)
+        self.status = Status(Level.WELL, f'ensemble in {printable(str(path))}')
+
+    status = Status(Level.WELL, '')
+
+    def poll(self) -> None:
+        """Do nothing: the maps do not change."""
+
+    def frame(self, index: int) -> Frame:
+        """Return the maps."""
+        return self._frame
+
+    def titles(self, frame: Frame) -> tuple[str, str]:
+        """Return the title and the summary of the ensemble."""
+        return self._run.title, self._run.summary
+
+    def facts(self, index: int) -> Mapping[str, str]:
+        """Return the facts about the ensemble."""
+        return self._run.facts
+
+
+class BagFrames(Frames):
     """The frames of a bag, which may still be recording."""
+
+    status = Status(Level.WAITING, '')
 
     def __init__(self, path: str | Path) -> None:
         """Open a bag.
@@ -84,9 +170,8 @@ class BagFrames:
         Raises:
             LavaError: If the path is not a readable bag.
         """
+        super().__init__()
         BagReader(path)
-        self.times: list[float | None] = []
-        self.version = 0
         self.status = Status(Level.WAITING, f'{path} has no maps yet')
         self._path = Path(path)
         self._layers = watched_layers(('forecast.yaml',))
@@ -104,6 +189,7 @@ class BagFrames:
         try:
             self._recording = Recording(self._path, more=self._layers)
             self.times = [item.time for item in self._recording.timeline.last_run] or [None]
+            self.places = self._recording.places
             self.status = Status(Level.WELL, f'recorded in {name}')
         except LavaError as error:
             self.status = Status(Level.WAITING, str(error))
@@ -115,6 +201,23 @@ class BagFrames:
         """Return the maps up to one of the times."""
         assert self._recording is not None
         return self._recording.frame_at(self.times[index])
+
+    def facts(self, index: int) -> Mapping[str, str]:
+        """Return the diagnostics of the simulation at that time."""
+        assert self._recording is not None
+        time = self.times[index]
+        run = self._recording.timeline.last_run
+        return next((item.values for item in reversed(run) if item.time == time), {})
+
+    def particles(self, index: int) -> np.ndarray | None:
+        """Return the particles of the newest checkpoint at or before that time."""
+        time = self.times[index]
+        found = checkpoint_at(self._path, math.inf if time is None else time)
+        if found is None:
+            return None
+        particles = found.arrays['state.particle']
+        positions = particles[:, :2] + found.scene.terrain.centre
+        return np.column_stack([positions, particles[:, 3] - ZERO_CELSIUS])
 
     def _sizes(self) -> tuple[tuple[str, int], ...]:
         folder = self._path

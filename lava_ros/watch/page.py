@@ -1,316 +1,398 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page: maps over shaded relief with a time slider, served by Bokeh."""
+"""The page of one browser: ground and lava in 3-D, a time slider, and texts beside them."""
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
-import errno
-import html
+from functools import partial
+from html import escape
+from itertools import pairwise
 import math
-from textwrap import fill
 from typing import Any
 
-from bokeh.application import Application
-from bokeh.application.handlers.function import FunctionHandler
-from bokeh.document import Document
-from bokeh.layouts import column, row
-from bokeh.models import (
-    ColorBar,
-    DataRange1d,
-    Div,
-    FixedTicker,
-    GlobalInlineStyleSheet,
-    HoverTool,
-    InlineStyleSheet,
-    LinearColorMapper,
-    NumeralTickFormatter,
-    PrintfTickFormatter,
-    RadioButtonGroup,
-    Slider,
-)
-from bokeh.palettes import interp_palette
-from bokeh.plotting import figure
-from bokeh.server.server import BaseServer
-from bokeh.server.tornado import BokehTornado
-from bokeh.server.util import bind_sockets
 import numpy as np
-from tornado.httpserver import HTTPServer
-from tornado.ioloop import IOLoop, PeriodicCallback
+from viser import ClientHandle
 
 from lava_ros.errors import LavaError
-from lava_ros.maps.colours import scale_of, STYLES
+from lava_ros.files.pictures import read_picture
+from lava_ros.maps.colours import Scale, scale_of, STYLES
 from lava_ros.maps.frames import Frame
-from lava_ros.maps.layers import ARRIVAL, ARRIVED, PROBABILITY
-from lava_ros.maps.plot import (
-    BARRIER,
-    barriers_of,
-    bounds_of,
-    duration,
-    extent_of,
-    LEAST_CELLS,
-    shaded_ground,
-    titles,
-    window_of,
-)
-from lava_ros.pages.report.survey import View
-from lava_ros.watch.frames import Frames, Level, Status
-from lava_ros.watch.hosts import only_own, own_hosts
+from lava_ros.maps.layers import ARRIVAL, ARRIVED, EXPECTED
+from lava_ros.maps.plot import barriers_of, duration, shaded_ground
+from lava_ros.pages.runs import ENSEMBLE_MAPS
+from lava_ros.watch.frames import COMMANDS, Frames, Level, Status
+from lava_ros.watch.surface import Ground, SIDE, values_at
 
-#: Maximum number of cells of a map on the page; larger maps are reduced by maximum.
-MOST_CELLS = 600_000
-
-#: Interval between checks for new data, and between updates of the page [ms].
-POLL, SHOW = 100, 500
-
-#: Styles of the maps, in the order of their buttons.
+#: Title and style of each map, in the order of the list.
 SHOWN = {
     'thickness': ('Lava thickness', 'thickness'),
     'hazard': ('Hazard index', 'hazard'),
     'temperature': ('Temperature', 'temperature'),
     ARRIVED: ('Arrival', 'arrival'),
     ARRIVAL: ('Arrival forecast', 'arrival'),
-    PROBABILITY: ('Probability', 'probability'),
+    **{source: (title, style) for source, style, title in ENSEMBLE_MAPS.values()},
 }
 
-_LIGHTS = {Level.WELL: '#7bd88f', Level.WAITING: '#f5c451', Level.BAD: '#ff6b5e'}
+#: Maps whose values are the thickness of lava [m].
+_DEEP = ('thickness', EXPECTED)
 
-_INK, _DIM = '#e8e6e1', '#b7b3ab'
+#: Number of colours of a map that does not consist of classes.
+COLOURS = 24
 
-_PAGE = 'html, body {background: #15191c; height: 100%; margin: 0}'
+#: Maximum number of particles and of labels, and of pixels along a side of the ground's picture.
+MAX_PARTICLES, MAX_LABELS, MAX_PIXELS = 100_000, 200, 1600
 
-_STYLE = f"""
-:host {{color: {_INK}; font: 16px/1.4 system-ui, sans-serif}}
-.bk-clearfix {{width: 100%}} small {{color: {_DIM}; font-size: 20px; font-weight: 400}}
-h1 {{font-size: 30px; font-weight: 600; margin: 0}} p {{margin: 0; color: {_DIM}}}
-.bk-btn-default {{background: #262b30; color: {_INK}; border-color: #434a51; font-size: 15px}}
-.bk-btn-default.bk-active {{background: #c9541f; border-color: #c9541f}}
-"""
+#: Height of a map above the ground in the view, so that the ground does not show through.
+LIFT = np.array([0.0, 0.0, 0.0005 * SIDE], dtype=np.float32)
+
+_BARRIER = (61, 43, 31)
+
+_LIGHTS = {Level.WELL: '#2f9e44', Level.WAITING: '#e8910c', Level.BAD: '#e03131'}
+
+
+def relief(frame: Frame) -> np.ndarray:
+    """Return the shaded relief of the ground, uint8, shape [y, x, 3]."""
+    step = -(-max(frame.elevation.shape) // MAX_PIXELS)
+    part = frame.elevation[::step, ::step]
+    coarse = replace(frame, elevation=part, resolution=step * frame.resolution)
+    return (255.0 * shaded_ground(coarse)[..., :3]).astype(np.uint8)
+
+
+def draped(path: str) -> Callable[[Frame], np.ndarray]:
+    """Return a function like ``relief`` that returns the picture of a file.
+
+    Raises:
+        LavaError: The file is not a readable picture.
+    """
+    picture = np.asarray(read_picture('--drape', path, MAX_PIXELS).convert('RGB'))[::-1]
+    return lambda frame: picture
 
 
 class Page:
-    """The page of one browser session, with its own slider and choice of map."""
+    """The page of one browser, with its own slider and choice of map.
 
-    def __init__(self, frames: Frames) -> None:
-        """Create an empty page that shows ``frames``."""
-        self._frames = frames
-        self._version, self._problem = -1, ''
+    All methods are called from one thread, for which clicks wait in a queue.
+    """
+
+    def __init__(
+        self,
+        client: ClientHandle,
+        frames: Frames,
+        *,
+        picture: Callable[[Frame], np.ndarray] = relief,
+        control: bool = False,
+    ) -> None:
+        """Add the elements of the page.
+
+        Args:
+            client: The browser.
+            frames: The frames to show.
+            picture: Returns the colours of the ground, uint8, shape [y, x, 3].
+            control: Whether the page can send commands to the node.
+        """
+        self._client, self._frames, self._picture = client, frames, picture
+        self._version, self._ticks, self._problem = -1, 0, ''
         self._time: float | None = None
-        self._elevation: np.ndarray | None = None
-        style = {'stylesheets': [InlineStyleSheet(css=_STYLE)], 'sizing_mode': 'stretch_width'}
-        # a $$ in the name of a bag must not start a formula
-        self.title, self.status = (Div(disable_math=True, **style) for _ in range(2))
-        self.choice = RadioButtonGroup(labels=[], active=None, height=38, **style)
-        self.slider = Slider(start=0, end=1, value=0, step=1, show_value=False, title='', **style)
-        self._names: list[str] = []
-        self._mapper = LinearColorMapper(['#000000'], nan_color='#00000000')
-        self.figure = self._draw_figure()
-        self.choice.on_change('active', lambda attr, old, new: self._show())
-        self.slider.on_change('value', lambda attr, old, new: self._show())
-
-    def open(self, document: Document) -> None:
-        """Add the page to a document, and update it periodically."""
-        document.title, document.theme = 'lava watch', 'dark_minimal'
-        document.add_root(
-            column(
-                row(self.title, self.status, sizing_mode='stretch_width'),
-                self.choice,
-                self.figure,
-                self.slider,
-                sizing_mode='stretch_both',
-                margin=(12, 18, 12, 18),
-                stylesheets=[GlobalInlineStyleSheet(css=_PAGE)],
-            )
+        self._asked: deque[Any] = deque(maxlen=8)
+        self._drawn: tuple[Any, ...] = ()
+        self._ground: Ground | None = None
+        self._frame: Frame | None = None
+        self._labelled: tuple[Any, ...] = ()
+        self._nodes: dict[str, Any] = {}
+        self._place: np.ndarray | None = None
+        gui = client.gui
+        gui.configure_theme(
+            dark_mode=True, show_logo=False, show_share_button=False, control_width='large'
         )
-        document.add_periodic_callback(self.update, SHOW)
-        self.update()
+        gui.set_panel_label('lava watch')
+        self.title, self.status = gui.add_html(''), gui.add_html('')
+        self.choice = gui.add_dropdown('Map', ('-',))
+        self.legend = gui.add_html('')
+        self.slider = gui.add_slider('Frame', 0, 1, 1, 0, disabled=True)
+        self.play = gui.add_checkbox('Play', False)
+        self.stretch = gui.add_slider('Vertical scale', 1.0, 5.0, 0.25, 1.0)
+        self.particles = gui.add_checkbox('Particles', False)
+        self._button('From above', self.look_down)
+        self._button('From the south', self.look_north)
+        self.values = gui.add_html(_box('Click on the ground for its values.'))
+        if control:
+            with gui.add_folder('Control'):
+                self.opens = gui.add_checkbox('Click opens a vent', True)
+                for name in COMMANDS:
+                    self._button(name.capitalize(), partial(frames.command, name))
+                self.answer = gui.add_html('')
+        self._control = control
+        with gui.add_folder('Diagnostics', expand_by_default=False):
+            self.facts = gui.add_html('')
+        client.scene.on_click()(self._asked.append)
+
+    def _button(self, text: str, act: Callable[[], Any]) -> None:
+        self._client.gui.add_button(text).on_click(lambda _: self._asked.append(act))
 
     def update(self) -> None:
-        """Show new frames; a slider at its end follows them."""
-        problem = self._problem and Status(Level.BAD, self._problem)
+        """Process clicks, and show new frames and changed choices."""
+        while self._asked:
+            asked = self._asked.popleft()
+            asked() if callable(asked) else self._click(asked)
+        if self._control:
+            _set(self.answer, 'content', _box(escape(self._frames.answer)))
+        if self._frames.times:
+            index = self._move()
+            wanted = (
+                self._frames.version, index, self.choice.value, self.stretch.value,
+                self.particles.value,
+            )
+            if wanted != self._drawn:
+                self._drawn, self._problem = wanted, ''
+                try:
+                    with self._client.atomic():
+                        self._show(index)
+                except LavaError as error:
+                    self._problem = str(error)
+        problem = Status(Level.BAD, self._problem) if self._problem else None
+        if self._frames.times:
+            _set(self.facts, 'content', _table(self._frames.facts(index)))
         level, words = problem or self._frames.status
-        # texts of nodes and files are untrusted
-        words = f'<p style="text-align: right; color: {_LIGHTS[level]}">{html.escape(words)}'
-        self.status.text = words
+        _set(self.status, 'content', _box(escape(words), f'color: {_LIGHTS[level]}'))
+
+    def _move(self) -> int:
+        """Move the slider with new frames if it is at its end, or while it plays."""
         times = self._frames.times
-        if self._version == self._frames.version or not times:
-            return
-        is_first = self._version < 0
-        self._version = self._frames.version
-        last = len(times) - 1
-        is_at_end = is_first or self.slider.value >= self.slider.end
-        known = [math.nan if item is None else item for item in times]
-        before = int(np.searchsorted(known, self._time)) if self._time is not None else last
-        value = last if is_at_end else min(before, last)
-        is_moved = value != self.slider.value
-        self.slider.update(end=max(last, 1), value=value, disabled=last == 0)
-        if not is_moved:
-            self._show()
+        last, slider = len(times) - 1, self.slider
+        value = min(max(int(slider.value), 0), last)
+        if self._version != self._frames.version:
+            is_at_end = self._version < 0 or slider.value >= slider.max
+            self._version = self._frames.version
+            known = [math.nan if item is None else item for item in times]
+            before = int(np.searchsorted(known, self._time)) if self._time is not None else last
+            value = last if is_at_end else min(before, last)
+            _set(slider, 'max', max(last, 1))
+            _set(slider, 'disabled', last == 0)
+        elif self.play.value:
+            self._ticks += 1
+            value = min(value + (self._ticks % 2), last)
+        _set(slider, 'value', value)
+        return value
 
-    def _show(self) -> None:
-        """Show the selected map at the time of the slider."""
-        if not self._frames.times:
-            return
-        index = min(int(self.slider.value), len(self._frames.times) - 1)
-        try:
-            frame = self._frames.frame(index)
-        except LavaError as error:
-            self._problem = str(error)
-            return
-        self._problem, self._time = '', frame.time
-        maps = {source: item.values for source, item in frame.layers.items()}
-        maps |= {} if frame.arrived is None else {ARRIVED: frame.arrived}
-        title, facts = (html.escape(item) for item in titles(frame))
+    def _show(self, index: int) -> None:
+        whole = self._frames.frame(index)
+        self._time = whole.time
+        maps = _maps(whole)
+        names = {SHOWN[source][0]: source for source in SHOWN if source in maps}
+        _set(self.choice, 'options', tuple(names) or ('-',))
+        source = names.get(self.choice.value, '')
+        if self._ground is None or not self._ground.is_of(whole):
+            self._drop('/ground')
+            self._ground = Ground(whole, self._picture(whole))
+        ground = self._ground
+        reaching = [maps[name] for name in (source, *_DEEP, ARRIVED) if name in maps]
+        is_first = '/ground' not in self._nodes
+        if ground.fit(reaching, whole.vents):
+            self._nodes['/ground'] = self._client.scene.add_mesh_trimesh(
+                '/ground', ground.mesh(), cast_shadow=False
+            )
+        if is_first:
+            self.look_north()
+        _set(self._nodes['/ground'], 'scale', self._scale)
+        self._frame = frame = ground.cut(whole)
+        title, facts = map(escape, self._frames.titles(frame))
         last = self._frames.times[-1]
-        of = '' if last is None else f' <small>of {duration(last)} so far</small>'
-        self._draw_ground(frame)
-        if maps:
-            self._offer([source for source in SHOWN if source in maps])
-            source = self._names[self.choice.active]
-            self._draw_map(frame, source, maps[source])
+        so_far = '' if last is None else f' of {duration(last)} so far'
+        if source and not np.isfinite(maps[source]).any():
             # a withdrawn forecast is a map without known cells
-            if not np.isfinite(maps[source]).any():
-                facts += '  ·  <b>nothing on this map now</b>'
-        self.title.text = f'<h1>{title}{of}</h1><p>{facts}'
+            facts += ' · <b>nothing on this map now</b>'
+        _set(self.title, 'content', _box(f'<b>{title}{so_far}</b><br>{facts}', 'font-size: 15px'))
+        self._draw_lava(ground, '' if self.particles.value else source)
+        self._draw_particles(ground, index)
+        self._draw_labels(ground, frame)
+        self._draw_values()
 
-    def _offer(self, names: list[str]) -> None:
-        """Set the buttons of the maps; a selected map stays selected while it is available."""
-        if names != self._names:
-            chosen = self._names[self.choice.active] if self._names else names[0]
-            self._names = names
-            active = names.index(chosen) if chosen in names else 0
-            self.choice.update(labels=[SHOWN[name][0] for name in names], active=active)
+    def _draw_lava(self, ground: Ground, source: str) -> None:
+        drawn = []
+        if source:
+            assert self._frame is not None
+            maps, (title, style) = _maps(self._frame), SHOWN[source]
+            scale = scale_of(style, maps[source])
+            _set(self.legend, 'content', _legend(title, style, scale))
+            blocks = ground.blocks(maps[source])
+            deep = next((maps[name] for name in _DEEP if name in maps), None)
+            thickness = np.zeros_like(blocks) if deep is None else ground.blocks(deep)
+            numbers, colours = _coloured(style, scale, blocks)
+            for number, points, faces in ground.lava(numbers, thickness):
+                drawn.append(f'/lava/{number}')
+                self._nodes[drawn[-1]] = self._client.scene.add_mesh_simple(
+                    drawn[-1], points + LIFT, faces, color=colours[number],
+                    scale=self._scale, cast_shadow=False, side='double',
+                )
+        self._drop('/lava', drawn)
 
-    def _draw_ground(self, frame: Frame) -> None:
-        least = LEAST_CELLS * frame.resolution
-        left, bottom, right, top = window_of(
-            bounds_of(frame, frame.lava), extent_of(frame), 1.5, least
+    def _draw_particles(self, ground: Ground, index: int) -> None:
+        points = self._frames.particles(index) if self.particles.value else None
+        if points is None or not len(points):
+            self._drop('/particles')
+            if self.particles.value:
+                _set(self.legend, 'content', _box('No particles at this time.'))
+            return
+        points = points[:: -(-len(points) // MAX_PARTICLES)]
+        xy, celsius = points[:, :2], points[:, 2]
+        scale = scale_of('temperature', celsius)
+        _set(self.legend, 'content', _legend('Particles', 'temperature', scale))
+        z = ground.elevation_at(xy)
+        if self._frame is not None and 'thickness' in self._frame.layers:
+            thickness = self._frame.layers['thickness'].values
+            z += np.nan_to_num(values_at(self._frame, thickness, xy))
+        colours = (255.0 * scale.colours(scale.norm(celsius))[:, :3]).astype(np.uint8)
+        self._nodes['/particles'] = self._client.scene.add_point_cloud(
+            '/particles', ground.placed(xy, z) + LIFT, colours,
+            point_size=0.7 * ground.cell, point_shape='circle', precision='float32',
+            scale=self._scale,
         )
-        self._window.data = {'left': [left], 'right': [right], 'bottom': [bottom], 'top': [top]}
-        self.vents.data = {'x': frame.vents[:, 0], 'y': frame.vents[:, 1]}
-        crests = barriers_of(frame)
-        self.barriers.data = {
-            name: [crest[:, axis] for crest in crests] for axis, name in enumerate(('xs', 'ys'))
+
+    def _draw_labels(self, ground: Ground, frame: Frame) -> None:
+        labels = [*_vents(frame), *self._frames.places.items()][:MAX_LABELS]
+        crests = [crest.tolist() for crest in barriers_of(frame)]
+        # a label that is made again blinks
+        wanted = (ground, labels, crests, self._scale)
+        if wanted == self._labelled:
+            return
+        self._labelled, scene = wanted, self._client.scene
+        self._drop('/labels')
+        for number, (text, place) in enumerate(labels):
+            at = np.array([place])
+            if np.isfinite(ground.elevation_at(at)).all():
+                name = f'/labels/{number}'
+                self._nodes[name] = scene.add_label(
+                    name, text, position=ground.placed(at)[0] * self._scale,
+                    anchor='bottom-center',
+                )
+        if crests:
+            ends = np.array([pair for crest in crests for pair in pairwise(crest)])
+            at = (ground.placed(ends.reshape(-1, 2)) + 2.0 * LIFT).reshape(-1, 2, 3)
+            self._nodes['/labels/barriers'] = scene.add_line_segments(
+                '/labels/barriers', at * self._scale, colors=_BARRIER, line_width=3.0
+            )
+
+    def _draw_values(self) -> None:
+        """Write the values of the clicked place, and mark it."""
+        if self._place is None or self._ground is None or self._frame is None:
+            return
+        ground, place = self._ground, self._place[None]
+        rows = {
+            'x, y': f'{place[0, 0]:.0f} m, {place[0, 1]:.0f} m',
+            'Elevation': f'{ground.elevation_at(place)[0]:.0f} m',
         }
-        if self._elevation is None or not np.array_equal(
-            self._elevation, frame.elevation, equal_nan=True
-        ):
-            self._elevation = frame.elevation
-            size = frame.resolution * _coarseness(frame)
-            coarse = replace(frame, elevation=_coarse(frame, frame.elevation), resolution=size)
-            pixels = (255.0 * shaded_ground(coarse)).astype(np.uint8)
-            self.relief.data = _placed(frame, pixels.view(np.uint32)[..., 0])
-
-    def _draw_map(self, frame: Frame, source: str, values: np.ndarray) -> None:
-        title, style = SHOWN[source]
-        scale, colours = scale_of(style, values), STYLES[style].colours
-        shown = _coarse(frame, values / scale.unit)
-        data, palette = _placed(frame, shown), interp_palette(colours, 256)
-        low, high, ticker, names = scale.norm.vmin, scale.norm.vmax, 'auto', {}
-        if scale.names:
-            # an image of the numbers of the classes, each of which has one colour
-            data |= {'value': [shown], 'image': [STYLES[style].class_numbers(shown)]}
-            palette, low, high = list(colours), 0.5, len(scale.names) + 0.5
-            names = {number: fill(name, 18) for number, name in enumerate(scale.names, 1)}
-            ticker = FixedTicker(ticks=[*names])
-        self._mapper.update(palette=palette, low=low, high=high)
-        self._bar.update(ticker=ticker, major_label_overrides=names)
-        self._bar.formatter.format = f'%g {scale.label}'.replace(' %', ' %%')
-        column = '@value' if names else '@image'
-        value = f'{column}{{0.[0]}} {scale.label}'.rstrip()
-        self._hover.tooltips = [(title, value), ('x, y', '$x{0} m, $y{0} m')]
-        self.map.data = data
-
-    def _draw_figure(self) -> Any:
-        box = {'range_padding': 0.0, 'renderers': []}
-        plot = figure(
-            x_range=DataRange1d(**box),
-            y_range=DataRange1d(**box),
-            match_aspect=True,
-            sizing_mode='stretch_both',
-            tools='pan,wheel_zoom,box_zoom,reset,save',
-            active_scroll='wheel_zoom',
-            x_axis_label='x [m], map frame',
-            y_axis_label='y [m]',
+        maps = _maps(self._frame)
+        for source, (title, style) in SHOWN.items():
+            if source in maps:
+                value = float(values_at(self._frame, maps[source], place)[0])
+                known = duration(value) if style == 'arrival' and math.isfinite(value) else (
+                    f'{value:.3g} {STYLES[style].label}'
+                )
+                rows[title] = known if math.isfinite(value) else 'none'
+        _set(self.values, 'content', _table(rows))
+        self._client.scene.add_icosphere(
+            '/place', 0.004 * SIDE, color=(255, 255, 255), cast_shadow=False,
+            position=ground.placed(place)[0] * self._scale,
         )
-        plot.toolbar.logo = None
-        plot.grid.visible = False
-        plot.axis.formatter = NumeralTickFormatter(format='0')
-        image: dict[str, Any] = {name: [] for name in ('image', 'x', 'y', 'dw', 'dh')}
-        self.relief = plot.image_rgba(**image).data_source
-        lava = plot.image(**image, color_mapper=self._mapper, alpha=0.85)
-        self.map = lava.data_source
-        look = {'line_color': BARRIER['color'], 'line_width': BARRIER['linewidth']}
-        self.barriers = plot.multi_line(xs=[], ys=[], **look).data_source
-        self.vents = plot.scatter(
-            x=[], y=[], marker='triangle', size=13, fill_color='white', line_color='black'
-        ).data_source
-        window = plot.quad(left=[], right=[], top=[], bottom=[], fill_alpha=0, line_alpha=0)
-        self._window = window.data_source
-        plot.x_range.renderers = plot.y_range.renderers = [window]
-        self._hover = HoverTool(renderers=[lava], tooltips=[])
-        plot.add_tools(self._hover)
-        self._bar = ColorBar(
-            color_mapper=self._mapper, formatter=PrintfTickFormatter(), width=18
+
+    def _click(self, event: Any) -> None:
+        if self._ground is None:
+            return
+        ray = np.array([event.ray_origin, event.ray_direction]) / self._scale
+        place = self._ground.hit(*ray)
+        if place is not None:
+            self._place = place
+            self._draw_values()
+            if self._control and self.opens.value:
+                self._frames.open_vent(*place.tolist())
+
+    def look_down(self) -> None:
+        """Show the ground around the lava from above, north at the top."""
+        self._look(np.array([0.0, -0.001, 1.0]))
+
+    def look_north(self) -> None:
+        """Show the ground around the lava from the south."""
+        self._look(np.array([0.0, -0.8, 0.6]))
+
+    def _look(self, direction: np.ndarray) -> None:
+        if self._ground is not None:
+            middle, size = self._ground.middle
+            self._client.camera.position = middle * self._scale + 1.1 * size * direction
+            self._client.camera.look_at = middle * self._scale
+
+    @property
+    def _scale(self) -> tuple[float, float, float]:
+        return (1.0, 1.0, float(self.stretch.value))
+
+    def _drop(self, room: str, drawn: Collection[str] = ()) -> None:
+        """Remove the nodes whose names start with ``room``, except those drawn now."""
+        for name in [name for name in self._nodes if name.startswith(room) and name not in drawn]:
+            self._nodes.pop(name).remove()
+
+
+def _set(handle: Any, name: str, value: Any) -> None:
+    """Set a property of an element if it has another value: every change is sent."""
+    if getattr(handle, name) != value:
+        setattr(handle, name, value)
+
+
+def _box(markup: str, style: str = '') -> str:
+    look = 'padding: 2px 12px; font: 13px/1.45 system-ui, sans-serif; overflow-wrap: anywhere;'
+    return f'<div style="{look} {style}">{markup}</div>'
+
+
+def _table(rows: Mapping[str, str]) -> str:
+    """Return two columns of texts, which are untrusted."""
+    cells = (f'<tr><td>{escape(a)}</td><td>{escape(b)}</td></tr>' for a, b in rows.items())
+    return _box(f'<table>{"".join(cells)}</table>')
+
+
+def _legend(title: str, style: str, scale: Scale) -> str:
+    if scale.names:
+        text = '<br>'.join(
+            f'<span style="color: {colour}">■</span> {name}'
+            for colour, name in zip(STYLES[style].colours, scale.names, strict=True)
         )
-        plot.add_layout(self._bar, 'right')
-        return plot
+        return _box(text)
+    bar = f'height: 12px; background: linear-gradient(90deg, {", ".join(STYLES[style].colours)})'
+    ticks = np.linspace(scale.norm.vmin, scale.norm.vmax, 5)
+    text = ''.join(f'<span>{tick:.4g}</span>' for tick in ticks)
+    unit = f'{title} [{scale.label}]' if scale.label else title
+    row = f'<div style="display: flex; justify-content: space-between">{text}</div>'
+    return _box(f'{unit}<div style="{bar}"></div>{row}')
 
 
-def _coarseness(frame: Frame) -> int:
-    """Return the number of cells along a side of one cell on the page."""
-    return math.ceil(math.sqrt(frame.elevation.size / MOST_CELLS))
+def _coloured(
+    style: str, scale: Scale, values: np.ndarray
+) -> tuple[np.ndarray, list[tuple[int, int, int]]]:
+    """Return the number of the colour of each value, NaN for NaN, and the colours."""
+    if scale.names:
+        count, numbers = len(scale.names), STYLES[style].class_numbers(values) - 1.0
+    else:
+        count, low = COLOURS, scale.norm.vmin
+        part = (values / scale.unit - low) / (scale.norm.vmax - low)
+        numbers = np.clip(np.floor(part * count), 0, count - 1)
+    shown = scale.colours((np.arange(count) + 0.5) / count)[:, :3]
+    return numbers, [tuple(row) for row in (255.0 * shown).astype(int).tolist()]
 
 
-def _coarse(frame: Frame, values: np.ndarray) -> np.ndarray:
-    """Reduce values to the cells on the page by their maximum, float32."""
-    rows, columns = values.shape
-    view = View((0, rows), (0, columns), _coarseness(frame))
-    return view.cut(values, np.fmax).astype(np.float32)
+def _maps(frame: Frame) -> dict[str, np.ndarray]:
+    """Return the values of the maps of a frame by source."""
+    maps = {source: item.values for source, item in frame.layers.items()}
+    return maps if frame.arrived is None else {**maps, ARRIVED: frame.arrived}
 
 
-def _placed(frame: Frame, image: np.ndarray) -> dict[str, Any]:
-    """Return the data of a Bokeh source for an image at its position."""
-    (x, y), size = frame.origin, frame.resolution * _coarseness(frame)
-    height, width = (size * count for count in image.shape)
-    return {'image': [image], 'x': [x], 'y': [y], 'dw': [width], 'dh': [height]}
-
-
-def serve(
-    frames: Frames, address: str, port: int, *, on_poll: Callable[[], None] = lambda: None
-) -> BaseServer:
-    """Serve the page at an address, ``0.0.0.0`` for every network, and return the server.
-
-    Requests for another host than the address are answered with 403 (``hosts.only_own``).
-
-    Port 0 selects a free port. The page needs no external resources. It is served while the
-    server's ``io_loop`` runs; ``on_poll`` is called after each check for new frames.
-
-    Raises:
-        LavaError: If the address is not one of this machine, or the port is in use.
-    """
-    if not address:
-        # Python treats an empty address as all networks
-        raise LavaError('--address', address, 'an address of this machine, such as 127.0.0.1')
-    try:
-        sockets, port = bind_sockets(address, port)
-    except (OSError, ValueError) as error:
-        is_taken = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
-        field, value = ('--port', port) if is_taken else ('--address', address)
-        right = f'a port and an address that this machine can listen at ({error})'
-        raise LavaError(field, value, right) from error
-
-    def poll() -> None:
-        frames.poll()
-        on_poll()
-
-    page = Application(FunctionHandler(lambda document: Page(frames).open(document)))
-    # Requests from other pages are refused before Bokeh checks their origin.
-    tornado = BokehTornado(page, extra_websocket_origins=[f'*:{port}'])
-    http = HTTPServer(only_own(tornado, own_hosts(address, sockets)))
-    http.add_sockets(sockets)
-    server = BaseServer(IOLoop.current(), tornado, http)
-    looks = PeriodicCallback(poll, POLL)
-    server.io_loop.add_callback(looks.start)
-    server.start()
-    return server
+def _vents(frame: Frame) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Yield the label and the map position [m] of each vent."""
+    described = frame.scene.get('vents')
+    for x, y in frame.vents.tolist():
+        name = ''
+        for vent in described if isinstance(described, list) else ():
+            # the description in a foreign bag is untrusted
+            with suppress(AttributeError, TypeError, ValueError):
+                if np.allclose(vent.get('position'), (x, y), atol=0.01):
+                    name = str(vent.get('name') or '')
+        yield (f'▲ {name}' if name else '▲ vent'), (x, y)

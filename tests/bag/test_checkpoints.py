@@ -17,6 +17,7 @@ from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import (
     attachments_in,
     attachments_of,
+    checkpoint_at,
     checkpoints_of,
     NAME,
     newest_checkpoint,
@@ -70,6 +71,8 @@ def test_attachments_do_not_change_the_messages(directory: Path) -> None:
         (5.0 * n, (99 + 5 * n) * SECOND, 5 * n, len(checkpoint(5.0 * n))) for n in range(1, 5)
     ]
     assert checkpoints_of(directory / 'eruption_0.mcap') == listed[:2]
+    found = [checkpoint_at(directory, time) for time in (4.0, 10.0, 19.0, 1e9)]
+    assert [item and item.time for item in found] == [None, 10.0, 15.0, 20.0]
     newest = newest_checkpoint(directory)
     assert newest.checkpoint.to_bytes() == checkpoint(20.0)
     assert (newest.log_time_ns, newest.refused) == (119 * SECOND, ())

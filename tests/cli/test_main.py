@@ -298,8 +298,8 @@ def test_wrong_usage_is_one_line(words, sentence):
 
 #: Packages that are too slow to import for `lava COMMAND --help`.
 HEAVY = {
-    'bokeh', 'dask', 'distributed', 'matplotlib', 'mcap', 'numpy', 'pyogrio', 'rasterio', 'rclpy',
-    'rich', 'scipy', 'tornado', 'warp', 'yaml',
+    'dask', 'distributed', 'matplotlib', 'mcap', 'numpy', 'pyogrio', 'rasterio', 'rclpy', 'rich',
+    'scipy', 'trimesh', 'viser', 'warp', 'yaml',
 }
 
 #: Prints the modules imported by the help of each command.

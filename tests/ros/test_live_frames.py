@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip('rclpy')
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PointStamped
+from std_srvs.srv import SetBool
 
 from lava_ros.errors import LavaError
 from lava_ros.maps.layers import IMAGE, PROBABILITY
@@ -178,6 +180,57 @@ def test_status_reports_each_fault(
     monkeypatch.setattr(live_frames, 'PATIENCE', 1e6)
     node.publish('/diagnostics', error)
     until(lambda: live.status == (Level.BAD, 'etna/lava: '), live.poll)
+
+
+def test_places_and_vents_have_names(live: LiveFrames, node: Any) -> None:
+    node.publish_ground()
+    values = [KeyValue(key='x_m', value='20.0'), KeyValue(key='y_m', value='95.0')]
+    statuses = [DiagnosticStatus(name='hut', values=values), DiagnosticStatus(name='unplaced')]
+    node.publish('place_arrivals', DiagnosticArray(status=statuses))
+    until(lambda: live.places == {'hut': (20.0, 95.0)} and live._scene, live.poll)
+    (vent,) = live._scene['vents']
+    assert vent['name'].startswith('open: 10 m3/s')
+    np.testing.assert_allclose(vent['position'], VENT.position)
+
+
+def test_commands_reach_the_node(live: LiveFrames, node: Any) -> None:
+    live.command('reset')
+    assert live.answer == 'reset: no node answers'
+    heard: list[Any] = []
+
+    def pause(request: Any, response: Any) -> Any:
+        heard.append(request.data)
+        response.message = 'pausing'
+        return response
+
+    node._node.create_service(SetBool, 'lava/pause', pause)
+    node._node.create_subscription(PointStamped, 'clicked_point', heard.append, 10)
+    node.status(1, 100.0)
+
+    def poll() -> None:
+        live.poll()
+        node.listen(0.0)
+
+    until(lambda: live.facts(0) == {'simulation': 'running'}, poll)
+
+    def asked() -> bool:
+        if live.answer != 'pause: asked':
+            live.command('pause')
+        return bool(heard)
+
+    until(asked, poll)
+    assert heard == [True]
+    until(lambda: live.answer == 'pause: pausing', poll)
+    live.command('resume')
+    until(lambda: heard == [True, False], poll)
+    until(lambda: live._node.count_subscribers('/etna/clicked_point') > 0, poll)
+
+    def clicked() -> bool:
+        live.open_vent(10.0, 20.0)
+        return len(heard) > 2
+
+    until(clicked, poll)
+    assert (heard[2].header.frame_id, heard[2].point.x, heard[2].point.y) == ('map', 10.0, 20.0)
 
 
 def test_subscriptions_have_the_types_of_the_layers(live: LiveFrames) -> None:

@@ -1,35 +1,39 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The live view without a browser: what is served, and what the page holds as frames come."""
+"""The live view without a browser: server, pages and frames."""
 
+from dataclasses import replace
 from http.client import HTTPConnection
 import socket
-from socket import gethostname
 import sys
-import time
-from unittest.mock import Mock
-from urllib.parse import urlsplit
-from urllib.request import urlopen
+from types import SimpleNamespace
 
 import numpy as np
+from PIL import Image
 import pytest
 
-pytest.importorskip('bokeh')
-from bokeh.client import pull_session
-from bokeh.models import Slider
-from bokeh.util.token import generate_session_id
+pytest.importorskip('viser')
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
 
 from cli.calls import refused
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Recording
-from lava_ros.maps.layers import ARRIVED, HAZARD_CLASSES, PROBABILITY
-from lava_ros.watch import page
-from lava_ros.watch.frames import BagFrames, Level, watched_layers
-from lava_ros.watch.hosts import own_hosts
-from lava_ros.watch.page import Page, serve
-from recording import record, TERRAIN
-from watch_page import Growing, served
+from lava_ros.maps.layers import ARRIVED, PROBABILITY
+from lava_ros.maps.sheet import Panel
+from lava_ros.watch import server as server_module
+from lava_ros.watch import surface
+from lava_ros.watch.frames import BagFrames, EnsembleFrames, Level, watched_layers
+from lava_ros.watch.page import draped, relief, SHOWN
+from lava_ros.watch.surface import Ground, SIDE
+from recording import growing, record, TERRAIN
+from small_checkpoint import small_checkpoint
+from watch_page import Growing, served, Visitor
+
+MIDDLE = (50.0, 95.0)
+
+PROBABLE = SHOWN[PROBABILITY][0]
 
 
 @pytest.fixture
@@ -39,199 +43,248 @@ def frames(tmp_path):
 
 
 @pytest.fixture
-def shown(frames):
-    """A page that has been told of the first frames."""
-    result = Page(frames)
-    result.update()
-    return result
+def visitor(frames):
+    """A browser that shows the newest frame."""
+    with served(frames, control=True) as server:
+        result = Visitor(server)
+        result.wait(lambda: result.pages[0].title.content)
+        yield result
 
 
-def test_a_document_is_served_and_changes(frames):
-    """Who asks gets a page of this server alone, and what it shows grows with the run."""
-    with served(frames) as address:
-        with urlopen(address) as answer:
-            text = answer.read().decode()
-        assert '<title>lava watch</title>' in text
-        assert 'src="http' not in text
-        session = generate_session_id()
-        assert _slider(address, session) == (3, 3)
-        frames.grow(6)
-        end = time.monotonic() + 60.0
-        while _slider(address, session) != (5, 5):
-            assert time.monotonic() < end
-            time.sleep(0.2)
-
-
-def own(port: int, name: str = '127.0.0.1') -> str:
-    """The host of a server on this machine."""
-    return f'{name}:{port}'
-
-
-#: Requests to a server: expected status, ``Host``, and the page that makes the request or None.
-ASKED = {
-    'own address': (200, own, None),
-    'own name': (200, lambda port: own(port, 'LocalHost'), None),
-    'own page': (200, own, lambda port: f'http://{own(port)}'),
-    'another host': (403, lambda port: own(port, 'evil.example'), None),
-    'another host and its page': (
-        403, lambda port: own(port, 'evil.example'), lambda port: f'http://evil.example:{port}'
-    ),
-    'a page of another site': (403, own, lambda port: 'http://evil.example'),
-    'a page of nowhere': (403, own, lambda port: 'null'),
-    'another address': (403, lambda port: own(port, '203.0.113.1'), None),
-    'another port': (403, lambda port: '127.0.0.1:1', None),
-    'no port': (403, lambda port: '127.0.0.1', None),
-    'no number': (403, lambda port: 'localhost:here', None),
-    'a longer name': (403, lambda port: own(port, 'localhost.evil.example'), None),
-}
+@pytest.fixture
+def page(visitor):
+    """The page of the visitor."""
+    return visitor.pages[0]
 
 
 @pytest.fixture(scope='module')
 def server(tmp_path_factory):
-    """The port of a page that stays the same."""
-    with served(Growing(tmp_path_factory.mktemp('served'), 4)) as address:
-        yield urlsplit(address).port
+    """A server whose frames stay the same, without control."""
+    with served(Growing(tmp_path_factory.mktemp('served'), 4)) as result:
+        yield result
+
+
+#: Requests to a server: expected status, ``Host`` and ``Origin``; {} stands for the port.
+ASKED = {
+    'own address': (200, '127.0.0.1:{}', None),
+    'own name': (200, 'LocalHost:{}', None),
+    'tunnel': (200, 'localhost:8080', None),
+    'own page': (200, '127.0.0.1:{}', 'http://127.0.0.1:{}'),
+    'other host': (403, 'evil.example:{}', None),
+    'rebound host': (403, 'evil.example:{}', 'http://evil.example:{}'),
+    'longer name': (403, 'localhost.evil.example:{}', None),
+    'user name': (403, 'evil@127.0.0.1:{}', None),
+    'other address': (403, '203.0.113.1:{}', None),
+    'no port': (403, 'localhost:here', None),
+    'other site': (403, '127.0.0.1:{}', 'http://evil.example'),
+    'other server here': (403, '127.0.0.1:{}', 'http://127.0.0.1:1'),
+    'sandbox': (403, '127.0.0.1:{}', 'null'),
+}
 
 
 @pytest.mark.parametrize('who', ASKED)
-@pytest.mark.parametrize('path', ['/', '/static/js/bokeh.min.js', '/autoload.js', '/ws', '/none'])
-def test_others_are_refused(server, who, path):
-    """Pages, files and WebSockets alike, by the host that is asked and the page that asks."""
+@pytest.mark.parametrize('path', ['/', '/none', '/../../_viser.py', '/%2e%2e/%2e%2e/x', '/ws'])
+def test_serves_only_its_own_pages(server, who, path):
     expected, host, origin = ASKED[who]
-    headers = {'Host': host(server)}
-    if origin is not None:
-        headers['Origin'] = origin(server)
+    headers = {'Host': host.format(server.port)}
+    headers |= {} if origin is None else {'Origin': origin.format(server.port)}
     if path == '/ws':
         headers |= {'Upgrade': 'websocket', 'Connection': 'Upgrade'}
         headers |= {'Sec-WebSocket-Version': '13', 'Sec-WebSocket-Key': 'bGF2YSBpcyBob3QgISEhIQ=='}
-    asking = HTTPConnection('127.0.0.1', server, timeout=30.0)
+    asking = HTTPConnection('127.0.0.1', server.port, timeout=60.0)
     asking.request('GET', path, headers=headers)
-    status = asking.getresponse().status
+    answer = asking.getresponse()
+    own = {'/': 200, '/ws': 101}.get(path, 404)
+    assert answer.status == (403 if expected == 403 else own)
+    if path != '/ws':
+        policy = answer.headers['Content-Security-Policy']
+        assert "frame-ancestors 'none'" in policy and "default-src 'self'" in policy
     asking.close()
-    if expected == 403:
-        assert status == 403
-    else:
-        # of its own, the server has these
-        assert status == {'/ws': 101, '/autoload.js': 400, '/none': 404}.get(path, 200)
 
 
-@pytest.mark.parametrize(
-    ('address', 'bound', 'accepted', 'refused_hosts'),
-    [
-        ('127.0.0.1', ['127.0.0.1'], ['127.0.0.1:50', '[::1]:50'],
-         ['lava:50', '10.0.0.1:50', 'a@127.0.0.1:50']),
-        ('localhost', ['127.0.0.1', '::1'], ['localhost:50', '[::1]:50'], ['[::2]:50']),
-        ('10.0.0.1', ['10.0.0.1'], ['10.0.0.1:50'], ['localhost:50', '10.0.0.1', '10.0.0.2:50']),
-        ('robot1', ['10.0.0.1'], ['robot1:50', '10.0.0.1:50'], ['evil.example:50']),
-        ('0.0.0.0', ['0.0.0.0'], ['10.0.0.9:50', f'{gethostname()}:50', 'localhost:50'],
-         ['evil.example:50', '10.0.0.9:51', '10.0.0.9.evil.example:50']),
-        ('::', ['::'], ['[fe80::1]:50', '10.0.0.9:50'], ['evil.example:50', 'fe80::1:50', '']),
-    ],
-)
-def test_hosts_of_an_address(address, bound, accepted, refused_hosts):
-    """A server of every network is asked for by any IP address, and by no other site's name."""
-    sockets = [Mock(getsockname=lambda name=name: (name, 50)) for name in bound]
-    is_own = own_hosts(address, sockets)
-    assert all(is_own(host.lower()) for host in accepted)
-    assert not any(is_own(host) for host in refused_hosts)
+def _exchange(port: int, sent: bytes) -> bytes:
+    with socket.create_connection(('127.0.0.1', port), timeout=60.0) as plain:
+        plain.sendall(sent)
+        received = b''
+        try:
+            while more := plain.recv(65536):
+                received += more
+        except ConnectionError:
+            pass
+        return received
 
 
-def _slider(address: str, session: str) -> tuple[int, int]:
-    """Value and end of the slider in a session's document, as it is on the server."""
-    pulled = pull_session(session, address)
-    try:
-        slider = pulled.document.select_one({'type': Slider})
-        return (slider.value, slider.end)
-    finally:
-        pulled.close()
+@pytest.mark.parametrize('sent', [
+    b'GET /' + b'a' * 100_000 + b' HTTP/1.1\r\nHost: localhost\r\n\r\n',
+    b'GET / HTTP/1.1\r\n' + b'A: b\r\n' * 1000 + b'\r\n',
+    b'POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n' + b'x' * 9,
+    b'GET / HTTP/1.1\r\nHost: localhost\r\nHost: evil.example\r\n\r\n',
+    b'GET / HTTP/1.1\r\n\r\n', b'\0\xff\r\n\r\n',
+])
+def test_refuses_malformed_requests(server, sent):
+    answer = _exchange(server.port, sent)
+    assert not answer or answer.split()[1] in (b'400', b'403', b'405', b'414', b'431', b'500')
 
 
-def test_maps_of_the_page(shown, frames):
-    """The map is that of the newest frame at its place; of an earlier time, that one's."""
-    # what a status quotes is no markup
-    assert 'no node answers &lt;here&gt;' in shown.status.text
-    # and $$ in it begins no formula
-    assert shown.status.disable_math and shown.title.disable_math
-    (image,) = shown.map.data['image']
-    np.testing.assert_array_equal(image, frames.frame(3).layers['thickness'].values)
-    place = [shown.map.data[name] for name in ('x', 'y', 'dw', 'dh')]
-    assert place == [[-50.0], [20.0], [200.0], [150.0]]
-    shown.slider.value = 1
-    (image,) = shown.map.data['image']
-    np.testing.assert_array_equal(image, frames.frame(1).layers['thickness'].values)
-    shown.choice.active = shown.choice.labels.index('Arrival')
-    (image,) = shown.map.data['image']
-    # in minutes
-    np.testing.assert_allclose(image[15, :4], np.arange(1, 5) * 100 / 60, rtol=1e-6)
+def test_closes_slow_requests_and_huge_messages(frames, monkeypatch):
+    monkeypatch.setitem(server_module.LIMITS, 'open_timeout', 0.2)
+    with served(frames) as server:
+        assert _exchange(server.port, b'GET / HTT') == b''
+    monkeypatch.setitem(server_module.LIMITS, 'open_timeout', 60.0)
+    with served(frames) as server:
+        visitor = Visitor(server)
+        visitor.socket.send(b'x' * (server_module.LIMITS['max_size'] + 1))
+        with pytest.raises(ConnectionClosed):
+            while True:
+                visitor.socket.recv(timeout=60.0)
+        visitor.wait(lambda: not visitor.pages)
 
 
-def test_the_slider_follows_only_at_its_end(shown, frames):
-    """Who looks at an earlier time goes on seeing it, also when frames before it are left out."""
+def test_limits_the_number_of_pages(frames, monkeypatch):
+    monkeypatch.setattr(server_module, 'MAX_PAGES', 1)
+    with served(frames) as server:
+        Visitor(server)
+        with pytest.raises(InvalidStatus, match='503'):
+            connect(f'ws://127.0.0.1:{server.port}/')
+
+
+def test_a_port_that_is_taken_is_named(frames, server):
+    with pytest.raises(LavaError, match=f'--port is {server.port}'), served(frames) as other:
+        type(other)(frames, server.port)
+
+
+def test_follows_new_frames_only_at_the_end(visitor, page, frames):
+    assert (page.slider.value, page.slider.max) == (3, 3)
     frames.grow(5)
-    shown.update()
-    assert shown.slider.value == 4
-    shown.slider.value = 2
+    visitor.wait(lambda: page.slider.value == 4)
+    visitor.press(page.slider, 2)
+    visitor.wait(lambda: '10 min of 17 min' in page.title.content)
     frames.grow(6)
-    shown.update()
-    assert (shown.slider.value, shown.slider.end) == (2, 5)
+    visitor.wait(lambda: page.slider.max == 5)
+    assert page.slider.value == 2
     del frames.times[1], frames._frames[1]
     frames.version += 1
-    shown.update()
-    assert (shown.slider.value, shown.slider.end) == (1, 4)
-    assert '10 min' in shown.title.text
+    visitor.wait(lambda: page.slider.max == 4)
+    assert page.slider.value == 1 and '10 min' in page.title.content
+    visitor.press(page.play)
+    visitor.wait(lambda: page.slider.value == 4)
 
 
-def test_probabilities_are_offered_while_there_are_some(shown, frames):
-    """Another button comes with them; the map that was chosen stays."""
-    names = ['Lava thickness', 'Hazard index', 'Temperature', 'Arrival']
-    assert shown.choice.labels == names
-    shown.choice.active = 1
+def test_offers_the_maps_that_there_are(visitor, page, frames):
+    names = ('Lava thickness', 'Hazard index', 'Temperature', 'Arrival')
+    assert page.choice.options == names
     frames.grow(6)
-    shown.update()
-    assert shown.choice.labels == [*names, 'Probability']
-    shown.choice.active = 4
-    assert shown.map.data['image'][0][15, 0] == pytest.approx(32.6)
-    assert 'nothing on this map' not in shown.title.text
+    visitor.wait(lambda: page.choice.options == (*names, PROBABLE))
+    visitor.press(page.choice, PROBABLE)
+    visitor.wait(lambda: '[%]' in page.legend.content)
     frames.frame(5).layers[PROBABILITY].values[:] = np.nan
     frames.version += 1
-    shown.update()
-    assert 'nothing on this map now' in shown.title.text
-    shown.slider.value = 0
-    assert (shown.choice.labels, shown.choice.active) == (names, 0)
+    visitor.wait(lambda: 'nothing on this map now' in page.title.content)
+    visitor.press(page.slider, 0)
+    visitor.wait(lambda: page.choice.options == names)
+    visitor.press(page.choice, 'Hazard index')
+    visitor.wait(lambda: 'lava has drained away' in page.legend.content)
+    visitor.press(page.choice, 'Arrival')
+    visitor.wait(lambda: 'Arrival [min]' in page.legend.content)
+    visitor.press(page.choice, '<none>')
+    visitor.wait(lambda: not any(name.startswith('/lava') for name in page._nodes))
 
 
-def test_the_hazard_is_shown_as_its_classes(shown, frames):
-    """The image has the number of each class, a colour and a name; the index is in the tooltip."""
-    values = frames.frame(3).layers['hazard'].values
-    values[15, 0], frames.version = 50.0, frames.version + 1
-    shown.choice.active = 1
-    shown.update()
-    (image,), (index,) = shown.map.data['image'], shown.map.data['value']
-    assert (image[15, 0], index[15, 0], image[15, 1], index[15, 1]) == (1.0, 50.0, 2.0, 100.0)
-    assert np.isnan(image[0, 0])
-    mapper = shown._mapper
-    assert (mapper.low, mapper.high, len(mapper.palette)) == (0.5, 2.5, 2)
-    names = [text.replace('\n', ' ') for text in shown._bar.major_label_overrides.values()]
-    assert names == [*HAZARD_CLASSES.values()]
-    assert shown._hover.tooltips[0][1] == '@value{0.[0]}'
-    shown.choice.active = 0
-    assert shown._bar.major_label_overrides == {} and shown._bar.ticker == 'auto'
-    assert '@image' in shown._hover.tooltips[0][1]
+def test_a_click_shows_values_and_opens_a_vent(visitor, page, frames):
+    def click(x):
+        visitor.say(
+            'ScenePointerMessage', event_type='click', ray_origin=(x, 0.0, 5.0),
+            ray_direction=(0.0, 0.0, -1.0), screen_pos=((0.5, 0.5),), modifier=None,
+        )
+
+    click(-4.9)
+    visitor.wait(lambda: frames.commands)
+    (x, y), = frames.commands
+    assert x == pytest.approx(MIDDLE[0] - 4.9 * 200.0 / SIDE) and y == MIDDLE[1]
+    assert '<td>Lava thickness</td><td>3.26 m</td>' in page.values.content
+    visitor.press(page.opens, False)
+    click(4.0)
+    visitor.wait(lambda: '<td>Lava thickness</td><td>none</td>' in page.values.content)
+    click(400.0)
+    visitor.wait(lambda: not page._asked)
+    assert len(frames.commands) == 1
 
 
-def test_large_maps_are_sent_coarse(frames, monkeypatch):
-    """Cells are put together to their largest value, and cover the same ground."""
-    monkeypatch.setattr(page, 'MOST_CELLS', 300)
-    shown = Page(frames)
-    shown.update()
-    (image,), (relief,) = shown.map.data['image'], shown.relief.data['image']
-    assert image.shape == relief.shape == (15, 20)
-    assert image[5, 0] == np.float32(3.26)
-    assert (shown.map.data['dw'], shown.map.data['dh']) == ([200.0], [150.0])
+def test_does_not_command_without_control(server, tmp_path):
+    visitor = Visitor(server)
+    visitor.wait(lambda: visitor.pages[-1].title.content)
+    assert not hasattr(visitor.pages[-1], 'opens')
+    visitor.pages[-1]._click(type('', (), {'ray_origin': (0, 0, 5), 'ray_direction': (0, 0, -1)}))
+    assert visitor.pages[-1]._place is not None and server._frames.commands == []
+    visitor.socket.close()
+
+
+def test_untrusted_texts_are_escaped(page):
+    assert 'no node answers &lt;here&gt;' in page.status.content
+    assert '<td>&lt;i&gt;effects&lt;/i&gt;</td><td>frame &lt;3&gt;</td>' in page.facts.content
+    # a label is drawn as text; one off the map is left out
+    labels = [item.text for name, item in page._nodes.items() if name.startswith('/labels')]
+    assert labels == ['▲ open', '<b>hut</b>']
+
+
+def test_shows_particles_in_place_of_the_lava(visitor, page, frames):
+    visitor.press(page.particles)
+    visitor.wait(lambda: '/particles' in page._nodes)
+    assert page._nodes['/particles'].points.shape == (3, 3)
+    assert not any(name.startswith('/lava') for name in page._nodes)
+    visitor.press(page.slider, 0)
+    visitor.wait(lambda: 'No particles' in page.legend.content)
+    assert '/particles' not in page._nodes
+
+
+def test_lava_lies_on_the_ground_where_its_cells_are(frames):
+    frame = frames.frame(3)
+    ground, thickness = Ground(frame, relief(frame)), frame.layers['thickness'].values
+    assert ground.fit([thickness], frame.vents) and not ground.fit([thickness], frame.vents)
+    blocks = ground.blocks(ground.cut(frame).layers['thickness'].values)
+    (_, points, faces), = ground.lava(0.0 * blocks, blocks)
+    assert len(faces) == 2 * np.isfinite(thickness).sum()
+    corner = ground.placed(np.array([[-50.0, 70.0]]))[0]
+    np.testing.assert_allclose(points[:, :2].min(axis=0), corner[:2], atol=1e-5)
+    inner = points[np.argmin(np.hypot(*(points[:, :2] - corner[:2] - 2.0 * ground.cell).T))]
+    # below the corner between four cells: their mean, and the mean of their lava
+    rows, columns = np.s_[11:13], np.s_[1:3]
+    z = TERRAIN.elevation[rows, columns].mean() + growing(800.0)[rows, columns].mean()
+    assert inner[2] * TERRAIN.resolution / ground.cell == pytest.approx(z - 3.0, abs=1e-3)
+
+
+def test_a_large_ground_is_sent_coarse_away_from_the_lava(frames, monkeypatch):
+    frame = frames.frame(3)
+    monkeypatch.setattr(surface, 'MIN_MARGIN', 1)
+    sizes = []
+    for most, coarse in ((10**6, 10**6), (10**6, 10), (200, 10)):
+        monkeypatch.setattr(surface, 'MAX_CORNERS', most)
+        monkeypatch.setattr(surface, 'COARSE', coarse)
+        ground = Ground(frame, relief(frame))
+        ground.fit([frame.layers['thickness'].values], frame.vents)
+        mesh = ground.mesh()
+        np.testing.assert_allclose(np.ptp(mesh.vertices[:, :2], axis=0), [SIDE, 0.75 * SIDE])
+        sizes.append(len(mesh.vertices))
+    assert sizes[0] == 31 * 41 - 6 > sizes[1] > sizes[2]
+
+
+def test_drapes_a_picture_with_north_at_the_top(frames, tmp_path):
+    picture = np.zeros((20, 40, 3), np.uint8)
+    picture[:10] = 255
+    Image.fromarray(picture).save(tmp_path / 'north.png')
+    frame = frames.frame(3)
+    ground = Ground(frame, draped(str(tmp_path / 'north.png'))(frame))
+    ground.fit([], frame.vents)
+    mesh = ground.mesh()
+    image = np.asarray(mesh.visual.material.emissiveTexture)
+    # a texture begins at the top, its coordinates at the bottom
+    is_north = mesh.vertices[:, 1] > 0.5
+    assert (image[0] == 255).all() and (mesh.visual.uv[is_north, 1] > 0.5).all()
+    with pytest.raises(LavaError, match='--drape'):
+        draped(str(tmp_path / 'none.png'))
 
 
 def test_a_bag_that_grows(tmp_path, monkeypatch):
-    """The frames of a bag are those there are by now, whatever reads them."""
     monkeypatch.setattr('lava_ros.watch.frames.PERIOD', 0.0)
     monkeypatch.setattr('lava_ros.watch.frames.REST', 0.0)
     whole = record(tmp_path / 'whole', close=False)
@@ -248,47 +301,49 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
     assert frames.times == [200.0, 400.0, 600.0, 800.0]
     assert frames.status.level is Level.WELL
     seen, expected = frames.frame(1), Recording(whole).frame_at(400.0)
-    assert seen.time == 400.0
+    assert seen.time == 400.0 and frames.facts(1)['simulated_time_s'] == '400.0'
+    assert frames.particles(1) is None
+    checkpoint = small_checkpoint(400.0, 5)
+    monkeypatch.setattr('lava_ros.watch.frames.checkpoint_at', lambda path, time: checkpoint)
+    # the origin of particles is the centre of the terrain, which is 4 m x 3 m
+    placed = checkpoint.arrays['state.particle'][:, [0, 1, 3]] + [2.0, 1.5, -273.15]
+    np.testing.assert_allclose(frames.particles(1), placed, rtol=1e-5)
     for source_name, item in expected.layers.items():
         np.testing.assert_array_equal(seen.layers[source_name].values, item.values)
     np.testing.assert_array_equal(seen.elevation, TERRAIN.elevation.astype(np.float32))
 
 
 def test_a_bag_without_maps_waits(tmp_path):
-    """It may have just begun: the page says what is missing."""
-    bag = record(tmp_path / 'bag', [])
-    frames = BagFrames(bag)
+    frames = BagFrames(record(tmp_path / 'bag', []))
     frames.poll()
-    assert frames.status.level is Level.WAITING
+    assert frames.status.level is Level.WAITING and frames.times == []
     assert 'layers of a simulation' in frames.status.words
-    assert frames.times == []
-    shown = Page(frames)
-    shown.update()
-    assert 'layers of a simulation' in shown.status.text
+    with served(frames) as server:
+        visitor = Visitor(server)
+        visitor.wait(lambda: 'layers of a simulation' in visitor.pages[0].status.content)
 
 
-def test_what_is_watched():
-    """One layer for each map: the thickness that is not rounded."""
+def test_an_ensemble_is_one_frame(frames, monkeypatch):
+    frame = replace(frames.frame(5), arrived=None)
+    values = frame.layers[PROBABILITY].values
+    panels = {PROBABILITY: Panel(frame, 'probability', values, '')}
+    run = SimpleNamespace(panels=panels, title='3 runs', summary='all', facts={'runs': '3'})
+    monkeypatch.setattr('lava_ros.watch.frames.read_run', lambda path: run)
+    ensemble = EnsembleFrames('folder')
+    with served(ensemble) as server:
+        visitor = Visitor(server)
+        visitor.wait(lambda: '<td>runs</td><td>3</td>' in visitor.pages[0].facts.content)
+        assert '<b>3 runs</b><br>all' in visitor.pages[0].title.content
+        assert visitor.pages[0].choice.options == (PROBABLE,)
+        assert visitor.pages[0].slider.disabled
+
+
+def test_watches_one_layer_for_each_map():
     found = {item.source: item.name for item in watched_layers()}
-    assert found['thickness'] == 'height_raw'
-    assert {ARRIVED, PROBABILITY, 'hazard', 'arrival'} <= set(found)
-    assert found['arrival'] == 'arrival_time'
+    assert found['thickness'] == 'height_raw' and found['arrival'] == 'arrival_time'
+    assert {ARRIVED, PROBABILITY, 'hazard'} <= set(found)
 
 
-def test_a_port_that_is_taken(frames):
-    """It is named, and nothing is served."""
-    with socket.socket() as taken:
-        taken.bind(('127.0.0.1', 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        with pytest.raises(LavaError, match=f'--port is {port}'):
-            serve(frames, '127.0.0.1', port)
-    for address in ('203.0.113.1', '', 'x' * 300, '\0'):
-        with pytest.raises(LavaError, match='--address'):
-            serve(frames, address, 0)
-
-
-def test_without_bokeh(monkeypatch):
-    """The error says how to get it."""
-    monkeypatch.setitem(sys.modules, 'bokeh', None)
+def test_without_viser_the_error_tells_how_to_install_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'viser', None)
     assert "pip install 'lava_ros[watch]'" in refused('watch')

@@ -441,5 +441,4 @@ def room_for(count: int) -> int:
 
 def centre_of(terrain: Terrain) -> np.ndarray:
     """Return the map position [m] of the origin of particle positions: the terrain's centre."""
-    x0, y0, x1, y1 = terrain.extent
-    return np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)])
+    return np.array(terrain.centre)

@@ -82,7 +82,9 @@ class Browser:
         with socket.socket() as probe:
             probe.bind(('127.0.0.1', 0))
             port = probe.getsockname()[1]
-        path, flags = chromium(), ['--disable-gpu', '--disable-dev-shm-usage']
+        # pages in 3-D are drawn without a GPU
+        path, flags = chromium(), ['--use-angle=swiftshader', '--enable-unsafe-swiftshader']
+        flags.append('--disable-dev-shm-usage')
         words, environment = [sys.executable, '-c', _QT], {
             'QT_QPA_PLATFORM': 'offscreen',
             'QTWEBENGINE_CHROMIUM_FLAGS': ' '.join(flags),
