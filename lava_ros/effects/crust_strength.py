@@ -1,20 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A strong crust that thickens with age and stops lava at margins and fronts.
+"""Strength of a crust that thickens with age and stops lava at margins and fronts.
 
-A crust of strength sigma that is delta = sqrt(kappa t) thick at the age t of a column resists as a
-stress sigma delta / h at the base of a column of thickness h (Castruccio, Rust & Sparks 2013,
-Bulletin of Volcanology 75, 681; Kerr & Lyman 2007, JGR 112, B03201): lava stops where
+A crust of strength sigma is delta = sqrt(kappa t) thick at the age t of a column, at most as thick
+as the column. It resists as a stress sigma delta / h at the base of a column of thickness h
+(Castruccio, Rust & Sparks 2013, Bulletin of Volcanology 75, 681; Lyman & Kerr 2006, Journal of
+Geophysical Research 111, B05206): lava stops where
 
     rho g h s = sigma delta / h,   that is h = sqrt(sigma delta / (rho g s)).
 
-The crust is at most as thick as the column. Its stress adds to the yield strength of the core
-(``bingham.py``): young lava in the channel hardly feels it, old and thin lava at the margins and
-at the front does, which builds levees. In the ten eruptions of Castruccio et al. sigma is within
-an order of magnitude of 1e5 Pa.
+This stress adds to the yield strength of the core (``bingham.py``). It is small for young lava in
+a channel. It holds old, thin lava at margins and fronts, which builds levees. In the ten eruptions
+of Castruccio et al. sigma is within an order of magnitude of 1e5 Pa.
 
-If the effect is switched on during a run, ages count from then.
+If the effect is switched on during a run, ages count from that time.
 """
 
 from functools import lru_cache
