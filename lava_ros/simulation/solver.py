@@ -170,7 +170,8 @@ class Solver:
         self.settle()
         rows = self.state.read_particles()
         rows[:, :2] += centre_of(self.scene.terrain) - centre_of(scene.terrain)
-        before, now = self.vents.emission(self.time), self.time
+        now = self.time
+        before = self.vents.emission(now)
         self.volume_before += self.vents.emitted(now)
         self.scene = scene
         self.place_terrain()

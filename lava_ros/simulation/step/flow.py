@@ -273,6 +273,8 @@ def flow_kernels(
                 height += other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
         return height
 
+    whole_height = _whole_function(real, height_around, lanes, parts)
+
     @wp.func
     def differences_around(
         part: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
@@ -360,11 +362,7 @@ def flow_kernels(
         radius = m.constants.radius
         inverse = real(1.0) / radius
         box = cells_around(m.cells, p[0], p[1], radius)
-        height = height_around(lane, m.ordered, m.cells, box, p, inverse)
-        if wp.static(parts > lanes):
-            odd = height_around(1, m.ordered, m.cells, box, p, inverse)
-            height += height_around(2, m.ordered, m.cells, box, p, inverse)
-            height += odd + height_around(3, m.ordered, m.cells, box, p, inverse)
+        height = whole_height(lane, m.ordered, m.cells, box, p, inverse)
         height = total(height) * real(wp.static(norm)) * inverse * inverse
         if lane > 0:
             return
