@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What effects read of a lava and of a scene (``lava_ros.scene``)."""
+"""Properties of a lava and of a scene that effects read (``lava_ros.scene``)."""
 
 from typing import Any, Protocol
 

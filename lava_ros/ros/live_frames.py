@@ -193,7 +193,7 @@ class LiveFrames(Watcher, Frames):
         client.call_async(request).add_done_callback(partial(self._on_answer, name))
 
     def open_vent(self, x: float, y: float) -> None:
-        """Publish the place on ``clicked_point``; the node's statuses tell if it is refused."""
+        """Publish the place on ``clicked_point``; a refusal is in the statuses of the node."""
         if 'clicked_point' not in self._senders:
             profile = qos.ros_profile(qos.COMMANDS)
             self._senders['clicked_point'] = self._node.create_publisher(

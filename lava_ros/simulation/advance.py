@@ -71,7 +71,7 @@ def _advance_alone(
     gain = math.inf
     while clock[at.TIME] < until and wall_clock.monotonic() < deadline:
         is_free = len(in_flight) < _IN_FLIGHT[solver.device.is_cuda]
-        # the launches in flight may reach the target but for rounding: more of them would idle
+        # the launches in flight may reach the target within rounding: more of them would idle
         reached = clock[at.TIME] + (len(in_flight) + _ROUNDING) * gain
         if not in_flight or (is_free and reached < until):
             solver.run_stages()
@@ -105,6 +105,6 @@ def _advance_in_batch(
         if clock[at.TIME] >= until:
             return clock, counts
         if wall_clock.monotonic() >= deadline:
-            # stages that were launched meanwhile have continued
+            # the clock includes stages launched since that readback
             return solver.state.read_clock()
         solver.make_room(counts)

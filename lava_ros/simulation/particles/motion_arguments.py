@@ -91,7 +91,7 @@ def arguments_type(real: Any) -> Any:
 
 @lru_cache
 def law_arguments_function(real: Any, effects: Effects) -> Any:
-    """Return the device function for what laws of flow depend on: temperature [K] and age [s].
+    """Return the device function for temperature [K] and age [s], which laws of flow depend on.
 
     The temperature is the mean around a particle, once ``mean_temperature`` has been computed.
     """
