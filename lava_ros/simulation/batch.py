@@ -23,18 +23,10 @@ import warp as wp
 from lava_ros.simulation.backend.batched_launches import BatchedLaunches, BLOCK, kind_of
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launch
-from lava_ros.simulation.backend.streams import Readback
-from lava_ros.simulation.particles.state import (
-    FULL,
-    FULLEST,
-    NEAR_BORDER,
-    NEWCOMERS,
-    PARTICLES,
-    State,
-    TIME,
-)
+from lava_ros.simulation.backend.memory import Readback
+from lava_ros.simulation.particles.layout import FULL, NEAR_BORDER, NEWCOMERS, PARTICLES, TIME
+from lava_ros.simulation.particles.state import FULLEST, State
 
-#: Default maximum number of active simulations.
 AT_ONCE = 256
 
 #: Stages between two readbacks of the clocks, by whether the device is a GPU.

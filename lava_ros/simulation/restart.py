@@ -8,8 +8,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.output.checkpoint import Checkpoint, FAR, fitting
+from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.inundation import standing_cells
+from lava_ros.simulation.particles.layout import FAR, fitting
 from lava_ros.simulation.solver import Solver
 
 

@@ -19,7 +19,7 @@ from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.advance import advancing_to
-from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.batch import at_work
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint
@@ -32,8 +32,8 @@ from lava_ros.simulation.output.snapshot import (
     PendingSnapshot,
     Snapshot,
 )
-from lava_ros.simulation.particles import state as at
-from lava_ros.simulation.particles.state import centre_of
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import centre_of
 from lava_ros.simulation.resolution import (
     is_extended,
     Resolution,

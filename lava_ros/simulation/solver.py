@@ -19,16 +19,18 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launch
-from lava_ros.simulation.backend.streams import read, Reader
+from lava_ros.simulation.backend.memory import read
+from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of, snapshot_of
 from lava_ros.simulation.output.looks import Looks
 from lava_ros.simulation.output.rasterization import Raster
 from lava_ros.simulation.output.snapshot import Particles, PendingSnapshot, rows_of
-from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import centre_of
 from lava_ros.simulation.particles.neighbors import NeighborGrid
-from lava_ros.simulation.particles.state import centre_of, room_for, State
+from lava_ros.simulation.particles.state import room_for, State
 from lava_ros.simulation.particles.terrain import sampled, StaggeredTerrain
 from lava_ros.simulation.step.effects import device_part
 from lava_ros.simulation.step.stage import Stage
@@ -307,7 +309,7 @@ class Solver:
         looks.take(self.state, self.terrain.known, raster.thickness, raster.temperature)
 
     def _fill_raster(self) -> None:
-        self.raster.fill(self.state, self.neighbors)
+        self.raster.fill(self.state, self.neighbors.motion_arguments(self.state))
         if 'solidification' in self.effects:
             self.after_step['solidification'].show(self.state, self.raster.grids)
 

@@ -32,12 +32,10 @@ from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.own_ground import cells_function
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.neighbors import NeighborGrid
-from lava_ros.simulation.particles.state import PARTICLES, State
-from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain
+from lava_ros.simulation.particles.layout import arguments_type, ground_type, PARTICLES
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
-#: Fraction of a cell at or above which it holds lava.
 COVER_THRESHOLD = 0.5
 
 #: Smoothed weight of the covered cells at a particle, relative to its own thickness, below which
@@ -287,8 +285,10 @@ class Raster:
         self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
         self.thickness, self.temperature = self.grids[0], self.grids[1]
 
-    def fill(self, state: State, neighbors: NeighborGrid) -> None:
+    def fill(self, state: State, way: Any) -> None:
         """Fill thickness and temperature from the flow of the ordered particles.
+
+        ``way`` is the argument of the kernels of a stage.
 
         Between the passes ``thickness`` holds the cells' weights. The first pass marks cells with
         a negative temperature, so no temperature may be negative before.
@@ -296,7 +296,6 @@ class Raster:
         mark, weigh, share_out, gather = _kernels(state.real, *self._choice)
         cells = self.thickness.size
         maps = [self.thickness, self.temperature]
-        way = neighbors.motion_arguments(state)
         inputs = [way, self._terrain.exact_ground, self._radius]
         launch_over(state, mark, [way, self.temperature], least=MIN_MOVES)
         launch_over(state, weigh, [*inputs, *maps], count=cells)

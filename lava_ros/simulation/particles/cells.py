@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import load4, load_int, unseen_one
+from lava_ros.simulation.backend.compiled import can_count, load4, load_int, unseen_one
 from lava_ros.simulation.backend.simd import over_neighbors
-from lava_ros.simulation.particles.kernels import SmoothingKernel
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import arguments_type, cell_frame, ground_type
 
 #: Rows and columns of cells per kernel radius, by minimum radius over spacing. Fewer cells hold
 #: more particles out of reach; more rows take more look-ups. With one particle per cell rows are
@@ -31,38 +32,6 @@ NEIGHBORS_AT_ONCE = {False: 2, True: 4}
 def cells_to_radius(ratio: float) -> tuple[int, int]:
     """Return rows and columns of cells per kernel radius, for a ratio of radius to spacing."""
     return next(cells for least, cells in _CELLS if ratio >= least)
-
-
-@lru_cache
-def cell_frame(real: Any) -> Any:
-    """Return the struct of the cell grid; positions are relative to the terrain's centre.
-
-    ``rows_per_metre`` and ``columns_per_metre`` are one over a cell's sides [1/m]. ``first_row``
-    and ``first_column`` locate the window in the grid of the whole terrain. Lava before column
-    ``west`` or row ``south``, or at or beyond ``east`` or ``north``, is near the window's border.
-    ``starts`` is the index of each cell's first ordered particle, shape [at least cells + 2]; the
-    item after the last cell is the number of particles on the terrain, the next that of all.
-    ``sizes`` counts the particles of each cell during binning, and is 0 otherwise.
-    """
-
-    @wp.struct
-    class CellFrame:
-        x0: real
-        y0: real
-        rows_per_metre: real
-        columns_per_metre: real
-        first_row: wp.int32
-        first_column: wp.int32
-        rows: wp.int32
-        columns: wp.int32
-        west: wp.int32
-        south: wp.int32
-        east: wp.int32
-        north: wp.int32
-        starts: wp.array(dtype=wp.int32)
-        sizes: wp.array(dtype=wp.int32)
-
-    return CellFrame
 
 
 class CellFunctions(NamedTuple):
@@ -110,14 +79,94 @@ def cell_functions(real: Any) -> CellFunctions:
     return CellFunctions(column_of, row_of, cells_around, range_in)
 
 
+class BorderFunctions(NamedTuple):
+    """Device functions for particles that leave the terrain.
+
+    ``is_known(ground, x, y)`` is True on a cell with data. ``side_of(ground, x, y)`` and
+    ``volume_lost(particle)`` are the item of ``State.left`` and its increase.
+    """
+
+    is_known: Any
+    side_of: Any
+    volume_lost: Any
+
+
+@lru_cache
+def border_functions(real: Any) -> BorderFunctions:
+    """Return the device functions for particles that leave the terrain."""
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def is_known(ground: ground_type(real), x: real, y: real) -> bool:
+        j = int(wp.floor((x - ground.x0) / ground.resolution))
+        i = int(wp.floor((y - ground.y0) / ground.resolution))
+        if i < 0 or j < 0 or i >= ground.rows or j >= ground.columns:
+            return False
+        return ground.known[i, j] != wp.uint8(0)
+
+    @wp.func
+    def side_of(ground: ground_type(real), x: real, y: real) -> int:
+        # places are relative to the middle of the grid
+        if wp.abs(x) >= -ground.x0 or wp.abs(y) >= -ground.y0:
+            return at.BORDER
+        return at.HOLES
+
+    @wp.func
+    def volume_lost(p: vec4) -> wp.float64:
+        # a NaN must not count as lava that flowed off: it makes the sum NaN
+        return wp.float64(p[2] + real(0.0) * (p[0] + p[1] + p[3]))
+
+    return BorderFunctions(is_known, side_of, volume_lost)
+
+
+@lru_cache
+def bin_function(real: Any, has_empty: bool) -> Any:
+    """Return the device function that assigns a particle to its cell."""
+    vec4 = wp.types.vector(4, real)
+    is_known, side_of, volume_lost = border_functions(real)
+    column_of, row_of, _, _ = cell_functions(real)
+
+    @wp.func
+    def sides_near(cells: cell_frame(real), x: real, y: real) -> int:
+        """Return the movable sides of the window that a place is near (``State.counts``)."""
+        column = int(wp.floor((x - cells.x0) * cells.columns_per_metre))
+        row = int(wp.floor((y - cells.y0) * cells.rows_per_metre))
+        sides = int(column < cells.west) + 2 * int(row < cells.south)
+        return sides + 4 * int(column >= cells.east) + 8 * int(row >= cells.north)
+
+    @wp.func
+    def place(i: int, p: vec4, m: arguments_type(real)):
+        """Find a particle's cell and its rank there; particles off the terrain go last.
+
+        On the CPU ranks are counted afterwards, by ``rank_particles``.
+        """
+        c = m.cells.rows * m.cells.columns
+        if not (wp.static(has_empty) and p[2] == real(0.0)):
+            # nothing leaves between the stages of a step: a stage may overshoot the border
+            number = p[0] + p[1] + p[3]
+            if m.counts[at.STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
+                c = row_of(m.cells, p[1]) * m.cells.columns + column_of(m.cells, p[0])
+                near = sides_near(m.cells, p[0], p[1])
+                if near != 0:
+                    wp.atomic_or(m.counts, at.NEAR_BORDER, near)
+            elif can_count():
+                wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
+        m.cell[i] = c
+        if can_count():
+            m.rank[i] = wp.atomic_add(m.cells.sizes, c, 1)
+
+    return place
+
+
 @lru_cache
 def sums_function(
-    real: Any, kernel: SmoothingKernel, parts: int, is_short: bool, has_heat: bool = False
+    real: Any, kernel: Any, parts: int, is_short: bool, has_heat: bool = False
 ) -> Any:
     """Return the device function that sums thickness and its gradient over the neighbours.
 
-    Its first argument is the index of a part; part k takes every ``parts``-th row of cells. With
-    ``has_heat`` it returns a fourth sum: thickness times the excess temperature of the neighbour.
+    The sums are of the ``terms`` of a ``SmoothingKernel``. The first argument is the index of a
+    part; part k takes every ``parts``-th row of cells. With ``has_heat`` there is a fourth sum:
+    thickness times the excess temperature of the neighbour.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)

@@ -13,29 +13,23 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.effects.effect import Array
 from lava_ros.errors import LavaError
-from lava_ros.scene import Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
-from lava_ros.simulation.backend.memory import forget_failure, zeros
-from lava_ros.simulation.backend.streams import read, Readback
-from lava_ros.simulation.output.checkpoint import FAR as FAR
-from lava_ros.simulation.output.checkpoint import fitting
-
-# Indices into State.clock.
-TIME, STEP, TARGET, FULL_STEP, FORMER_STEP = range(5)
-
-# Indices into State.stage: the weights of the current Runge-Kutta stage.
-FORMER, BEFORE_FORMER, VELOCITY, FIRST_VELOCITY = range(4)
-
-# Indices into State.counts.
-PARTICLES, STEPS, LIMIT, FULL, STAGE, STAGES, IS_LAST, EVALUATIONS = range(8)
-CURRENT, NEAR_BORDER, NEWCOMERS = range(8, 11)
-
-# Indices into State.rates: reciprocals of the longest step that each limit allows [1/s].
-DIFFUSION, ADVECTION = range(2)
-
-#: Indices into ``left``: over the terrain's border, and onto cells without data.
-BORDER, HOLES = range(2)
+from lava_ros.simulation.backend.memory import forget_failure, read, Readback, zeros
+from lava_ros.simulation.particles.layout import (
+    ARRAYS,
+    count_in,
+    FAR,
+    fitting,
+    FULL,
+    kinds_of,
+    NEWCOMERS,
+    PARTICLES,
+    REAL,
+    SPARE,
+    STAGE,
+    TARGET,
+)
 
 #: Threads on a GPU of a kernel that rarely has work: it must cost little when it has none.
 RARE_THREADS = 65536
@@ -60,44 +54,6 @@ SHARED_LANES, SHARED_UP_TO = 4, 50_000
 #: processors. At or below this number latency dominates: registers are then not scarce, and
 #: launches are expensive.
 AT_ONCE = 150_000
-
-#: Items after the last one that sums over neighbours may read (cells.py).
-SPARE = 3
-
-REAL = {'float32': wp.float32, 'float64': wp.float64}
-
-#: The solver's own arrays, described in ``State``. A carried array has a twin named ``ordered_``
-#: and its name, in the order of the cells.
-ARRAYS = {
-    'stage': Array('real', 4),
-    'rates': Array('real', 2),
-    'top': Array('real', 1),
-    'share': Array('real'),
-    'age': Array('real', is_carried=True),
-    'remainder': Array('vec2', is_carried=True),
-    'surface': Array('vec2'),
-    'flow': Array('vec3'),
-    'particle': Array('vec4'),
-    'ordered': Array('vec4'),
-    'base': Array('vec4', is_carried=True),
-    'drift': Array('vec4', is_carried=True),
-    'mean_temperature': Array('real', is_carried=True),
-    'counts': Array('int32', 11),
-    'chosen': Array('int32', 1),
-    'cell': Array('int32'),
-    'rank': Array('int32'),
-    'members': Array('int32'),
-    'home': Array('int32'),
-    'clock': Array('float64', 5),
-    'limit_time': Array('float64', 1),
-    'left': Array('float64', 2),
-}
-
-
-def kinds_of(real: Any) -> dict[str, Any]:
-    """Return the Warp types by the names that an ``Array`` uses for them."""
-    vectors = {f'vec{length}': wp.types.vector(length, real) for length in (2, 3, 4)}
-    return {'real': real, 'int32': wp.int32, 'float64': wp.float64, **vectors}
 
 
 class State:
@@ -266,6 +222,10 @@ class State:
         # each different number is a separate kernel
         return next((few for few in _FEW_RARE if self.capacity <= few), RARE_THREADS)
 
+    def emitting_threads(self, most: int) -> int:
+        """Return the number of emitting threads: one gives the same order in every run."""
+        return most if self.device.is_cuda and not self.is_deterministic else 1
+
     def read_clock(self) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of ``clock`` and ``counts`` after all earlier launches on this stream."""
         return self._readbacks[0].begin()()
@@ -429,16 +389,6 @@ class State:
         return rows
 
 
-def count_in(counts: np.ndarray) -> int:
-    """Return the number of particles in a copy of ``State.counts``."""
-    return int(counts[PARTICLES] + counts[NEWCOMERS])
-
-
 def room_for(count: int) -> int:
     """Return the capacity for some particles: whole blocks of threads, a third of them spare."""
     return 256 * math.ceil(max(4 * count / 3, 1) / 256)
-
-
-def centre_of(terrain: Terrain) -> np.ndarray:
-    """Return the map position [m] of the origin of particle positions: the terrain's centre."""
-    return np.array(terrain.centre)

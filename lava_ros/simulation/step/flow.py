@@ -51,16 +51,18 @@ from lava_ros.simulation.backend.compiled import (
     sum_over,
 )
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.particles.cells import (
-    cell_frame,
-    cell_functions,
-    sums_function,
-    wide_sums_function,
-)
+from lava_ros.simulation.particles.cells import cell_functions, sums_function, wide_sums_function
 from lava_ros.simulation.particles.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.state import ADVECTION, DIFFUSION, PARTICLES, STAGE, State
-from lava_ros.simulation.particles.terrain import terrain_functions
+from lava_ros.simulation.particles.layout import (
+    ADVECTION,
+    arguments_type,
+    cell_frame,
+    DIFFUSION,
+    PARTICLES,
+    STAGE,
+)
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
 
 #: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
 _EDGE = 3.0
@@ -71,27 +73,6 @@ class FlowKernels(NamedTuple):
 
     elevate: Any
     flow: Any
-
-
-@lru_cache
-def fall_function(real: Any) -> Any:
-    """Return the device function that limits a velocity at a place to that of free fall."""
-    vec2 = wp.types.vector(2, real)
-    height_at = terrain_functions(real).height_at
-
-    @wp.func
-    def fallen(velocity: vec2, thickness: real, place: vec2, m: arguments_type(real)) -> vec2:
-        square = wp.dot(velocity, velocity)
-        head = square / (real(2.0) * m.constants.gravity) - thickness
-        kept = velocity
-        # read the ground's height only for the few particles this fast
-        if head > real(0.0):
-            fall = wp.max(m.top[0] - height_at(m.ground, place[0], place[1]), real(0.0))
-            if head > fall:
-                kept *= wp.sqrt((fall + thickness) / (head + thickness))
-        return kept
-
-    return fallen
 
 
 @lru_cache

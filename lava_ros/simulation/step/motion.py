@@ -18,17 +18,15 @@ from lava_ros.simulation.backend import compiled
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.own_ground import note_function
-from lava_ros.simulation.particles import state as at
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.neighbors import bin_function, NeighborGrid
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.cells import bin_function
+from lava_ros.simulation.particles.layout import arguments_type
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
-from lava_ros.simulation.step.emission import Outlets
-from lava_ros.simulation.step.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.step.heat import temperature_function
-from lava_ros.simulation.step.timestep import pace_type
+from lava_ros.simulation.step.outlets import Outlets
+from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
 
-#: Maximum displacement in a step over the one it was chosen for: speeds may rise within a step.
 _MAX_DISPLACEMENT_GROWTH = 2.0
 
 #: Halvings of a displacement that would lift lava too high, before it is set to 0.
@@ -225,7 +223,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
     return move
 
 
-def move_particles(state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice) -> None:
+def move_particles(state: State, way: Any, choice: StageChoice) -> None:
     """Move the ordered particles over the stage by the velocity in ``state.flow``."""
     launch_over(
         state,
@@ -234,4 +232,3 @@ def move_particles(state: State, neighbors: NeighborGrid, way: Any, choice: Stag
         least=MIN_MOVES,
         ahead=choice.threads,
     )
-    neighbors.is_binned = state.bins_in_motion

@@ -16,14 +16,10 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain, Vent
 from lava_ros.scene.vents import distances, extents
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.streams import read
-from lava_ros.simulation.output.checkpoint import fitting
-from lava_ros.simulation.particles.state import centre_of, State
-from lava_ros.simulation.step.emission import (
+from lava_ros.simulation.backend.memory import read
+from lava_ros.simulation.particles.layout import centre_of, fitting
+from lava_ros.simulation.step.outlets import (
     DISC_GROUP,
-    emission_function,
-    emission_kernel,
-    emitters,
     FISSURE_GROUP,
     foresee_kernel,
     Outlets,
@@ -251,19 +247,6 @@ class VentSet:
             device=self._device,
         )
         return read(places) + self._centre
-
-    def emission_on(self, state: State) -> Any:
-        """Return the ``emission_function`` for the particles of a state."""
-        return emission_function(
-            state.real, self.is_symmetric, state.has_velocity, state.has_age, state.bins_in_motion
-        )
-
-    def emit(self, state: State, way: Any) -> None:
-        """Append the particles that are due at the time of a state."""
-        if self.vents:
-            threads = emitters(state, len(self.vents))
-            kernel = emission_kernel(state.real, self.emission_on(state))
-            state.launches(kernel, [threads, self.outlets, way], dim=threads)
 
     def emission(self, time: float) -> Emission:
         """Return the emission up to a time [s]; no step may be running."""

@@ -19,8 +19,8 @@ import warp as wp
 
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.state import centre_of
-from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain, terrain_functions
+from lava_ros.simulation.particles.layout import centre_of, ground_type
+from lava_ros.simulation.particles.terrain import StaggeredTerrain, terrain_functions
 
 
 class Reference:

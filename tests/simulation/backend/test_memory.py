@@ -10,7 +10,7 @@ import warp as wp
 
 from lava_ros.ros.session import failure_text
 from lava_ros.scene import Lava, Vent
-from lava_ros.simulation.particles.state import SPARE
+from lava_ros.simulation.particles.layout import SPARE
 from solver import incline, only, simulated
 
 #: More particles than fit on any GPU: each of ten arrays would take up to 34 GB.

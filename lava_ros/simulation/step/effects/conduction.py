@@ -37,8 +37,8 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.state import IS_LAST, PARTICLES, State, STEP
+from lava_ros.simulation.particles.layout import arguments_type, IS_LAST, PARTICLES, STEP
+from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
 #: Maximum exchange rate of a particle, over kappa / l^2, for the number of sweeps: an even layer

@@ -37,7 +37,7 @@ from lava_ros.simulation.backend.compiled import (
 )
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, MIN_SUMS
-from lava_ros.simulation.particles.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
+from lava_ros.simulation.particles.cells import cell_functions, NEIGHBORS_AT_ONCE
 from lava_ros.simulation.particles.kernels import (
     bessel,
     k0_within,
@@ -45,16 +45,12 @@ from lava_ros.simulation.particles.kernels import (
     SQUARED_SUPPORT,
     WIDE_K0,
 )
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.neighbors import NeighborGrid
-from lava_ros.simulation.particles.state import PARTICLES, State
-from lava_ros.simulation.step.emission import Outlets
-from lava_ros.simulation.step.flow import fall_function
-from lava_ros.simulation.step.fused_stage import DIRECTORS, StageChoice
-from lava_ros.simulation.step.motion import motion_of
-from lava_ros.simulation.step.timestep import pace_type
+from lava_ros.simulation.particles.layout import arguments_type, cell_frame, PARTICLES
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import fall_function
+from lava_ros.simulation.step.outlets import Outlets
+from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
 
-#: The squared distance within which K0 is constant, over the area of a particle's own disc: the
 #: value there is the mean of ln r over the disc. As K0 is convex in ln r, its mean is no less, and
 #: a
 #: neighbour, however near, counts no more than the particle itself: two push each other apart.
@@ -276,15 +272,14 @@ def _motion_kernel(
     return green_motion
 
 
-def move_particles(
-    state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice
-) -> None:
+def move_particles(state: State, way: Any, choice: StageChoice, motion: Any) -> None:
     """Move the ordered particles over the stage by the Green's function's velocity.
 
     ``source`` and ``area`` of the state must be filled; ``choice`` runs at the same time.
+    ``motion`` is a ``motion_function``.
     """
     kernel = _motion_kernel(
-        state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion_of(state),
+        state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion,
         choice.function, choice.bounds,
     )
     arguments = [choice.pace, choice.outlets, way]
@@ -292,7 +287,6 @@ def move_particles(
         state, kernel, arguments, least=_MIN_PARTICLES_PER_PART, lanes=state.lanes,
         ahead=choice.threads,
     )
-    neighbors.is_binned = state.bins_in_motion
 
 
 def spread_velocity(state: State, way: Any) -> None:

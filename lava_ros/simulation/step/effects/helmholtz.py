@@ -39,14 +39,18 @@ from lava_ros.simulation.backend.compiled import (
 )
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
-from lava_ros.simulation.particles.cells import cell_frame, cell_functions
+from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel, SmoothingKernel
-from lava_ros.simulation.particles.motion_arguments import arguments_type, THICKEST
-from lava_ros.simulation.particles.state import ADVECTION, PARTICLES, State
-from lava_ros.simulation.particles.terrain import terrain_functions
-from lava_ros.simulation.step.flow import fall_function
+from lava_ros.simulation.particles.layout import (
+    ADVECTION,
+    arguments_type,
+    cell_frame,
+    PARTICLES,
+    THICKEST,
+)
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
 
-#: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
 
 #: Threads per block, and blocks for which a GPU processor must have registers: a sweep waits for

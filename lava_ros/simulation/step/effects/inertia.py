@@ -46,16 +46,16 @@ from lava_ros.simulation.backend.compiled import load4, quick_kernel, raise_to
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.motion_arguments import arguments_type, law_arguments_function
-from lava_ros.simulation.particles.state import (
+from lava_ros.simulation.particles.layout import (
     ADVECTION,
+    arguments_type,
     CURRENT,
     DIFFUSION,
     FORMER_STEP,
     PARTICLES,
-    State,
     STEP,
 )
+from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
 
 #: Wave speed of the dissipation over the speed of approach, limited by c.
@@ -66,6 +66,28 @@ _CHANGE, _ITERATIONS = 1e-6, 40
 
 #: The excess of a kernel's sum (``kernels.py``) is proportional to this power of V / (h l^2).
 _EXCESS_POWERS = {'wendland': 2.5, 'spiky': 1.5}
+
+
+@lru_cache
+def _column_function(real: Any, effects: Effects) -> Any:
+    """Return the device function for temperature [K] and age [s], which laws of flow depend on.
+
+    The temperature is the mean around a particle, once ``mean_temperature`` has been computed.
+    """
+    vec2 = wp.types.vector(2, real)
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def law_arguments(i: int, p: vec4, m: arguments_type(real)) -> vec2:
+        temperature = p[3]
+        if wp.static(effects.any('stiffens')):
+            temperature = m.ordered_mean_temperature[i]
+        age = real(0.0)
+        if wp.static(effects.any('needs_age')):
+            age = m.ordered_age[i]
+        return vec2(temperature, age)
+
+    return law_arguments
 
 
 @lru_cache
@@ -125,7 +147,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
     load = load4(real)
-    law_arguments = law_arguments_function(real, effects)
+    law_arguments = _column_function(real, effects)
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     is_newtonian = speed_function(wp, real, law_type(real), effects) is None
     slowed = _drag_function(real, effects)

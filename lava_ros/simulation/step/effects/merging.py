@@ -25,8 +25,15 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.particles.cells import cell_functions
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
+from lava_ros.simulation.particles.layout import (
+    ADVECTION,
+    arguments_type,
+    FULL,
+    IS_LAST,
+    PARTICLES,
+    STEP,
+)
+from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
 #: Displacement of the fastest particle between two passes, over the largest in one step.

@@ -35,15 +35,20 @@ import warp as wp
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import quick_kernel
-from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.output.checkpoint import fitting
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.state import BORDER, HOLES, PARTICLES, State
-from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain, terrain_functions
+from lava_ros.simulation.particles.cells import border_functions
+from lava_ros.simulation.particles.layout import (
+    arguments_type,
+    BORDER,
+    fitting,
+    ground_type,
+    HOLES,
+    PARTICLES,
+)
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
-#: Minimum width over the maximum: wider ones smooth the deposit by more than the bounds of its
-#: verification case allow; with narrower ones, runs that differ in rounding diverge sooner.
 _MIN_WIDTH_RATIO = 0.65
 
 #: Unit of the solidified lava's thickness [m]; the maximum thickness is 2^63 units.
@@ -53,7 +58,7 @@ _PART = 2.0**-44
 @lru_cache
 def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     vec4 = wp.types.vector(4, real)
-    is_known = terrain_functions(real).is_known
+    is_known = border_functions(real).is_known
 
     @wp.func
     def width_of(
