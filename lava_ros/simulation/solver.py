@@ -17,6 +17,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene, Terrain
+from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.memory import read
@@ -26,7 +27,12 @@ from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of, snapshot_of
 from lava_ros.simulation.output.looks import Looks
 from lava_ros.simulation.output.rasterization import Raster
-from lava_ros.simulation.output.snapshot import Particles, PendingSnapshot, rows_of
+from lava_ros.simulation.output.snapshot import (
+    Particles,
+    ParticleSample,
+    PendingSnapshot,
+    rows_of,
+)
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.layout import centre_of
 from lava_ros.simulation.particles.neighbors import NeighborGrid
@@ -91,7 +97,8 @@ class Solver:
         self.most_particles = 0
         self.after_step: dict[str, Any] = {}
         self._arrived: tuple[Terrain, Any] | None = None
-        self.place_terrain()
+        self._place_terrain()
+        self.cover()
 
     @property
     def time(self) -> float:
@@ -127,10 +134,14 @@ class Solver:
         self.effects = effects
         self.state = State(former.capacity, effects, self.accuracy, self.device)
         self.state.take_over(former)
-        self.place_terrain()
+        self._place_terrain()
+        self.cover()
 
-    def place_terrain(self) -> None:
-        """Put the terrain, and the grids and kernels that depend on it, on the device."""
+    def _place_terrain(self) -> None:
+        """Put the terrain, and the grids and kernels that depend on it, on the device.
+
+        The neighbour grid covers nothing yet.
+        """
         terrain, accuracy = self.scene.terrain, self.accuracy
         # solidified lava raises the ground of this simulation alone
         shared = StaggeredTerrain.shared(terrain, accuracy.precision, self.device)
@@ -152,7 +163,6 @@ class Solver:
         if 'solidification' in former:
             self.after_step['solidification'].take_over(former['solidification'], self.state)
         self.stage = Stage(self.scene, accuracy, self.state, self.neighbors, self.after_step)
-        self.cover()
 
     def _keep_arrival(self, terrain: Terrain) -> None:
         """Let the motion record arrival times, starting from those recorded so far."""
@@ -176,10 +186,29 @@ class Solver:
         before = self.vents.emission(now)
         self.volume_before += self.vents.emitted(now)
         self.scene = scene
-        self.place_terrain()
+        self._place_terrain()
         self.state.write_particles(rows)
         self.cover()
         self.open_vents(now, before)
+
+    def replace_vents(self, scene: Scene) -> list[tuple[float, ...]]:
+        """Continue with the vents of another scene.
+
+        Returns:
+            The particles that empty the conduits of closing vents, for ``add_particles``.
+        """
+        self.settle()
+        now, former = self.time, self.vents
+        matches = match_vents(former.vents, scene.vents, least=self.accuracy.spacing or 0.0)
+        closing = set(range(len(former.vents))).difference(matches)
+        waiting = former.pending(now)
+        self.volume_before += former.emitted(now)
+        new = Emission.of_new_vents(len(scene.vents), self.volume_before, self.particle_volume)
+        before = former.emission(now).continued(matches, new)
+        self.scene = scene
+        self.open_vents(now, before)
+        self.raise_top()
+        return [row for number in closing for row in former.parting(number, waiting[number])]
 
     def open_vents(self, since: float, before: Emission) -> None:
         """Put the vents of the scene on the device.
@@ -302,11 +331,15 @@ class Solver:
         self.neighbors.rebuild(self.state)
         self.state.take_order()
 
-    def map_looks(self, looks: Looks) -> None:
-        """Add the current flow to looks."""
-        self._fill_raster()
-        raster = self.raster
-        looks.take(self.state, self.terrain.known, raster.thickness, raster.temperature)
+    def take_look(self, looks: Looks) -> None:
+        """Run a stage, which idles at the end of a step, with a look before the motion."""
+
+        def look() -> None:
+            self._fill_raster()
+            raster = self.raster
+            looks.take(self.state, self.terrain.known, raster.thickness, raster.temperature)
+
+        self.take_stages(look=look)
 
     def _fill_raster(self) -> None:
         self.raster.fill(self.state, self.neighbors.motion_arguments(self.state))
@@ -324,6 +357,19 @@ class Solver:
         copies = self._reader.begin([raster.grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
         return PendingSnapshot(lambda: snapshot_of(copies(), terrain, state, vents, before))
+
+    def read_sample(self) -> ParticleSample:
+        """Read the ordered particles back, after ``stage.compute_flow``, with their velocity."""
+        self.stage.finish_flow()
+        rows = self.state.read_particles()
+        flow = read(self.state.flow)[: len(rows)].astype(np.float64)
+        return ParticleSample(
+            position=rows[:, :2] + centre_of(self.scene.terrain),
+            volume=rows[:, 2],
+            temperature=rows[:, 3],
+            thickness=flow[:, 0],
+            velocity=flow[:, 1:],
+        )
 
     def budget(self) -> VolumeBudget:
         """Return the budget of the lava's volume."""

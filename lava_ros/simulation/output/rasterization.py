@@ -27,7 +27,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.backend.compiled import load4, quick_kernel
+from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.own_ground import cells_function
 from lava_ros.simulation.particles.cells import cell_functions
@@ -53,7 +53,7 @@ _OWN = wp.constant(wp.float32(-1.0))
 def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, Any]:
     norm, shape, slope, *_ = smoothing_kernel(kernel_name, real, ratio)
     _, _, cells_around, range_in = cell_functions(real)
-    load = load4(real)
+    load, _ = access(real, 4)
     cells_of = cells_function(real)
 
     @wp.func

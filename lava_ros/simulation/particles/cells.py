@@ -13,7 +13,13 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import can_count, load4, load_int, unseen_one
+from lava_ros.simulation.backend.compiled import (
+    access,
+    can_count,
+    load_int,
+    unseen_one,
+    write_function,
+)
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.layout import arguments_type, cell_frame, ground_type
@@ -158,69 +164,119 @@ def bin_function(real: Any, has_empty: bool) -> Any:
     return place
 
 
+#: Body of a sum over neighbours, and of one that takes several of a row at once.
+_SUM = """
+    sums = ZERO
+    for r in range(box[0] + part, box[1], parts):
+        near = range_in(cells, r, box)
+        for j in range(near[0], near[1]):
+            sums = add(sums, j, REST)
+    return sums"""
+_SUM_AT_ONCE = """
+    sums = ZERO
+    near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
+    for r in range(box[0] + part, box[1], parts):
+        following = near
+        if wp.static(looks_ahead):
+            following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
+        else:
+            near = range_in(cells, r, box)
+        j = near[0]
+        while j < near[1]:
+            for n in range(at_once):
+                # items after the last belong to the next row, or are past the end
+                sums = add(sums, j + n, j + n < near[1], REST)
+            j += at_once * unseen_one()
+        near = following
+    return sums"""
+
+#: Sum of the parts of one thread, in the order in which threads would add up theirs.
+_SUM_OF_PARTS = """
+    sums = sum_part(part, ALL)
+    odd = sum_part(1, ALL)
+    sums += sum_part(2, ALL)
+    sums += odd + sum_part(3, ALL)
+    return sums"""
+
+
+def sum_neighbors(
+    real: Any, add: Any, lanes: int, parts: int, *, at_once: int = 1, looks_ahead: bool = False
+) -> Any:
+    """Return the device function that sums over all neighbours that a thread has.
+
+    Its first argument is the thread among those of a particle. The others are the further
+    arguments of ``add``, with the cells and the box (``cells_around``) before ``p``.
+
+    Args:
+        real: Warp scalar type.
+        add: Device function that adds a neighbour. It takes the sums so far, the index of the
+            neighbour, with ``at_once`` above 1 whether it counts, and further arguments.
+        lanes: Number of threads of a particle.
+        parts: Number of parts; part k has every ``parts``-th row of cells. It is 4 or ``lanes``.
+        at_once: Number of neighbours in a row that are summed at once.
+        looks_ahead: True to look up a row of cells during the sum over the previous one.
+    """
+    types = dict(add.func.__annotations__)
+    sums_type = types.pop('return')
+    rest = list(types)[2 + (at_once > 1) :]
+    place = rest.index('p')
+    grid = {'cells': cell_frame(real), 'box': wp.vec4i}
+    names = [*rest[:place], *grid, *rest[place:]]
+    types = {'part': int} | {name: grid.get(name, types.get(name)) for name in names}
+    body = _SUM if at_once == 1 else _SUM_AT_ONCE
+    known = {
+        'add': add, 'parts': parts, 'at_once': at_once, 'looks_ahead': looks_ahead, 'wp': wp,
+        'range_in': cell_functions(real).range_in, 'sums_type': sums_type,
+        'unseen_one': unseen_one,
+    }
+    zero = 'sums_type(0.0)' if sums_type is real else 'sums_type()'
+    body = body.replace('REST', ', '.join(rest)).replace('ZERO', zero)
+    sum_part = wp.func(write_function(add.func, types, body, known))
+    if parts == lanes:
+        return sum_part
+    body = _SUM_OF_PARTS.replace('ALL', ', '.join(names))
+    return wp.func(write_function(add.func, types, body, {'sum_part': sum_part}))
+
+
 @lru_cache
 def sums_function(
-    real: Any, kernel: Any, parts: int, is_short: bool, has_heat: bool = False
+    real: Any, kernel: Any, parts: int, is_short: bool, has_heat: bool = False,
+    lanes: int | None = None,
 ) -> Any:
     """Return the device function that sums thickness and its gradient over the neighbours.
 
-    The sums are of the ``terms`` of a ``SmoothingKernel``. The first argument is the index of a
-    part; part k takes every ``parts``-th row of cells. With ``has_heat`` there is a fourth sum:
-    thickness times the excess temperature of the neighbour.
+    The sums (``sum_neighbors``) are of the ``terms`` of a ``SmoothingKernel``. With ``has_heat``
+    there is a fourth one: thickness times the excess temperature of the neighbour.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     terms = kernel.terms
-    range_in = cell_functions(real).range_in
-    load = load4(real)
-    at_once = NEIGHBORS_AT_ONCE[is_short]
+    load, _ = access(real, 4)
     sums_type = vec4 if has_heat else vec3
 
     @wp.func
-    def added(sums: vec3, p: vec4, other: vec4, inverse: real) -> vec3:
-        dx = p[0] - other[0]
-        dy = p[1] - other[1]
-        part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
-        return vec3(sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy)
-
-    @wp.func
-    def added_with_heat(sums: vec4, p: vec4, other: vec4, inverse: real) -> vec4:
-        dx = p[0] - other[0]
-        dy = p[1] - other[1]
-        part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
-        return vec4(
-            sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy,
-            sums[3] + part[0] * (other[3] - p[3]),
-        )
-
-    add = added_with_heat if has_heat else added
-
-    @wp.func
-    def sums_around(
-        part: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
+    def added(
+        sums: sums_type, j: int, counts: bool, ordered: wp.array(dtype=vec4), p: vec4,
         inverse: real,
     ) -> sums_type:
-        sums = sums_type()
-        near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
-        for r in range(box[0] + part, box[1], parts):
-            following = near
-            if wp.static(is_short):
-                following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
-            else:
-                near = range_in(cells, r, box)
-            j = near[0]
-            while j < near[1]:
-                for n in range(at_once):
-                    other = load(ordered, j + n)
-                    if j + n >= near[1]:
-                        # it belongs to the next row, or is past the end
-                        other[2] = real(0.0)
-                    sums = add(sums, p, other, inverse)
-                j += at_once * unseen_one()
-            near = following
-        return sums
+        other = load(ordered, j)
+        if not counts:
+            other[2] = real(0.0)
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
+        if wp.static(has_heat):
+            return vec4(
+                sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy,
+                sums[3] + part[0] * (other[3] - p[3]),
+            )
+        else:
+            return vec3(sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy)
 
-    return sums_around
+    return sum_neighbors(
+        real, added, lanes or parts, parts, at_once=NEIGHBORS_AT_ONCE[is_short],
+        looks_ahead=is_short,
+    )
 
 
 @lru_cache

@@ -60,8 +60,8 @@ def _kernels(
     has_empty: bool, is_ranked_again: bool,
 ) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
-    load, store = compiled.load4(real), compiled.store4(real)
-    load_pair, store_pair = compiled.load2(real), compiled.store2(real)
+    load, store = compiled.access(real, 4)
+    load_pair, store_pair = compiled.access(real, 2)
 
     place = bin_function(real, has_empty)
     _, side_of, volume_lost = border_functions(real)
@@ -247,7 +247,7 @@ class NeighborGrid:
         self._constants, self._way = constants, None
 
     def motion_arguments(self, state: State) -> Any:
-        """Return the (cached) argument of all kernels, until an array or the cells are replaced."""
+        """Return the argument of all kernels, cached until an array or the cells change."""
         if self._way is None or self._way.particle is not state.particle:
             parts = {'ground': self._terrain.ground, 'cells': self.cells, **self._constants}
             self._way = arguments_type(state.real)()

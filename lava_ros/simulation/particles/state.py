@@ -16,20 +16,7 @@ from lava_ros.errors import LavaError
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import forget_failure, read, Readback, zeros
-from lava_ros.simulation.particles.layout import (
-    ARRAYS,
-    count_in,
-    FAR,
-    fitting,
-    FULL,
-    kinds_of,
-    NEWCOMERS,
-    PARTICLES,
-    REAL,
-    SPARE,
-    STAGE,
-    TARGET,
-)
+from lava_ros.simulation.particles import layout as at
 
 #: Threads on a GPU of a kernel that rarely has work: it must cost little when it has none.
 RARE_THREADS = 65536
@@ -116,7 +103,7 @@ class State:
     ) -> None:
         """Allocate for ``capacity`` particles."""
         forget_failure(device)
-        self.real = REAL[accuracy.precision]
+        self.real = at.REAL[accuracy.precision]
         self.effects = effects
         # with inertia a step has one stage: effects/inertia.py
         self.is_staged = accuracy.integrator == 'rkl2' and 'inertia' not in effects
@@ -136,11 +123,11 @@ class State:
         self.device = device
         self.launches = Launches(device)
         self._allocate(capacity)
-        self.top.fill_(-FAR)
+        self.top.fill_(-at.FAR)
         if not device.is_cuda:
             # a view of the current values: creating it takes 10 us
             self._seen_counts = self.counts.numpy()
-        self._target = self.clock[TARGET : TARGET + 1]
+        self._target = self.clock[at.TARGET : at.TARGET + 1]
         self._readbacks = [Readback((self.clock, self.counts))]
 
     @property
@@ -155,12 +142,12 @@ class State:
             'mean_temperature': self.has_mean,
             'members': self.is_ranked_again,
         }
-        own = {name: array for name, array in ARRAYS.items() if is_needed.get(name, True)}
+        own = {name: array for name, array in at.ARRAYS.items() if is_needed.get(name, True)}
         return own | self.effects.arrays
 
     def _allocate(self, capacity: int) -> None:
         """Allocate the arrays of some particles; keep those that do not depend on the number."""
-        kinds, items, others = kinds_of(self.real), {}, {}
+        kinds, items, others = at.kinds_of(self.real), {}, {}
         for name, array in self._arrays.items():
             dtype = kinds[array.dtype]
             if array.count is None:
@@ -169,7 +156,7 @@ class State:
                 others[name] = dtype, array.count
             if array.is_carried:
                 items[f'ordered_{name}'] = dtype, capacity
-        arrays = zeros(items, self.device, spare=SPARE) | zeros(others, self.device)
+        arrays = zeros(items, self.device, spare=at.SPARE) | zeros(others, self.device)
         self.launches.forget()
         vars(self).update(arrays, capacity=capacity)
 
@@ -180,7 +167,7 @@ class State:
             return self.capacity
         if self.launches.is_capturing:
             return self.launches.extent
-        return int(self._seen_counts[PARTICLES] + self._seen_counts[NEWCOMERS])
+        return int(self._seen_counts[at.PARTICLES] + self._seen_counts[at.NEWCOMERS])
 
     @property
     def is_ranked_again(self) -> bool:
@@ -243,11 +230,11 @@ class State:
         if self.needs_room(counts):
             # spare capacity is cheap while there are few particles
             twice = 2 * self.capacity if self.capacity < FEW else 0
-            self.grow(max(room_for(count_in(counts)), room_for(self.capacity), twice))
+            self.grow(max(room_for(at.count_in(counts)), room_for(self.capacity), twice))
 
     def needs_room(self, counts: np.ndarray) -> bool:
         """Return True if the capacity is almost used up or a vent found none."""
-        return bool(counts[FULL] or count_in(counts) > FULLEST * self.capacity)
+        return bool(counts[at.FULL] or at.count_in(counts) > FULLEST * self.capacity)
 
     def grow(self, capacity: int) -> None:
         """Grow to a capacity of ``capacity`` particles and keep the existing ones.
@@ -266,7 +253,7 @@ class State:
         # copies the full old capacity, which avoids waiting for the number of particles
         for name, values in kept.items():
             wp.copy(getattr(self, name), values, count=count)
-        self.write_count(FULL, 0)
+        self.write_count(at.FULL, 0)
 
     @property
     def _carried(self) -> list[str]:
@@ -305,7 +292,7 @@ class State:
     @property
     def count(self) -> int:
         """Number of particles (read back from the device)."""
-        return count_in(self.read_clock()[1])
+        return at.count_in(self.read_clock()[1])
 
     def write_particles(self, values: np.ndarray) -> None:
         """Replace all particles by rows of (x, y from the centre, volume, temperature), float64.
@@ -323,8 +310,8 @@ class State:
             getattr(self, name).zero_()
         for name, former in kept.items():
             self._put(name, former)
-        self.write_count(PARTICLES, len(values))
-        self.write_count(NEWCOMERS, 0)
+        self.write_count(at.PARTICLES, len(values))
+        self.write_count(at.NEWCOMERS, 0)
 
     def take_over(self, former: 'State') -> None:
         """Adopt the data of another state with other effects, as far as both have them."""
@@ -358,10 +345,10 @@ class State:
         for name in ('particle', *self._carried, *self._sums):
             template = getattr(self, name).numpy()
             shape = template.shape if name in self._sums else (count, *template.shape[1:])
-            values = fitting(f'state.{name}', arrays.get(name), shape, template.dtype)
+            values = at.fitting(f'state.{name}', arrays.get(name), shape, template.dtype)
             self._put(name, values)
         _, counts = self.read_clock()
-        if (counts[PARTICLES], counts[NEWCOMERS], counts[STAGE]) != (count, 0, 0):
+        if (counts[at.PARTICLES], counts[at.NEWCOMERS], counts[at.STAGE]) != (count, 0, 0):
             expected = f'{count} particles, between two steps'
             raise LavaError('checkpoint.state.counts', counts.tolist(), expected)
 

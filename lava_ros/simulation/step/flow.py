@@ -42,21 +42,23 @@ from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import LATERAL_DRAG, law_type, speed_function, viscosity_function
 from lava_ros.simulation.backend.compiled import (
+    access,
     FEW_THREADS,
-    load2,
-    load4,
     quick_kernel,
     raise_to,
-    store4,
     sum_over,
 )
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.particles.cells import cell_functions, sums_function, wide_sums_function
+from lava_ros.simulation.particles.cells import (
+    cell_functions,
+    sum_neighbors,
+    sums_function,
+    wide_sums_function,
+)
 from lava_ros.simulation.particles.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.particles.layout import (
     ADVECTION,
     arguments_type,
-    cell_frame,
     DIFFUSION,
     PARTICLES,
     STAGE,
@@ -88,33 +90,13 @@ def _mean_function(real: Any) -> Any:
     return mean_temperature
 
 
-def _whole_function(real: Any, sums_around: Any, lanes: int, parts: int) -> Any:
-    """Return the device function of the sums over all the neighbours that a thread has."""
-    vec4 = wp.types.vector(4, real)
-
-    @wp.func
-    def sums_of(
-        lane: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
-        inverse: real,
-    ):
-        sums = sums_around(lane, ordered, cells, box, p, inverse)
-        if wp.static(parts > lanes):
-            # in the order in which threads would add up theirs
-            odd = sums_around(1, ordered, cells, box, p, inverse)
-            sums += sums_around(2, ordered, cells, box, p, inverse)
-            sums += odd + sums_around(3, ordered, cells, box, p, inverse)
-        return sums
-
-    return sums_of
-
-
 @lru_cache
 def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     """Return the device function from a surface gradient to velocity, drive and rates."""
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    store = store4(real)
+    _, store = access(real, 4)
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     _, x_k1 = bessel(real)
     green, helmholtz = 'green' in effects, 'helmholtz' in effects
@@ -224,71 +206,55 @@ def flow_kernels(
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
     shape_factor, slope_factor = kernel.factors
     sums_around, sums_with_heat = (
-        _whole_function(
-            real,
-            wide_sums_function(kernel.wide_terms, heat)
-            if is_wide and kernel.wide_terms
-            else sums_function(real, kernel, parts, is_short, heat),
-            lanes, parts,
-        )
+        wide_sums_function(kernel.wide_terms, heat)
+        if is_wide and kernel.wide_terms
+        else sums_function(real, kernel, parts, is_short, heat, lanes)
         for heat in (False, True)
     )
     gradient_at, _, height_at, *_ = terrain_functions(real)
-    _, _, cells_around, range_in = cell_functions(real)
-    load, load_pair = load4(real), load2(real)
+    cells_around = cell_functions(real).cells_around
+    (load, _), (load_pair, _) = access(real, 4), access(real, 2)
     balance = _balance_function(real, kernel.stiffness, effects)
     total = sum_over(real, lanes)
 
     @wp.func
-    def height_around(
-        part: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
-        inverse: real,
+    def add_height(
+        height: real, j: int, ordered: wp.array(dtype=vec4), p: vec4, inverse: real
     ) -> real:
-        height = real(0.0)
-        for r in range(box[0] + part, box[1], parts):
-            near = range_in(cells, r, box)
-            for j in range(near[0], near[1]):
-                other = load(ordered, j)
-                dx = p[0] - other[0]
-                dy = p[1] - other[1]
-                height += other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
-        return height
+        other = load(ordered, j)
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        return height + other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
 
-    whole_height = _whole_function(real, height_around, lanes, parts)
+    height_around = sum_neighbors(real, add_height, lanes, parts)
 
     @wp.func
-    def differences_around(
-        part: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
-        cells: cell_frame(real), box: wp.vec4i, p: vec4, own: real, inverse: real,
+    def add_differences(
+        sums: vec10, j: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
+        p: vec4, own: real, inverse: real,
     ) -> vec10:
-        """Sum differences, their second moments, and V grad W over the neighbours' areas.
+        """Add differences, their second moments, and V grad W of a neighbour.
 
         The last two sums are of thickness, and of thickness times the excess temperature.
         """
-        rise = vec2()
-        moment = mat22()
+        other = load(ordered, j)
+        d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
+        there = load_pair(surface, j)
+        pull = slope(wp.length(d)) * d
+        rise = there[1] * (there[0] - own) * pull
+        moment = there[1] * wp.outer(d, pull)
         push = vec2()
-        weight = real(0.0)
-        warmth = real(0.0)
-        for r in range(box[0] + part, box[1], parts):
-            near = range_in(cells, r, box)
-            for j in range(near[0], near[1]):
-                other = load(ordered, j)
-                d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
-                there = load_pair(surface, j)
-                pull = slope(wp.length(d)) * d
-                rise += there[1] * (there[0] - own) * pull
-                moment -= there[1] * wp.outer(d, pull)
-                if wp.static(gradient == 'balanced' or has_heat):
-                    push += other[2] * pull
-                if wp.static(has_heat):
-                    held = other[2] * shape(wp.length(d))
-                    weight += held
-                    warmth += held * (other[3] - p[3])
-        return vec10(
-            rise.x, rise.y, moment[0, 0], moment[0, 1], moment[1, 0], moment[1, 1], push.x, push.y,
-            weight, warmth,
+        if wp.static(gradient == 'balanced' or has_heat):
+            push = other[2] * pull
+        held = real(0.0)
+        if wp.static(has_heat):
+            held = other[2] * shape(wp.length(d))
+        return sums + vec10(
+            rise.x, rise.y, -moment[0, 0], -moment[0, 1], -moment[1, 0], -moment[1, 1],
+            push.x, push.y, held, held * (other[3] - p[3]),
         )
+
+    differences_around = sum_neighbors(real, add_differences, lanes, parts)
 
     @quick_kernel(bounds=FEW_THREADS if is_short else None)
     def thickness_and_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
@@ -343,7 +309,7 @@ def flow_kernels(
         radius = m.constants.radius
         inverse = real(1.0) / radius
         box = cells_around(m.cells, p[0], p[1], radius)
-        height = whole_height(lane, m.ordered, m.cells, box, p, inverse)
+        height = height_around(lane, m.ordered, m.cells, box, p, inverse)
         height = total(height) * real(wp.static(norm)) * inverse * inverse
         if lane > 0:
             return
@@ -363,11 +329,6 @@ def flow_kernels(
         own = m.surface[i][0]
         box = cells_around(m.cells, p[0], p[1], radius)
         sums = differences_around(lane, m.ordered, m.surface, m.cells, box, p, own, inverse)
-        if wp.static(parts > lanes):
-            odd = differences_around(1, m.ordered, m.surface, m.cells, box, p, own, inverse)
-            sums += differences_around(2, m.ordered, m.surface, m.cells, box, p, own, inverse)
-            odd += differences_around(3, m.ordered, m.surface, m.cells, box, p, own, inverse)
-            sums += odd
         rise = vec2(total(sums[0]), total(sums[1]))
         moment = mat22(total(sums[2]), total(sums[3]), total(sums[4]), total(sums[5]))
         push = vec2(total(sums[6]), total(sums[7]))
@@ -423,7 +384,7 @@ def _published_kernel(real: Any) -> Any:
     """
     vec3 = wp.types.vector(3, real)
     _, _, cells_around, range_in = cell_functions(real)
-    load = load4(real)
+    load, _ = access(real, 4)
 
     @wp.func
     def series(r: real) -> real:

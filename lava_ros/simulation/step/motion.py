@@ -88,8 +88,8 @@ def motion_function(
     # differences and lateral stress push lava up slopes that its own surface slope does not
     guarded = _guard_function(real, has_surface or 'green' in effects or 'helmholtz' in effects)
     place = bin_function(real, False)
-    load, store = compiled.load4(real), compiled.store4(real)
-    load_pair, store_pair = compiled.load2(real), compiled.store2(real)
+    load, store = compiled.access(real, 4)
+    load_pair, store_pair = compiled.access(real, 2)
     gradient_at, _, height_at, *_ = terrain_functions(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
@@ -201,7 +201,7 @@ def motion_of(state: State) -> Any:
 @lru_cache
 def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int] | None) -> Any:
     vec3 = wp.types.vector(3, real)
-    load = compiled.load4(real)
+    load, _ = compiled.access(real, 4)
 
     @quick_kernel(bounds=bounds)
     def move(

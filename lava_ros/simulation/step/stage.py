@@ -122,9 +122,8 @@ class Stage:
         )
         compute_flow(state, self._arguments(), kernels, fills_flow=fills_flow)
 
-    def compute_velocity(self) -> None:
-        """Compute thickness and velocity of the ordered particles."""
-        self.compute_flow()
+    def finish_flow(self) -> None:
+        """Turn the result of ``compute_flow`` into the velocity of the particles."""
         if 'inertia' in self._effects:
             device_part('inertia').synchronize(self._state, self._arguments(), self._accuracy)
         self._spread_velocity()

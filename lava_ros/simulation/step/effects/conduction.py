@@ -34,7 +34,7 @@ from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import heat_type
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import load4, quick_kernel
+from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.layout import arguments_type, IS_LAST, PARTICLES, STEP
@@ -59,7 +59,7 @@ def _kernels(
     vec4 = wp.types.vector(4, real)
     slope = smoothing_kernel(kernel_name, real, ratio).slope
     _, _, cells_around, range_in = cell_functions(real)
-    load = load4(real)
+    load, _ = access(real, 4)
     latent = 'latent_heat' in effects
     warmed = load_effect('latent_heat').warmed(wp, real, heat_type(real)) if latent else None
 

@@ -27,17 +27,16 @@ import warp as wp
 
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.backend.compiled import (
+    access,
     load1,
-    load4,
     past_the_cache,
     quick_kernel,
     sum_over,
-    unseen_one,
     wait_for,
 )
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, MIN_SUMS
-from lava_ros.simulation.particles.cells import cell_functions, NEIGHBORS_AT_ONCE
+from lava_ros.simulation.particles.cells import cell_functions, NEIGHBORS_AT_ONCE, sum_neighbors
 from lava_ros.simulation.particles.kernels import (
     bessel,
     k0_within,
@@ -61,25 +60,25 @@ _MIN_PARTICLES_PER_PART = MIN_SUMS // 2
 
 
 @lru_cache
-def _sums_function(real: Any, parts: int, is_short: bool) -> Any:
+def _sums_function(real: Any, parts: int, is_short: bool, lanes: int | None = None) -> Any:
     """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
-    Its first argument is the index of a part, as for ``cells.sums_function``. Distances are in
-    the units of ``K0Within``, ``least`` is the minimum square of one, ``powers`` the values that
-    K0 needs of k.
+    The sums are those of ``sum_neighbors``. Distances are in the units of ``K0Within``, ``least``
+    is the minimum square of one, ``powers`` the values that K0 needs of k.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    range_in = cell_functions(real).range_in
-    load, load_number = load4(real), load1(real)
+    (load, _), load_number = access(real, 4), load1(real)
     within = k0_within(real)
     k0, k0_powers = within.at, within.powers
-    at_once = NEIGHBORS_AT_ONCE[is_short]
 
     @wp.func
     def added(
-        sums: vec3, p: vec4, other: vec4, size: real, powers: k0_powers, least: real, counts: bool
+        sums: vec3, j: int, counts: bool, source: wp.array(dtype=vec4), area: wp.array(dtype=real),
+        p: vec4, powers: k0_powers, least: real,
     ) -> vec3:
+        other = load(source, j)
+        size = load_number(area, j)
         dx = p[0] - other[0]
         dy = p[1] - other[1]
         square = dx * dx + dy * dy
@@ -88,37 +87,10 @@ def _sums_function(real: Any, parts: int, is_short: bool) -> Any:
             weight = real(0.0)
         return sums + weight * vec3(size, other[2], other[3])
 
-    @wp.func
-    def sums_around(
-        part: int,
-        source: wp.array(dtype=vec4),
-        area: wp.array(dtype=real),
-        cells: cell_frame(real),
-        box: wp.vec4i,
-        p: vec4,
-        powers: k0_powers,
-        least: real,
-    ) -> vec3:
-        sums = vec3()
-        near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
-        for r in range(box[0] + part, box[1], parts):
-            following = near
-            if wp.static(is_short):
-                following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
-            else:
-                near = range_in(cells, r, box)
-            j = near[0]
-            while j < near[1]:
-                for n in range(at_once):
-                    other = load(source, j + n)
-                    size = load_number(area, j + n)
-                    # items after the last belong to the next row, or are past the end
-                    sums = added(sums, p, other, size, powers, least, j + n < near[1])
-                j += at_once * unseen_one()
-            near = following
-        return sums
-
-    return sums_around
+    return sum_neighbors(
+        real, added, lanes or parts, parts, at_once=NEIGHBORS_AT_ONCE[is_short],
+        looks_ahead=is_short,
+    )
 
 
 @lru_cache
@@ -171,7 +143,9 @@ def _velocity_function(
     within = k0_within(real)
     powers_of, k0 = within.powers_of, within.at
     sum_up = sum_over(real, lanes)
-    sums_around = _wide_sums_function() if is_wide else _sums_function(real, parts, is_short)
+    sums_around = (
+        _wide_sums_function() if is_wide else _sums_function(real, parts, is_short, lanes)
+    )
 
     @wp.func
     def velocity_of(lane: int, here: vec4, p: vec4, own: real, m: arguments_type(real)) -> vec3:
@@ -185,11 +159,6 @@ def _velocity_function(
         least = wp.max(own * real(_NEAR) * unit * unit, real(MIN_SQUARED_DISTANCE))
         box = cells_around(m.cells, here[0], here[1], support)
         sums = sums_around(lane, m.source, m.area, m.cells, box, p, powers, least)
-        if wp.static(parts > lanes):
-            # in the order in which threads would add their sums
-            odd = sums_around(1, m.source, m.area, m.cells, box, p, powers, least)
-            sums += sums_around(2, m.source, m.area, m.cells, box, p, powers, least)
-            sums += odd + sums_around(3, m.source, m.area, m.cells, box, p, powers, least)
         total = sum_up(sums[0])
         x = sum_up(sums[1])
         y = sum_up(sums[2])
@@ -210,7 +179,7 @@ def _velocity_function(
 def _velocity_kernel(real: Any, lanes: int, parts: int, is_short: bool, is_wide: bool) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    load, load_number = load4(real), load1(real)
+    (load, _), load_number = access(real, 4), load1(real)
     velocity_of = _velocity_function(real, lanes, parts, is_short, is_wide)
     fallen = fall_function(real)
 
@@ -241,7 +210,7 @@ def _motion_kernel(
 ) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    load, load_number = load4(real), load1(real)
+    (load, _), load_number = access(real, 4), load1(real)
     velocity_of = _velocity_function(real, lanes, parts, is_short, is_wide)
     fallen = fall_function(real)
 

@@ -42,7 +42,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import law_type, speed_function, viscosity_function
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import load4, quick_kernel, raise_to
+from lava_ros.simulation.backend.compiled import access, quick_kernel, raise_to
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
@@ -146,7 +146,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     gradient_at, bend_at, height_at, *_ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
-    load = load4(real)
+    load, _ = access(real, 4)
     law_arguments = _column_function(real, effects)
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     is_newtonian = speed_function(wp, real, law_type(real), effects) is None

@@ -22,7 +22,7 @@ import warp as wp
 
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import load4, quick_kernel
+from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.layout import (
@@ -57,7 +57,7 @@ def _kernels(
     vec4 = wp.types.vector(4, real)
     vec2d = wp.types.vector(2, wp.float64)
     _, _, cells_around, range_in = cell_functions(real)
-    load = load4(real)
+    load, _ = access(real, 4)
 
     @quick_kernel
     def wait(thread: int, m: arguments_type(real), every: wp.float64):
