@@ -151,7 +151,7 @@ class Solver:
         # grids for solidified lava, and for the arrival
         more = ('solidification' in self.effects) + 1
         self.raster = Raster(
-            self.terrain, output_radius, accuracy.kernel, accuracy.ratio, self.device, more=more
+            self.terrain, output_radius, accuracy.kernel, self.device, more=more
         )
         self._keep_arrival(terrain)
         former = self.after_step

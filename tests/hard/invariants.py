@@ -205,7 +205,7 @@ def pace(moment: Moment) -> float:
     if not len(sample.volume):
         return 3.0 / longest
     lava = scene.lava
-    kernel = smoothing_kernel(accuracy.kernel, simulation.solver.state.real, accuracy.ratio)
+    kernel = smoothing_kernel(accuracy.kernel, simulation.solver.state.real)
     thickness = sample.thickness.astype(np.float64)
     reach = accuracy.courant_number * min(simulation.radius, scene.terrain.resolution)
     advection = float(np.linalg.norm(sample.velocity, axis=1).max()) / reach

@@ -50,8 +50,8 @@ _OWN = wp.constant(wp.float32(-1.0))
 
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, Any]:
-    norm, shape, slope, *_ = smoothing_kernel(kernel_name, real, ratio)
+def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
+    norm, shape, slope, *_ = smoothing_kernel(kernel_name, real)
     _, _, cells_around, range_in = cell_functions(real)
     load, _ = access(real, 4)
     cells_of = cells_function(real)
@@ -267,19 +267,17 @@ class Raster:
         terrain: StaggeredTerrain,
         radius: float,
         kernel: str,
-        ratio: float,
         device: Any,
         *,
         more: int = 0,
     ) -> None:
         """Allocate the grids, and ``more`` additional ones for callers to fill.
 
-        ``radius`` is the radius of the output's kernel [m], l_render in the paper; ``ratio`` the
-        particles' kernel radius over their spacing.
+        ``radius`` is the radius of the output's kernel [m], l_render in the paper.
         """
         self._terrain = terrain
         self._radius = radius
-        self._choice = (kernel, ratio)
+        self._kernel = kernel
         self._device = device
         shape = (2 + more, terrain.ground.rows, terrain.ground.columns)
         self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
@@ -293,7 +291,7 @@ class Raster:
         Between the passes ``thickness`` holds the cells' weights. The first pass marks cells with
         a negative temperature, so no temperature may be negative before.
         """
-        mark, weigh, share_out, gather = _kernels(state.real, *self._choice)
+        mark, weigh, share_out, gather = _kernels(state.real, self._kernel)
         cells = self.thickness.size
         maps = [self.thickness, self.temperature]
         inputs = [way, self._terrain.exact_ground, self._radius]

@@ -85,21 +85,13 @@ def cell_functions(real: Any) -> CellFunctions:
     return CellFunctions(column_of, row_of, cells_around, range_in)
 
 
-class BorderFunctions(NamedTuple):
-    """Device functions for particles that leave the terrain.
-
-    ``is_known(ground, x, y)`` is True on a cell with data. ``side_of(ground, x, y)`` and
-    ``volume_lost(particle)`` are the item of ``State.left`` and its increase.
-    """
-
-    is_known: Any
-    side_of: Any
-    volume_lost: Any
-
-
 @lru_cache
-def border_functions(real: Any) -> BorderFunctions:
-    """Return the device functions for particles that leave the terrain."""
+def border_functions(real: Any) -> tuple[Any, Any, Any]:
+    """Return the device functions for particles that leave the terrain.
+
+    They return whether a place is on a cell with data, and the item of ``State.left`` and its
+    increase for a particle that has left.
+    """
     vec4 = wp.types.vector(4, real)
 
     @wp.func
@@ -122,7 +114,7 @@ def border_functions(real: Any) -> BorderFunctions:
         # a NaN must not count as lava that flowed off: it makes the sum NaN
         return wp.float64(p[2] + real(0.0) * (p[0] + p[1] + p[3]))
 
-    return BorderFunctions(is_known, side_of, volume_lost)
+    return is_known, side_of, volume_lost
 
 
 @lru_cache

@@ -185,7 +185,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
 
 @lru_cache
 def flow_kernels(
-    real: Any, kernel_name: str, ratio: float, gradient: str, effects: Effects, lanes: int = 1,
+    real: Any, kernel_name: str, gradient: str, effects: Effects, lanes: int = 1,
     parts: int = 1, is_short: bool = False, is_wide: bool = False, has_means: bool = True,
 ) -> FlowKernels:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
@@ -202,7 +202,7 @@ def flow_kernels(
     has_heat = has_means and effects.any('stiffens')
     mean_temperature = _mean_function(real)
     mat22 = wp.types.matrix((2, 2), real)
-    kernel = smoothing_kernel(kernel_name, real, ratio)
+    kernel = smoothing_kernel(kernel_name, real)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
     shape_factor, slope_factor = kernel.factors
     sums_around, sums_with_heat = (
@@ -243,15 +243,18 @@ def flow_kernels(
         pull = slope(wp.length(d)) * d
         rise = there[1] * (there[0] - own) * pull
         moment = there[1] * wp.outer(d, pull)
-        push = vec2()
+        push = vec2(sums[6], sums[7])
+        weight = sums[8]
+        warmth = sums[9]
         if wp.static(gradient == 'balanced' or has_heat):
-            push = other[2] * pull
-        held = real(0.0)
+            push += other[2] * pull
         if wp.static(has_heat):
             held = other[2] * shape(wp.length(d))
-        return sums + vec10(
-            rise.x, rise.y, -moment[0, 0], -moment[0, 1], -moment[1, 0], -moment[1, 1],
-            push.x, push.y, held, held * (other[3] - p[3]),
+            weight += held
+            warmth += held * (other[3] - p[3])
+        return vec10(
+            sums[0] + rise.x, sums[1] + rise.y, sums[2] - moment[0, 0], sums[3] - moment[0, 1],
+            sums[4] - moment[1, 0], sums[5] - moment[1, 1], push.x, push.y, weight, warmth,
         )
 
     differences_around = sum_neighbors(real, add_differences, lanes, parts)

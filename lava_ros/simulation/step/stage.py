@@ -57,7 +57,7 @@ class Stage:
         )
         gradient = accuracy.gradient if state.has_surface else 'energy'
         self._flow_kernels = partial(
-            flow_kernels, state.real, accuracy.kernel, accuracy.ratio, gradient, state.effects
+            flow_kernels, state.real, accuracy.kernel, gradient, state.effects
         )
         # the pass that computes the velocity also moves the particles
         self._moves_at_once = 'green' in state.effects and accuracy.formulation != 'as-published'
@@ -157,7 +157,7 @@ class Stage:
 
 def _flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -> Any:
     """Return the constants for a scene, its accuracy and the kernel radius [m]."""
-    kernel = smoothing_kernel(accuracy.kernel, real, accuracy.ratio)
+    kernel = smoothing_kernel(accuracy.kernel, real)
     constants = flow_constants_of(real)()
     constants.radius = radius
     constants.weight = scene.lava.density * scene.gravity

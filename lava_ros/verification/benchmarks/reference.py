@@ -49,7 +49,7 @@ class Reference:
         columns, rows = (math.ceil(side / self._radius) + 2 for side in (x1 - x0, y1 - y0))
         self._grid = wp.HashGrid(columns, rows, 1, device=self._device)
         accuracy = simulation.accuracy
-        self._kernels = _kernels(accuracy.kernel, accuracy.ratio)
+        self._kernels = _kernels(accuracy.kernel)
 
     @property
     def position(self) -> np.ndarray:
@@ -71,8 +71,8 @@ class Reference:
         wp.launch(kernel, self.count, inputs, outputs, device=self._device)
 
 
-def _kernels(name: str, ratio: float) -> tuple[Any, Any, Any]:
-    kernel = smoothing_kernel(name, wp.float32, ratio)
+def _kernels(name: str) -> tuple[Any, Any, Any]:
+    kernel = smoothing_kernel(name, wp.float32)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
     gradient_at = terrain_functions(wp.float32).gradient_at
 

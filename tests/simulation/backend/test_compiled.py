@@ -270,7 +270,7 @@ def test_sums_are_efficient_on_sm80_and_with_shared_particles(compiled, arch, la
 @pytest.mark.nightly
 def test_sums_of_the_balanced_gradient_are_efficient(compiled):
     effects = effect_sets()['everything with green']
-    for code in compiled(flow.flow_kernels(wp.float32, 'wendland', 3.0, 'balanced', effects)):
+    for code in compiled(flow.flow_kernels(wp.float32, 'wendland', 'balanced', effects)):
         check_sum(code)
         check_local(code)
         check_arithmetic(code)

@@ -54,10 +54,10 @@ MAX_SWEEPS = 64
 
 @lru_cache
 def _kernels(
-    real: Any, kernel_name: str, ratio: float, effects: Effects, threads: int
+    real: Any, kernel_name: str, effects: Effects, threads: int
 ) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
-    slope = smoothing_kernel(kernel_name, real, ratio).slope
+    slope = smoothing_kernel(kernel_name, real).slope
     _, _, cells_around, range_in = cell_functions(real)
     load, _ = access(real, 4)
     latent = 'latent_heat' in effects
@@ -148,10 +148,8 @@ class AfterStep:
         lava = scene.lava
         square = (accuracy.ratio * accuracy.spacing) ** 2
         diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
-        self._kernels = partial(
-            _kernels, state.real, accuracy.kernel, accuracy.ratio, state.effects
-        )
-        norm = smoothing_kernel(accuracy.kernel, state.real, accuracy.ratio).norm
+        self._kernels = partial(_kernels, state.real, accuracy.kernel, state.effects)
+        norm = smoothing_kernel(accuracy.kernel, state.real).norm
         # factor of V_j slope / (h_i + h_j) in the exchange rate with j
         self._factor = -4.0 * norm * diffusivity / (square * square)
         longest = accuracy.fixed_step or accuracy.longest_step

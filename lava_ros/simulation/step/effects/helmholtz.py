@@ -130,7 +130,6 @@ def _wide_sums_function(wide_terms: str) -> Any:
 def _kernels(
     real: Any,
     kernel_name: str,
-    ratio: float,
     lanes: int,
     parts: int,
     is_wide: bool,
@@ -139,7 +138,7 @@ def _kernels(
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    kernel = smoothing_kernel(kernel_name, real, ratio)
+    kernel = smoothing_kernel(kernel_name, real)
     factor = -kernel.norm * kernel.factors[1]
     terms = kernel.terms
     cells_around = cell_functions(real).cells_around
@@ -241,7 +240,7 @@ def solve_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
     """
     assert accuracy.spacing is not None and accuracy.thickness is not None
     start, sweep, finish = _kernels(
-        state.real, accuracy.kernel, accuracy.ratio, state.lanes, state.parts, state.is_wide,
+        state.real, accuracy.kernel, state.lanes, state.parts, state.is_wide,
         'steep' in state.effects,
     )
     launch_over(state, start, [way], least=MIN_MOVES)

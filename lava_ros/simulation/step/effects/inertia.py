@@ -137,10 +137,10 @@ def _drag_function(real: Any, effects: Effects) -> Any:
 
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tuple[Any, ...]:
+def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    kernel = smoothing_kernel(kernel_name, real, ratio)
+    kernel = smoothing_kernel(kernel_name, real)
     norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
     power = _EXCESS_POWERS.get(kernel_name, 1.0)
     gradient_at, bend_at, height_at, *_ = terrain_functions(real)
@@ -275,13 +275,13 @@ def synchronize(state: State, way: Any, accuracy: Accuracy) -> None:
 
     It stores the accelerations in ``state.kick`` and raises ``state.rates``.
     """
-    kernel = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)[0]
+    kernel = _kernels(state.real, accuracy.kernel, state.effects)[0]
     # 2 at the limit of stability
     launch_over(state, kernel, [way, accuracy.diffusion_number], least=MIN_MOVES)
 
 
 def accelerate(state: State, way: Any, accuracy: Accuracy) -> None:
     """Advance the velocities to the middle of the chosen step."""
-    _, kick, adopt = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)
+    _, kick, adopt = _kernels(state.real, accuracy.kernel, state.effects)
     launch_over(state, kick, [way])
     launch_over(state, adopt, [way], least=MIN_MOVES)

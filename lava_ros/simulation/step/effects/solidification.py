@@ -58,7 +58,7 @@ _PART = 2.0**-44
 @lru_cache
 def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     vec4 = wp.types.vector(4, real)
-    is_known = border_functions(real).is_known
+    is_known, *_ = border_functions(real)
 
     @wp.func
     def width_of(
