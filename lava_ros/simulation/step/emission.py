@@ -66,11 +66,12 @@ def emission_function(
             if wp.static(real is wp.float32):
                 m.remainder[i] = vec2()
             if wp.static(has_velocity):
-                m.velocity[i] = vec2(real(outlets.shape[v, 7]), real(outlets.shape[v, 8]))
+                velocity = outlets.vents[v].velocity
+                m.velocity[i] = vec2(real(velocity[0]), real(velocity[1]))
             if wp.static(has_age):
                 m.age[i] = real(0.0)
             place = place_of(v, outlets.released[v] + n, outlets)
-            volume, heat = real(outlets.particle_volume), real(outlets.shape[v, 5])
+            volume, heat = real(outlets.particle_volume), real(outlets.vents[v].temperature)
             p = vec4(real(place[0]), real(place[1]), volume, heat)
             m.particle[i] = p
             # its thickness is unknown: assume that its square is one cell

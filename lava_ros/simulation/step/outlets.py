@@ -15,13 +15,29 @@ DISC_GROUP, FISSURE_GROUP = 8, 4
 
 
 @wp.struct
+class Outlet:
+    """A vent: its line from the terrain's centre [m], and what comes out of it.
+
+    ``radius`` and ``length`` are in m, ``temperature`` in K, ``velocity`` in m/s, and ``phase``
+    and ``downhill`` (``Emission``) in half turns.
+    """
+
+    start: wp.vec2d
+    end: wp.vec2d
+    radius: wp.float64
+    length: wp.float64
+    temperature: wp.float64
+    velocity: wp.vec2d
+    phase: wp.float64
+    downhill: wp.float64
+
+
+@wp.struct
 class Outlets:
     """Tables of vents, and the number of particles that they have emitted, on a device.
 
     Attributes:
-        shape: The ends (x, y, x, y) from the terrain's centre [m], radius [m], temperature [K],
-            length [m], velocity (x, y) [m/s], phase and downhill direction [half turns] of each
-            vent, shape [vents, 11].
+        vents: The vents, shape [vents].
         starts: Index of the first breakpoint of each vent in ``times``, ``fluxes`` and
             ``volumes``, and their number, shape [vents + 1].
         times, fluxes, volumes: Time [s], discharge after it [m3/s] and volume emitted before it
@@ -35,7 +51,7 @@ class Outlets:
         released, due: As in ``VentSet``.
     """
 
-    shape: wp.array2d(dtype=wp.float64)
+    vents: wp.array(dtype=Outlet)
     starts: wp.array(dtype=wp.int32)
     times: wp.array(dtype=wp.float64)
     fluxes: wp.array(dtype=wp.float64)
@@ -56,7 +72,7 @@ def group_function(symmetric: bool) -> Any:
     def group_of(v: int, outlets: Outlets) -> int:
         if wp.static(symmetric):
             return wp.where(
-                outlets.shape[v, 6] > wp.float64(0.0),
+                outlets.vents[v].length > wp.float64(0.0),
                 wp.static(FISSURE_GROUP),
                 wp.static(DISC_GROUP),
             )
@@ -113,15 +129,16 @@ def place_function(symmetric: bool) -> Any:
         group = group_of(v, outlets)
         part = n % group
         turns = wp.float64(n // group + 1)
+        vent = outlets.vents[v]
         # overlapping vents start at different points, so that their particles do not coincide
         a = wp.float64(0.7548776662466927) * turns
-        a += wp.float64(0.6180339887498949) * outlets.shape[v, 9]
+        a += wp.float64(0.6180339887498949) * vent.phase
         b = wp.float64(0.5698402909980532) * turns
-        b += wp.float64(0.4142135623730951) * outlets.shape[v, 9]
+        b += wp.float64(0.4142135623730951) * vent.phase
         a = a - wp.floor(a)
         b = b - wp.floor(b)
-        radius = outlets.shape[v, 4]
-        length = outlets.shape[v, 6]
+        radius = vent.radius
+        length = vent.length
         x = wp.float64(0.0)
         y = wp.float64(0.0)
         if length > wp.float64(0.0):
@@ -134,10 +151,9 @@ def place_function(symmetric: bool) -> Any:
                 if part >= 2:
                     across = -across
             across *= radius / length
-            along_x = outlets.shape[v, 2] - outlets.shape[v, 0]
-            along_y = outlets.shape[v, 3] - outlets.shape[v, 1]
-            x = a * along_x - across * along_y
-            y = a * along_y + across * along_x
+            along = vent.end - vent.start
+            x = a * along[0] - across * along[1]
+            y = a * along[1] + across * along[0]
         elif wp.static(symmetric):
             # in half turns; away from the sides of its eighth, so that no point meets its mirror
             # image
@@ -153,10 +169,10 @@ def place_function(symmetric: bool) -> Any:
             if part >= 4:
                 y = -y
         else:
-            angle = wp.float64(2.0) * a + outlets.shape[v, 10]
+            angle = wp.float64(2.0) * a + vent.downhill
             x = radius * wp.sqrt(b) * cos_pi(angle)
             y = radius * wp.sqrt(b) * sin_pi(angle)
-        return wp.vec2d(outlets.shape[v, 0] + x, outlets.shape[v, 1] + y)
+        return vent.start + wp.vec2d(x, y)
 
     return place_of
 

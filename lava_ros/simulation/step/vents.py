@@ -22,6 +22,7 @@ from lava_ros.simulation.step.outlets import (
     DISC_GROUP,
     FISSURE_GROUP,
     foresee_kernel,
+    Outlet,
     Outlets,
     places_kernel,
 )
@@ -156,40 +157,40 @@ class VentSet:
         self._before = self._with_places(before, terrain, spacing)
         conduits = before.volume - before.released * particle_volume
         self._is_filled = conduits > _ROUNDING * particle_volume
-        shape = np.zeros((len(self.vents), 11))
+        table = np.zeros(len(self.vents), dtype=Outlet.numpy_dtype())
         self._centre = centre_of(terrain)
         starts, times, fluxes, volumes = [0], [], [], []
-        for row, vent, emitted in zip(shape, vents, before.volume.tolist(), strict=True):
+        for row, vent, emitted in zip(table, vents, before.volume.tolist(), strict=True):
             end = vent.position if vent.end is None else vent.end
-            row[0:2] = vent.position - self._centre
-            row[2:4] = end - self._centre
-            row[4] = max(vent.radius, spacing)
-            row[5] = vent.temperature
-            row[6] = math.dist(vent.position, end)
-            row[7:9] = vent.velocity
+            row['start'], row['end'] = vent.position - self._centre, end - self._centre
+            row['radius'] = max(vent.radius, spacing)
+            row['length'] = math.dist(vent.position, end)
+            row['temperature'], row['velocity'] = vent.temperature, vent.velocity
             begins = [max(time, since) for time, _ in vent.series]
             times += begins
             fluxes += [flux for _, flux in vent.series]
             volumes += [emitted + volume for volume in vent.volumes_at(begins, since=since)]
             starts.append(len(times))
-        shape[:, 9], shape[:, 10] = self._before.phase, self._before.downhill
-        self._areas = [math.pi * row[4] ** 2 + 2.0 * row[4] * row[6] for row in shape]
+        table['phase'], table['downhill'] = self._before.phase, self._before.downhill
+        radii, lengths = table['radius'], table['length']
+        self._areas = (math.pi * radii**2 + 2.0 * radii * lengths).tolist()
         self.released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
         self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
         self.outlets = Outlets()
         self.outlets.starts = wp.array(starts, dtype=wp.int32, device=device)
-        # one copy, with an extra item: Warp has no empty slice at the end of an array
-        rows = [shape.ravel(), times, fluxes, volumes]
-        table = wp.array([*np.concatenate(rows), 0.0], dtype=wp.float64, device=device)
+        # with an extra item: Warp has no empty slice at the end of an array
+        rows = [times, fluxes, volumes]
+        series = wp.array([*np.concatenate(rows), 0.0], dtype=wp.float64, device=device)
         ends = np.cumsum([0, *map(len, rows)]).tolist()
-        parts = [table[first:end] for first, end in pairwise(ends)]
-        self.outlets.shape = parts[0].reshape(shape.shape)
-        self.outlets.times, self.outlets.fluxes, self.outlets.volumes = parts[1:]
+        self.outlets.times, self.outlets.fluxes, self.outlets.volumes = (
+            series[first:end] for first, end in pairwise(ends)
+        )
+        self.outlets.vents = wp.array(table, dtype=Outlet, device=device)
         self.outlets.particle_volume = particle_volume
         share = _MAX_PARTICLES_PER_STEP // max(len(self.vents), 1)
         self.outlets.most = max(share, _MIN_PARTICLE_LIMIT)
         self.outlets.released, self.outlets.due = self.released, self.due
-        self._restrict(terrain, shape[:, 4], spacing if thickness is None else thickness)
+        self._restrict(terrain, radii, spacing if thickness is None else thickness)
         if self.vents:
             self.released.assign(before.released)
             wp.launch(
