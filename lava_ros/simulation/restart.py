@@ -12,6 +12,7 @@ from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.particles.layout import FAR, fitting
 from lava_ros.simulation.solver import Solver
+from lava_ros.simulation.step.vents import Emission
 
 
 def arrays_of(solver: Solver) -> dict[str, np.ndarray]:
@@ -51,7 +52,8 @@ def restore_arrays(solver: Solver, checkpoint: Checkpoint) -> None:
         state['left'] = np.append(state['left'], 0.0)
     solver.state.load(state, checkpoint.capacity)
     vents = parts.pop('vents', {})
-    solver.load_vents(vents, since=checkpoint.since)
+    emission = Emission.from_arrays(vents, len(checkpoint.scene.vents))
+    solver.open_vents(checkpoint.since, emission)
     # the state has the vents' heights; lava that has solidified since may have raised the ground
     counted: Iterable[int] = solver.vents.giving(checkpoint.time, others_than=())
     if 'counted' in vents:

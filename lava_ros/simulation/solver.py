@@ -7,7 +7,7 @@
 and runs single stages.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 import math
 from typing import Any
@@ -221,10 +221,6 @@ class Solver:
             self.scene.vents, self.scene.terrain, self.accuracy, self.particle_volume,
             self.device, since=since, before=before,
         )
-
-    def load_vents(self, arrays: Mapping[str, np.ndarray], *, since: float) -> None:
-        """Load the emission of the vents from the arrays of a checkpoint."""
-        self.open_vents(since, Emission.from_arrays(arrays, len(self.scene.vents)))
 
     def raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
         """Update the elevation of the highest ground that lava came from, for places and vents.
