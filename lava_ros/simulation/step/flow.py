@@ -34,7 +34,7 @@ all lava for which the balance is valid.
 
 from functools import lru_cache
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import warp as wp
 
@@ -68,26 +68,6 @@ from lava_ros.simulation.particles.terrain import fall_function, terrain_functio
 
 #: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
 _EDGE = 3.0
-
-
-class FlowKernels(NamedTuple):
-    """The kernels of ``compute_flow`` for one set of effects, ``elevate`` for differences only."""
-
-    elevate: Any
-    flow: Any
-
-
-@lru_cache
-def _mean_function(real: Any) -> Any:
-    """Return the device function of the temperature that a particle's speed follows."""
-    vec2 = wp.types.vector(2, real)
-
-    @wp.func
-    def mean_temperature(own: real, warmer: real, rise: vec2, height: real, radius: real) -> real:
-        beside = wp.length(rise) * radius / (real(_EDGE) * height)
-        return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
-
-    return mean_temperature
 
 
 @lru_cache
@@ -187,9 +167,10 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
 def flow_kernels(
     real: Any, kernel_name: str, gradient: str, effects: Effects, lanes: int = 1,
     parts: int = 1, is_short: bool = False, is_wide: bool = False, has_means: bool = True,
-) -> FlowKernels:
+) -> tuple[Any, Any]:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
 
+    The first one, for differences only, is ``elevate``; otherwise it is None.
     ``parts`` is the number of parts in which a particle's neighbours are summed, ``lanes`` the
     number of threads per particle: as many, or one. ``is_short``: latency dominates the launch.
     ``is_wide``: a CPU processes several neighbours at a time (simd.py).
@@ -200,7 +181,6 @@ def flow_kernels(
     vec4 = wp.types.vector(4, real)
     vec10 = wp.types.vector(10, real)
     has_heat = has_means and effects.any('stiffens')
-    mean_temperature = _mean_function(real)
     mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
@@ -258,6 +238,11 @@ def flow_kernels(
         )
 
     differences_around = sum_neighbors(real, add_differences, lanes, parts)
+
+    @wp.func
+    def mean_temperature(own: real, warmer: real, rise: vec2, height: real, radius: real) -> real:
+        beside = wp.length(rise) * radius / (real(_EDGE) * height)
+        return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
 
     @quick_kernel(bounds=FEW_THREADS if is_short else None)
     def thickness_and_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
@@ -360,19 +345,8 @@ def flow_kernels(
         balance(i, p, mean, height, rise, ground, m, fills_flow)
 
     if gradient == 'energy':
-        return FlowKernels(None, thickness_and_velocity)
-    return FlowKernels(elevate, velocity_of_differences)
-
-
-def compute_flow(state: State, way: Any, kernels: FlowKernels, *, fills_flow: bool = True) -> None:
-    """Compute thickness and local velocity of the ordered particles, and raise the rates.
-
-    The result is stored in ``state.flow``, if ``fills_flow``, and in ``state.source`` and
-    ``state.area`` as input to the lateral stress.
-    """
-    if state.has_surface:
-        launch_over(state, kernels.elevate, [way], lanes=state.lanes)
-    launch_over(state, kernels.flow, [way, fills_flow], lanes=state.lanes)
+        return None, thickness_and_velocity
+    return elevate, velocity_of_differences
 
 
 @lru_cache

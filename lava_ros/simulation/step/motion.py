@@ -223,11 +223,14 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
     return move
 
 
-def move_particles(state: State, way: Any, choice: StageChoice) -> None:
-    """Move the ordered particles over the stage by the velocity in ``state.flow``."""
+def move_particles(state: State, way: Any, choice: StageChoice, motion: Any) -> None:
+    """Move the ordered particles over the stage by the velocity in ``state.flow``.
+
+    ``motion`` is that of ``motion_of``.
+    """
     launch_over(
         state,
-        _kernel(state.real, motion_of(state), choice.function, choice.bounds),
+        _kernel(state.real, motion, choice.function, choice.bounds),
         [state.flow, choice.pace, choice.outlets, way],
         least=MIN_MOVES,
         ahead=choice.threads,

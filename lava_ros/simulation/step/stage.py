@@ -11,6 +11,7 @@ from typing import Any
 from lava_ros.effects.laws import heat_of, law_of
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.layout import flow_constants_of, THICKEST
 from lava_ros.simulation.particles.neighbors import NeighborGrid
@@ -18,7 +19,7 @@ from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step import motion, timestep
 from lava_ros.simulation.step.effects import device_part
 from lava_ros.simulation.step.emission import emission_function, emit
-from lava_ros.simulation.step.flow import compute_flow, flow_kernels, publish_velocity
+from lava_ros.simulation.step.flow import flow_kernels, publish_velocity
 from lava_ros.simulation.step.fused_stage import (
     choice_within_motion,
     choose_before_motion,
@@ -114,13 +115,19 @@ class Stage:
         return self._pace[2]
 
     def compute_flow(self, *, fills_flow: bool = True) -> None:
-        """Compute thickness and local velocity of the ordered particles."""
-        state = self._state
-        kernels = self._flow_kernels(
+        """Compute thickness and local velocity of the ordered particles, and raise the rates.
+
+        The result is stored in ``state.flow``, if ``fills_flow``, and as input to the lateral
+        stress in ``state.source`` and ``state.area``.
+        """
+        state, way = self._state, self._arguments()
+        elevate, flow = self._flow_kernels(
             state.lanes, state.parts, state.is_short, state.is_wide,
             self._accuracy.formulation != 'as-published',
         )
-        compute_flow(state, self._arguments(), kernels, fills_flow=fills_flow)
+        if state.has_surface:
+            launch_over(state, elevate, [way], lanes=state.lanes)
+        launch_over(state, flow, [way, fills_flow], lanes=state.lanes)
 
     def finish_flow(self) -> None:
         """Turn the result of ``compute_flow`` into the velocity of the particles."""
@@ -139,15 +146,12 @@ class Stage:
 
     def _move(self, way: Any, choice: StageChoice) -> None:
         """Move the particles, after lateral stress where that is one sum; end the step."""
-        state, neighbors = self._state, self._neighbors
-        if self._moves_at_once:
-            green = device_part('green')
-            green.move_particles(state, way, choice, motion.motion_of(state))
-        else:
-            if 'inertia' in self._effects:
-                device_part('inertia').accelerate(state, way, self._accuracy)
-            motion.move_particles(state, way, choice)
-        neighbors.is_binned = state.bins_in_motion
+        state = self._state
+        if 'inertia' in self._effects:
+            device_part('inertia').accelerate(state, way, self._accuracy)
+        module = device_part('green') if self._moves_at_once else motion
+        module.move_particles(state, way, choice, motion.motion_of(state))
+        self._neighbors.is_binned = state.bins_in_motion
         for effect in self._after_step.values():
             effect.apply(state, way)
 

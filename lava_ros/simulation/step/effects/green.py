@@ -245,7 +245,7 @@ def move_particles(state: State, way: Any, choice: StageChoice, motion: Any) -> 
     """Move the ordered particles over the stage by the Green's function's velocity.
 
     ``source`` and ``area`` of the state must be filled; ``choice`` runs at the same time.
-    ``motion`` is a ``motion_function``.
+    ``motion`` is that of ``motion_of`` (motion.py).
     """
     kernel = _motion_kernel(
         state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion,
