@@ -4,8 +4,8 @@
 """Cells by which particles are sorted, the cells around a particle, and sums over their particles.
 
 Cells are numbered row by row, so the particles in adjacent columns of a row are one contiguous
-range. Thickness and its gradient have two summation functions with the same arguments: a GPU
-thread adds one neighbour after the other, a CPU core eight at a time (simd.py).
+range. Sums over neighbours have two functions with the same arguments: a GPU thread adds one
+neighbour after the other (``sum_neighbors``), a CPU core eight at a time (simd.py).
 """
 
 from functools import lru_cache
@@ -192,7 +192,7 @@ _SUM_OF_PARTS = """
 
 
 def sum_neighbors(
-    real: Any, add: Any, lanes: int, parts: int, *, at_once: int = 1, looks_ahead: bool = False
+    real: Any, add: Any, lanes: int, parts: int, is_short: bool | None = None
 ) -> Any:
     """Return the device function that sums over all neighbours that a thread has.
 
@@ -202,24 +202,24 @@ def sum_neighbors(
     Args:
         real: Warp scalar type.
         add: Device function that adds a neighbour. It takes the sums so far, the index of the
-            neighbour, with ``at_once`` above 1 whether it counts, and further arguments.
+            neighbour, unless ``is_short`` is None whether it counts, and further arguments.
         lanes: Number of threads of a particle.
         parts: Number of parts; part k has every ``parts``-th row of cells. It is 4 or ``lanes``.
-        at_once: Number of neighbours in a row that are summed at once.
-        looks_ahead: True to look up a row of cells during the sum over the previous one.
+        is_short: True if latency dominates the launch, which looks up a row of cells during the
+            sum over the previous one; None to sum one neighbour at a time.
     """
     types = dict(add.func.__annotations__)
     sums_type = types.pop('return')
-    rest = list(types)[2 + (at_once > 1) :]
+    rest = list(types)[2 if is_short is None else 3 :]
     place = rest.index('p')
     grid = {'cells': cell_frame(real), 'box': wp.vec4i}
     names = [*rest[:place], *grid, *rest[place:]]
     types = {'part': int} | {name: grid.get(name, types.get(name)) for name in names}
-    body = _SUM if at_once == 1 else _SUM_AT_ONCE
+    body = _SUM if is_short is None else _SUM_AT_ONCE
     known = {
-        'add': add, 'parts': parts, 'at_once': at_once, 'looks_ahead': looks_ahead, 'wp': wp,
-        'range_in': cell_functions(real).range_in, 'sums_type': sums_type,
-        'unseen_one': unseen_one,
+        'add': add, 'parts': parts, 'looks_ahead': is_short, 'sums_type': sums_type, 'wp': wp,
+        'at_once': NEIGHBORS_AT_ONCE[bool(is_short)], 'unseen_one': unseen_one,
+        'range_in': cell_functions(real).range_in,
     }
     zero = 'sums_type(0.0)' if sums_type is real else 'sums_type()'
     body = body.replace('REST', ', '.join(rest)).replace('ZERO', zero)
@@ -265,10 +265,7 @@ def sums_function(
         else:
             return vec3(sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy)
 
-    return sum_neighbors(
-        real, added, lanes or parts, parts, at_once=NEIGHBORS_AT_ONCE[is_short],
-        looks_ahead=is_short,
-    )
+    return sum_neighbors(real, added, lanes or parts, parts, is_short)
 
 
 @lru_cache

@@ -36,7 +36,7 @@ from lava_ros.simulation.backend.compiled import (
 )
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, MIN_SUMS
-from lava_ros.simulation.particles.cells import cell_functions, NEIGHBORS_AT_ONCE, sum_neighbors
+from lava_ros.simulation.particles.cells import cell_functions, sum_neighbors
 from lava_ros.simulation.particles.kernels import (
     bessel,
     k0_within,
@@ -87,10 +87,7 @@ def _sums_function(real: Any, parts: int, is_short: bool, lanes: int | None = No
             weight = real(0.0)
         return sums + weight * vec3(size, other[2], other[3])
 
-    return sum_neighbors(
-        real, added, lanes or parts, parts, at_once=NEIGHBORS_AT_ONCE[is_short],
-        looks_ahead=is_short,
-    )
+    return sum_neighbors(real, added, lanes or parts, parts, is_short)
 
 
 @lru_cache
