@@ -69,7 +69,6 @@ class Solver:
         stage: The kernels of one stage of a step.
         after_step: Passes of effects at the end of a step, by effect.
         vents: The vents on the device.
-        counted: The vents, and the indices of those that ``raise_top`` has counted.
         volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
         most_particles: Largest number of particles at any readback so far.
     """
@@ -124,7 +123,6 @@ class Solver:
             places = self.state.read_particles()[:, :2]
         check_rates(self.scene.vents, self.particle_volume)
         self.open_vents(0.0, Emission.of_new_vents(len(self.scene.vents)))
-        self.counted: tuple[VentSet, set[int]] = self.vents, set()
         self.raise_top(places, until=0.0)
 
     def switch_effects(self, effects: Effects) -> None:
@@ -228,13 +226,10 @@ class Solver:
         ``places`` are relative to the centre [m], shape [count, 2]. Each vent counts once, and
         only if it has emitted lava or will by the time ``until`` [s], by default now.
         """
-        if self.counted[0] is not self.vents:
-            self.counted = self.vents, set()
-        until = self.time if until is None else until
-        new = self.vents.giving(until, others_than=self.counted[1])
+        new = self.vents.giving(self.time if until is None else until)
         if not len(places) and not new:
             return
-        self.counted[1].update(new)
+        self.vents.counted |= new
         every = [places]
         centre, resolution = centre_of(self.scene.terrain), self.scene.terrain.resolution
         for vent in (self.scene.vents[number] for number in new):

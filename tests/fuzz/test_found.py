@@ -196,7 +196,7 @@ def test_head_does_not_count_a_vent_that_opens_later() -> None:
     # a vent that opens within the next step counts
     simulation.advance(101.0)
     watch.check()
-    assert simulation.solver.counted[1] == {0, 1}
+    assert simulation.solver.vents.counted == {0, 1}
 
 
 def test_cost_of_lava_that_leaves_within_a_frame() -> None:

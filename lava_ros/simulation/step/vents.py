@@ -3,7 +3,7 @@
 
 """Vents, which emit particles of constant volume by the integral of their discharge."""
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from itertools import count, pairwise
 import math
@@ -120,6 +120,7 @@ class VentSet:
             float64, shape [vents, 2].
         released: Number of emitted particles of each vent, shape [vents], at least one.
         outlets: Tables of the vents for kernels.
+        counted: Indices of the vents whose ground ``Solver.raise_top`` has counted.
         is_symmetric: True if particles are emitted in groups with the vent's symmetries.
     """
 
@@ -149,6 +150,7 @@ class VentSet:
         assert spacing is not None
         self.vents = vents
         self.since = since
+        self.counted: set[int] = set()
         # read at each advance, so computed once
         self._opening = [vent.next_opening(since) for vent in self.vents]
         self._particle_volume = particle_volume
@@ -256,9 +258,11 @@ class VentSet:
         return replace(self._before, volume=self._before.volume + given, released=released)
 
     def save(self) -> dict[str, np.ndarray]:
-        """Copy the arrays of ``Emission`` for a checkpoint at ``since``."""
+        """Copy the arrays of ``Emission``, and ``counted``, for a checkpoint at ``since``."""
+        counted = np.zeros(len(self.vents), dtype=np.int32)
+        counted[list(self.counted)] = 1
         released = read(self.released)[: len(self.vents)]
-        return asdict(self._before) | {'released': released}
+        return asdict(self._before) | {'released': released, 'counted': counted}
 
     def parting(self, number: int, waiting: float) -> list[tuple[float, float, float, float]]:
         """Return the particles that empty the conduit of a vent.
@@ -285,16 +289,16 @@ class VentSet:
             places = self.places(number, int(read(self.released)[number]), count)
         return [(x, y, waiting / count, vent.temperature) for x, y in places.tolist()]
 
-    def giving(self, until: float, *, others_than: Container[int]) -> list[int]:
+    def giving(self, until: float) -> set[int]:
         """Return the indices of vents with lava in their conduits, or that emit by ``until`` [s].
 
-        Vents with indices in ``others_than`` are excluded.
+        Vents that are ``counted`` are excluded.
         """
-        return [
+        return {
             number
             for number, time in enumerate(self._opening)
-            if number not in others_than and (self._is_filled[number] or time < until)
-        ]
+            if number not in self.counted and (self._is_filled[number] or time < until)
+        }
 
     def emitted(self, time: float) -> float:
         """Return the volume [m3] that the vents have emitted from ``since`` to ``time``."""
