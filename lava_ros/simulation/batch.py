@@ -27,6 +27,7 @@ from lava_ros.simulation.backend.memory import Readback
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.state import FULLEST, State
 
+#: Default maximum number of active simulations.
 AT_ONCE = 256
 
 #: Stages between two readbacks of the clocks, by whether the device is a GPU.

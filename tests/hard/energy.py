@@ -44,6 +44,7 @@ from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.particles.kernels import SQUARED_SUPPORT
 from lava_ros.simulation.particles.layout import STEPS
 
+#: Tolerance of temperatures in float32 digits.
 DIGITS = 16
 
 #: Maximum slope of a sum over neighbours, times its radius over the thickness.

@@ -16,6 +16,7 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.particles.layout import STAGE, STEPS
 
+#: Result of a check: the invariant, its value, its maximum, and a comment.
 Bound = tuple[str, float, float, str]
 
 #: Maximum number of steps of a frame that are evaluated: each takes a few milliseconds.

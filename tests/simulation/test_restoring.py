@@ -19,6 +19,7 @@ from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.particles import neighbors
 from lava_ros.simulation.particles.layout import FAR
 
+#: Times of the checkpoint and of the end [s].
 STOP, END = 200.0, 400.0
 
 LAVA = Lava(viscosity=2e3, density=2600.0)

@@ -21,6 +21,7 @@ from lava_ros.simulation.particles.layout import (
 from lava_ros.simulation.particles.neighbors import _kernels
 from lava_ros.simulation.particles.terrain import StaggeredTerrain, terrain_functions
 
+#: Number of cells, of particles in them, and of particles that have left.
 CELLS, COUNT, LEFT = 12, 40, 5
 
 

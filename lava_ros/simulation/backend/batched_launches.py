@@ -19,6 +19,7 @@ import warp as wp
 
 from lava_ros.simulation.backend.graph import capture_lock, Launch, overlap
 
+#: Default number of threads per block: for launches of many threads, and of a single one.
 BLOCK, _WARP = 192, 32
 
 #: Repetitions of all launches in one graph. Capturing takes as long as launching many times, and

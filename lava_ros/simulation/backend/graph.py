@@ -32,7 +32,7 @@ MOST = 256
 #: during a capture, even by another thread.
 capture_lock = threading.Lock()
 
-#: Minimum compute capability of a GPU that supports it.
+#: Minimum compute capability of a GPU that supports programmatic launches.
 _MIN_ARCH = 90
 
 #: Constants of the driver: success, a kernel among the nodes of a graph, and the port and type of

@@ -25,6 +25,7 @@ from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.layout import TIME
 from lava_ros.simulation.particles.state import State
 
+#: Threads of the block that follows the fronts of an observation.
 _THREADS = 1024
 
 # Indices into _Looks.count. The last four describe the rectangle of wet cells: rows from its first

@@ -36,6 +36,7 @@ from lava_ros.simulation.particles.layout import arguments_type, ground_type, PA
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
+#: Fraction of a cell at or above which it holds lava.
 COVER_THRESHOLD = 0.5
 
 #: Smoothed weight of the covered cells at a particle, relative to its own thickness, below which

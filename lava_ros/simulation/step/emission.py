@@ -27,6 +27,7 @@ from lava_ros.simulation.step.outlets import (
     place_function,
 )
 
+#: Relative error of the time at which a particle is due.
 _ROUNDING = 1e-9
 
 

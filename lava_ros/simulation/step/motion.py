@@ -27,6 +27,7 @@ from lava_ros.simulation.step.heat import temperature_function
 from lava_ros.simulation.step.outlets import Outlets
 from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
 
+#: Maximum displacement in a step over the one it was chosen for: speeds may rise within a step.
 _MAX_DISPLACEMENT_GROWTH = 2.0
 
 #: Halvings of a displacement that would lift lava too high, before it is set to 0.

@@ -26,7 +26,7 @@ from lava_ros.simulation.step.heat import freezing_step
 #: Limits of a step, indexed by ``State.counts[LIMIT]``.
 LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
 
-#: Threads of the block.
+#: Threads of the first block of a motion, which may choose its stage (fused_stage.py).
 DIRECTORS = FEW_THREADS[0]
 
 #: Maximum number of stages of a step: more would lose digits, not save steps.
@@ -99,8 +99,7 @@ class StageChoice(NamedTuple):
     Attributes:
         pace: Arguments of the choice of a stage (timestep.py).
         outlets: The tables of the vents.
-        function: Device function for the first block of the motion's threads; None if other
-            launches choose and emit.
+        function: Device function for that block; None if other launches choose and emit.
         bounds: The ``bounds`` of ``quick_kernel``; None without the function.
     """
 

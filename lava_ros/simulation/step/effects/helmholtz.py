@@ -49,6 +49,7 @@ from lava_ros.simulation.particles.layout import (
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
 
+#: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
 
 #: Threads per block, and blocks for which a GPU processor must have registers: a sweep waits for
