@@ -69,9 +69,7 @@ def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
     return is_worth_it and 'inertia' not in state.effects
 
 
-def choice_within_motion(
-    state: State, pace: Any, outlets: Any, emission: Any
-) -> StageChoice:
+def choice_within_motion(state: State, pace: Any, outlets: Any, emission: Any) -> StageChoice:
     """Let a motion choose its stage, and emit by an ``emission_function`` unless it is None."""
     choose = choice_function(
         state.real, state.is_staged, state.has_velocity, 'solidification' in state.effects

@@ -52,8 +52,7 @@ from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
 
 #: The squared distance within which K0 is constant, over the area of a particle's own disc: the
 #: value there is the mean of ln r over the disc. As K0 is convex in ln r, its mean is no less, and
-#: a
-#: neighbour, however near, counts no more than the particle itself: two push each other apart.
+#: a neighbour, however near, counts no more than the particle itself: two push each other apart.
 _NEAR = math.exp(-1.0) / math.pi
 
 #: Minimum number of particles per part on the CPU: K0 takes as long as three other kernels.
