@@ -111,6 +111,14 @@ class Effects:
         """Return the modules of the effects that are on and define a function, by name."""
         return {name: file for name in self if hasattr(file := load(name), part)}
 
+    def function(self, part: str, *arguments: Any, **options: Any) -> Any:
+        """Return what a function of an effect that is on returns, None without such an effect.
+
+        Of several effects the last one counts, which is the most general.
+        """
+        modules = [*self.having(part).values()]
+        return getattr(modules[-1], part)(*arguments, **options) if modules else None
+
 
 def load(name: str) -> Any:
     """Return the module of an effect."""
@@ -120,6 +128,14 @@ def load(name: str) -> Any:
 def excluded_by(one: str, other: str) -> bool:
     """Return True if two effects cannot be on at once."""
     return other in EFFECTS[one].excludes or one in EFFECTS[other].excludes
+
+
+def compatible(names: Iterable[str]) -> Effects:
+    """Return ``Effects`` with the named ones on, of those that exclude each other the first."""
+    on = dict.fromkeys(EFFECTS, False)
+    for name in names:
+        on[name] = not any(on[other] and excluded_by(name, other) for other in on)
+    return Effects(**on)
 
 
 def possible(lava: Lava) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.effects.effect import Array, Effect
+from lava_ros.effects.effect import Effect
 from lava_ros.effects.scales import footprint_change, Scales
 
 
@@ -37,8 +37,7 @@ EFFECT = Effect(
     source='energy of the fall',
     # g / c [K/m]
     heat={'fall': lambda scene: scene.gravity / scene.lava.specific_heat},
-    # gradient of the surface at each ordered particle
-    arrays={'slope': Array('vec2')},
+    needs_drop=True,
 )
 
 

@@ -14,34 +14,12 @@ evaluated at the age ((sqrt(t0) + sqrt(t1)) / 2)^2, the midpoint in sqrt(t), whi
 """
 
 from functools import lru_cache
-import math
 from typing import Any
 
 import warp as wp
 
 from lava_ros.effects import drop_superseded, Effects
-from lava_ros.effects.laws import heat_loss, heat_type
-from lava_ros.scene import Scene
-
-#: Minimum number of steps in which lava solidifies: a column solidifies at the end of a step, on
-#: average half a step late, and advances too far by as much.
-_FREEZING_STEPS = 16
-
-#: Minimum excess over the solidus [K]: cooler lava solidifies at its vent.
-_MIN_ABOVE_SOLIDUS = 10.0
-
-
-def freezing_step(scene: Scene, thickness: float) -> float:
-    """Return the longest step that resolves how lava of a thickness [m] solidifies [s]."""
-    lava = scene.lava
-    soonest, loss_at = math.inf, heat_loss(scene)
-    for vent in scene.vents:
-        loss = loss_at(vent.temperature)
-        if loss > 0.0 and vent.temperature > lava.solidus:
-            above = max(vent.temperature - lava.solidus, _MIN_ABOVE_SOLIDUS)
-            capacity = lava.density * lava.specific_heat * thickness
-            soonest = min(soonest, capacity * above / loss)
-    return soonest / _FREEZING_STEPS
+from lava_ros.effects.laws import heat_type
 
 
 @lru_cache
@@ -74,9 +52,7 @@ def temperature_function(real: Any, effects: Effects) -> Any:
     ) -> real:
         return relaxation(temperature, rate, source, step)
 
-    relaxed = plain
-    for module in effects.having('relaxed').values():
-        relaxed = module.relaxed(wp, real, constants_type, relaxation)
+    relaxed = effects.function('relaxed', wp, real, constants_type, relaxation) or plain
 
     @wp.func
     def mean_age(age: real, span: real) -> real:
