@@ -57,7 +57,7 @@ EFFECT = Effect(
     check=_check,
     # L / c [K]
     heat={'latent': lambda scene: scene.lava.latent_heat / scene.lava.specific_heat},
-    benchmark={'latent_heat': 3e5},
+    benchmark={'latent_heat': 3e5, 'solidus': 1100.0},
 )
 
 

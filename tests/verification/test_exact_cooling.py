@@ -25,7 +25,7 @@ def sheet(lava, slope=SLOPE, length=100.0):
     )
 
 
-@pytest.mark.parametrize('lava', [cooling.STIFFENING, cooling.STRONG])
+@pytest.mark.parametrize('lava', [cooling.STIFFENING, replace(cooling.STIFFENING, **cooling.STRONG)])
 @pytest.mark.parametrize('degrees', [6.0, 20.0])
 def test_cooling_sheet_carries_its_flux_and_loses_its_heat(lava, degrees):
     slope = math.radians(degrees)
