@@ -30,6 +30,7 @@ EFFECT = Effect(
     admits='1 % of the temperature or 3 % of the speed',
     cost=footprint_change(0.03),
     source='column at rest',
+    no_case='no closed solution; its test integrates the balance',
     exists=lambda lava: lava.radiates and lava.crust_cover > 0.0,
     excludes={'crust': 'they are one effect'},
     replaces=('cooling',),

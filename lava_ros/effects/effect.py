@@ -144,6 +144,7 @@ class Effect:
         cost: That error as the largest fraction of the inundated area that changes: cells that
             lava covers either with or without the effect. It is proportional to the number.
         source: Source of threshold and cost.
+        no_case: Why no case of ``lava verify`` has it; empty if one does.
         exists: Function that returns True if a lava has the effect. An effect with an
             ``environment`` also needs one of its values to differ from 0.
         is_default: True if ``Effects()`` contains it.
@@ -180,6 +181,7 @@ class Effect:
     admits: str = ''
     cost: float = 0.0
     source: str = ''
+    no_case: str = ''
     exists: Callable[[Lava], bool] = lambda lava: True
     is_default: bool = False
     constants: Mapping[str, Any] = field(default_factory=dict)

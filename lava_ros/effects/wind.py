@@ -43,6 +43,7 @@ EFFECT = Effect(
     admits='1 % of the temperature or 3 % of the speed',
     cost=footprint_change(0.03),
     source='column at rest',
+    no_case='it adds to the convection of cooling',
     exists=lambda lava: lava.radiates,
     environment={
         'wind_speed': number(0.0, 'Speed of the wind over the lava; 0: still', 0.0, 100.0, 'm/s'),
