@@ -31,7 +31,7 @@ def output_of(code, names, root=ROOT):
     path = os.pathsep.join(map(str, filter(None, [root, ROOT / 'tests', os.getenv('PYTHONPATH')])))
     run = subprocess.run(
         [sys.executable, '-c', code, *names], capture_output=True, text=True, cwd=root,
-        env=os.environ | {'PYTHONPATH': path}, timeout=120,
+        env=os.environ | {'PYTHONPATH': path}, timeout=600,
     )
     assert run.returncode == 0, run.stderr
     return run.stdout.split()
