@@ -3,7 +3,6 @@
 
 """Inertia (equations: simulation/step/effects/inertia.py)."""
 
-
 import numpy as np
 
 from lava_ros.effects.effect import Array, Effect

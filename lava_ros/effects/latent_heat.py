@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Latent heat, released by crystals that form between liquidus and solidus.
 
 Crystallisation is linear in temperature, so the heat content over rho c h is

@@ -170,6 +170,15 @@ def heat_type(real: Any) -> Any:
     return structure('HeatConstants', tuple(dict.fromkeys((*_HEAT, *_MORE_HEAT))), real)
 
 
+@lru_cache
+def column_type(real: Any) -> Any:
+    """Return the struct of what a term of the heat balance depends on.
+
+    Thickness [m], temperature [K], age [s], height that the column falls [m/s], speed [m/s].
+    """
+    return structure('Column', ('thickness', 'temperature', 'age', 'drop', 'speed'), real)
+
+
 def heat_of(scene: Scene, effects: Effects, real: Any) -> Any:
     """Return the struct of the constants of the heat balance for the device."""
     return _filled(heat_type(real)(), heat_values(scene, tuple(effects)))
@@ -211,10 +220,17 @@ def _heat_terms(
 ) -> Callable[[float, float, float, float], list[tuple[float, float]]]:
     """Return the terms of each effect by thickness [m], temperature [K], age [s], speed [m/s]."""
     values = SimpleNamespace(**heat_values(scene, tuple(effects)))
-    every = [one.terms(HOST, float, object) for one in effects.having('terms').values()]
-    return lambda thickness, temperature, age, speed: [
-        one(values, thickness, temperature, age, 0.0, speed) for one in every
-    ]
+    every = [one.terms(HOST, float, object, object) for one in effects.having('terms').values()]
+
+    def terms(
+        thickness: float, temperature: float, age: float, speed: float
+    ) -> list[tuple[float, float]]:
+        column = SimpleNamespace(
+            thickness=thickness, temperature=temperature, age=age, drop=0.0, speed=speed
+        )
+        return [one(values, column) for one in every]
+
+    return terms
 
 
 def _filled(target: Any, values: dict[str, float]) -> Any:

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Viscous heating: the work of gravity turns into heat.
 
 Without acceleration, shear dissipates the work of gravity: rho g h |grad S| |u| per area, equal to
@@ -42,19 +41,12 @@ EFFECT = Effect(
 
 
 @lru_cache
-def terms(wp: Any, real: Any, constants_type: Any) -> Any:
+def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     """Return the device function for s = 0 and the warming [K/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def heating(
-        constants: constants_type,
-        thickness: real,
-        temperature: real,
-        age: real,
-        drop: real,
-        speed: real,
-    ) -> vec2:
-        return vec2(real(0.0), real(constants.fall) * drop)
+    def heating(constants: constants_type, column: column_type) -> vec2:
+        return vec2(real(0.0), real(constants.fall) * column.drop)
 
     return heating

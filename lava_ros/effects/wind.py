@@ -11,7 +11,6 @@ Volcanology 63, 20-44). That is 1.75 W/(m2 K) at 1 m/s. It is added to the conve
 FLOWGO's 8.73 W/(m2 K) for 5 m/s, set it to 0.
 """
 
-
 import numpy as np
 
 from lava_ros.effects.effect import Effect, number

@@ -19,7 +19,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import drop_superseded, Effects
-from lava_ros.effects.laws import heat_type
+from lava_ros.effects.laws import column_type, heat_type
 
 
 @lru_cache
@@ -29,11 +29,14 @@ def temperature_function(real: Any, effects: Effects) -> Any:
     Its arguments: the constants, thickness [m], temperature [K], age at the start of the step [s],
     drop of the surface under the column along its way [m], its speed [m/s], and the step [s].
     """
-    constants_type, modules = heat_type(real), effects.having('terms')
+    constants_type, column_struct = heat_type(real), column_type(real)
+    modules = effects.having('terms')
     names = drop_superseded(modules)
     if not names:
         return None
-    balance, *others = (modules[name].terms(wp, real, constants_type) for name in names)
+    balance, *others = (
+        modules[name].terms(wp, real, constants_type, column_struct) for name in names
+    )
     for other in others:
         balance = _sum(real, balance, other)
 
@@ -67,11 +70,17 @@ def temperature_function(real: Any, effects: Effects) -> Any:
     ) -> real:
         if step <= real(0.0):
             return temperature
-        rate = drop / step
         half = real(0.5) * step
-        start = balance(constants, thickness, temperature, mean_age(age, half), rate, speed)
-        middle = relaxed(constants, temperature, start[0], start[1], half)
-        half_way = balance(constants, thickness, middle, mean_age(age, step), rate, speed)
+        column = column_struct()
+        column.thickness = thickness
+        column.temperature = temperature
+        column.age = mean_age(age, half)
+        column.drop = drop / step
+        column.speed = speed
+        start = balance(constants, column)
+        column.temperature = relaxed(constants, temperature, start[0], start[1], half)
+        column.age = mean_age(age, step)
+        half_way = balance(constants, column)
         return relaxed(constants, temperature, half_way[0], half_way[1], step)
 
     return temperature_after
@@ -81,12 +90,7 @@ def _sum(real: Any, first: Any, second: Any) -> Any:
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def both(
-        constants: heat_type(real), thickness: real, temperature: real, age: real, drop: real,
-        speed: real,
-    ) -> vec2:
-        return first(constants, thickness, temperature, age, drop, speed) + second(
-            constants, thickness, temperature, age, drop, speed
-        )
+    def both(constants: heat_type(real), column: column_type(real)) -> vec2:
+        return first(constants, column) + second(constants, column)
 
     return both
