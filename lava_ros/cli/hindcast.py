@@ -59,7 +59,7 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
     from lava_ros.hindcast.run import Run, Settings, UNFINISHED
-    from lava_ros.hindcast.score import judge
+    from lava_ros.hindcast.score import judge, judge_outlines
     from lava_ros.maps.plot import duration
 
     # checked before the first run, although only the replicates need it
@@ -86,7 +86,7 @@ def hindcast(args: argparse.Namespace) -> int:
             progress.show(duration(done * case.duration), done)
     result = run.result()
     judged = judge(case, result.snapshot.thickness, result.snapshot.inundated)
-    several = None
+    several, results = None, [result]
     if runs > 1:
         with Progress() as progress:
             results = run_replicates(
@@ -97,19 +97,22 @@ def hindcast(args: argparse.Namespace) -> int:
                 progress=lambda done: progress.show(f'{runs} runs', done),
             )
         several = agreement(case, [item.snapshot for item in results])
+    dated = judge_outlines(case, [item.snapshot for item in results])
     expected = estimate_error(case, settings, result, several)
     picture, page = output / PICTURE, output / PAGE
     files = write_maps(case, settings, result, output, several)
     draw_comparison(case, result.snapshot, judged, picture)
-    write_page(case, settings, result, judged, picture, page, expected, several)
+    write_page(case, settings, result, judged, picture, page, expected, several, dated)
     files = [*files, picture, page, *_write_bag(case, settings, run, result, output / BAG)]
     shutil.rmtree(unfinished, ignore_errors=True)
     data = _as_dict(case, settings, result, judged, expected)
     if several is not None:
         data['runs'] = several.as_dict()
+    if dated:
+        data['outlines'] = [asdict(item) for item in dated]
     write_json(data, output / RESULT, args.json)
     print(case.title)
-    rows = [*facts(judged, expected, several).items()]
+    rows = [*facts(judged, expected, several, dated).items()]
     rows += [(f'volume {term}', value) for term, value in result.snapshot.budget.rows()]
     for term, value in [*rows, ('wall time', f'{result.wall_time:.1f} s on {result.device}')]:
         print(f'  {term:26} {value}')

@@ -3,7 +3,7 @@
 
 """Results of a hindcast: GeoTIFF maps, a picture of the comparison, and a page."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 import math
 from pathlib import Path
@@ -17,7 +17,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import ExpectedError
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings
-from lava_ros.hindcast.score import Score
+from lava_ros.hindcast.score import OutlineScore, Score
 from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.raster_layers import NODATA
@@ -43,6 +43,7 @@ def write_page(
     output: Path,
     expected: ExpectedError,
     several: Agreement | None = None,
+    dated: Sequence[OutlineScore] = (),
 ) -> None:
     """Write the page of a hindcast as one HTML file that includes the picture, a PNG.
 
@@ -60,7 +61,7 @@ def write_page(
         title=f'Hindcast: {case.title}',
         subtitle=case.source or case.name,
         warnings=warnings(case, result),
-        facts=facts(judged, expected, several),
+        facts=facts(judged, expected, several, dated),
         shows='Map of hits, misses and false alarms',
         lava=note,
         constants=constants,
@@ -70,9 +71,10 @@ def write_page(
 
 
 def facts(
-    judged: Score, expected: ExpectedError, several: Agreement | None = None
+    judged: Score, expected: ExpectedError, several: Agreement | None = None,
+    dated: Sequence[OutlineScore] = (),
 ) -> dict[str, str]:
-    """Return the comparison as text, by label."""
+    """Return the comparison, and the scores of dated outlines, as text by label."""
     result = {
         'Jaccard': f'{judged.jaccard:.3f}',
         'fit index': f'{judged.fit:.3f}',
@@ -98,6 +100,8 @@ def facts(
         result['Jaccard of their majority'] = (
             f'{several.majority.jaccard:.3f} (where at least half of them have lava)'
         )
+    for item in dated:
+        result[f'Jaccard on {item.outline}'] = item.words
     return result
 
 

@@ -8,6 +8,7 @@ All numbers are invariant if both are rotated by 90 degrees or mirrored.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
 import math
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
 from lava_ros.simulation.output.inundation import standing_cells
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Steps of a path to 16 neighbours: its length then has an error of at most 2.7 %.
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
@@ -52,6 +54,42 @@ class Score:
     mapped_thickness: float
     length_error: float
     area_error: float
+
+
+@dataclass(frozen=True)
+class OutlineScore:
+    """Agreement of the inundated area at the time of an outline with the outline.
+
+    Attributes:
+        outline: Date or time of the outline.
+        time: Its time since the start of the simulation [s].
+        jaccard: Cells in both over cells in either.
+        recall: Inundated fraction of the mapped cells.
+        precision: Mapped fraction of the inundated cells.
+        area_error: Relative error of the inundated area, positive if it is too large.
+        length_error: Relative error of the runout length, positive if it is too long.
+        persistence: Jaccard index of the outline before with this one; None for the first.
+        descent: Jaccard index of steepest descent over the same area as the inundated one.
+    """
+
+    outline: str
+    time: float
+    jaccard: float
+    recall: float
+    precision: float
+    area_error: float
+    length_error: float
+    persistence: float | None
+    descent: float
+
+    @property
+    def words(self) -> str:
+        """The scores as text."""
+        before = '' if self.persistence is None else f'outline before: {self.persistence:.3f}, '
+        return (
+            f'{self.jaccard:.3f} (area {100 * self.area_error:+.0f} %; {before}'
+            f'steepest descent: {self.descent:.3f})'
+        )
 
 
 def score(
@@ -102,17 +140,86 @@ def score(
 
 def judge(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Score:
     """Compare a flow on the cells of a case with its mapped flow field, as in ``score``."""
-    terrain = case.scene.terrain
-    places = [place for vent in case.scene.vents for place in (vent.position, vent.end) if place]
-    cells = [terrain.cell_at(*place) for place in places]
     return score(
         thickness,
         inundated,
         case.footprint,
-        resolution=terrain.resolution,
-        vents=[cell for cell in cells if cell is not None],
+        resolution=case.scene.terrain.resolution,
+        vents=case.vent_cells,
         emitted=case.volume,
     )
+
+
+def judge_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineScore]:
+    """Score the area that at least half of some runs have inundated at the time of each outline.
+
+    The area at an earlier time follows from the arrival times of a run. Two references need no
+    model of lava: persistence, which is the outline before, and steepest descent.
+
+    Args:
+        case: The case with its outlines.
+        snapshots: The end of each run, with arrival times.
+    """
+    scores, terrain = [], case.scene.terrain
+    arrived = [item.arrived for item in snapshots if item.arrived is not None]
+    for index, outline in enumerate(case.outlines):
+        inundated = np.mean([times <= outline.time for times in arrived], axis=0) >= 0.5
+        hits = int((inundated & outline.footprint).sum())
+        mapped, simulated = int(outline.footprint.sum()), int(inundated.sum())
+        before = case.outlines[index - 1].footprint if index else None
+        ways = distances(inundated | outline.footprint, case.vent_cells)
+        downhill = descend(terrain.elevation, case.vent_cells, simulated)
+        scores.append(OutlineScore(
+            outline=outline.text,
+            time=outline.time,
+            jaccard=jaccard(inundated, outline.footprint),
+            recall=hits / mapped,
+            precision=hits / simulated if simulated else 0.0,
+            area_error=simulated / mapped - 1.0,
+            length_error=_longest(ways, inundated) / _longest(ways, outline.footprint) - 1.0,
+            persistence=None if before is None else jaccard(before, outline.footprint),
+            descent=jaccard(downhill, outline.footprint),
+        ))
+    return scores
+
+
+def jaccard(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the Jaccard index of two masks: cells in both over cells in either."""
+    return float((one & other).sum() / max((one | other).sum(), 1))
+
+
+def descend(
+    elevation: np.ndarray, vents: Sequence[tuple[int, int]], count: int
+) -> np.ndarray:
+    """Return the cells that steepest descent from the vents covers, bool, shape [rows, columns].
+
+    The lowest neighbour of the covered cells is covered next: a path down the slope, which fills
+    pits (the priority flood of Barnes, Lehman and Mulla 2014, from the vents).
+
+    Args:
+        elevation: Elevation [m], NaN without data, shape [rows, columns].
+        vents: Rows and columns of the vents.
+        count: Number of cells to cover; fewer if no others can be reached.
+    """
+    covered, is_queued = (np.zeros(elevation.shape, dtype=bool) for _ in range(2))
+    queue: list[tuple[float, int, int]] = []
+
+    def add(row: int, column: int) -> None:
+        inside = 0 <= row < elevation.shape[0] and 0 <= column < elevation.shape[1]
+        if inside and not is_queued[row, column] and math.isfinite(elevation[row, column]):
+            is_queued[row, column] = True
+            heappush(queue, (float(elevation[row, column]), row, column))
+
+    for vent in vents:
+        add(*vent)
+    while queue and count > 0:
+        _, row, column = heappop(queue)
+        covered[row, column] = True
+        count -= 1
+        for down in (-1, 0, 1):
+            for right in (-1, 0, 1):
+                add(row + down, column + right)
+    return covered
 
 
 def _longest(ways: np.ndarray, mask: np.ndarray) -> float:
