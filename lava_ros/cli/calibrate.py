@@ -198,24 +198,21 @@ def _until(text: str | None, cases: Sequence[Case]) -> dict[str, float]:
 
 def _forecasts(case: Case, best: Trial, fitted: Sequence[str]) -> list[dict[str, Any]]:
     """Return the scores of the best set, and of two references, on outlines not fitted."""
-    from lava_ros.hindcast.score import descend, jaccard
+    from lava_ros.hindcast.score import refer
 
     pairs = list(zip([name for name, _ in _times(case)], case.outlines, strict=False))
-    known = [outline for name, outline in pairs if name in fitted]
-    found = []
-    for name, outline in pairs:
-        if name in fitted:
-            continue
-        numbers = best.numbers[name]
-        count = round((1.0 + numbers['area_error']) * outline.footprint.sum())
-        downhill = descend(case.scene.terrain.elevation, case.vent_cells, count)
-        found.append({
-            'outline': name,
-            'jaccard': numbers['jaccard'],
-            'persistence': jaccard(known[-1].footprint, outline.footprint),
-            'descent': jaccard(downhill, outline.footprint),
-        })
-    return found
+    later = {outline.text: best.numbers[name] for name, outline in pairs if name not in fitted}
+    if not later:
+        return []
+    last = [outline for name, outline in pairs if name in fitted][-1]
+    references = refer(
+        case, {text: numbers['area_error'] for text, numbers in later.items()}, last.footprint
+    )
+    return [
+        {'outline': f'{case.name} {text}', 'jaccard': numbers['jaccard']}
+        | asdict(references[text])
+        for text, numbers in later.items()
+    ]
 
 
 def _names(cases: Sequence[Case]) -> list[str]:

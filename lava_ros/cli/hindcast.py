@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 import json
 from pathlib import Path
@@ -59,7 +60,7 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
     from lava_ros.hindcast.run import Run, Settings, UNFINISHED
-    from lava_ros.hindcast.score import judge, judge_outlines
+    from lava_ros.hindcast.score import judge
     from lava_ros.maps.plot import duration
 
     # checked before the first run, although only the replicates need it
@@ -97,7 +98,7 @@ def hindcast(args: argparse.Namespace) -> int:
                 progress=lambda done: progress.show(f'{runs} runs', done),
             )
         several = agreement(case, [item.snapshot for item in results])
-    dated = judge_outlines(case, [item.snapshot for item in results])
+    outlines, dated = _dated(case, results)
     expected = estimate_error(case, settings, result, several)
     picture, page = output / PICTURE, output / PAGE
     files = write_maps(case, settings, result, output, several)
@@ -108,8 +109,8 @@ def hindcast(args: argparse.Namespace) -> int:
     data = _as_dict(case, settings, result, judged, expected)
     if several is not None:
         data['runs'] = several.as_dict()
-    if dated:
-        data['outlines'] = [asdict(item) for item in dated]
+    if outlines:
+        data['outlines'] = outlines
     write_json(data, output / RESULT, args.json)
     print(case.title)
     rows = [*facts(judged, expected, several, dated).items()]
@@ -120,6 +121,24 @@ def hindcast(args: argparse.Namespace) -> int:
         print(f'lava hindcast: {item}', file=sys.stderr)
     print('\n'.join(f'written to {path}' for path in [*files, output / RESULT]))
     return 0
+
+
+def _dated(
+    case: Case, results: Sequence[Result]
+) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Return the scores of the dated outlines as plain data, and as text by label."""
+    from lava_ros.hindcast.score import judge_outlines, refer
+
+    if not case.outlines:
+        return [], {}
+    scores = judge_outlines(case, [item.snapshot for item in results])
+    references = refer(case, {item.outline: item.area_error for item in scores})
+    plain = [asdict(item) | asdict(references[item.outline]) for item in scores]
+    return plain, {
+        f'Jaccard on {item.outline}': f'{item.jaccard:.3f} (area {100 * item.area_error:+.0f} %; '
+        f'{references[item.outline].words})'
+        for item in scores
+    }
 
 
 def _vents(

@@ -3,10 +3,11 @@
 
 """Results of a hindcast: GeoTIFF maps, a picture of the comparison, and a page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 import math
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import ExpectedError
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings
-from lava_ros.hindcast.score import OutlineScore, Score
+from lava_ros.hindcast.score import Score
 from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.raster_layers import NODATA
@@ -43,7 +44,7 @@ def write_page(
     output: Path,
     expected: ExpectedError,
     several: Agreement | None = None,
-    dated: Sequence[OutlineScore] = (),
+    dated: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Write the page of a hindcast as one HTML file that includes the picture, a PNG.
 
@@ -72,9 +73,9 @@ def write_page(
 
 def facts(
     judged: Score, expected: ExpectedError, several: Agreement | None = None,
-    dated: Sequence[OutlineScore] = (),
+    dated: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, str]:
-    """Return the comparison, and the scores of dated outlines, as text by label."""
+    """Return the comparison as text by label; ``dated`` adds the scores of dated outlines."""
     result = {
         'Jaccard': f'{judged.jaccard:.3f}',
         'fit index': f'{judged.fit:.3f}',
@@ -100,9 +101,7 @@ def facts(
         result['Jaccard of their majority'] = (
             f'{several.majority.jaccard:.3f} (where at least half of them have lava)'
         )
-    for item in dated:
-        result[f'Jaccard on {item.outline}'] = item.words
-    return result
+    return {**result, **dated}
 
 
 def warnings(case: Case, result: Result) -> list[str]:

@@ -6,7 +6,7 @@
 All numbers are invariant if both are rotated by 90 degrees or mirrored.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 import math
@@ -17,6 +17,12 @@ from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.output.snapshot import Snapshot
+
+#: Number of paths of steepest descent, and the noise on the ground of each [m].
+PATHS, NOISE = 100, 3.0
+
+#: Steps to the neighbours of a cell.
+_NEIGHBORS = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
 
 #: Steps of a path to 16 neighbours: its length then has an error of at most 2.7 %.
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
@@ -68,8 +74,6 @@ class OutlineScore:
         precision: Mapped fraction of the inundated cells.
         area_error: Relative error of the inundated area, positive if it is too large.
         length_error: Relative error of the runout length, positive if it is too long.
-        persistence: Jaccard index of the outline before with this one; None for the first.
-        descent: Jaccard index of steepest descent over the same area as the inundated one.
     """
 
     outline: str
@@ -79,6 +83,16 @@ class OutlineScore:
     precision: float
     area_error: float
     length_error: float
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Jaccard indices of an outline with references that need no model of lava.
+
+    ``persistence`` is that of the outline before, None without one; ``descent`` is that of
+    steepest descent over the same area as the inundated one.
+    """
+
     persistence: float | None
     descent: float
 
@@ -86,10 +100,7 @@ class OutlineScore:
     def words(self) -> str:
         """The scores as text."""
         before = '' if self.persistence is None else f'outline before: {self.persistence:.3f}, '
-        return (
-            f'{self.jaccard:.3f} (area {100 * self.area_error:+.0f} %; {before}'
-            f'steepest descent: {self.descent:.3f})'
-        )
+        return f'{before}steepest descent: {self.descent:.3f}'
 
 
 def score(
@@ -153,22 +164,19 @@ def judge(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Score:
 def judge_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineScore]:
     """Score the area that at least half of some runs have inundated at the time of each outline.
 
-    The area at an earlier time follows from the arrival times of a run. Two references need no
-    model of lava: persistence, which is the outline before, and steepest descent.
+    The area at an earlier time follows from the arrival times of a run.
 
     Args:
         case: The case with its outlines.
         snapshots: The end of each run, with arrival times.
     """
-    scores, terrain = [], case.scene.terrain
+    scores = []
     arrived = [item.arrived for item in snapshots if item.arrived is not None]
-    for index, outline in enumerate(case.outlines):
+    for outline in case.outlines:
         inundated = np.mean([times <= outline.time for times in arrived], axis=0) >= 0.5
         hits = int((inundated & outline.footprint).sum())
         mapped, simulated = int(outline.footprint.sum()), int(inundated.sum())
-        before = case.outlines[index - 1].footprint if index else None
         ways = distances(inundated | outline.footprint, case.vent_cells)
-        downhill = descend(terrain.elevation, case.vent_cells, simulated)
         scores.append(OutlineScore(
             outline=outline.text,
             time=outline.time,
@@ -177,10 +185,35 @@ def judge_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineSco
             precision=hits / simulated if simulated else 0.0,
             area_error=simulated / mapped - 1.0,
             length_error=_longest(ways, inundated) / _longest(ways, outline.footprint) - 1.0,
-            persistence=None if before is None else jaccard(before, outline.footprint),
-            descent=jaccard(downhill, outline.footprint),
         ))
     return scores
+
+
+def refer(
+    case: Case, area_errors: Mapping[str, float], before: np.ndarray | None = None
+) -> dict[str, Reference]:
+    """Score two references that need no model of lava on dated outlines.
+
+    Args:
+        case: The case with its outlines.
+        area_errors: Relative error of the inundated area, by the outline: steepest descent covers
+            the same area.
+        before: Outline that persists; None: each time the outline before.
+    """
+    visits = count_visits(case.scene.terrain.elevation, case.vent_cells)
+    found, last = {}, before
+    for outline in case.outlines:
+        if outline.text in area_errors:
+            cells = round((1.0 + area_errors[outline.text]) * int(outline.footprint.sum()))
+            order = np.argsort(visits, axis=None, kind='stable')[::-1][:cells]
+            covered = np.zeros(visits.shape, dtype=bool)
+            covered.flat[order] = True
+            found[outline.text] = Reference(
+                None if last is None else jaccard(last, outline.footprint),
+                jaccard(covered & (visits > 0), outline.footprint),
+            )
+        last = outline.footprint if before is None else before
+    return found
 
 
 def jaccard(one: np.ndarray, other: np.ndarray) -> float:
@@ -188,38 +221,57 @@ def jaccard(one: np.ndarray, other: np.ndarray) -> float:
     return float((one & other).sum() / max((one | other).sum(), 1))
 
 
-def descend(
-    elevation: np.ndarray, vents: Sequence[tuple[int, int]], count: int
-) -> np.ndarray:
-    """Return the cells that steepest descent from the vents covers, bool, shape [rows, columns].
+def count_visits(elevation: np.ndarray, vents: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Count how many paths of steepest descent from the vents visit each cell.
 
-    The lowest neighbour of the covered cells is covered next: a path down the slope, which fills
-    pits (the priority flood of Barnes, Lehman and Mulla 2014, from the vents).
+    Each path is on the ground plus uniform noise, as in DOWNFLOW (Favalli, Pareschi, Neri and
+    Isola 2005, Geophysical Research Letters 32, L03305).
 
     Args:
         elevation: Elevation [m], NaN without data, shape [rows, columns].
         vents: Rows and columns of the vents.
-        count: Number of cells to cover; fewer if no others can be reached.
+
+    Returns:
+        The number of paths, int, same shape.
     """
-    covered, is_queued = (np.zeros(elevation.shape, dtype=bool) for _ in range(2))
+    visits = np.zeros(elevation.shape, dtype=int)
+    random = np.random.default_rng(0)
+    for _ in range(PATHS):
+        visits += descend(elevation + random.uniform(-NOISE, NOISE, elevation.shape), vents)
+    return visits
+
+
+def descend(elevation: np.ndarray, vents: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Return the cells of a path of steepest descent, which fills pits, to the border.
+
+    The lowest neighbour of the visited cells is visited next (the priority flood of Barnes, Lehman
+    and Mulla 2014, Computers & Geosciences 62, from the vents).
+
+    Args:
+        elevation: Elevation [m], NaN without data, shape [rows, columns].
+        vents: Rows and columns of the vents.
+
+    Returns:
+        The cells, bool, same shape.
+    """
+    visited, is_queued = (np.zeros(elevation.shape, dtype=bool) for _ in range(2))
+    heights = np.pad(elevation, 1, constant_values=np.nan)
     queue: list[tuple[float, int, int]] = []
-
-    def add(row: int, column: int) -> None:
-        inside = 0 <= row < elevation.shape[0] and 0 <= column < elevation.shape[1]
-        if inside and not is_queued[row, column] and math.isfinite(elevation[row, column]):
-            is_queued[row, column] = True
-            heappush(queue, (float(elevation[row, column]), row, column))
-
     for vent in vents:
-        add(*vent)
-    while queue and count > 0:
+        is_queued[vent] = True
+        heappush(queue, (float(elevation[vent]), *vent))
+    while queue:
         _, row, column = heappop(queue)
-        covered[row, column] = True
-        count -= 1
-        for down in (-1, 0, 1):
-            for right in (-1, 0, 1):
-                add(row + down, column + right)
-    return covered
+        visited[row, column] = True
+        around = heights[row : row + 3, column : column + 3]
+        if np.isnan(around).any():
+            break
+        for down, right in _NEIGHBORS:
+            place = row + down, column + right
+            if not is_queued[place]:
+                is_queued[place] = True
+                heappush(queue, (float(elevation[place]), *place))
+    return visited
 
 
 def _longest(ways: np.ndarray, mask: np.ndarray) -> float:

@@ -15,7 +15,7 @@ from eruption import footprint, LAVA, write_case, write_grid
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.run import Result, Settings, simulate
-from lava_ros.hindcast.score import descend, judge_outlines
+from lava_ros.hindcast.score import count_visits, descend, judge_outlines, PATHS, refer
 
 #: Times of two outlines [s], and options of a run that takes a second.
 FIRST, SECOND = 900.0, 1800.0
@@ -55,10 +55,12 @@ def test_outlines_of_a_simulation_agree_with_it_at_each_time(mapped: tuple[Path,
     for score in judge_outlines(case, [result.snapshot]):
         assert score.jaccard == score.recall == score.precision == 1.0
         assert score.area_error == score.length_error == 0.0
-        assert 0.0 < score.descent < 1.0
-    first, second = judge_outlines(case, [result.snapshot])
-    assert first.persistence is None
-    assert second.persistence == pytest.approx(early.sum() / late.sum())
+    first, second = refer(case, dict.fromkeys(['900 s', '1800 s'], 0.0)).values()
+    assert first.persistence is None and second.persistence == early.sum() / late.sum()
+    # down the middle of the valley, but not as wide as lava
+    assert 0.0 < first.descent < second.descent < 0.9
+    (only,) = refer(case, {'1800 s': 0.0}, late).values()
+    assert only.persistence == 1.0 and only.descent == second.descent
 
 
 def test_outlines_rotate_with_their_case(mapped: tuple[Path, Result]) -> None:
@@ -120,18 +122,25 @@ def test_volume_until_the_end_is_compared_with_the_outline(tmp_path: Path) -> No
     assert load_case(case).volume == pytest.approx(20.0 * 3600.0)
 
 
-def test_steepest_descent_fills_pits_on_its_way() -> None:
-    elevation = np.array([
-        [np.nan, 0.0, 1.0, 9.0],
-        [9.0, 3.0, 9.0, 9.0],
-        [9.0, 2.0, 4.0, 9.0],
-        [9.0, 9.0, 5.0, 9.0],
-    ])
-    path = [(3, 2), (2, 1), (1, 1), (0, 1), (0, 2), (2, 2)]
-    for count in range(len(path) + 1):
-        covered = descend(elevation, [(3, 2)], count)
-        assert {tuple(cell) for cell in np.argwhere(covered)} == set(path[:count])
-    assert descend(elevation, [(3, 2)], 99).sum() == 15
+def test_steepest_descent_fills_pits_on_its_way_to_the_border() -> None:
+    elevation = np.full((7, 5), 9.0)
+    # a pit at 1 behind a sill at 4, then down to the border
+    low = {(5, 2): 6.0, (4, 2): 1.0, (3, 3): 4.0, (2, 2): 3.0, (1, 2): 2.0, (0, 2): 0.0}
+    for place, height in low.items():
+        elevation[place] = height
+    path = descend(elevation, [(5, 2)])
+    assert {tuple(cell) for cell in np.argwhere(path).tolist()} == set(low)
+    elevation[1, 1] = np.nan
+    assert not descend(elevation, [(5, 2)])[1, 2]
+
+
+def test_paths_of_steepest_descent_spread_by_the_noise_of_the_ground() -> None:
+    y, x = np.indices((40, 41)).astype(float)
+    visits = count_visits(10.0 * y, [(38, 20)])
+    assert visits[38, 20] == PATHS and visits.max() == PATHS
+    across = np.abs(x - 20.0)
+    near, far = ((visits * across)[row].sum() / visits[row].sum() for row in (34, 4))
+    assert 0.2 < near < far < 10.0
 
 
 def test_calibration_forecasts_later_outlines(mapped: tuple[Path, Result], tmp_path: Path) -> None:
