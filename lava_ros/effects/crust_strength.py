@@ -18,6 +18,7 @@ If the effect is switched on during a run, ages count from that time.
 """
 
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -51,10 +52,7 @@ EFFECT = Effect(
             5e-7, 'Thermal diffusivity of the crust, by which it thickens', 0.0, 1e-3, 'm2/s'
         ),
     },
-    law={
-        'crust_strength': lambda lava: lava.crust_strength,
-        'crust_diffusivity': lambda lava: lava.crust_diffusivity,
-    },
+    law={name: attrgetter(name) for name in ('crust_strength', 'crust_diffusivity')},
     needs_age=True,
     benchmark={'crust_strength': 1e5},
 )

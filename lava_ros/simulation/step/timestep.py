@@ -210,7 +210,8 @@ def longest_step(
     assert accuracy.thickness is not None
     longest = min(accuracy.longest_step, vents.longest_step(accuracy.thickness))
     limits = device_parts(effects, 'step_limit').values()
-    return min([longest, *(limit(scene, accuracy, reach) for limit in limits)])
+    steps: list[float] = [limit(scene, accuracy, reach) for limit in limits]
+    return min([longest, *steps])
 
 
 def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
