@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from deleted_effects import is_left_out
 from ros_domain import own_domain
 
 #: Context of one trial of a kind, by its name; gives the figures of the kind.
@@ -33,6 +34,11 @@ def pytest_configure() -> None:
     if 'PYTEST_XDIST_WORKER' in os.environ:
         # workers share the cores
         os.environ.setdefault('LAVA_THREADS', '1')
+
+
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Leave out tests that name an effect that has been deleted."""
+    return is_left_out(collection_path) or None
 
 
 def _devices() -> list[str]:

@@ -50,6 +50,8 @@ ARRAYS = {
     'top': Array('real', 1),
     'share': Array('real'),
     'age': Array('real', is_carried=True),
+    'velocity': Array('vec2', is_carried=True),
+    'slope': Array('vec2'),
     'remainder': Array('vec2', is_carried=True),
     'surface': Array('vec2'),
     'flow': Array('vec3'),

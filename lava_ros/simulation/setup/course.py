@@ -60,8 +60,8 @@ _BISECTIONS = 24
 #: Number of iterations of widths and temperatures, which depend on each other.
 _ITERATIONS = 3
 
-#: Minimum and maximum slope for computing a cross-section. Steeper parts of a path are walls,
-#: where the plan thickness of the law diverges.
+#: Minimum and maximum slope for computing a cross-section. Steeper parts of a path are walls, on
+#: which the plan thickness of the law diverges.
 _MIN_SLOPE, _MAX_SLOPE = 1e-3, 2.0
 
 #: Width over (cot(b) x)^(3/7) (Q / K)^(1/7) of the steady flow down a plane at a distance x from
