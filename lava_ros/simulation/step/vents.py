@@ -159,7 +159,7 @@ class VentSet:
         self._before = self._with_places(before, terrain, spacing)
         conduits = before.volume - before.released * particle_volume
         self._is_filled = conduits > _ROUNDING * particle_volume
-        table = np.zeros(len(self.vents), dtype=Outlet.numpy_dtype())
+        table: np.ndarray = np.zeros(len(self.vents), dtype=Outlet.numpy_dtype())
         self._centre = centre_of(terrain)
         starts, times, fluxes, volumes = [0], [], [], []
         for row, vent, emitted in zip(table, vents, before.volume.tolist(), strict=True):
