@@ -4,6 +4,7 @@
 """Decoding of messages to objects and arrays, and the simulated times of a bag."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from itertools import pairwise
 import math
@@ -14,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lava_ros.bag.reader import BagMessage, BagReader
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.optional import require
 
 # A fixed-length array takes memory for the length in its definition, whatever a message contains.
@@ -55,16 +56,11 @@ class Decoder:
         if _FIXED.search(schema.data):
             expected = 'a definition without arrays of fixed length'
             raise LavaError(f'definition of {schema.name}', schema.data.decode(), expected)
-        try:
+        # a library parses the untrusted definition, and its fields can be of any type
+        with _refusing(message, f'a {schema.name}'):
             decode = self._factory.decoder_for('cdr', schema)
             assert decode is not None
             return take(decode(message.data))
-        except LavaError:
-            raise
-        # a library parses the untrusted definition, and its fields can be of any type
-        except Exception as error:
-            expected = f'a {schema.name} ({type(error).__name__}: {error})'
-            raise _wrong(message, expected) from error
 
 
 class Grid(NamedTuple):
@@ -82,7 +78,7 @@ def read_grid(message: BagMessage) -> Grid:
         LavaError: If the message is truncated or is not an occupancy grid.
     """
     body = memoryview(message.data)[_CDR_HEADER:]
-    try:
+    with _refusing(message, 'a grid'):
         order = '<' if message.data[1] & 1 else '>'
         # Header: a stamp of 8 bytes, the length of the frame's name, and the name.
         (length,) = struct.unpack_from(f'{order}I', body, 8)
@@ -94,16 +90,14 @@ def read_grid(message: BagMessage) -> Grid:
         (count,) = struct.unpack_from(f'{order}I', body, pose + 56)
         cells = np.frombuffer(body, np.int8, count, pose + 60)
         return Grid(resolution, (x, y), cells.reshape(rows, columns))
-    except (IndexError, struct.error, ValueError) as error:
-        raise _wrong(message, f'a grid ({error})') from error
 
 
 def _aligned(position: int, size: int) -> int:
     return -(-position // size) * size
 
 
-def _wrong(message: BagMessage, expected: str) -> LavaError:
-    return LavaError(f'message on {message.topic}', f'{len(message.data)} bytes', expected)
+def _refusing(message: BagMessage, expected: str) -> AbstractContextManager[None]:
+    return refusing(f'message on {message.topic}', f'{len(message.data)} bytes', expected)
 
 
 #: numpy type of each sensor_msgs/PointField datatype: INT8 is 1, FLOAT64 is 8.

@@ -13,7 +13,7 @@ import zlib
 import yaml
 
 from lava_ros.bag.qos import QosProfile
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.yaml import parse_yaml, read_yaml
 from lava_ros.validation import whole
 
@@ -177,13 +177,12 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
 
 def _counts(listed: object, path: Path) -> Counter[str]:
     counts: Counter[str] = Counter()
-    try:
+    expected = 'metadata with a name and a message_count of each topic; if damaged, remove it'
+    with refusing('bag', str(path), expected, KeyError, TypeError):
         for item in listed:  # type: ignore[attr-defined]
             name = str(item['topic_metadata']['name'])
-            counts[name] += whole(name, item['message_count'], at_least=0, at_most=2**63)
-    except (LavaError, KeyError, TypeError) as error:
-        expected = 'metadata with a name and a message_count of each topic; if it is damaged, '
-        raise LavaError('bag', str(path), f'{expected}remove it: it is not needed') from error
+            field = f'message_count of {name} in {path}'
+            counts[name] += whole(field, item['message_count'], at_least=0, at_most=2**63)
     return counts
 
 

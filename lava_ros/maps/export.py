@@ -13,7 +13,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.bag.description import described, effects_on
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.optional import require
 from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps import gis
@@ -206,13 +206,10 @@ def provenance_of(recording: Recording) -> gis.Provenance:
 
 
 def _make_empty(directory: Path) -> None:
-    try:
+    with refusing('output', str(directory), 'a folder to write to', OSError):
         directory.mkdir(parents=True, exist_ok=True)
-        is_empty = not any(directory.iterdir())
-    except OSError as error:
-        raise LavaError('output', str(directory), f'a folder to write to ({error})') from error
-    if not is_empty:
-        raise LavaError('output', str(directory), 'a folder that is new or empty')
+        if any(directory.iterdir()):
+            raise LavaError('output', str(directory), 'a folder that is new or empty')
 
 
 @dataclass
