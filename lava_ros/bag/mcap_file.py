@@ -11,7 +11,7 @@ memory is bounded by the blocks that overlap in time.
 """
 
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 import heapq
@@ -171,11 +171,9 @@ class McapFile:
             records.check_size(block.length, records.MAX_RECORD_SIZE)
             stream.seek(block.offset)
             data = stream.read(block.length)
-            found = [item for frame in records.frames(data) for item in records.parse(*frame)]
+            found = list(records.parse(data))
         for item in found:
             if isinstance(item, Message) and item.channel_id in channel_ids:
-                # a view would keep the whole block in memory
-                item.data = bytes(item.data)
                 yield item
 
 
@@ -246,8 +244,7 @@ def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | N
             return None
         for index in sorted(summary.metadata_indexes, key=lambda item: item.offset):
             records.check_size(index.length, records.MAX_RECORD_SIZE)
-            for frame in records.frames(data[index.offset : index.offset + index.length]):
-                _add(result, records.parse(*frame), 0, 0)
+            _add(result, records.parse(data[index.offset : index.offset + index.length]), 0, 0)
     except records.DAMAGE:
         return None
     assert summary.statistics is not None
@@ -282,10 +279,9 @@ def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
             return False
     for chunk in summary.chunk_indexes:
         start = chunk.chunk_start_offset
-        for opcode, content in records.frames(data[start : start + chunk.chunk_length]):
-            if opcode != Opcode.CHUNK:
-                return False
-            records.unpacked(content)
+        if data[start] != Opcode.CHUNK:
+            return False
+        deque(records.parse(data[start : start + chunk.chunk_length]), maxlen=0)
     return data[: len(MAGIC)] == MAGIC
 
 
@@ -314,9 +310,8 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
         elif opcode in records.PARSED:
             try:
                 records.check_size(end - start, records.MAX_RECORD_SIZE)
-                found = records.parse(opcode, data[start:end])
-                joins = opcode == Opcode.MESSAGE
-                _add(result, found, offset, end - offset, joins=joins)
+                found = list(records.parse(data[offset:end]))
+                _add(result, found, offset, end - offset, joins=opcode == Opcode.MESSAGE)
             except UnsupportedCompressionError as error:
                 damage.append((offset, end, f'a chunk ({error})'))
             except records.DAMAGE:
@@ -344,7 +339,8 @@ def _sentence(contents: McapFile, start: int, end: int, what: str) -> str:
 
 
 def _add(
-    contents: McapFile, found: list[McapRecord], offset: int, length: int, *, joins: bool = False
+    contents: McapFile, found: Iterable[McapRecord], offset: int, length: int, *,
+    joins: bool = False,
 ) -> None:
     """Add the contents of records, and a block if messages are among them.
 

@@ -349,7 +349,7 @@ def _map(layer: Layer, decoder: Decoder, message: BagMessage) -> tuple[LayerFram
     """Return a map and the position of its grid, None for an image."""
     if layer.message == IMAGE:
         return image_frame(layer, _image(decoder, message)), None
-    grid = read_grid(message)
+    grid = read_grid(decoder, message)
     return grid_frame(layer, grid.cells), (grid.resolution, *grid.origin)
 
 
