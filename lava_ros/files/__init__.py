@@ -51,6 +51,12 @@ def open_input(path: str | Path) -> BinaryIO:
         raise
 
 
+def check_exists(field: str, path: Path) -> None:
+    """Raise LavaError, which names ``field``, if a file does not exist."""
+    if not os.path.exists(path):
+        raise LavaError(field, str(path), 'a file that exists')
+
+
 def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) -> Path:
     """Check and return the path of an output, and log that an existing file will be replaced.
 

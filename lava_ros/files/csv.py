@@ -9,7 +9,7 @@ from pathlib import Path
 import re
 
 from lava_ros.errors import LavaError, refusing
-from lava_ros.files import open_input
+from lava_ros.files import check_exists, open_input
 
 #: Maximum size of a table [bytes].
 MAX_BYTES = 64 * 2**20
@@ -39,6 +39,7 @@ def read_table(
         LavaError: If the table cannot be read, has no rows, other columns or a column twice, or if
             a row has the wrong length.
     """
+    check_exists(field, path)
     with refusing(field, str(path), 'a readable table of text', OSError, ValueError, csv.Error):
         with open_input(path) as file:
             data = file.read(MAX_BYTES + 1)

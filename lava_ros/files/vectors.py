@@ -20,7 +20,7 @@ import warnings
 import zipfile
 
 from lava_ros.errors import LavaError, refusing
-from lava_ros.files import open_input, warn_of_unknown, write_output
+from lava_ros.files import check_exists, open_input, warn_of_unknown, write_output
 from lava_ros.files.optional import require
 
 _LOG = logging.getLogger(__name__)
@@ -200,6 +200,7 @@ def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
     ending = _ending(path)
     if f'.{ending}' not in ENDINGS:
         raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
+    check_exists(field, path)
     journal = path.with_name(f'{path.name}-wal')
     with refusing(field, str(path), 'a readable file'):
         if ending == 'gpkg' and journal.exists() and journal.stat().st_size:

@@ -6,7 +6,6 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 import logging
-import os
 from pathlib import Path
 from typing import Any
 
@@ -105,8 +104,6 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
     suffix = path.suffix.lower()
     if suffix not in ENDINGS:
         raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
-    if not os.path.exists(path):
-        raise LavaError(field, str(path), 'a file that exists')
     is_table = suffix in TABLES
     found = list(_from_table(field, path) if is_table else vectors.read_vectors(field, path))
     if not is_table and any(system is None for _, _, system, _ in found):
