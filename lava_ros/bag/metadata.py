@@ -32,7 +32,8 @@ CHECKSUM = 'crc32'
 
 _TEXT = 'serialized_metadata'
 
-_ROOT = 'rosbag2_bagfile_information'
+#: Key of all metadata in metadata.yaml.
+ROOT = 'rosbag2_bagfile_information'
 
 # rosbag2's start time for a bag without messages.
 _NEVER = 2**63 - 1
@@ -103,13 +104,15 @@ def describe(
 
 def to_record(data: Mapping[str, Any]) -> dict[str, str]:
     """Convert metadata to the content of a file's ``rosbag2`` record, with a checksum."""
-    text = _dump(data)
+    text = to_text(data)
     return {_TEXT: text, CHECKSUM: _checksum(RECORD, text)}
 
 
 def to_text(data: Mapping[str, Any]) -> str:
-    """Convert metadata to the content of metadata.yaml."""
-    return _dump({_ROOT: data})
+    """Convert metadata to YAML."""
+    # lines are not folded, so that every YAML reader gets long values unchanged
+    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=2**31)
+    return text
 
 
 def is_whole(name: str, record: Mapping[str, str]) -> bool:
@@ -141,9 +144,9 @@ def read_metadata(path: Path) -> StoredMetadata:
     """
     expected = 'metadata that rosbag2 wrote; if it is damaged, remove it: it is not needed'
     data = read_yaml('bag', path, expected)
-    if not isinstance(data, Mapping) or _ROOT not in data:
-        raise LavaError('bag', str(path), f'{expected} (a mapping with the key {_ROOT})')
-    return _parsed(data[_ROOT], path)
+    if not isinstance(data, Mapping) or ROOT not in data:
+        raise LavaError('bag', str(path), f'{expected} (a mapping with the key {ROOT})')
+    return _parsed(data[ROOT], path)
 
 
 def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
@@ -197,9 +200,3 @@ def _time_span(start_ns: int | None, end_ns: int | None) -> dict[str, Any]:
         'starting_time': {'nanoseconds_since_epoch': start_ns},
         'duration': {'nanoseconds': end_ns - start_ns},
     }
-
-
-def _dump(data: Mapping[str, Any]) -> str:
-    # Lines are not folded, so that every YAML reader gets long values unchanged.
-    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=2**31)
-    return text

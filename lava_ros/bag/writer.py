@@ -383,7 +383,8 @@ class BagWriter:
                 self._file.finish(self._custom_data)
             topics = (item.record for item in self._topics.values())
             data = bag_metadata.describe(self._records, topics, self._custom_data)
-            self._directory.put(bag_metadata.FILE_NAME, bag_metadata.to_text(data))
+            text = bag_metadata.to_text({bag_metadata.ROOT: data})
+            self._directory.put(bag_metadata.FILE_NAME, text)
         finally:
             self._directory.close()
 
