@@ -244,7 +244,7 @@ def test_missing_messages_are_reported(
 def test_refuses_an_invalid_message_count(bag: Path, count: str) -> None:
     path = bag / 'metadata.yaml'
     path.write_text(re.sub(r'(?<=^    message_count: )\d+', count, path.read_text(), flags=re.M))
-    with pytest.raises(LavaError, match=r'metadata\.yaml.* message_count of each topic'):
+    with pytest.raises(LavaError, match=r'message_count of .*metadata\.yaml is'):
         BagReader(bag)
 
 

@@ -152,8 +152,7 @@ DOCUMENTS = (
     Document(
         'rasters', {
             'elevation': np.maximum(GROUND, 5.0), 'resolution': 10.0, 'epsg': 32633,
-            'origin': (20.0, 30.0), 'offset': (500_000.0, 4_180_000.0), 'row_order': 'north',
-            'source': 'a survey',
+            'origin': (20.0, 30.0), 'offset': (500_000.0, 4_180_000.0), 'source': 'a survey',
         },
         _npz, _ground, (('elevation',), ('resolution',)),
     ),
