@@ -14,6 +14,8 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from lava_ros.errors import LavaError
+from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker_status import WorkerState
 from lava_ros.maps.layer_files import find_config
 from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.allowance import Allowance
@@ -27,8 +29,6 @@ from lava_ros.ros.recording import CheckpointRecording, SceneRecording
 from lava_ros.ros.services import create_services
 from lava_ros.ros.sources import resumed_simulation, SimulationFactory, Sources
 from lava_ros.ros.spinning import Entities, now_ns
-from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import WorkerState
 from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Maximum wait for the simulation thread when closing [s]. It may be in a time step, or compiling.

@@ -14,14 +14,14 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
+from lava_ros.live.ensemble_forecasts import AheadStatus, Live
+from lava_ros.live.followed_clock import MAX_LAG
+from lava_ros.live.session import Eruption, is_on
+from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layers import ZERO_CELSIUS
-from lava_ros.ros.ensemble_forecasts import AheadStatus, Live
-from lava_ros.ros.followed_clock import MAX_LAG
 from lava_ros.ros.recorder import Recorder, RecorderStatus
 from lava_ros.ros.recording import LastCheckpoint
-from lava_ros.ros.session import Eruption, is_on
 from lava_ros.ros.sources import DeadlineChoice
-from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.simulation.output.inundation import inundated_cells
 from lava_ros.simulation.output.snapshot import Snapshot

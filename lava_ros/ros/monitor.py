@@ -14,9 +14,9 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
 
+from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.spinning import now_ns, Watcher
-from lava_ros.ros.worker_status import WorkerState
 from lava_ros.scene import Scene, Terrain, Vent
 
 _FRAME = 'map'

@@ -19,10 +19,10 @@ from rclpy.parameter import Parameter
 from lava_ros import validation
 from lava_ros.effects import drop_superseded, EFFECTS, Effects, possible
 from lava_ros.errors import LavaError
+from lava_ros.live.worker import MAX_PARTICLES
 from lava_ros.maps.layer_files import MAX_MARGIN
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.maps.onset import Onset
-from lava_ros.ros.worker import MAX_PARTICLES
 from lava_ros.scene import constants_of, ENVIRONMENT, Lava, Scene, Vent, VENT_TEMPERATURE_RANGE
 from lava_ros.simulation.presets import DEFAULT as DEFAULT_PRESET
 from lava_ros.simulation.presets import PRESETS

@@ -16,9 +16,9 @@ import yaml
 
 import lava_ros
 from lava_ros.bag.checkpoints import NAME
+from lava_ros.live.session import Eruption, is_on, Origin
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.recorder import Recorder
-from lava_ros.ros.session import Eruption, is_on, Origin
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.output.checkpoint import MEDIA_TYPE, summary_of
 from lava_ros.simulation.output.snapshot import Snapshot

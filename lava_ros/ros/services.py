@@ -14,11 +14,11 @@ from typing import Any, Protocol
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError
+from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros.allowance import Allowance
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.spinning import Entities
-from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import WorkerState
 
 
 class ControlledNode(Protocol):

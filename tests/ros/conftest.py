@@ -15,9 +15,10 @@ import time
 
 import pytest
 
-from ros.graph_publisher import PATIENCE, Publisher
+from ros.graph_publisher import Publisher
 from ros.hearing import Hearing
 from ros_domain import own_domain
+from waiting import PATIENCE
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -205,15 +206,6 @@ def pytest_runtest_makereport(item):
     if report.failed and isinstance(graph, Graph):
         report.sections += [(f'stderr of {name}', log) for name, log in graph.logs if log]
     return report
-
-
-@pytest.fixture
-def bench(request):
-    from worker_bench import Bench
-
-    result = Bench(**getattr(request, 'param', {}))
-    yield result
-    assert result.worker.stop(PATIENCE)
 
 
 @pytest.fixture(scope='module')

@@ -18,13 +18,14 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
+from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros import active_node, codec, diagnostics
 from lava_ros.ros.node import LavaNode
-from lava_ros.ros.worker_status import WorkerState
 from ros.graph_listener import line_of
-from ros.graph_publisher import Asking, CASES, PATIENCE
+from ros.graph_publisher import Asking, CASES
 from ros.hearing import Hearing
 from ros_domain import own_domain
+from waiting import PATIENCE
 
 #: Period of diagnostics [s].
 HEARTBEAT = 0.02

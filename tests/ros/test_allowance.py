@@ -13,13 +13,13 @@ from rclpy.clock import Clock
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError
+from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros.active_node import ActiveNode
 from lava_ros.ros.allowance import Allowance, LIMITS
 from lava_ros.ros.diagnostics import WARN
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.services import create_services
-from lava_ros.ros.worker_status import WorkerState
 from worker_bench import TERRAIN, VENT
 
 N_CALLS = 400

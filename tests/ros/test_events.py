@@ -14,7 +14,7 @@ import pytest
 from cli.calls import refused
 from lava_ros.cli import ros
 from lava_ros.errors import LavaError
-from lava_ros.ros.session import Eruption
+from lava_ros.live.session import Eruption
 from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.scene.emplaced import EmplacedFlow
 from lava_ros.scene.events import TerrainEvent

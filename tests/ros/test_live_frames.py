@@ -24,8 +24,8 @@ from lava_ros.ros.outputs import vent_markers
 from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Level, watched_layers
 from recording import diagnostics_of, growing, SECOND, snapshot_at, START, TERRAIN, VENT
-from ros.graph_publisher import wait_until
 from ros_domain import own_domain
+from waiting import wait_until
 
 #: Crest of a barrier on the terrain, easting and northing [m].
 BARRIER = [(500_020.0, 4_180_050.0), (500_060.0, 4_180_070.0)]

@@ -25,8 +25,8 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.ros.spinning import Watcher
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
-from ros.graph_publisher import wait_until
 from ros_domain import own_domain
+from waiting import wait_until
 
 
 def test_spin_reports_errors_and_continues():

@@ -16,9 +16,9 @@ from lava_ros.bag import BagReader, LATCHED, QosProfile
 from lava_ros.bag.checkpoints import checkpoints_of
 from lava_ros.cli.main import main
 from lava_ros.errors import LavaError
+from lava_ros.live.session import Origin
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.recording import CheckpointRecording, PATIENCE, SceneRecording
-from lava_ros.ros.session import Origin
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from recording import snapshot_at
 from small_checkpoint import small_checkpoint

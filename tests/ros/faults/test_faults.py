@@ -12,11 +12,12 @@ import time
 import numpy as np
 import pytest
 
-from lava_ros.ros import worker_status
+from lava_ros.live import worker_status
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.snapshot import PendingSnapshot
 from lava_ros.simulation.particles.state import State
-from ros.graph_publisher import PATIENCE, vents
+from ros.graph_publisher import vents
+from waiting import PATIENCE
 
 GRIDS = ('height', 'temperature', 'hazard')
 ERROR = 2

@@ -9,7 +9,7 @@ import queue
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.worker_status import Command, CommandQueue, WorkerState
+from lava_ros.live.worker_status import Command, CommandQueue, WorkerState
 from worker_bench import Bench, PATIENCE, TERRAIN, VENT
 
 

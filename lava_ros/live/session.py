@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Session of a simulation: the current scene, which messages change. Without rclpy."""
+"""Session of a simulation: the current scene, which messages change."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace

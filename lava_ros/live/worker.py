@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulation thread, which executes commands and makes snapshots. Without rclpy."""
+"""The simulation thread, which executes commands and makes snapshots."""
 
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -13,9 +13,9 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.followed_clock import FollowedClock, MAX_LAG
-from lava_ros.ros.session import Eruption, failure_text, Fork, Origin
-from lava_ros.ros.worker_status import (
+from lava_ros.live.followed_clock import FollowedClock, MAX_LAG
+from lava_ros.live.session import Eruption, failure_text, Fork, Origin
+from lava_ros.live.worker_status import (
     Command,
     CommandQueue,
     finish,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Repeated forecasts of the live simulation in a separate process. Without rclpy."""
+"""Repeated forecasts of the live simulation in a separate process."""
 
 from collections.abc import Callable
 from concurrent.futures import CancelledError
@@ -19,17 +19,17 @@ from typing import Any
 import lava_ros
 from lava_ros.errors import LavaError
 from lava_ros.forecast.pool import interrupts_withheld
-from lava_ros.maps.forecast import Forecast
-from lava_ros.ros.ensemble_forecasts import (
+from lava_ros.live.ensemble_forecasts import (
     Ahead,
     AheadStatus,
     EnsembleForecasts,
     ForecastRules,
     Live,
 )
-from lava_ros.ros.session import Fork
-from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import WorkerState
+from lava_ros.live.session import Fork
+from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker_status import WorkerState
+from lava_ros.maps.forecast import Forecast
 
 #: Minimum wall time between the starts of two forecasts [s].
 MIN_PERIOD = 1.0

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensemble forecasts of the live simulation, on the side of the node. Without rclpy."""
+"""Ensemble forecasts of the live simulation, on the side of the node."""
 
 from collections import deque
 from collections.abc import Callable
@@ -15,10 +15,10 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
+from lava_ros.live.session import Fork
+from lava_ros.live.worker_status import finish
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.places import Places, places_on
-from lava_ros.ros.session import Fork
-from lava_ros.ros.worker_status import finish
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
 
