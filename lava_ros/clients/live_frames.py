@@ -21,13 +21,13 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 from lava_ros.bag.decoding import image_array, Moment, moment_of, places_in
+from lava_ros.clients.watcher import Watcher
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame
 from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
 from lava_ros.ros.outputs import BARRIERS, LABELS, PLACES
-from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Frames, Level, Status, watched_layers
 
 #: Time without diagnostics after which the node counts as silent [s]; the normal period is 1 s.

@@ -19,10 +19,10 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.bag.decoding import cloud_columns
+from lava_ros.clients.feed import SceneFeed
+from lava_ros.clients.watcher import Watcher
 from lava_ros.ros import inputs, qos, spinning
-from lava_ros.ros.monitor import SceneFeed
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.spinning import Watcher
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from ros_domain import own_domain

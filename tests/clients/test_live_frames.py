@@ -15,13 +15,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PointStamped
 from std_srvs.srv import SetBool
 
+from lava_ros.clients import live_frames
+from lava_ros.clients.live_frames import LiveFrames
+from lava_ros.clients.watcher import Watcher
 from lava_ros.errors import LavaError
 from lava_ros.maps.layers import IMAGE, PROBABILITY
 from lava_ros.maps.plot import barriers_of
-from lava_ros.ros import codec, live_frames, outputs, qos
-from lava_ros.ros.live_frames import LiveFrames
+from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.outputs import vent_markers
-from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Level, watched_layers
 from recording import diagnostics_of, growing, SECOND, snapshot_at, START, TERRAIN, VENT
 from ros_domain import own_domain
