@@ -11,7 +11,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.ros import outputs, qos
-from lava_ros.ros.spinning import now_ns
+from lava_ros.ros.executor import now_ns
 from lava_ros.scene import Scene
 
 

@@ -16,7 +16,7 @@ from sensor_msgs.msg import PointCloud2
 from lava_ros.clients.watcher import Watcher
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros import codec, outputs, qos
-from lava_ros.ros.spinning import now_ns
+from lava_ros.ros.executor import now_ns
 from lava_ros.scene import Terrain, Vent
 
 _FRAME = 'map'

@@ -191,7 +191,7 @@ class Forecaster:
         """Return the reason why a forecast or ensemble is stale, empty if it is valid."""
         if live is None:
             return 'there is none yet'
-        if self.worker.eruption.changes != live.changes:
+        if self.worker.session.changes != live.changes:
             return 'the scene or the effects have changed'
         if self.worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
@@ -225,7 +225,7 @@ class Forecaster:
     def _step(self) -> None:
         """Begin a forecast that is due, forward outlines, and process one reply."""
         self._cancel_outdated()
-        is_another = self.worker.eruption.changes != self._changes
+        is_another = self.worker.session.changes != self._changes
         due = self._due_after_change if is_another else self._due
         is_due = self.is_wanted and time.monotonic() >= due
         if is_due and self._process is None:
@@ -240,7 +240,7 @@ class Forecaster:
             return
         rules = self.rules()
         self.ensembles.send(
-            self._process.order, changes=self.worker.eruption.changes, time_scale=rules.time_scale
+            self._process.order, changes=self.worker.session.changes, time_scale=rules.time_scale
         )
         if self._current_fork is not None and self._renew_share(rules):
             self._process.order('share', share=self.status.share)
@@ -250,20 +250,20 @@ class Forecaster:
             self._handle_reply(name, **values)
 
     def _report_changes(self) -> None:
-        if self.worker.eruption.changes != self._reported:
-            self._reported = self.worker.eruption.changes
+        if self.worker.session.changes != self._reported:
+            self._reported = self.worker.session.changes
             self.on_change()
 
     def _is_something_new(self) -> bool:
         snapshot = self.worker.latest
         if snapshot is None or self.worker.status.state is WorkerState.FAILED:
             return False
-        state = (self.worker.eruption.changes, snapshot.time)
+        state = (self.worker.session.changes, snapshot.time)
         has_members = self.rules().members > 0
         return state != self._forked or (has_members and self.ensembles.is_wanted(*state))
 
     def _cancel_outdated(self) -> None:
-        changes = self.worker.eruption.changes
+        changes = self.worker.session.changes
         is_outdated = not self.is_wanted or changes != self._changes
         if is_outdated and (self._current_fork is not None or self.ensembles.is_busy):
             if self._process is not None:

@@ -14,7 +14,7 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
 from lava_ros.live.followed_clock import FollowedClock, MAX_LAG
-from lava_ros.live.session import Eruption, failure_text, Fork, Origin
+from lava_ros.live.session import failure_text, Fork, Origin, SimulationSession
 from lava_ros.live.worker_status import (
     Command,
     CommandQueue,
@@ -67,7 +67,7 @@ class SimulationWorker:
     ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` returns
     the time to follow [s]. ``constants`` are the lava and its surroundings until a scene defines
     them, ``end_time`` is the simulated end time [s]. ``on_snapshot`` is called when
-    ``latest`` has changed, in this or another thread. ``eruption`` contains the scene and the
+    ``latest`` has changed, in this or another thread. ``session`` contains the scene and the
     state of its simulation; other threads only read it.
     """
 
@@ -91,7 +91,9 @@ class SimulationWorker:
         self._step_target: float | None = None
         self._speed = SpeedMeter()
         self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
-        self.eruption = Eruption(self._starting(self.make_simulation), constants=self.constants)
+        self.session = SimulationSession(
+            self._starting(self.make_simulation), constants=self.constants
+        )
         self._error = ''
         self._is_stopping = False
         self._commands = CommandQueue()
@@ -102,7 +104,7 @@ class SimulationWorker:
     @property
     def latest(self) -> 'Snapshot | None':
         """The newest snapshot, None before the first."""
-        return self.eruption.latest
+        return self.session.latest
 
     @property
     def status(self) -> WorkerStatus:
@@ -129,7 +131,7 @@ class SimulationWorker:
 
     def set_scene(self, scene: Scene) -> 'Future[None]':
         """Replace the simulation by one of ``scene`` at time 0."""
-        return self._put(lambda: self.eruption.start(scene))
+        return self._put(lambda: self.session.start(scene))
 
     def resume_with(
         self,
@@ -140,7 +142,7 @@ class SimulationWorker:
         *,
         reached: float = 0.0,
     ) -> 'Future[None]':
-        """Continue with another simulation of a scene (see ``Eruption.resume_with``).
+        """Continue with another simulation of a scene (see ``SimulationSession.resume_with``).
 
         ``make_simulation`` is called in the worker's thread. The thread then simulates up to the
         time ``reached`` [s], for at most ``MAX_CATCH_UP`` of wall time, before its first snapshot.
@@ -148,14 +150,14 @@ class SimulationWorker:
         make = self._starting(make_simulation)
 
         def go_on() -> None:
-            self.eruption.resume_with(make(), scene, origin, before)
+            self.session.resume_with(make(), scene, origin, before)
             self._catch_up(min(reached, self.end_time or reached))
 
         return self._put(go_on)
 
     def checkpoint(self) -> 'Future[bytes]':
         """Serialise the state for a later resume; the future fails without a simulation."""
-        return self._put(lambda: self.eruption.checkpoint().to_bytes(), kind='checkpoint')
+        return self._put(lambda: self.session.checkpoint().to_bytes(), kind='checkpoint')
 
     def fork(self) -> 'Future[Fork]':
         """Copy the state for another simulation; the future fails without a simulation."""
@@ -166,7 +168,7 @@ class SimulationWorker:
         return self._put(lambda: self._set_terrain(terrain), kind='terrain')
 
     def set_vents(self, vents: Iterable[Vent]) -> 'Future[None]':
-        """Replace all vents (see ``Eruption.set_vents``).
+        """Replace all vents (see ``SimulationSession.set_vents``).
 
         Before there is a terrain, the newest vents and their future wait for it.
         """
@@ -180,7 +182,7 @@ class SimulationWorker:
 
     def set_constants(self, constants: Mapping[str, Any]) -> 'Future[None]':
         """Replace the lava properties, effective at the next start or reset."""
-        return self._put(lambda: self.eruption.set_constants(constants), kind='constants')
+        return self._put(lambda: self.session.set_constants(constants), kind='constants')
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> 'Future[None]':
         """Choose the effects again, with some forced on or off, for a horizon [s].
@@ -199,7 +201,7 @@ class SimulationWorker:
 
     def reset(self) -> 'Future[None]':
         """Restart the scene at time 0, also after a failure; a pause remains."""
-        return self._put(self.eruption.reset, kind='reset')
+        return self._put(self.session.reset, kind='reset')
 
     def step(self, duration: float) -> 'Future[None]':
         """Advance a paused simulation by a duration [s]."""
@@ -232,11 +234,11 @@ class SimulationWorker:
             finish(self._waiting_vents[1], _STOPPED)
         self._finisher.shutdown()
         # Free the device memory even if the worker is still referenced.
-        self.eruption.fail()
+        self.session.fail()
 
     def _run_commands(self) -> None:
         time.sleep(max(0.0, self._last_turn + TURN_WALL_TIME - time.monotonic()))
-        is_behind = self._target > self.eruption.time
+        is_behind = self._target > self.session.time
         wait = (0.0 if is_behind else IDLE_WALL_TIME) if self._is_moving() else None
         try:
             command = self._commands.get(wait)
@@ -251,11 +253,11 @@ class SimulationWorker:
             return
 
     def _execute(self, command: Command) -> None:
-        future, starts = command.future, self.eruption.starts
+        future, starts = command.future, self.session.starts
         self._turn = command.kind or 'a command', time.monotonic()
         try:
             result = command.action()
-            if self.eruption.starts != starts:
+            if self.session.starts != starts:
                 self._note_start()
         except Exception as error:
             if not isinstance(error, LavaError):
@@ -275,22 +277,22 @@ class SimulationWorker:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        self._error = failure_text(error, self.eruption.latest)
-        self.eruption.fail()
+        self._error = failure_text(error, self.session.latest)
+        self.session.fail()
         self._step_target = None
         self._status = replace(self._status, state=WorkerState.FAILED, error=self._error)
 
     def _catch_up(self, reached: float) -> None:
         end = time.monotonic() + MAX_CATCH_UP
-        while self.eruption.time < reached and time.monotonic() < end and not self._is_stopping:
-            self.eruption.advance(
+        while self.session.time < reached and time.monotonic() < end and not self._is_stopping:
+            self.session.advance(
                 reached, wall_limit=SLICE_WALL_TIME, max_particles=self.max_particles
             )
 
     def _advance(self) -> None:
         if not self._is_moving():
             return
-        before = self.eruption.time
+        before = self.session.time
         if self._step_target is not None:
             self._target = self._step_target
         else:
@@ -303,13 +305,13 @@ class SimulationWorker:
             begun = time.monotonic()
             self._turn = 'a step', begun
             try:
-                reached = self.eruption.advance(
+                reached = self.session.advance(
                     self._target, wall_limit=SLICE_WALL_TIME, max_particles=self.max_particles
                 )
             finally:
                 self._turn, self._slice = ('', 0.0), time.monotonic() - begun
             self._speed.note(reached)
-        if self._step_target is not None and self.eruption.time >= self._target:
+        if self._step_target is not None and self.session.time >= self._target:
             self._step_target = None
 
     def _give_up(self, until: float) -> None:
@@ -318,18 +320,18 @@ class SimulationWorker:
         self._target = min(self._target, until)
 
     def _is_moving(self) -> bool:
-        if self.eruption.simulation is None or self._is_finished():
+        if self.session.simulation is None or self._is_finished():
             return False
         return not self.paused or self._step_target is not None
 
     def _is_finished(self) -> bool:
-        return self.end_time is not None and self.eruption.time >= self.end_time
+        return self.end_time is not None and self.session.time >= self.end_time
 
     def _update_status(self) -> None:
         old = self._status.state
         if self._error:
             state = WorkerState.FAILED
-        elif self.eruption.simulation is None:
+        elif self.session.simulation is None:
             state = WorkerState.WAITING
         elif self._is_finished():
             state = WorkerState.FINISHED
@@ -344,14 +346,14 @@ class SimulationWorker:
         # At rest, update the snapshot before the status reports the state.
         is_new = not self._is_moving() and self._is_snapshot_new()
         # Exclude the newest step of the clock from the lag.
-        lag = (self._target - self.eruption.time) / self.time_scale - self._clock.step
+        lag = (self._target - self.session.time) / self.time_scale - self._clock.step
         self._status = WorkerStatus(
             state=state,
             error=self._error,
             speed=self._speed.value,
             mean_speed=self._speed.mean,
             is_behind=state is WorkerState.RUNNING and lag > ROUNDING,
-            device=self.eruption.device,
+            device=self.session.device,
             lag=max(0.0, lag),
             lost=self._clock.lost,
             jump=self._clock.jump,
@@ -363,7 +365,7 @@ class SimulationWorker:
 
     def _follow_from_here(self) -> None:
         self._clock.start()
-        self._target = self.eruption.time
+        self._target = self.session.time
         self._speed.clear()
         self._speed.note(self._target)
 
@@ -376,7 +378,7 @@ class SimulationWorker:
         finishing, self._finishing = self._finishing, None
         if finishing is not None:
             wait([finishing])
-        return self.eruption.renew_snapshot() or finishing is not None
+        return self.session.renew_snapshot() or finishing is not None
 
     def _begin_snapshot(self) -> None:
         finishing = self._finishing
@@ -387,16 +389,16 @@ class SimulationWorker:
         self._snapshot_asked = False
         # Maps are due when the clock has advanced, so simulate to its current time first.
         self._guard(self._advance)
-        rest = self.eruption.begin_snapshot()
+        rest = self.session.begin_snapshot()
         if rest is not None:
-            simulation = self.eruption.simulation
+            simulation = self.session.simulation
             self._finishing = self._finisher.submit(self._finish_snapshot, rest, simulation)
 
     def _finish_snapshot(self, rest: Callable[[], None], simulation: 'Simulation | None') -> None:
         """Complete a snapshot; an error is a failure of its simulation."""
 
         def fail(reason: Exception) -> None:
-            if self.eruption.simulation is simulation:
+            if self.session.simulation is simulation:
                 self._fail(reason)
 
         try:
@@ -425,12 +427,12 @@ class SimulationWorker:
 
     def _fork(self) -> Fork:
         begun = time.monotonic()
-        checkpoint = self.eruption.checkpoint()
-        return Fork(checkpoint, self.eruption.changes, self.clock(), time.monotonic() - begun)
+        checkpoint = self.session.checkpoint()
+        return Fork(checkpoint, self.session.changes, self.clock(), time.monotonic() - begun)
 
     def _set_terrain(self, terrain: Terrain) -> None:
-        if self.eruption.scene is not None:
-            if self.eruption.set_terrain(terrain):
+        if self.session.scene is not None:
+            if self.session.set_terrain(terrain):
                 self._show()
             return
         vents, future = self._waiting_vents or ((), None)
@@ -439,43 +441,43 @@ class SimulationWorker:
             vents = check_vents(vents, terrain)
         except LavaError as refused:
             vents, error = (), refused
-        self.eruption.begin(terrain, vents)
+        self.session.begin(terrain, vents)
         self._waiting_vents = None
         if future is not None:
             finish(future, error)
 
     def _set_vents(self, vents: tuple[Vent, ...], future: 'Future[None]') -> None:
-        if self.eruption.scene is None:
+        if self.session.scene is None:
             if self._waiting_vents is not None:
                 self._waiting_vents[1].cancel()
             self._waiting_vents = (vents, future)
         else:
-            self.eruption.set_vents(vents)
+            self.session.set_vents(vents)
 
     def _add_vent(self, vent: Vent) -> None:
-        scene = self.eruption.scene
+        scene = self.session.scene
         if scene is None:
             raise LavaError('vent', vent.position, 'a terrain before the first single vent')
-        self.eruption.set_vents((*scene.vents, vent))
+        self.session.set_vents((*scene.vents, vent))
 
     def _set_effects(self, forced: Mapping[str, bool], horizon: float) -> None:
-        self.eruption.set_effects(forced, horizon=horizon)
+        self.session.set_effects(forced, horizon=horizon)
         self._show()
 
     def _set(self, name: str, value: float | None) -> None:
         if name == 'time_scale':
             # keep the lag in seconds of the clock
-            lag = (self._target - self.eruption.time) / self.time_scale
-            self._target = self.eruption.time + lag * float(value or 0.0)
+            lag = (self._target - self.session.time) / self.time_scale
+            self._target = self.session.time + lag * float(value or 0.0)
         setattr(self, name, value)
 
     def _pause(self, paused: bool) -> None:
         if paused and not self.paused:
-            self._give_up(self.eruption.time)
+            self._give_up(self.session.time)
         self.paused = paused
         self._step_target = None
 
     def _begin_step(self, duration: float) -> None:
-        if self.eruption.simulation is None or not self.paused:
+        if self.session.simulation is None or not self.paused:
             raise LavaError('step', self._status.state.value, 'a paused simulation')
-        self._step_target = self.eruption.time + duration
+        self._step_target = self.session.time + duration

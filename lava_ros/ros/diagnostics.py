@@ -16,12 +16,12 @@ import numpy as np
 
 from lava_ros.live.ensemble_forecasts import AheadStatus, Live
 from lava_ros.live.followed_clock import MAX_LAG
-from lava_ros.live.session import Eruption, is_on
+from lava_ros.live.session import is_on, SimulationSession
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.ros.recorder import Recorder, RecorderStatus
 from lava_ros.ros.recording import LastCheckpoint
-from lava_ros.ros.sources import DeadlineChoice
+from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.simulation.output.inundation import inundated_cells
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -310,10 +310,10 @@ class NodeLog:
         self._logger = logger
         self._logged: dict[str, object] = {'state': WorkerState.WAITING}
 
-    def scene(self, session: Eruption, snapshot: Snapshot | None) -> None:
+    def scene(self, session: SimulationSession, snapshot: Snapshot | None) -> None:
         """Log changes of terrain, vents and effects up to the newest snapshot.
 
-        Changes within the noise of a sensor (``Eruption.changes``) are not logged.
+        Changes within the noise of a sensor (``SimulationSession.changes``) are not logged.
         """
         scene = session.scene
         if scene is None or self._logged.get('changes') == session.changes:

@@ -19,11 +19,11 @@ from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
 from lava_ros.ros import diagnostics
+from lava_ros.ros.executor import EntityRegistry, now_ns
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import LayerPublishers
 from lava_ros.ros.recorder import Recorder
-from lava_ros.ros.sources import DeadlineChoice
-from lava_ros.ros.spinning import Entities, now_ns
+from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene.features import Feature
 
 #: Maximum wait for the forecast thread to end [s]; it may be copying the state.
@@ -43,7 +43,7 @@ class ForecastTopics:
     for which ensembles also predict arrival times.
     """
 
-    entities: Entities
+    entities: EntityRegistry
     layers: Sequence[Layer]
     recorder: Recorder
     worker: SimulationWorker

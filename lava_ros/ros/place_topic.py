@@ -13,8 +13,8 @@ from lava_ros.maps.place_arrivals import live_arrivals, LiveArrivals
 from lava_ros.maps.places import Places, places_on
 from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.diagnostics import ERROR, OK, WARN
+from lava_ros.ros.executor import EntityRegistry
 from lava_ros.ros.recorder import Recorder
-from lava_ros.ros.spinning import Entities
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature, load_features
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -45,7 +45,12 @@ class PlaceTopic:
     """The topic of arrivals at places; there is none without features."""
 
     def __init__(
-        self, entities: Entities, recorder: Recorder, features: Sequence[Feature], *, frame_id: str
+        self,
+        entities: EntityRegistry,
+        recorder: Recorder,
+        features: Sequence[Feature],
+        *,
+        frame_id: str,
     ) -> None:
         """Create the publisher."""
         self._node, self._recorder, self._frame_id = entities.node, recorder, frame_id

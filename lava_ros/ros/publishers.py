@@ -22,9 +22,9 @@ from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layer_files import load_layers, switched
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.executor import EntityRegistry
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
-from lava_ros.ros.spinning import Entities
 from lava_ros.scene import Scene
 from lava_ros.simulation.output.snapshot import Snapshot
 
@@ -101,7 +101,7 @@ class LayerPublishers(Generic[Shown]):
 
     def __init__(
         self,
-        entities: Entities,
+        entities: EntityRegistry,
         layers: Sequence[Layer],
         recorder: Recorder,
         *,
@@ -208,7 +208,7 @@ class LayerPublishers(Generic[Shown]):
 class ScenePublisher:
     """Publishes relief and vents, latched, and the node's own terrain on its input topics."""
 
-    def __init__(self, entities: Entities, *, frame_id: str) -> None:
+    def __init__(self, entities: EntityRegistry, *, frame_id: str) -> None:
         """Create the publishers."""
         self._entities = entities
         self._messages = outputs.SceneMessages(frame_id)

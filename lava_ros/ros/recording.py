@@ -16,7 +16,7 @@ import yaml
 
 import lava_ros
 from lava_ros.bag.checkpoints import NAME
-from lava_ros.live.session import Eruption, is_on, Origin
+from lava_ros.live.session import is_on, Origin, SimulationSession
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.recorder import Recorder
 from lava_ros.scene import Scene, scene_to_dict, Terrain
@@ -55,17 +55,17 @@ class SceneRecording:
         self._effects: dict[str, str] = {}
         self._history: list[dict[str, Any]] = []
 
-    def write(self, eruption: Eruption, snapshot: Snapshot, stamp_ns: int) -> None:
+    def write(self, session: SimulationSession, snapshot: Snapshot, stamp_ns: int) -> None:
         """Record what has changed since the last call; ``stamp_ns`` is the ROS time [ns]."""
-        scene, recorder, is_new = eruption.scene, self.recorder, self.recorder.is_armed
+        scene, recorder, is_new = session.scene, self.recorder, self.recorder.is_armed
         if scene is None or not (is_new or recorder.is_recording):
             return
         if is_new:
-            self._effects, self._history, self._origin = {}, [], eruption.origin
-        has_changed = self._note_effects(eruption.effects, snapshot, stamp_ns)
+            self._effects, self._history, self._origin = {}, [], session.origin
+        has_changed = self._note_effects(session.effects, snapshot, stamp_ns)
         if is_new or has_changed or scene is not self._scene:
             put = recorder.begin if is_new else recorder.describe
-            put(self._description(scene, eruption))
+            put(self._description(scene, session))
             self._scene = scene
         if is_new or self._is_to_repeat(snapshot.terrain, stamp_ns):
             self._messages.forget()
@@ -102,9 +102,9 @@ class SceneRecording:
         name, kind = self.node.resolve_topic_name(topic), codec.type_name(type(message))
         self.recorder.write(name, kind, codec.serialise(message), stamp_ns, qos=qos.LATCHED)
 
-    def _description(self, scene: Scene, eruption: Eruption) -> dict[str, str]:
+    def _description(self, scene: Scene, session: SimulationSession) -> dict[str, str]:
         resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
-        whole = scene_to_dict(replace(scene, vents=eruption.schedule))
+        whole = scene_to_dict(replace(scene, vents=session.schedule))
         parameters = dict(self.parameters())
         return {
             'scene': yaml.safe_dump(whole, sort_keys=False),
@@ -115,7 +115,7 @@ class SceneRecording:
             **({'onset': onset} if (onset := parameters.get('onset')) else {}),
             'namespace': self.node.get_namespace(),
             'version': lava_ros.__version__,
-            'device': eruption.device,
+            'device': session.device,
         }
 
 

@@ -17,8 +17,8 @@ from lava_ros.errors import LavaError
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros.allowance import Allowance
-from lava_ros.ros.input_topics import InputTopics
-from lava_ros.ros.spinning import Entities
+from lava_ros.ros.executor import EntityRegistry
+from lava_ros.ros.subscribers import InputSubscribers
 
 
 class ControlledNode(Protocol):
@@ -45,10 +45,10 @@ class ControlledNode(Protocol):
 
 def create_services(
     active: ControlledNode,
-    entities: Entities,
+    entities: EntityRegistry,
     *,
     worker: SimulationWorker,
-    inputs: InputTopics,
+    inputs: InputSubscribers,
     allowance: Allowance,
 ) -> None:
     """Create the services.
@@ -69,7 +69,7 @@ def create_services(
         return f'{text}, but later: {blocked_by}' if blocked_by else text
 
     def reset(_: Any) -> str:
-        if worker.eruption.scene is None:
+        if worker.session.scene is None:
             raise LavaError('reset', WorkerState.WAITING.value, 'a simulation that has started')
         allowance.take('reset')
         logger.info('reset: starting again at time 0')

@@ -25,9 +25,9 @@ ROOT = HERE.parents[1]
 
 #: Runs the node, or the module's ``main``, with five heartbeats per second to shorten waits.
 QUICK_MODULE = """
-from lava_ros.ros import active_node
+from lava_ros.ros import runtime
 from lava_ros.{} import main
-active_node.HEARTBEAT = 0.2
+runtime.HEARTBEAT = 0.2
 raise SystemExit(main())
 """
 QUICK = QUICK_MODULE.format('ros.node')

@@ -14,12 +14,12 @@ from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError
 from lava_ros.live.worker_status import WorkerState
-from lava_ros.ros.active_node import ActiveNode
 from lava_ros.ros.allowance import Allowance, LIMITS
 from lava_ros.ros.diagnostics import WARN
-from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.ros.services import create_services
+from lava_ros.ros.subscribers import InputSubscribers
 from worker_bench import TERRAIN, VENT
 
 N_CALLS = 400
@@ -59,7 +59,7 @@ class NodeServices:
         self.worker.status = SimpleNamespace(state=WorkerState.PAUSED, blocked_by='')
         self.active = Mock(is_active=True, step_length=1.0)
         self.active.pause.side_effect = lambda paused: Future()
-        self.inputs = InputTopics(entities, self.worker, settings=Settings, steady=Clock())
+        self.inputs = InputSubscribers(entities, self.worker, settings=Settings, steady=Clock())
         self.allowance = Allowance(self.inputs.refuse, lambda: 0.0)
         entities.create.reset_mock()
         create_services(
@@ -81,7 +81,7 @@ class NodeServices:
             _settings=Settings(), _allowance=self.allowance, _bag_folder=self.active
         )
         try:
-            ActiveNode.check(node, Settings(effects_on=('inertia',)))
+            NodeRuntime.check(node, Settings(effects_on=('inertia',)))
         except LavaError as error:
             return SimpleNamespace(success=False, message=str(error))
         return SimpleNamespace(success=True)
@@ -155,5 +155,5 @@ def test_total_size_of_saves_is_limited():
         _allowance=services.allowance,
     )
     with pytest.raises(LavaError, match=r"1000 bytes saved so far', expected less than 1000 \("):
-        ActiveNode.save(node)
+        NodeRuntime.save(node)
     assert services.status()[1]['rejected.save'] == '1'

@@ -14,7 +14,7 @@ from lava_ros.forecast import planning as affordable
 from lava_ros.forecast.planning import Affordable
 from lava_ros.ros import diagnostics
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.sources import SimulationFactory
+from lava_ros.ros.startup_inputs import SimulationFactory
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.presets import preset_accuracy
 

@@ -13,8 +13,8 @@ from lava_ros.errors import LavaError
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.ros import diagnostics
 from lava_ros.ros.diagnostics import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
-from lava_ros.ros.input_topics import InputLog
 from lava_ros.ros.recorder import RecorderStatus
+from lava_ros.ros.subscribers import InputLog
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport

@@ -20,8 +20,8 @@ from lava_ros.maps.forecast import occupancy
 from lava_ros.ros import codec
 from lava_ros.ros.codec import message_class
 from lava_ros.ros.inputs import mask_from_grid
-from lava_ros.ros.offline_bags import write_atlas_bag
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.snapshot_bags import write_atlas_bag
 from lava_ros.scene import Terrain
 
 SETTINGS = Settings()

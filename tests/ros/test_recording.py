@@ -46,11 +46,11 @@ class FrameRecording:
     def write(self, time, effects):
         terrain = self.scene.terrain
         snapshot = snapshot_at(time, np.zeros(terrain.shape, np.float32), terrain)
-        eruption = SimpleNamespace(
+        session = SimpleNamespace(
             scene=self.scene, effects=effects, schedule=self.schedule, origin=self.origin,
             device='cpu',
         )
-        self.recording.write(eruption, snapshot, int(time * 1e9))
+        self.recording.write(session, snapshot, int(time * 1e9))
         self.recorder.flush()
 
     def effects(self, name):
@@ -141,7 +141,7 @@ def state(time, particles=10):
     return small_checkpoint(time, particles).to_bytes()
 
 
-class Eruption:
+class SimulationSession:
     """Returns checkpoints of its time, immediately or on request."""
 
     def __init__(self, particles=10):
@@ -163,31 +163,31 @@ class Eruption:
 
 @pytest.fixture
 def recording(tmp_path):
-    """Return a recorder with an open bag, an eruption, and the recording of its checkpoints."""
+    """Return a recorder with an open bag, an session, and the recording of its checkpoints."""
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag')
     recorder.begin({})
-    eruption = Eruption()
-    checkpoints = CheckpointRecording(recorder, eruption.take, clock=lambda: eruption.time)
-    yield recorder, eruption, checkpoints
+    session = SimulationSession()
+    checkpoints = CheckpointRecording(recorder, session.take, clock=lambda: session.time)
+    yield recorder, session, checkpoints
     recorder.stop()
 
 
-def run(recorder, eruption, checkpoints, seconds, bytes_a_second=0):
+def run(recorder, session, checkpoints, seconds, bytes_a_second=0):
     """Poll twice a second, and write a message of a size each second."""
     random = np.random.default_rng(0)
     for _ in range(2 * seconds):
-        eruption.time += 0.5
-        if bytes_a_second and eruption.time % 1.0 == 0.0:
+        session.time += 0.5
+        if bytes_a_second and session.time % 1.0 == 0.0:
             data = bytes(4) + random.bytes(bytes_a_second)
-            stamp = int(eruption.time * 1e9)
+            stamp = int(session.time * 1e9)
             recorder.write('/words', 'std_msgs/msg/String', data, stamp, qos=QosProfile())
             recorder.flush()
-        assert checkpoints.poll(PERIOD, int(eruption.time * 1e9)) == ''
+        assert checkpoints.poll(PERIOD, int(session.time * 1e9)) == ''
 
 
 def test_checkpoints_are_written_at_the_start_each_period_and_at_the_end(tmp_path, recording):
-    recorder, _eruption, checkpoints = recording
+    recorder, _session, checkpoints = recording
     run(*recording, 150, bytes_a_second=1000)
     assert checkpoints.finish(PERIOD, 150 * 10**9, timeout=1.0) == ''
     recorder.stop()
@@ -201,32 +201,32 @@ def test_checkpoints_are_written_at_the_start_each_period_and_at_the_end(tmp_pat
 
 
 def test_checkpoint_follows_a_change_within_a_tenth_of_the_period(tmp_path, recording):
-    recorder, eruption, checkpoints = recording
+    recorder, session, checkpoints = recording
     run(*recording, 20, bytes_a_second=1000)
     for changes in (1, 1, 2):
         for _ in range(20):
-            eruption.time += 0.5
-            assert checkpoints.poll(PERIOD, int(eruption.time * 1e9), changes=changes) == ''
+            session.time += 0.5
+            assert checkpoints.poll(PERIOD, int(session.time * 1e9), changes=changes) == ''
     # many changes in a row: one checkpoint in each tenth
     for changes in range(3, 30):
-        eruption.time += 0.5
-        assert checkpoints.poll(PERIOD, int(eruption.time * 1e9), changes=changes) == ''
+        session.time += 0.5
+        assert checkpoints.poll(PERIOD, int(session.time * 1e9), changes=changes) == ''
     recorder.stop()
     stored = checkpoints_of(tmp_path / 'bag')
     assert [item.time for item in stored] == [0.5, 20.5, 40.5, 50.5, 56.5, 62.5]
 
 
 def test_no_checkpoint_without_a_period_or_a_bag(tmp_path, recording):
-    recorder, eruption, checkpoints = recording
+    recorder, session, checkpoints = recording
     assert checkpoints.poll(0.0, 1) == checkpoints.finish(0.0, 1, timeout=1.0) == ''
     recorder.stop()
     assert checkpoints.poll(PERIOD, 1) == checkpoints.finish(PERIOD, 1, timeout=1.0) == ''
-    assert eruption.asked == []
+    assert session.asked == []
     assert checkpoints_of(tmp_path / 'bag') == []
 
 
 def test_identical_checkpoint_is_written_once(tmp_path, recording):
-    recorder, _eruption, checkpoints = recording
+    recorder, _session, checkpoints = recording
     checkpoints.take = lambda: Mock(**{'result.return_value': state(7.0)})
     run(*recording, 300, bytes_a_second=1000)
     checkpoints.finish(PERIOD, 1, timeout=1.0)
@@ -235,20 +235,20 @@ def test_identical_checkpoint_is_written_once(tmp_path, recording):
 
 
 def test_slow_simulation_has_one_pending_request(recording):
-    _recorder, eruption, checkpoints = recording
-    eruption.is_slow = True
+    _recorder, session, checkpoints = recording
+    session.is_slow = True
     run(*recording, 200)
-    assert len(eruption.asked) == 1
+    assert len(session.asked) == 1
     assert checkpoints.last is None
-    eruption.answer()
+    session.answer()
     run(*recording, 1)
     assert checkpoints.last.time == 200.0
     assert checkpoints.finish(PERIOD, 1, timeout=0.01) == 'no checkpoint within 0.01 s'
 
 
 def test_large_checkpoints_wait_for_the_bag_to_grow(tmp_path, recording):
-    recorder, eruption, _checkpoints = recording
-    eruption.particles = 10_000
+    recorder, session, _checkpoints = recording
+    session.particles = 10_000
     size = len(state(0.0, 10_000))
     assert size > 100_000
     run(*recording, 3600, bytes_a_second=size // 100)
@@ -259,7 +259,7 @@ def test_large_checkpoints_wait_for_the_bag_to_grow(tmp_path, recording):
     assert waits[1:].min() > 80.0 and waits.max() < 202.0
     bag = sum(item.stat().st_size for item in (tmp_path / 'bag').glob('*.mcap'))
     assert sum(item.size for item in stored) <= 0.52 * bag
-    eruption.time = 0.0
+    session.time = 0.0
     recorder.arm(tmp_path / 'next')
     recorder.begin({})
     run(*recording, 1500)
@@ -269,17 +269,17 @@ def test_large_checkpoints_wait_for_the_bag_to_grow(tmp_path, recording):
 
 
 def test_failed_checkpoint_is_reported_and_repeated(recording):
-    _recorder, eruption, checkpoints = recording
+    _recorder, session, checkpoints = recording
     for failure in (LavaError('checkpoint', 'no simulation', 'one'), RuntimeError('no memory')):
         checkpoints.take = Mock(**{'return_value.result.side_effect': failure})
         assert checkpoints.finish(PERIOD, 1, timeout=1.0) == str(failure)
-    checkpoints.take = eruption.take
+    checkpoints.take = session.take
     run(*recording, 1)
     assert checkpoints.last.count == 1
 
 
 def test_new_bag_starts_with_a_checkpoint(tmp_path, recording):
-    recorder, _eruption, checkpoints = recording
+    recorder, _session, checkpoints = recording
     run(*recording, 10)
     recorder.stop()
     recorder.arm(tmp_path / 'second')

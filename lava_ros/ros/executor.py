@@ -35,7 +35,7 @@ def spin(
             time.sleep(PAUSE)
 
 
-class Entities:
+class EntityRegistry:
     """The ROS entities that a node creates when configured and destroys at cleanup."""
 
     def __init__(self, node: Node) -> None:
