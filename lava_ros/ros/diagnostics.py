@@ -14,13 +14,13 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
+from lava_ros.live.checkpoint_recording import LastCheckpoint
 from lava_ros.live.ensemble_forecasts import AheadStatus, Live
 from lava_ros.live.followed_clock import MAX_LAG
+from lava_ros.live.recorder import Recorder, RecorderStatus
 from lava_ros.live.session import is_on, SimulationSession
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layers import ZERO_CELSIUS
-from lava_ros.ros.recorder import Recorder, RecorderStatus
-from lava_ros.ros.recording import LastCheckpoint
 from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.simulation.output.inundation import inundated_cells

@@ -15,6 +15,7 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.live.ensemble_forecasts import Ahead, ForecastRules, Live
 from lava_ros.live.forecaster import Forecaster
+from lava_ros.live.recorder import Recorder
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
@@ -22,7 +23,6 @@ from lava_ros.ros import diagnostics
 from lava_ros.ros.executor import EntityRegistry, now_ns
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import LayerPublishers
-from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene.features import Feature
 

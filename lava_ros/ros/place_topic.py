@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lava_ros.errors import LavaError
+from lava_ros.live.recorder import Recorder
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.place_arrivals import live_arrivals, LiveArrivals
 from lava_ros.maps.places import Places, places_on
 from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.diagnostics import ERROR, OK, WARN
 from lava_ros.ros.executor import EntityRegistry
-from lava_ros.ros.recorder import Recorder
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature, load_features
 from lava_ros.simulation.output.snapshot import Snapshot

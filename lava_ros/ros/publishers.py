@@ -18,13 +18,13 @@ from sensor_msgs.msg import Image
 from visualization_msgs.msg import MarkerArray
 
 from lava_ros.errors import LavaError
+from lava_ros.live.recorder import Recorder
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layer_files import load_layers, switched
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.executor import EntityRegistry
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.recorder import Recorder
 from lava_ros.scene import Scene
 from lava_ros.simulation.output.snapshot import Snapshot
 

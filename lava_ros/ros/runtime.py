@@ -14,6 +14,8 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from lava_ros.errors import LavaError
+from lava_ros.live.checkpoint_recording import CheckpointRecording
+from lava_ros.live.recorder import BagFolder, Recorder
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.maps.layer_files import find_config
@@ -24,8 +26,7 @@ from lava_ros.ros.forecast_topics import ForecastTopics
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
 from lava_ros.ros.place_topic import load_places, PlaceTopic
 from lava_ros.ros.publishers import LayerPublishers, published_layers, ScenePublisher
-from lava_ros.ros.recorder import BagFolder, Recorder
-from lava_ros.ros.recording import CheckpointRecording, SceneRecording
+from lava_ros.ros.recording import SceneRecording
 from lava_ros.ros.services import create_services
 from lava_ros.ros.startup_inputs import resumed_simulation, SimulationFactory, StartupInputs
 from lava_ros.ros.subscribers import InputSubscribers

@@ -22,11 +22,11 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_yaml
+from lava_ros.live.recorder import BagFolder
 from lava_ros.live.session import Origin
 from lava_ros.maps.onset import recorded_onset
 from lava_ros.ros import codec, parameters
 from lava_ros.ros.parameters import constant_values, Settings
-from lava_ros.ros.recorder import BagFolder
 from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
 from lava_ros.scene.terrain_files import load_terrain, terrain_path
 from lava_ros.simulation.accuracy import Accuracy

@@ -24,13 +24,13 @@ from sensor_msgs.msg import Image, PointCloud2
 from lava_ros.bag import QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
+from lava_ros.live.recorder import Recorder
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.layers import GRID_MAP, OCCUPANCY_GRID
 from lava_ros.ros import codec, diagnostics, inputs, qos
 from lava_ros.ros.codec import decode
 from lava_ros.ros.executor import EntityRegistry, now_ns
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.recorder import Recorder
 from lava_ros.scene import Terrain
 
 #: Interval between checks for a complete pair of ``terrain`` and ``terrain_info`` [s].
