@@ -41,7 +41,7 @@ def feed(args: argparse.Namespace) -> int:
     from rclpy.executors import SingleThreadedExecutor
 
     from lava_ros.clients.feed import SceneFeed
-    from lava_ros.ros.arguments import start_ros
+    from lava_ros.ros.executor import start_ros
 
     start_ros(args.ros_args)
     stopping: list[int] = []

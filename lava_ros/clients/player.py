@@ -19,8 +19,8 @@ from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.replay import StopRequest
 from lava_ros.errors import LavaError
-from lava_ros.ros.arguments import start_ros
 from lava_ros.ros.codec import message_class, time_message
+from lava_ros.ros.executor import start_ros
 from lava_ros.ros.qos import ros_profile
 
 CLOCK_TOPIC = '/clock'

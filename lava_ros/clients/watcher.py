@@ -11,7 +11,7 @@ import threading
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from lava_ros.ros.arguments import start_ros
+from lava_ros.ros.executor import start_ros
 
 
 @contextmanager

@@ -20,11 +20,11 @@ import lava_ros
 from lava_ros.errors import LavaError
 from lava_ros.forecast.pool import interrupts_withheld
 from lava_ros.live.ensemble_forecasts import (
-    Ahead,
-    AheadStatus,
     EnsembleForecasts,
     ForecastRules,
-    Live,
+    ForecastStatus,
+    ForecastT,
+    StampedForecast,
 )
 from lava_ros.live.session import Fork
 from lava_ros.live.worker import SimulationWorker
@@ -60,7 +60,7 @@ _RETRY_TIMES = (2.0, 60.0)
 _END_TIMEOUT = 2.0
 
 
-class Pace:
+class DutyCycle:
     """The fraction of time for forecasts: minimal while the simulation falls behind."""
 
     def __init__(self) -> None:
@@ -109,11 +109,11 @@ class ForecastProcess:
         """Process ID."""
         return self._child.pid
 
-    def order(self, name: str, **values: Any) -> None:
+    def request(self, name: str, **values: Any) -> None:
         """Send a request; raise OSError if the process has ended."""
         self._connection.send((name, values))
 
-    def answer(self, timeout: float) -> tuple[str, dict[str, Any]] | None:
+    def reply(self, timeout: float) -> tuple[str, dict[str, Any]] | None:
         """Return the name and the values of the next reply, None if none arrives in time.
 
         Raises:
@@ -167,9 +167,9 @@ class Forecaster:
         """Prepare the thread; ``start`` runs it."""
         self.ensembles = EnsembleForecasts()
         self._process: ForecastProcess | None = None
-        self.latest: Live[Forecast] | None = None
-        self.status = AheadStatus()
-        self._pace = Pace()
+        self.latest: StampedForecast[Forecast] | None = None
+        self.status = ForecastStatus()
+        self._duty_cycle = DutyCycle()
         self.is_wanted = False
         self._failures = self._number = self._reported = 0
         self._forked: tuple[int, float] | None = None
@@ -180,14 +180,14 @@ class Forecaster:
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
 
-    def age(self, live: Live[Ahead] | None) -> float:
+    def age(self, live: StampedForecast[ForecastT] | None) -> float:
         """Return the simulated time since the start of a forecast or ensemble [s], 0 for None."""
         snapshot = self.worker.latest
         if live is None or snapshot is None:
             return 0.0
         return max(0.0, snapshot.time - live.shown.time)
 
-    def staleness(self, live: Live[Ahead] | None) -> str:
+    def staleness(self, live: StampedForecast[ForecastT] | None) -> str:
         """Return the reason why a forecast or ensemble is stale, empty if it is valid."""
         if live is None:
             return 'there is none yet'
@@ -232,7 +232,7 @@ class Forecaster:
             # starting takes a while, so start before there is a state to forecast from
             self._process = self.make_process()
             if self.rules().members:
-                self._process.order('prepare')
+                self._process.request('prepare')
         if is_due and self._current_fork is None and self._is_something_new():
             self._begin()
         if self._process is None:
@@ -240,13 +240,13 @@ class Forecaster:
             return
         rules = self.rules()
         self.ensembles.send(
-            self._process.order, changes=self.worker.session.changes, time_scale=rules.time_scale
+            self._process.request, changes=self.worker.session.changes, time_scale=rules.time_scale
         )
         if self._current_fork is not None and self._renew_share(rules):
-            self._process.order('share', share=self.status.share)
-        answer = self._process.answer(_WATCH_TIME)
-        if answer is not None:
-            name, values = answer
+            self._process.request('share', share=self.status.share)
+        reply = self._process.reply(_WATCH_TIME)
+        if reply is not None:
+            name, values = reply
             self._handle_reply(name, **values)
 
     def _report_changes(self) -> None:
@@ -267,14 +267,14 @@ class Forecaster:
         is_outdated = not self.is_wanted or changes != self._changes
         if is_outdated and (self._current_fork is not None or self.ensembles.is_busy):
             if self._process is not None:
-                self._process.order('cancel')
+                self._process.request('cancel')
             self._report_changes()
             self._cancel('the scene has changed' if self.is_wanted else 'the node is not active')
 
     def _cancel(self, reason: str) -> None:
         # a state that has been dropped may be forked again
         self._current_fork = self._forked = None
-        self.ensembles.drop(reason)
+        self.ensembles.cancel(reason)
         self._put_status(progress=None)
 
     def _fail(self, reason: str) -> None:
@@ -304,8 +304,8 @@ class Forecaster:
         # a changed scene has no forecast at all, so it need not wait for MIN_PERIOD
         self._due_after_change = begun + FORK_REST * fork.wall_time
         self._due = max(begun + MIN_PERIOD, self._due_after_change)
-        self._process.order('share', share=self.status.share)
-        self._process.order(
+        self._process.request('share', share=self.status.share)
+        self._process.request(
             'fork',
             number=self._number,
             checkpoint=fork.checkpoint,
@@ -314,7 +314,7 @@ class Forecaster:
             device=self.worker.status.device or None,
             max_particles=rules.max_particles,
             is_first=self.latest is None or self.latest.changes != fork.changes,
-            ensemble=self.ensembles.order(fork, self._number, rules),
+            ensemble=self.ensembles.request(fork, self._number, rules),
         )
 
     def _fork(self) -> Fork | None:
@@ -333,7 +333,7 @@ class Forecaster:
         return None
 
     def _handle_reply(self, name: str, **values: Any) -> None:
-        if self.ensembles.hear(name, **values):
+        if self.ensembles.handle_reply(name, **values):
             self.on_change()
         fork = self._current_fork
         if fork is None or values.pop('number', None) != self._number:
@@ -344,7 +344,7 @@ class Forecaster:
             self._current_fork = None
             forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)
             self._failures = 0
-            self.latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
+            self.latest = StampedForecast(forecast, round(fork.clock * 1e9), fork.changes)
             self._put_status(progress=None, count=self.status.count + 1, error='')
             self.on_change()
         elif name == 'progress':
@@ -354,8 +354,8 @@ class Forecaster:
         """Adapt the fraction of time to the live simulation's lag; return True if it changed."""
         worker, former = self.worker.status, self.status.share
         is_running = worker.state is WorkerState.RUNNING
-        self._pace.note(is_running and worker.lag > MAX_LAG_INCREASE, time.monotonic())
-        self._put_status(share=self._pace.share(rules.share, worker.device))
+        self._duty_cycle.note(is_running and worker.lag > MAX_LAG_INCREASE, time.monotonic())
+        self._put_status(share=self._duty_cycle.share(rules.share, worker.device))
         return self.status.share != former
 
     def _put_status(self, **changes: Any) -> None:

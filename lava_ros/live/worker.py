@@ -13,7 +13,7 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
-from lava_ros.live.followed_clock import FollowedClock, MAX_LAG
+from lava_ros.live.clock import FollowedClock, MAX_LAG
 from lava_ros.live.session import failure_text, Fork, Origin, SimulationSession
 from lava_ros.live.worker_status import (
     Command,

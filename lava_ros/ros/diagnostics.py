@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-import math
 from pathlib import Path
 from socket import gethostname
 from types import MappingProxyType
@@ -15,8 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
 from lava_ros.live.checkpoint_recording import LastCheckpoint
-from lava_ros.live.ensemble_forecasts import AheadStatus, Live
-from lava_ros.live.followed_clock import MAX_LAG
+from lava_ros.live.ensemble_forecasts import ForecastStatus, StampedForecast
 from lava_ros.live.recorder import Recorder, RecorderStatus
 from lava_ros.live.session import is_on, SimulationSession
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
@@ -119,8 +117,13 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
     return status('effects', OK, message, effects)
 
 
-def ahead_status(
-    task: str, state: AheadStatus, latest: Live[Any] | None, *, age: float, staleness: str
+def forecast_status(
+    task: str,
+    state: ForecastStatus,
+    latest: StampedForecast[Any] | None,
+    *,
+    age: float,
+    staleness: str,
 ) -> DiagnosticStatus:
     """Return the status of the task ``forecast`` or ``ensemble``; ``latest`` is the newest result.
 
@@ -236,70 +239,6 @@ def status(
         message=message,
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )
-
-
-#: Wall time within which a simulated clock must advance [s]; a replay may be slow to start.
-PATIENCE = 5.0
-
-#: Wall time for which a warning about a jump of the clock, or about lost time, remains [s].
-WARNING_TIME = 10.0
-
-#: Minimum lost time of the clock that causes a warning [s]: a pause loses less.
-MIN_LOST = 1.0
-
-
-class ClockWatch:
-    """Checks at intervals whether the clock moves and whether simulated time follows it."""
-
-    def __init__(self) -> None:
-        """Create a watch that has not read the clock yet."""
-        self._seen: tuple[int, float] | None = None
-        self._jumps, self._jumped = 0, -math.inf
-        self._lost, self._losing = 0.0, -math.inf
-
-    def look(
-        self, stamp_ns: int, now: float, worker: WorkerStatus, *, is_simulated: bool
-    ) -> dict[str, str]:
-        """Return warnings about the clock.
-
-        Args:
-            stamp_ns: Time of the clock [ns], 0 before it is received.
-            now: Wall time [s].
-            worker: Status of the simulation that follows the clock.
-            is_simulated: Whether the time comes from the topic ``/clock``.
-
-        Returns:
-            Reasons why simulated time does not follow the clock, by kind: ``clock``, ``ahead``,
-            ``back`` or ``lost``. Empty if it follows.
-        """
-        if self._seen is None or self._seen[0] != stamp_ns:
-            self._seen = stamp_ns, now
-        if worker.jumps != self._jumps:
-            self._jumped = now if worker.jumps else -math.inf
-            # the time lost by a jump causes no second warning
-            self._jumps, self._lost = worker.jumps, worker.lost
-        elif abs(worker.lost - self._lost) >= MIN_LOST:
-            self._losing = now if worker.lost else -math.inf
-            self._lost = worker.lost
-        texts = {}
-        if is_simulated and now - self._seen[1] >= PATIENCE:
-            what = 'stands still' if stamp_ns else 'does not arrive'
-            texts['clock'] = (
-                f'/clock {what}, so simulated time stands still: publish it, as `lava replay` and '
-                '`ros2 bag play --clock` do, or set use_sim_time to false'
-            )
-        if now - self._jumped < WARNING_TIME:
-            where = 'ahead' if worker.jump > 0.0 else 'back'
-            texts[where] = (
-                f'the clock jumped {where} by {abs(worker.jump):.6g} s and simulated time did '
-                f'not: it follows steps of up to {MAX_LAG:g} s ahead'
-            )
-        if now - self._losing < WARNING_TIME:
-            texts['lost'] = (
-                f'simulated time has lost {worker.lost:.4g} s of the clock: it can be at most '
-                f'{MAX_LAG:g} s behind; a lower time_scale or a coarser preset loses less'
-            )
-        return texts
 
 
 class NodeLog:

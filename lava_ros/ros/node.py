@@ -22,9 +22,8 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from lava_ros.errors import LavaError
-from lava_ros.ros import parameters
-from lava_ros.ros.arguments import check_words, start_ros
-from lava_ros.ros.executor import EntityRegistry, spin
+from lava_ros.ros import node_parameters, parameters
+from lava_ros.ros.executor import check_words, EntityRegistry, spin, start_ros
 from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.ros.startup_inputs import (
     load_startup_inputs,
@@ -74,14 +73,14 @@ class LavaNode(LifecycleNode):
         self.has_failed = self._is_starting = False
         self._typed = typed
         self._answer_all_requests()
-        declared = parameters.declare(self, parameters.LIFECYCLE)
+        declared = node_parameters.declare(self, parameters.LIFECYCLE)
         self._is_autostarting = bool(declared['autostart'])
-        parameters.fix(self, parameters.LIFECYCLE, fixed=True)
+        node_parameters.fix(self, parameters.LIFECYCLE, fixed=True)
         for spec in _DECLARED:
             # configuring refuses a value of the wrong type
             with suppress(LavaError):
-                parameters.declare(self, (spec,))
-        self.add_pre_set_parameters_callback(partial(parameters.with_types, self))
+                node_parameters.declare(self, (spec,))
+        self.add_pre_set_parameters_callback(partial(node_parameters.with_types, self))
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
@@ -103,7 +102,7 @@ class LavaNode(LifecycleNode):
     def close(self) -> bool:
         """Finish the bag and end the simulation; return True if its thread has ended."""
         runtime, self.runtime = self.runtime, None
-        parameters.fix(self, _DECLARED, fixed=False)
+        node_parameters.fix(self, _DECLARED, fixed=False)
         if runtime is not None:
             self._ending = runtime
             runtime.close()
@@ -177,7 +176,7 @@ class LavaNode(LifecycleNode):
         except Exception:
             entities.destroy()
             raise
-        parameters.fix(self, _DECLARED, fixed=True)
+        node_parameters.fix(self, _DECLARED, fixed=True)
 
     def _configured(self) -> NodeRuntime:
         assert self.runtime is not None
@@ -210,8 +209,8 @@ class LavaNode(LifecycleNode):
         constants = constants_of(startup.scene)
         specs = parameters.PARAMETERS + parameters.constant_parameters(constants)
         previous, self._constants = self._constants, constants
-        self._values = parameters.declare(self, specs)
-        for text in parameters.without_effect(self, self._typed):
+        self._values = node_parameters.declare(self, specs)
+        for text in node_parameters.without_effect(self, self._typed):
             self.get_logger().warning(text)
         if startup.checkpoint is not None:
             defaults = {spec.name: spec.default for spec in specs}
@@ -233,7 +232,7 @@ class LavaNode(LifecycleNode):
         return parameters.settings_from(self._values)
 
     def _change(self, values: Mapping[str, Any]) -> None:
-        parameters.put(self, values)
+        node_parameters.put(self, values)
         self._values |= values
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:
@@ -251,7 +250,7 @@ class LavaNode(LifecycleNode):
             self.runtime.apply(parameters.settings_from(self._values))
 
     def _with(self, changed: list[Parameter]) -> dict[str, Any]:
-        new = {item.name: parameters.plain(item.value) for item in changed}
+        new = {item.name: node_parameters.plain(item.value) for item in changed}
         return {name: new.get(name, value) for name, value in self._values.items()}
 
 
@@ -287,7 +286,7 @@ def main(args: list[str] | None = None) -> int:
     try:
         start_ros(args)
         check_words(words)
-        node = LavaNode(typed=parameters.typed(words))
+        node = LavaNode(typed=node_parameters.typed(words))
     except (LavaError, ParameterException) as error:
         print(f'lava_node cannot start: {error}', file=sys.stderr)
         rclpy.try_shutdown()

@@ -17,6 +17,7 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import Image
 from visualization_msgs.msg import MarkerArray
 
+from lava_ros.bag import QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.live.recorder import Recorder
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
@@ -72,6 +73,22 @@ def published_layers(
         expected = '0 unless msg_config has a keepout mask (a layer with step)'
         raise LavaError('mask_margin', margin, expected)
     return [replace(layer, margin=margin) if layer.is_keepout else layer for layer in enabled]
+
+
+def publish_and_record(
+    publisher: Publisher,
+    message: Any,
+    recorder: Recorder,
+    recorded_ns: int | None,
+    *,
+    profile: QosProfile,
+) -> None:
+    """Publish a message, and record the same bytes at a ROS time [ns] unless that is None."""
+    data = codec.serialise(message)
+    publisher.publish(data)
+    if recorded_ns is not None:
+        kind = codec.type_name(type(message))
+        recorder.write(publisher.topic_name, kind, data, recorded_ns, qos=profile)
 
 
 @dataclass(eq=False)
@@ -187,13 +204,11 @@ class LayerPublishers(Generic[Shown]):
 
     def _send(self, output: _Output[Shown], message: Any, recorded_ns: int | None) -> None:
         """Publish a message, and record it at a ROS time [ns] unless that is None."""
-        data, layer = codec.serialise(message), output.layer
-        output.publisher.publish(data)
+        # layer.qos is without the deadline, which a replay cannot meet
+        publish_and_record(
+            output.publisher, message, self._recorder, recorded_ns, profile=output.layer.qos
+        )
         output.sent_ns, output.sent_at = output.stamp_ns, self._clock()
-        if recorded_ns is not None:
-            topic = output.publisher.topic_name
-            # layer.qos is without the deadline, which a replay cannot meet
-            self._recorder.write(topic, layer.message, data, recorded_ns, qos=layer.qos)
 
     def _get_map(self, layer: Layer, _: Any, response: Any) -> Any:
         # Without a map the response is empty: GetMap has no field for an error.

@@ -15,19 +15,23 @@ from rclpy.node import Node
 
 from lava_ros.errors import LavaError
 from lava_ros.live.checkpoint_recording import CheckpointRecording
+from lava_ros.live.clock import ClockWatch
 from lava_ros.live.recorder import BagFolder, Recorder
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.maps.layer_files import find_config
 from lava_ros.ros import codec, diagnostics, qos
-from lava_ros.ros.allowance import Allowance
 from lava_ros.ros.executor import EntityRegistry, now_ns
-from lava_ros.ros.forecast_topics import ForecastTopics
+from lava_ros.ros.forecast_topics import ForecastTopics, load_places, PlaceTopic
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
-from lava_ros.ros.place_topic import load_places, PlaceTopic
-from lava_ros.ros.publishers import LayerPublishers, published_layers, ScenePublisher
+from lava_ros.ros.publishers import (
+    LayerPublishers,
+    publish_and_record,
+    published_layers,
+    ScenePublisher,
+)
 from lava_ros.ros.recording import SceneRecording
-from lava_ros.ros.services import create_services
+from lava_ros.ros.services import Allowance, create_services
 from lava_ros.ros.startup_inputs import resumed_simulation, SimulationFactory, StartupInputs
 from lava_ros.ros.subscribers import InputSubscribers
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -79,7 +83,7 @@ class NodeRuntime:
         layers = published_layers(*configs.values(), settings=settings)
         self.is_active = self._is_paused = False
         self._is_recording_wanted = settings.record or startup.was_recording
-        self._clock_watch = diagnostics.ClockWatch()
+        self._clock_watch = ClockWatch()
         self._log = diagnostics.NodeLog(node.get_logger())
         self._recorder = Recorder()
         self._recording = SceneRecording(
@@ -122,8 +126,7 @@ class NodeRuntime:
         self._places = PlaceTopic(
             entities, self._recorder, features, frame_id=settings.frame_id
         )
-        rates = self._layers.rates.union(*(item.rates for item in self._forecasts.publishers))
-        for rate in sorted(rates):
+        for rate in sorted(self._layers.rates | self._forecasts.rates):
             entities.create('timer', 1.0 / rate, lambda rate=rate: self._mark_due(rate))
         self._scene = ScenePublisher(entities, frame_id=settings.frame_id)
         self._diagnostics = entities.create(
@@ -401,10 +404,9 @@ class NodeRuntime:
             ],
         )
         diagnostics.sign(message, self._node.get_fully_qualified_name(), worker.device)
-        data = codec.serialise(message)
-        self._diagnostics.publish(data)
-        kind = codec.type_name(DiagnosticArray)
-        self._recorder.write('/diagnostics', kind, data, stamp_ns, qos=qos.DIAGNOSTICS)
+        publish_and_record(
+            self._diagnostics, message, self._recorder, stamp_ns, profile=qos.DIAGNOSTICS
+        )
         self._recorder.flush()
         period = self._settings.checkpoint_period
         changes = self.worker.session.changes

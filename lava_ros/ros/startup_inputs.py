@@ -25,7 +25,7 @@ from lava_ros.files.yaml import parse_yaml
 from lava_ros.live.recorder import BagFolder
 from lava_ros.live.session import Origin
 from lava_ros.maps.onset import recorded_onset
-from lava_ros.ros import codec, parameters
+from lava_ros.ros import codec, node_parameters, parameters
 from lava_ros.ros.parameters import constant_values, Settings
 from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
 from lava_ros.scene.terrain_files import load_terrain, terrain_path
@@ -76,7 +76,7 @@ def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInpu
     Raises:
         LavaError: If a file or a bag is not usable, or both a scene and a bag to resume are given.
     """
-    values = parameters.declare(node, parameters.SOURCES)
+    values = node_parameters.declare(node, parameters.SOURCES)
     restarted = _restarted(node) if may_restart else None
     if restarted is not None:
         return restarted
@@ -97,7 +97,7 @@ def _restarted(node: Node) -> StartupInputs | None:
     """Load the newest bag that ``resume_since`` allows to resume; None without such a bag."""
     names = ('resume_since', 'bag_root', 'bag_directory')
     specs = tuple(spec for spec in parameters.PARAMETERS if spec.name in names)
-    values = parameters.declare(node, specs)
+    values = node_parameters.declare(node, specs)
     folder = BagFolder(
         values['bag_root'], values['bag_directory'], since=float(values['resume_since'])
     )

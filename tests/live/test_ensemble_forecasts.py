@@ -29,7 +29,7 @@ def fork(clock, time, changes=1):
 
 
 def order(ensembles, number, made, members=8):
-    return ensembles.order(made, number, replace(RULES, members=members))
+    return ensembles.request(made, number, replace(RULES, members=members))
 
 
 def sent(ensembles, changes=1):
@@ -52,7 +52,7 @@ def test_stamp_of_an_outline_becomes_simulated_time():
         assert name == 'outline' and outline.time == pytest.approx(time)
         np.testing.assert_array_equal(outline.lava, MASK.lava)
         assert outline.known.all() and not done.done()
-        ensembles.hear(
+        ensembles.handle_reply(
             'weighed', number=order_of_it['number'], agreement=[1.0], outlines=1, jaccard_mean=0.4
         )
         assert done.result(0.0) is None
@@ -76,14 +76,14 @@ def test_one_ensemble_is_requested_per_state():
         'threshold': 0.01, 'maps': maps, 'asked': 8, 'is_done': True, 'outlines': 0,
         'duration': 3.0,
     }
-    assert not ensembles.hear('ensemble', changes=0, **answer)
-    assert ensembles.hear('ensemble', changes=1, **answer)
+    assert not ensembles.handle_reply('ensemble', changes=0, **answer)
+    assert ensembles.handle_reply('ensemble', changes=1, **answer)
     latest = ensembles.latest
     assert (latest.shown.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
     assert ensembles.status.count == 1
     assert ensembles.is_wanted(1, 6.0) and not ensembles.is_wanted(1, 5.0)
     order(ensembles, 4, fork(4.0, 7.0))
-    ensembles.hear('ensemble_refused', reason='nothing is uncertain')
+    ensembles.handle_reply('ensemble_refused', reason='nothing is uncertain')
     assert ensembles.status.error == 'nothing is uncertain'
     assert not ensembles.is_wanted(1, 9.0) and ensembles.is_wanted(2, 9.0)
     assert order(ensembles, 5, fork(5.0, 9.0, changes=2))['members'] == 8
@@ -97,7 +97,7 @@ def test_pending_outlines_fail_when_the_process_ends():
     assert len(sent(ensembles)) == 1
     kept = ensembles.observe(MASK, 3.0)
     assert sent(ensembles, changes=2) == []
-    ensembles.drop('the process has ended')
+    ensembles.cancel('the process has ended')
     for future in (gone, kept):
         with pytest.raises(LavaError, match='the process has ended'):
             future.result(0.0)

@@ -23,11 +23,11 @@ from lava_ros.live import forecaster
 from lava_ros.live.ensemble_forecasts import ForecastRules
 from lava_ros.live.forecaster import (
     DUTY_CYCLE_RATE,
+    DutyCycle,
     Forecaster,
     ForecastProcess,
     MIN_DUTY_CYCLES,
     MIN_PERIOD,
-    Pace,
 )
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -77,13 +77,13 @@ class Bench:
     def _process(self):
         process = ForecastProcess()
         self.started.append(process.pid)
-        order = process.order
+        request = process.request
 
         def noted(name, **values):
             self.horizon = values.get('horizon', self.horizon)
-            order(name, **values)
+            request(name, **values)
 
-        process.order = noted
+        process.request = noted
         return process
 
     def forecast(self, condition=lambda _: True):
@@ -239,7 +239,7 @@ def test_process_has_a_low_priority(bench):
 
 
 def test_share_of_forecasts_falls_when_the_simulation_is_behind():
-    pace = Pace()
+    pace = DutyCycle()
     assert pace.share(0.8, 'cuda:0') == 0.8
     pace.note(True, 10.0)
     assert pace.share(0.8, 'cuda:0') == MIN_DUTY_CYCLES['cuda']

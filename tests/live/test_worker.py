@@ -13,7 +13,7 @@ import pytest
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.live import worker_status as speed
-from lava_ros.live.followed_clock import MAX_LAG
+from lava_ros.live.clock import MAX_LAG
 from lava_ros.live.session import effect_table, is_on, Origin
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import MAX_TASK_DURATION, SpeedMeter, WorkerState

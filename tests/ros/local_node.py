@@ -18,8 +18,9 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
+from lava_ros.live import clock
 from lava_ros.live.worker_status import WorkerState
-from lava_ros.ros import codec, diagnostics, runtime
+from lava_ros.ros import codec, runtime
 from lava_ros.ros.node import LavaNode
 from ros.graph_listener import line_of
 from ros.graph_publisher import Asking, CASES
@@ -91,7 +92,7 @@ class LocalNode(Asking, Hearing):
     def __init__(self, directory, patch, *, remap=(), **parameters):
         patch.setattr(runtime, 'HEARTBEAT', HEARTBEAT)
         # no warning about a clock that stands still
-        patch.setattr(diagnostics, 'PATIENCE', float('inf'))
+        patch.setattr(clock, 'PATIENCE', float('inf'))
         patch.chdir(directory)
         self.directory, self.seen, self.now = Path(directory), [], 0.0
         self._log, self._sent = _Log(), deque()

@@ -14,11 +14,10 @@ from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError
 from lava_ros.live.worker_status import WorkerState
-from lava_ros.ros.allowance import Allowance, LIMITS
 from lava_ros.ros.diagnostics import WARN
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.runtime import NodeRuntime
-from lava_ros.ros.services import create_services
+from lava_ros.ros.services import Allowance, create_services, LIMITS
 from lava_ros.ros.subscribers import InputSubscribers
 from worker_bench import TERRAIN, VENT
 

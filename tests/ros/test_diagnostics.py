@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
+from lava_ros.live.clock import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
 from lava_ros.live.recorder import RecorderStatus
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.ros import diagnostics
-from lava_ros.ros.diagnostics import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
 from lava_ros.ros.subscribers import InputLog
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
