@@ -15,8 +15,8 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
+from lava_ros.live.commands import finish
 from lava_ros.live.session import Fork
-from lava_ros.live.worker_status import finish
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.places import Places, places_on
 from lava_ros.scene import Terrain

@@ -1,19 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Status and speed of the worker, and its queue of commands."""
+"""Status of the worker, and the speed of its simulation."""
 
 from collections import deque
-from collections.abc import Callable
-from concurrent.futures import Future
 from dataclasses import dataclass
 from enum import Enum
-import queue
-import threading
 import time
-from typing import Any, NamedTuple
-
-from lava_ros.errors import LavaError
 
 #: A step or command is reported as a hold-up at or above this wall time [s]: ten slices.
 MAX_TASK_DURATION = 1.0
@@ -47,8 +40,8 @@ class WorkerStatus:
         lost: Time of the clock since the start that simulated time has not followed [s].
         jump: Newest jump of the clock [s], negative for a jump back. Jumps are not followed.
         jumps: Number of jumps of the clock since the start.
-        doing: Current task of the thread: ``a step`` or the kind of a command; empty in between.
-        turn: Wall time of the current task so far or, if longer, of the last step [s].
+        current_task: Task of the thread: ``a step`` or the kind of a command; empty in between.
+        task_duration: Wall time of the current task so far or, if longer, of the last step [s].
         waiting: Kinds of the waiting commands.
     """
 
@@ -62,17 +55,18 @@ class WorkerStatus:
     lost: float = 0.0
     jump: float = 0.0
     jumps: int = 0
-    doing: str = ''
-    turn: float = 0.0
+    current_task: str = ''
+    task_duration: float = 0.0
     waiting: tuple[str, ...] = ()
 
     @property
     def blocked_by(self) -> str:
         """Description of a task that delays commands, with its duration; empty if it is short."""
-        if self.turn < MAX_TASK_DURATION:
+        if self.task_duration < MAX_TASK_DURATION:
             return ''
+        task = self.current_task or 'a step'
         waiting = f'; waiting for it: {", ".join(self.waiting)}' if self.waiting else ''
-        return f'{self.doing or "a step"} takes {self.turn:.1f} s or more{waiting}'
+        return f'{task} takes {self.task_duration:.1f} s or more{waiting}'
 
 
 #: Wall time over which the speed is averaged [s].
@@ -114,92 +108,3 @@ class SpeedMeter:
     def clear(self) -> None:
         """End an interval; the next note starts a new one."""
         self._history.clear()
-
-
-#: Maximum number of waiting commands; a kind of which only the newest waits counts once.
-MAX_WAITING = 1000
-
-
-class Command(NamedTuple):
-    """An action for the thread, and the future of its result.
-
-    The command replaces a waiting one of the same ``kind``, such as ``vents``, unless it is empty.
-    """
-
-    action: Callable[[], Any]
-    future: 'Future[Any]'
-    kind: str
-
-
-class CommandQueue:
-    """A bounded queue of commands from any thread for one thread.
-
-    A command replaces a waiting one of the same kind, whose future is cancelled. So a flood of
-    messages that each replace all of their kind costs one command per round.
-    """
-
-    def __init__(self, limit: int = MAX_WAITING) -> None:
-        """Initialize an empty queue."""
-        self._limit = limit
-        # keys: the kind, or a unique object for a command without a kind
-        self._waiting: dict[object, Command] = {}
-        self._closed: LavaError | None = None
-        self._changed = threading.Condition()
-
-    def __len__(self) -> int:
-        """Return the number of waiting commands."""
-        return len(self._waiting)
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Kinds of the waiting commands, each once, oldest first."""
-        with self._changed:
-            return tuple(dict.fromkeys(item.kind or 'command' for item in self._waiting.values()))
-
-    def put(self, command: Command) -> None:
-        """Add a command, replacing one of its kind; refuse it if the queue is full or closed."""
-        with self._changed:
-            former = self._waiting.pop(command.kind, None)
-            refusal = self._closed
-            if not command.kind and len(self._waiting) >= self._limit:
-                waiting = f'{self._limit} waiting'
-                refusal = LavaError('commands', waiting, 'fewer at a time; try again later')
-            if refusal is None:
-                self._waiting[command.kind or object()] = command
-                self._changed.notify()
-        # Outside the lock, because callbacks of futures may put another command.
-        if former is not None:
-            former.future.cancel()
-        if refusal is not None:
-            finish(command.future, refusal)
-
-    def get(self, timeout: float | None = None) -> Command:
-        """Remove and return the oldest command, waiting up to ``timeout`` [s], None: for ever.
-
-        Raises:
-            queue.Empty: If no command arrives in time, or the queue is closed.
-        """
-        with self._changed:
-            self._changed.wait_for(lambda: self._waiting or self._closed, timeout)
-            if not self._waiting:
-                raise queue.Empty
-            return self._waiting.pop(next(iter(self._waiting)))
-
-    def close(self, reason: LavaError) -> None:
-        """Refuse waiting and later commands for a reason."""
-        with self._changed:
-            self._closed = reason
-            commands = list(self._waiting.values())
-            self._waiting.clear()
-            self._changed.notify()
-        for command in commands:
-            finish(command.future, reason)
-
-
-def finish(future: 'Future[Any]', error: Exception | None = None, *, result: Any = None) -> None:
-    """Set the result or the error of a future, unless it has been cancelled."""
-    if future.set_running_or_notify_cancel():
-        if error is None:
-            future.set_result(result)
-        else:
-            future.set_exception(error)

@@ -4,6 +4,7 @@
 """The worker without ROS: simulated time and the clock, changing scenes, and effects."""
 
 from dataclasses import asdict, replace
+from functools import partial
 import time
 from types import SimpleNamespace
 
@@ -64,7 +65,7 @@ def test_snapshot_shows_the_time_of_the_clock(bench, step):
         # a blocked worker processes the clock and the request together
         bench.simulation.is_compiled.clear()
         held = bench.worker.set_effects({}, horizon=float(count))
-        bench.wait(lambda: bench.worker.status.doing == 'effects')
+        bench.wait(lambda: bench.worker.status.current_task == 'effects')
         bench.now += step
         bench.worker.request_snapshot()
         bench.simulation.is_compiled.set()
@@ -176,22 +177,47 @@ def test_reset_makes_a_new_simulation_at_time_0(bench):
     bench.wait_for_state(WorkerState.PAUSED)
 
 
+@pytest.mark.parametrize(
+    'kind', ['pause', 'step', 'reset', 'vents', 'terrain', 'effects', 'snapshot']
+)
+def test_waiting_command_is_replaced_by_the_next_of_its_kind(bench, kind):
+    bench.start()
+    bench.simulation.is_compiled.clear()
+    held = bench.worker.set_effects({}, horizon=1.0)
+    bench.wait(lambda: bench.worker.status.current_task == 'effects')
+    ask = {
+        'pause': partial(bench.worker.pause, True),
+        'step': partial(bench.worker.step, 1.0),
+        'reset': bench.worker.reset,
+        'vents': partial(bench.worker.set_vents, [VENT]),
+        'terrain': partial(bench.worker.set_terrain, TERRAIN),
+        'effects': partial(bench.worker.set_effects, {}, horizon=1.0),
+        'snapshot': bench.worker.request_snapshot,
+    }[kind]
+    for _ in range(400):
+        ask()
+    assert bench.worker.status.waiting == (kind,)
+    assert len(bench.worker.commands) == 1
+    bench.simulation.is_compiled.set()
+    bench.run(held)
+
+
 def test_status_has_the_current_task_and_waiting_commands(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.wait(lambda: bench.worker.status.blocked_by == '')
     bench.simulation.is_compiled.clear()
     futures = [bench.worker.set_effects({}, horizon=3600.0)]
-    bench.wait(lambda: bench.worker.status.doing == 'effects')
+    bench.wait(lambda: bench.worker.status.current_task == 'effects')
     futures.append(bench.worker.reset())
     before = bench.worker.status
-    bench.wait(lambda: bench.worker.status.turn > before.turn)
+    bench.wait(lambda: bench.worker.status.task_duration > before.task_duration)
     assert before.waiting == ('reset',)
     bench.simulation.is_compiled.set()
     for future in futures:
         bench.run(future)
     bench.simulation.slowness = MAX_TASK_DURATION
     bench.now += 0.5
-    bench.wait(lambda: bench.worker.status.turn >= MAX_TASK_DURATION)
+    bench.wait(lambda: bench.worker.status.task_duration >= MAX_TASK_DURATION)
     assert bench.worker.status.blocked_by.startswith('a step takes ')
     bench.simulation.slowness = 0.0
     bench.go_on()

@@ -4,7 +4,6 @@
 """Rate limits of ROS requests, and requests without limits."""
 
 from concurrent.futures import Future
-from functools import partial
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -19,7 +18,6 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.ros.services import Allowance, create_services, LIMITS
 from lava_ros.ros.subscribers import InputSubscribers
-from worker_bench import TERRAIN, VENT
 
 N_CALLS = 400
 
@@ -122,35 +120,10 @@ def test_cheap_services_have_no_limit(name, request_):
     assert 'rejected.' + name not in services.status()[1]
 
 
-@pytest.mark.parametrize(
-    'kind', ['pause', 'step', 'reset', 'vents', 'terrain', 'effects', 'snapshot']
-)
-def test_waiting_command_is_replaced_by_the_next_of_its_kind(bench, kind):
-    bench.start()
-    bench.simulation.is_compiled.clear()
-    held = bench.worker.set_effects({}, horizon=1.0)
-    bench.wait(lambda: bench.worker.status.doing == 'effects')
-    ask = {
-        'pause': partial(bench.worker.pause, True),
-        'step': partial(bench.worker.step, 1.0),
-        'reset': bench.worker.reset,
-        'vents': partial(bench.worker.set_vents, [VENT]),
-        'terrain': partial(bench.worker.set_terrain, TERRAIN),
-        'effects': partial(bench.worker.set_effects, {}, horizon=1.0),
-        'snapshot': bench.worker.request_snapshot,
-    }[kind]
-    for _ in range(N_CALLS):
-        ask()
-    assert bench.worker.status.waiting == (kind,)
-    assert len(bench.worker._commands) == 1
-    bench.simulation.is_compiled.set()
-    bench.run(held)
-
-
 def test_total_size_of_saves_is_limited():
     services = NodeServices()
     node = SimpleNamespace(
-        _worker=services.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
+        worker=services.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
         _allowance=services.allowance,
     )
     with pytest.raises(LavaError, match=r"1000 bytes saved so far', expected less than 1000 \("):
