@@ -6,7 +6,9 @@
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError
+from contextlib import suppress
 from dataclasses import dataclass, replace
+import math
 import multiprocessing
 import os
 from pathlib import Path
@@ -66,14 +68,12 @@ class DutyCycle:
     def __init__(self) -> None:
         """Initialize to the whole time."""
         self._share = 1.0
-        self._noted: float | None = None
+        self._noted = math.inf
 
     def note(self, is_behind: bool, now: float) -> None:
         """Record whether the simulation is behind its clock at wall time ``now`` [s]."""
-        if is_behind:
-            self._share = 0.0
-        elif self._noted is not None:
-            self._share = min(1.0, self._share + DUTY_CYCLE_RATE * (now - self._noted))
+        increase = DUTY_CYCLE_RATE * max(0.0, now - self._noted)
+        self._share = 0.0 if is_behind else min(1.0, self._share + increase)
         self._noted = now
 
     def share(self, most: float, device: str) -> float:
@@ -125,24 +125,25 @@ class ForecastProcess:
             name, values = self._connection.recv()
             return name, values
         except (EOFError, OSError) as error:
-            text = f'the process of the forecasts has ended ({self._ending()})'
+            status = self._exit_status()
+            reason = 'or no longer answers' if status is None else f'exit status {status}'
+            if status is not None and status < 0:
+                reason = f'killed by signal {-status}'
+            text = f'the process of the forecasts has ended ({reason})'
             raise ChildProcessError(text) from error
 
     def end(self) -> None:
         """End the process, in the middle of a step if necessary."""
         self._connection.close()
-        try:
-            self._child.wait(_END_TIMEOUT)
-        except subprocess.TimeoutExpired:
+        if self._exit_status() is None:
             self._child.kill()
             self._child.wait()
 
-    def _ending(self) -> str:
-        try:
-            status = self._child.wait(_END_TIMEOUT)
-        except subprocess.TimeoutExpired:
-            return 'or no longer answers'
-        return f'killed by signal {-status}' if status < 0 else f'exit status {status}'
+    def _exit_status(self) -> int | None:
+        """Wait for the end of the process; return None if it does not end in time."""
+        with suppress(subprocess.TimeoutExpired):
+            return self._child.wait(_END_TIMEOUT)
+        return None
 
 
 @dataclass(eq=False)
@@ -180,22 +181,22 @@ class Forecaster:
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
 
-    def age(self, live: StampedForecast[ForecastT] | None) -> float:
+    def age(self, forecast: StampedForecast[ForecastT] | None) -> float:
         """Return the simulated time since the start of a forecast or ensemble [s], 0 for None."""
         snapshot = self.worker.latest
-        if live is None or snapshot is None:
+        if forecast is None or snapshot is None:
             return 0.0
-        return max(0.0, snapshot.time - live.shown.time)
+        return max(0.0, snapshot.time - forecast.shown.time)
 
-    def staleness(self, live: StampedForecast[ForecastT] | None) -> str:
+    def staleness(self, forecast: StampedForecast[ForecastT] | None) -> str:
         """Return the reason why a forecast or ensemble is stale, empty if it is valid."""
-        if live is None:
+        if forecast is None:
             return 'there is none yet'
-        if self.worker.session.changes != live.changes:
+        if self.worker.session.changes != forecast.changes:
             return 'the scene or the effects have changed'
         if self.worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
-        age, most = self.age(live), self.rules().max_age
+        age, most = self.age(forecast), self.rules().max_age
         return f'it is {age:.0f} s old, at most {most:.0f} s are good' if age > most else ''
 
     def start(self) -> None:
@@ -301,6 +302,9 @@ class Forecaster:
         self._renew_share(rules)
         self._put_status(progress=0.0)
         self._current_fork = fork
+        # the next fork must differ from this state
+        self._forked = fork.changes, fork.checkpoint.time
+        self._changes = fork.changes
         # a changed scene has no forecast at all, so it need not wait for MIN_PERIOD
         self._due_after_change = begun + FORK_REST * fork.wall_time
         self._due = max(begun + MIN_PERIOD, self._due_after_change)
@@ -318,18 +322,10 @@ class Forecaster:
         )
 
     def _fork(self) -> Fork | None:
-        asked = self.worker.fork()
-        while not self._stopping.is_set():
-            try:
-                fork = asked.result(_WATCH_TIME)
-            except FutureTimeoutError:
-                continue
-            except CancelledError:
-                return None
-            # the next fork must differ from this state
-            self._forked = fork.changes, fork.checkpoint.time
-            self._changes = fork.changes
-            return fork
+        future = self.worker.fork()
+        while not (self._stopping.is_set() or future.cancelled()):
+            with suppress(FutureTimeoutError, CancelledError):
+                return future.result(_WATCH_TIME)
         return None
 
     def _handle_reply(self, name: str, **values: Any) -> None:

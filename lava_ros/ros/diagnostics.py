@@ -3,8 +3,7 @@
 
 """Diagnostics of the node: messages on /diagnostics, and its log."""
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from socket import gethostname
 from types import MappingProxyType
@@ -87,6 +86,7 @@ def simulation_status(
 def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
     """Return the status values of a snapshot; ``stamp_ns`` is the stamp of its maps [ns]."""
     steps = snapshot.steps
+    highest = float(np.fmax.reduce(snapshot.temperature, axis=None))
     areas = {'standing_area_m2': repr(snapshot.area(snapshot.standing))}
     if snapshot.arrived is not None:
         areas['inundated_area_m2'] = repr(snapshot.area(snapshot.inundated))
@@ -101,13 +101,8 @@ def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
         'step_limit': steps.limit,
         'step_stages': steps.stages,
         # NaN without lava
-        'highest_temperature_c': f'{_highest(snapshot.temperature) - ZERO_CELSIUS:.6g}',
+        'highest_temperature_c': f'{highest - ZERO_CELSIUS:.6g}',
     }
-
-
-def _highest(temperature: np.ndarray) -> float:
-    """Return the largest value of a map, NaN if it has none."""
-    return float(np.fmax.reduce(temperature, axis=None))
 
 
 def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
@@ -259,17 +254,17 @@ class NodeLog:
             return
         self._logged['changes'] = session.changes
         terrain, vents, effects = scene.terrain, scene.vents, session.effects
-        self._log_change('terrain', terrain, lambda: _terrain_text(terrain))
+        self._log_change('terrain', terrain, _terrain_text(terrain))
         # without the discharge: a live feed changes it continually
         now = snapshot.time if snapshot is not None else 0.0
         discharge = sum(vent.discharge_at(now) for vent in vents)
         places = [(vent.position, vent.end, vent.radius) for vent in vents]
-        self._log_change('vents', places, lambda: f'vents: {len(vents)}, {discharge:g} m3/s')
+        self._log_change('vents', places, f'vents: {len(vents)}, {discharge:g} m3/s')
         # the topics use Celsius
         doubts = suspicious_temperatures(scene, is_celsius=True)[:3]
-        self._log_change('doubts', doubts, lambda: '; '.join(doubts), 'warning')
+        self._log_change('doubts', doubts, '; '.join(doubts), 'warning')
         names = [name for name, text in effects.items() if is_on(text)]
-        self._log_change('effects', names, lambda: f'effects: {", ".join(names) or "none"}')
+        self._log_change('effects', names, f'effects: {", ".join(names) or "none"}')
 
     def worker(
         self,
@@ -288,14 +283,14 @@ class NodeLog:
             # an inactive node holds time too, and reports that it is inactive
             text = ''
         failed = state is WorkerState.FAILED
-        self._log_change('state', state, lambda: text, 'error' if failed else 'info')
+        self._log_change('state', state, text, 'error' if failed else 'info')
         if resolution is not None:
             severity = 'warning' if resolution.is_coarse else 'info'
-            self._log_change('resolution', resolution.text(), resolution.text, severity)
+            self._log_change('resolution', resolution.text(), resolution.text(), severity)
         # the text contains a duration, so only the kind is compared
         for kind in ('clock', 'ahead', 'back', 'lost'):
-            self._log_change(kind, kind in clock, partial(str, clock.get(kind, '')), 'warning')
-        self._log_change('hold-up', bool(worker.blocked_by), lambda: worker.blocked_by, 'warning')
+            self._log_change(kind, kind in clock, clock.get(kind, ''), 'warning')
+        self._log_change('hold-up', bool(worker.blocked_by), worker.blocked_by, 'warning')
 
     def volumes(self, snapshot: Snapshot) -> None:
         """Log the volume of lava emitted, and where it is."""
@@ -309,24 +304,21 @@ class NodeLog:
         status = recorder.status
         if recorder.is_recording:
             place = Path(status.directory).absolute()
-            self._log_change('recorder', place, lambda: f'recording to {place}')
-        self._log_change('recorder error', status.error, lambda: status.error, 'error')
+            self._log_change('recorder', place, f'recording to {place}')
+        self._log_change('recorder error', status.error, status.error, 'error')
 
-    def _log_change(
-        self, about: str, thing: object, text: Callable[[], str], severity: str = 'info'
-    ) -> None:
+    def _log_change(self, about: str, thing: object, text: str, severity: str = 'info') -> None:
         """Log ``text`` when ``thing`` has changed; an empty text is not logged."""
         if about in self._logged and self._logged[about] == thing:
             return
         self._logged[about] = thing
-        words = text()
         # rclpy requires a constant severity for each line of code that logs
-        if words and severity == 'error':
-            self._logger.error(words)
-        elif words and severity == 'warning':
-            self._logger.warning(words)
-        elif words:
-            self._logger.info(words)
+        if text and severity == 'error':
+            self._logger.error(text)
+        elif text and severity == 'warning':
+            self._logger.warning(text)
+        elif text:
+            self._logger.info(text)
 
 
 def _terrain_text(terrain: Terrain) -> str:

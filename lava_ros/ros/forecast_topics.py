@@ -116,11 +116,9 @@ class ForecastTopics:
         """Publish new forecasts or withdraw stale ones; ``repeat`` includes those already sent."""
         forecaster = self._forecaster
         if forecaster.is_wanted:
-            for publishers, latest in (
-                (self._forecasts, forecaster.latest),
-                (self._ensembles, forecaster.ensembles.latest),
-            ):
-                publishers.publish_valid(latest, forecaster.staleness(latest), repeat=repeat)
+            latest, ensemble = forecaster.latest, forecaster.ensembles.latest
+            self._forecasts.publish_valid(latest, forecaster.staleness(latest), repeat=repeat)
+            self._ensembles.publish_valid(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     @property
     def valid(self) -> tuple[Forecast | None, EnsembleForecast | None]:

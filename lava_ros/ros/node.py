@@ -106,14 +106,14 @@ class LavaNode(LifecycleNode):
         if runtime is not None:
             self._ending = runtime
             runtime.close()
-        if self._ending is not None and self._ending.has_ended():
+        if self._ending is not None and self._ending.worker.stop(0.0):
             self._ending = None
         return self._ending is None
 
     def report_callback(self, error: Exception) -> None:
         """Report an error that the middleware itself raised in a callback."""
         if self.runtime is not None:
-            self.runtime.report_callback(error)
+            self.runtime.inputs.report_callback(error)
         else:
             self.get_logger().error(f'{type(error).__name__}: {error}')
 

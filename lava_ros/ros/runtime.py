@@ -6,7 +6,7 @@
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
@@ -32,9 +32,12 @@ from lava_ros.ros.publishers import (
 )
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.ros.services import Allowance, create_services
-from lava_ros.ros.startup_inputs import resumed_simulation, SimulationFactory, StartupInputs
+from lava_ros.ros.startup_inputs import SimulationFactory, StartupInputs
 from lava_ros.ros.subscribers import InputSubscribers
 from lava_ros.simulation.output.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from lava_ros.simulation import Simulation
 
 #: Maximum wait for the simulation thread when closing [s]. It may be in a time step, or compiling.
 STOP_TIMEOUT = 4.0
@@ -47,9 +50,10 @@ HEARTBEAT = 1.0
 
 
 class NodeRuntime:
-    """A configured node: it receives inputs and, while ``is_active``, simulates and publishes.
+    """A configured node: it receives ``inputs`` and, while ``is_active``, simulates and publishes.
 
-    ``failure`` is the error that prevents the node from resuming a bag and ends it, None without.
+    ``worker`` has the simulation. ``failure`` is the error that prevents the node from resuming a
+    bag and ends it, None without.
     """
 
     def __init__(
@@ -95,9 +99,9 @@ class NodeRuntime:
         )
         self._entities = entities
         snapshot_ready = entities.create('guard_condition', self._publish)
-        maker = SimulationFactory()
+        factory = SimulationFactory()
         self.worker = SimulationWorker(
-            lambda scene: maker.make(scene, self._settings),
+            lambda scene: factory.make(scene, self._settings),
             clock=lambda: now_ns(node) * 1e-9,
             constants=settings.constants,
             time_scale=settings.time_scale,
@@ -120,7 +124,7 @@ class NodeRuntime:
             self._recorder,
             worker=self.worker,
             settings=lambda: self._settings,
-            choice=lambda: maker.choice,
+            choice=lambda: factory.choice,
             features=features,
         )
         self._places = PlaceTopic(
@@ -135,7 +139,7 @@ class NodeRuntime:
         # The heartbeat must not stop with a simulated clock.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         entities.create('timer', HEARTBEAT, self._publish_diagnostics, clock=steady)
-        self._inputs = InputSubscribers(
+        self.inputs = InputSubscribers(
             entities,
             self.worker,
             settings=lambda: self._settings,
@@ -144,9 +148,9 @@ class NodeRuntime:
             recorder=self._recorder,
             is_own=self._scene.is_own,
         )
-        self._allowance = Allowance(self._inputs.refuse)
+        self._allowance = Allowance(self.inputs.refuse)
         create_services(
-            self, entities, worker=self.worker, inputs=self._inputs, allowance=self._allowance
+            self, entities, worker=self.worker, inputs=self.inputs, allowance=self._allowance
         )
         self._begin(startup)
         # Start the threads last, so that an error above leaves none running.
@@ -195,10 +199,6 @@ class NodeRuntime:
             self.worker.stop(STOP_TIMEOUT)
             self._entities.destroy()
 
-    def has_ended(self) -> bool:
-        """Return True if the simulation thread, which ``close`` stops, has ended."""
-        return self.worker.stop(0.0)
-
     def check(self, settings: Settings) -> None:
         """Check settings before they are used.
 
@@ -214,7 +214,7 @@ class NodeRuntime:
     def apply(self, new: Settings) -> None:
         """Use new settings, immediately or, for preset, spacing and lava, at the next start."""
         old, self._settings = self._settings, new
-        command = self._inputs.command
+        command = self.inputs.command
         for name in ('time_scale', 'max_particles', 'end_time'):
             value = getattr(new, name)
             if value != getattr(old, name):
@@ -227,15 +227,10 @@ class NodeRuntime:
             {'preset': item.preset, 'spacing': item.spacing, **constant_values(item.constants)}
             for item in (old, new)
         )
-        later = [name for name in after if after[name] != before[name]]
-        if later:
+        if later := [name for name in after if after[name] != before[name]]:
             self._node.get_logger().info(
                 f'{", ".join(later)}: the new value is used from the next start or reset on'
             )
-
-    def report_callback(self, error: Exception) -> None:
-        """Report an error that the middleware itself raised in a callback."""
-        self._inputs.report_callback(error)
 
     def pause(self, paused: bool) -> 'Future[None]':
         """Hold simulated time, or let it continue as soon as the node is active."""
@@ -306,27 +301,30 @@ class NodeRuntime:
         return directory
 
     def _begin(self, startup: StartupInputs) -> None:
-        checkpoint, command = startup.checkpoint, self._inputs.command
+        checkpoint, command = startup.checkpoint, self.inputs.command
         if checkpoint is not None:
-            resume_future = self.worker.resume_with(
-                lambda: resumed_simulation(checkpoint, self._settings),
-                checkpoint.scene,
-                startup.origin,
-                startup.before,
-                reached=startup.reached,
+
+            def resume() -> 'Simulation':
+                # the solver loads Warp: done in the worker's thread, not at import
+                from lava_ros.simulation import Simulation
+
+                return Simulation.resume(checkpoint, device=self._settings.device)
+
+            future = self.worker.resume_with(
+                resume, checkpoint.scene, startup.origin, startup.before, reached=startup.reached
             )
-            resume_future.add_done_callback(self._note_failure)
+            future.add_done_callback(self._note_failure)
         elif startup.scene is not None:
             command('scene', self.worker.set_scene(startup.scene))
         elif startup.terrain is not None:
             command('terrain_file', self.worker.set_terrain(startup.terrain))
         else:
-            self._node.get_logger().info(self._inputs.wanted)
+            self._node.get_logger().info(self.inputs.wanted)
 
-    def _note_failure(self, resume_future: 'Future[None]') -> None:
+    def _note_failure(self, future: 'Future[None]') -> None:
         # a new simulation in its place would look like the resumed eruption
-        if not resume_future.cancelled():
-            self.failure = resume_future.exception()
+        if not future.cancelled():
+            self.failure = future.exception()
 
     def _mark_due(self, rate: float) -> None:
         if not self.is_active:
@@ -346,7 +344,7 @@ class NodeRuntime:
         stamp_ns = now_ns(self._node)
         if scene is not None:
             self._recording.write(self.worker.session, snapshot, stamp_ns)
-            is_heard = self._inputs.came_from_topic(scene.terrain)
+            is_heard = self.inputs.came_from_topic(scene.terrain)
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
         self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
         self._forecasts.publish(repeat=repeat)
@@ -397,7 +395,7 @@ class NodeRuntime:
                     clock=clock,
                 ),
                 diagnostics.effects_status(self.worker.session.effects),
-                self._inputs.log.status(),
+                self.inputs.log.status(),
                 diagnostics.recorder_status(self._recorder.status, self._checkpoints.last),
                 *self._forecasts.statuses(),
                 *self._places.statuses(),

@@ -314,14 +314,3 @@ class SimulationFactory:
             spent=time.monotonic() - begun,
         )
         return preset_accuracy(plan.preset, spacing=plan.spacing)
-
-
-def resumed_simulation(checkpoint: Checkpoint, settings: Settings) -> 'Simulation':
-    """Resume a simulation from a checkpoint.
-
-    Raises:
-        LavaError: If checkpoint, device and settings do not fit together.
-    """
-    from lava_ros.simulation import Simulation
-
-    return Simulation.resume(checkpoint, device=settings.device)

@@ -22,6 +22,7 @@ from lava_ros.bag.decoding import cloud_columns
 from lava_ros.clients.feed import SceneFeed
 from lava_ros.clients.watcher import Watcher
 from lava_ros.ros import inputs, qos
+from lava_ros.ros.executor import spin
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
@@ -33,7 +34,7 @@ def test_spin_reports_errors_and_continues():
     first, second, errors = ValueError('clock'), RuntimeError('message'), []
     turn = Mock(side_effect=[None, first, None, second, None])
     executor = Mock(spin_once=turn)
-    executor.spin(executor, until=lambda: turn.call_count == 5, on_error=errors.append)
+    spin(executor, until=lambda: turn.call_count == 5, on_error=errors.append)
     assert errors == [first, second]
     assert turn.call_args.kwargs['timeout_sec'] > 0.0
 

@@ -135,7 +135,7 @@ def test_maps_become_frames_of_their_time(live: LiveFrames, node: FakeNode) -> N
 def test_probabilities_belong_to_later_frames(
     live: LiveFrames, node: FakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(live_frames, 'MOST_FRAMES', 4)
+    monkeypatch.setattr(live_frames, 'MAX_FRAMES', 4)
     node.publish_ground(live)
     for second in range(1, 6):
         if second == 3:
