@@ -218,7 +218,7 @@ def test_missing_messages_are_reported(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr('lava_ros.ros.player.play', lambda bag, **_: 0)
+    monkeypatch.setattr('lava_ros.clients.player.play', lambda bag, **_: 0)
     monkeypatch.setattr('lava_ros.watch.server.Server', Mock())
     monkeypatch.setattr('signal.signal', lambda *_: None)
     (tmp_path / 'huts.csv').write_text('name,x,y\nhut,300,300\n')
@@ -258,7 +258,7 @@ def test_a_flipped_bit_is_never_silent(
         lambda panels, path, **report: drawn.append((list(map(vars, panels)), report)),
     )
     monkeypatch.setattr(
-        'lava_ros.ros.player.play', lambda bag, **_: len(drawn.extend(schedule(bag)) or drawn)
+        'lava_ros.clients.player.play', lambda bag, **_: len(drawn.extend(schedule(bag)) or drawn)
     )
     path = bag / 'bag_0.mcap'
     # half of the bits are anywhere, half in the first bytes of records

@@ -16,7 +16,7 @@ import pytest
 from rcl_interfaces.srv import GetParameters
 
 from fuzz.messages import messages, TOPICS
-from ros.graph_publisher import wait_until
+from waiting import wait_until
 
 #: Maximum delay of a grid on a small, busy machine [s].
 MAX_DELAY = 30.0

@@ -19,8 +19,8 @@ from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.replay import StopRequest
 from lava_ros.errors import LavaError
-from lava_ros.ros.arguments import start_ros
 from lava_ros.ros.codec import message_class, time_message
+from lava_ros.ros.executor import start_ros
 from lava_ros.ros.qos import ros_profile
 
 CLOCK_TOPIC = '/clock'
@@ -75,7 +75,9 @@ def play(
     )
     stop = StopRequest()
     tick = replay.TICK if clock else QUIET_TICK
-    with _set_on_signals(stop), _started(ros_arguments) as context:
+    with _set_on_signals(stop):
+        context = Context()
+        start_ros(ros_arguments, context=context)
         node = Node('lava_player', context=context, start_parameter_services=False)
         try:
             player = _Player(node, bag, clock=clock)
@@ -89,17 +91,8 @@ def play(
                 player.wait_until_acknowledged()
         finally:
             node.destroy_node()
+            context.try_shutdown()
         return player.published
-
-
-@contextmanager
-def _started(arguments: Sequence[str]) -> Iterator[Context]:
-    context = Context()
-    start_ros(arguments, context=context)
-    try:
-        yield context
-    finally:
-        context.try_shutdown()
 
 
 class _Player:
@@ -157,12 +150,8 @@ class _Player:
 
 
 def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
-    """Return the name of a bag's topic in a namespace.
-
-    In the root namespace topics keep their recorded names. Elsewhere a topic below the namespace
-    of the recorded node gets a relative name; a topic that was remapped out of that namespace, or
-    that all namespaces share, keeps its name.
-    """
+    """Return the name of a bag's topic in a namespace, relative if it is in that of the node."""
+    # topics outside of the namespace of the recorded node keep their names
     if namespace == '/' or topic in SHARED_TOPICS:
         return topic
     recorded = bag.custom_data.get('namespace', '/')

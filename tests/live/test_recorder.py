@@ -7,16 +7,14 @@ import os
 import shutil
 
 import pytest
-from std_msgs.msg import String
 
 from lava_ros.bag import BagReader, LATCHED
 from lava_ros.errors import LavaError
-from lava_ros.ros import codec
-from lava_ros.ros.recorder import BagFolder, Recorder
+from lava_ros.live.recorder import BagFolder, Recorder
 
 
 def _write(recorder, text, stamp_ns=1):
-    data = codec.serialise(String(data=text))
+    data = bytes(4) + text.encode()
     recorder.write('/words', 'std_msgs/msg/String', data, stamp_ns, qos=LATCHED)
     return data
 

@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain, count
 import os
 from pathlib import Path
@@ -16,7 +16,7 @@ from lava_ros.bag import BagWriter, QosProfile
 from lava_ros.errors import LavaError
 
 
-@dataclass(frozen=True)
+@dataclass
 class RecorderStatus:
     """Status of the recorder: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
 
@@ -76,15 +76,15 @@ class Recorder:
 
     def begin(self, custom_data: Mapping[str, str]) -> None:
         """Open the chosen bag; ``custom_data`` is its description."""
-        directory = self.status.directory
-        self._put(state='off')
+        status = self.status
+        status.state = 'off'
         try:
-            if Path(directory).resolve() != self._place:
+            if Path(status.directory).resolve() != self._place:
                 raise OSError('a link has come into its path')
             self._writer = BagWriter(self._place, custom_data=custom_data, **self._limits)
-            self._put(state='recording', files=1)
+            status.state, status.files = 'recording', 1
         except (OSError, LavaError) as error:
-            self._put(error=f'cannot record to {directory}: {error}')
+            status.error = f'cannot record to {status.directory}: {error}'
 
     def describe(self, custom_data: Mapping[str, str]) -> None:
         """Replace the description of the recording if a bag is open."""
@@ -108,28 +108,25 @@ class Recorder:
 
     def _attempt(self, action: Callable[[BagWriter], None]) -> None:
         """Run ``action`` on the bag if one is open; an error ends the recording."""
-        if self._writer is None:
+        writer, status = self._writer, self.status
+        if writer is None:
             return
         try:
-            action(self._writer)
-            self._put(files=self._writer.file_count, messages=self._writer.message_count)
+            action(writer)
+            status.files, status.messages = writer.file_count, writer.message_count
         except (OSError, LavaError) as error:
-            reason = f'recording to {self.status.directory} stopped: {error}'
             self.stop()
-            self._put(error=reason)
+            status.error = f'recording to {status.directory} stopped: {error}'
 
     def stop(self) -> None:
         """Finish the bag if one is open."""
         writer, self._writer = self._writer, None
-        self._put(state='off')
+        self.status.state = 'off'
         try:
             if writer is not None:
                 writer.close()
         except OSError as error:
-            self._put(error=f'cannot finish {self.status.directory}: {error}')
-
-    def _put(self, **changes: Any) -> None:
-        self.status = replace(self.status, **changes)
+            self.status.error = f'cannot finish {self.status.directory}: {error}'
 
 
 def _new_place(directory: Path) -> Path:

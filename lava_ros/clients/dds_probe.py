@@ -16,7 +16,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from std_msgs.msg import String
 
 from lava_ros.bag.qos import LATCHED
-from lava_ros.ros.arguments import start_ros
+from lava_ros.ros.executor import start_ros
 from lava_ros.ros.qos import ros_profile
 
 #: Number of timed messages.

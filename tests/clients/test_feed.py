@@ -19,21 +19,22 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.bag.decoding import cloud_columns
-from lava_ros.ros import inputs, qos, spinning
-from lava_ros.ros.monitor import SceneFeed
+from lava_ros.clients.feed import SceneFeed
+from lava_ros.clients.watcher import Watcher
+from lava_ros.ros import inputs, qos
+from lava_ros.ros.executor import spin
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.spinning import Watcher
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
-from ros.graph_publisher import wait_until
 from ros_domain import own_domain
+from waiting import wait_until
 
 
 def test_spin_reports_errors_and_continues():
     first, second, errors = ValueError('clock'), RuntimeError('message'), []
     turn = Mock(side_effect=[None, first, None, second, None])
     executor = Mock(spin_once=turn)
-    spinning.spin(executor, until=lambda: turn.call_count == 5, on_error=errors.append)
+    spin(executor, until=lambda: turn.call_count == 5, on_error=errors.append)
     assert errors == [first, second]
     assert turn.call_args.kwargs['timeout_sec'] > 0.0
 

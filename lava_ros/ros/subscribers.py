@@ -24,13 +24,13 @@ from sensor_msgs.msg import Image, PointCloud2
 from lava_ros.bag import QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
+from lava_ros.live.recorder import Recorder
+from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.layers import GRID_MAP, OCCUPANCY_GRID
 from lava_ros.ros import codec, diagnostics, inputs, qos
 from lava_ros.ros.codec import decode
+from lava_ros.ros.executor import EntityRegistry, now_ns
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.recorder import Recorder
-from lava_ros.ros.spinning import Entities, now_ns
-from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import Terrain
 
 #: Interval between checks for a complete pair of ``terrain`` and ``terrain_info`` [s].
@@ -128,7 +128,7 @@ class InputLog:
 
 
 @dataclass(eq=False)
-class InputTopics:
+class InputSubscribers:
     """Subscribes to the inputs; a refused message is logged and counted, and changes nothing.
 
     ``settings`` returns the current settings; ``steady`` is a clock that advances independently of
@@ -138,7 +138,7 @@ class InputTopics:
     messages; ``wanted`` is the log text while there is no terrain.
     """
 
-    entities: Entities
+    entities: EntityRegistry
     worker: SimulationWorker
     settings: Callable[[], Settings]
     steady: Clock
@@ -258,7 +258,7 @@ class InputTopics:
         self.command('vents', self.worker.set_vents(vents))
 
     def _on_clicked_point(self, point: PointStamped) -> None:
-        settings, scene = self.settings(), self.worker.eruption.scene
+        settings, scene = self.settings(), self.worker.session.scene
         if scene is not None and len(scene.vents) >= settings.max_vents:
             expected = f'at most {settings.max_vents} (max_vents)'
             raise LavaError('clicked_point', 'one more vent', expected)

@@ -23,12 +23,12 @@ from std_msgs.msg import String
 from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
 from lava_ros.bag.qos import INFINITE_NS
 from lava_ros.bag.schemas import MessageSchema
+from lava_ros.clients.player import play
 from lava_ros.errors import LavaError
 from lava_ros.ros.codec import message_class
-from lava_ros.ros.player import play
 from lava_ros.ros.qos import ros_profile
-from ros.graph_publisher import PATIENCE, wait_until
 from ros_domain import own_domain
+from waiting import PATIENCE, wait_until
 
 SECOND = 1_000_000_000
 TEXT = 'std_msgs/msg/String'

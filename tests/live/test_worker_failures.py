@@ -9,7 +9,8 @@ import queue
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.worker_status import Command, CommandQueue, WorkerState
+from lava_ros.live.commands import Command, CommandQueue
+from lava_ros.live.worker_status import WorkerState
 from worker_bench import Bench, PATIENCE, TERRAIN, VENT
 
 
@@ -104,7 +105,7 @@ def test_stop_fails_waiting_commands_during_a_step():
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.simulation.is_compiled.clear()
     compiling = bench.worker.set_effects({}, horizon=3600.0)
-    bench.wait(lambda: len(bench.worker._commands) == 0)
+    bench.wait(lambda: len(bench.worker.commands) == 0)
     waiting = bench.worker.reset()
     assert not bench.worker.stop(0.0)
     with pytest.raises(LavaError, match="'stopped'"):

@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Repeated forecasts of the live simulation in a separate process. Without rclpy."""
+"""Repeated forecasts of the live simulation in a separate process."""
 
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError
+from contextlib import suppress
 from dataclasses import dataclass, replace
+import math
 import multiprocessing
 import os
 from pathlib import Path
@@ -19,17 +21,17 @@ from typing import Any
 import lava_ros
 from lava_ros.errors import LavaError
 from lava_ros.forecast.pool import interrupts_withheld
-from lava_ros.maps.forecast import Forecast
-from lava_ros.ros.ensemble_forecasts import (
-    Ahead,
-    AheadStatus,
+from lava_ros.live.ensemble_forecasts import (
     EnsembleForecasts,
     ForecastRules,
-    Live,
+    ForecastStatus,
+    ForecastT,
+    StampedForecast,
 )
-from lava_ros.ros.session import Fork
-from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import WorkerState
+from lava_ros.live.session import Fork
+from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker_status import WorkerState
+from lava_ros.maps.forecast import Forecast
 
 #: Minimum wall time between the starts of two forecasts [s].
 MIN_PERIOD = 1.0
@@ -60,20 +62,18 @@ _RETRY_TIMES = (2.0, 60.0)
 _END_TIMEOUT = 2.0
 
 
-class Pace:
+class DutyCycle:
     """The fraction of time for forecasts: minimal while the simulation falls behind."""
 
     def __init__(self) -> None:
         """Initialize to the whole time."""
         self._share = 1.0
-        self._noted: float | None = None
+        self._noted = math.inf
 
     def note(self, is_behind: bool, now: float) -> None:
         """Record whether the simulation is behind its clock at wall time ``now`` [s]."""
-        if is_behind:
-            self._share = 0.0
-        elif self._noted is not None:
-            self._share = min(1.0, self._share + DUTY_CYCLE_RATE * (now - self._noted))
+        increase = DUTY_CYCLE_RATE * max(0.0, now - self._noted)
+        self._share = 0.0 if is_behind else min(1.0, self._share + increase)
         self._noted = now
 
     def share(self, most: float, device: str) -> float:
@@ -109,11 +109,11 @@ class ForecastProcess:
         """Process ID."""
         return self._child.pid
 
-    def order(self, name: str, **values: Any) -> None:
+    def request(self, name: str, **values: Any) -> None:
         """Send a request; raise OSError if the process has ended."""
         self._connection.send((name, values))
 
-    def answer(self, timeout: float) -> tuple[str, dict[str, Any]] | None:
+    def reply(self, timeout: float) -> tuple[str, dict[str, Any]] | None:
         """Return the name and the values of the next reply, None if none arrives in time.
 
         Raises:
@@ -125,24 +125,25 @@ class ForecastProcess:
             name, values = self._connection.recv()
             return name, values
         except (EOFError, OSError) as error:
-            text = f'the process of the forecasts has ended ({self._ending()})'
+            status = self._exit_status()
+            reason = 'or no longer answers' if status is None else f'exit status {status}'
+            if status is not None and status < 0:
+                reason = f'killed by signal {-status}'
+            text = f'the process of the forecasts has ended ({reason})'
             raise ChildProcessError(text) from error
 
     def end(self) -> None:
         """End the process, in the middle of a step if necessary."""
         self._connection.close()
-        try:
-            self._child.wait(_END_TIMEOUT)
-        except subprocess.TimeoutExpired:
+        if self._exit_status() is None:
             self._child.kill()
             self._child.wait()
 
-    def _ending(self) -> str:
-        try:
-            status = self._child.wait(_END_TIMEOUT)
-        except subprocess.TimeoutExpired:
-            return 'or no longer answers'
-        return f'killed by signal {-status}' if status < 0 else f'exit status {status}'
+    def _exit_status(self) -> int | None:
+        """Wait for the end of the process; return None if it does not end in time."""
+        with suppress(subprocess.TimeoutExpired):
+            return self._child.wait(_END_TIMEOUT)
+        return None
 
 
 @dataclass(eq=False)
@@ -167,9 +168,9 @@ class Forecaster:
         """Prepare the thread; ``start`` runs it."""
         self.ensembles = EnsembleForecasts()
         self._process: ForecastProcess | None = None
-        self.latest: Live[Forecast] | None = None
-        self.status = AheadStatus()
-        self._pace = Pace()
+        self.latest: StampedForecast[Forecast] | None = None
+        self.status = ForecastStatus()
+        self._duty_cycle = DutyCycle()
         self.is_wanted = False
         self._failures = self._number = self._reported = 0
         self._forked: tuple[int, float] | None = None
@@ -180,22 +181,22 @@ class Forecaster:
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
 
-    def age(self, live: Live[Ahead] | None) -> float:
+    def age(self, forecast: StampedForecast[ForecastT] | None) -> float:
         """Return the simulated time since the start of a forecast or ensemble [s], 0 for None."""
         snapshot = self.worker.latest
-        if live is None or snapshot is None:
+        if forecast is None or snapshot is None:
             return 0.0
-        return max(0.0, snapshot.time - live.shown.time)
+        return max(0.0, snapshot.time - forecast.shown.time)
 
-    def staleness(self, live: Live[Ahead] | None) -> str:
+    def staleness(self, forecast: StampedForecast[ForecastT] | None) -> str:
         """Return the reason why a forecast or ensemble is stale, empty if it is valid."""
-        if live is None:
+        if forecast is None:
             return 'there is none yet'
-        if self.worker.eruption.changes != live.changes:
+        if self.worker.session.changes != forecast.changes:
             return 'the scene or the effects have changed'
         if self.worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
-        age, most = self.age(live), self.rules().max_age
+        age, most = self.age(forecast), self.rules().max_age
         return f'it is {age:.0f} s old, at most {most:.0f} s are good' if age > most else ''
 
     def start(self) -> None:
@@ -225,14 +226,14 @@ class Forecaster:
     def _step(self) -> None:
         """Begin a forecast that is due, forward outlines, and process one reply."""
         self._cancel_outdated()
-        is_another = self.worker.eruption.changes != self._changes
+        is_another = self.worker.session.changes != self._changes
         due = self._due_after_change if is_another else self._due
         is_due = self.is_wanted and time.monotonic() >= due
         if is_due and self._process is None:
             # starting takes a while, so start before there is a state to forecast from
             self._process = self.make_process()
             if self.rules().members:
-                self._process.order('prepare')
+                self._process.request('prepare')
         if is_due and self._current_fork is None and self._is_something_new():
             self._begin()
         if self._process is None:
@@ -240,41 +241,41 @@ class Forecaster:
             return
         rules = self.rules()
         self.ensembles.send(
-            self._process.order, changes=self.worker.eruption.changes, time_scale=rules.time_scale
+            self._process.request, changes=self.worker.session.changes, time_scale=rules.time_scale
         )
         if self._current_fork is not None and self._renew_share(rules):
-            self._process.order('share', share=self.status.share)
-        answer = self._process.answer(_WATCH_TIME)
-        if answer is not None:
-            name, values = answer
+            self._process.request('share', share=self.status.share)
+        reply = self._process.reply(_WATCH_TIME)
+        if reply is not None:
+            name, values = reply
             self._handle_reply(name, **values)
 
     def _report_changes(self) -> None:
-        if self.worker.eruption.changes != self._reported:
-            self._reported = self.worker.eruption.changes
+        if self.worker.session.changes != self._reported:
+            self._reported = self.worker.session.changes
             self.on_change()
 
     def _is_something_new(self) -> bool:
         snapshot = self.worker.latest
         if snapshot is None or self.worker.status.state is WorkerState.FAILED:
             return False
-        state = (self.worker.eruption.changes, snapshot.time)
+        state = (self.worker.session.changes, snapshot.time)
         has_members = self.rules().members > 0
         return state != self._forked or (has_members and self.ensembles.is_wanted(*state))
 
     def _cancel_outdated(self) -> None:
-        changes = self.worker.eruption.changes
+        changes = self.worker.session.changes
         is_outdated = not self.is_wanted or changes != self._changes
         if is_outdated and (self._current_fork is not None or self.ensembles.is_busy):
             if self._process is not None:
-                self._process.order('cancel')
+                self._process.request('cancel')
             self._report_changes()
             self._cancel('the scene has changed' if self.is_wanted else 'the node is not active')
 
     def _cancel(self, reason: str) -> None:
         # a state that has been dropped may be forked again
         self._current_fork = self._forked = None
-        self.ensembles.drop(reason)
+        self.ensembles.cancel(reason)
         self._put_status(progress=None)
 
     def _fail(self, reason: str) -> None:
@@ -301,11 +302,14 @@ class Forecaster:
         self._renew_share(rules)
         self._put_status(progress=0.0)
         self._current_fork = fork
+        # the next fork must differ from this state
+        self._forked = fork.changes, fork.checkpoint.time
+        self._changes = fork.changes
         # a changed scene has no forecast at all, so it need not wait for MIN_PERIOD
         self._due_after_change = begun + FORK_REST * fork.wall_time
         self._due = max(begun + MIN_PERIOD, self._due_after_change)
-        self._process.order('share', share=self.status.share)
-        self._process.order(
+        self._process.request('share', share=self.status.share)
+        self._process.request(
             'fork',
             number=self._number,
             checkpoint=fork.checkpoint,
@@ -314,26 +318,18 @@ class Forecaster:
             device=self.worker.status.device or None,
             max_particles=rules.max_particles,
             is_first=self.latest is None or self.latest.changes != fork.changes,
-            ensemble=self.ensembles.order(fork, self._number, rules),
+            ensemble=self.ensembles.request(fork, self._number, rules),
         )
 
     def _fork(self) -> Fork | None:
-        asked = self.worker.fork()
-        while not self._stopping.is_set():
-            try:
-                fork = asked.result(_WATCH_TIME)
-            except FutureTimeoutError:
-                continue
-            except CancelledError:
-                return None
-            # the next fork must differ from this state
-            self._forked = fork.changes, fork.checkpoint.time
-            self._changes = fork.changes
-            return fork
+        future = self.worker.fork()
+        while not (self._stopping.is_set() or future.cancelled()):
+            with suppress(FutureTimeoutError, CancelledError):
+                return future.result(_WATCH_TIME)
         return None
 
     def _handle_reply(self, name: str, **values: Any) -> None:
-        if self.ensembles.hear(name, **values):
+        if self.ensembles.handle_reply(name, **values):
             self.on_change()
         fork = self._current_fork
         if fork is None or values.pop('number', None) != self._number:
@@ -344,7 +340,7 @@ class Forecaster:
             self._current_fork = None
             forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)
             self._failures = 0
-            self.latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
+            self.latest = StampedForecast(forecast, round(fork.clock * 1e9), fork.changes)
             self._put_status(progress=None, count=self.status.count + 1, error='')
             self.on_change()
         elif name == 'progress':
@@ -354,8 +350,8 @@ class Forecaster:
         """Adapt the fraction of time to the live simulation's lag; return True if it changed."""
         worker, former = self.worker.status, self.status.share
         is_running = worker.state is WorkerState.RUNNING
-        self._pace.note(is_running and worker.lag > MAX_LAG_INCREASE, time.monotonic())
-        self._put_status(share=self._pace.share(rules.share, worker.device))
+        self._duty_cycle.note(is_running and worker.lag > MAX_LAG_INCREASE, time.monotonic())
+        self._put_status(share=self._duty_cycle.share(rules.share, worker.device))
         return self.status.share != former
 
     def _put_status(self, **changes: Any) -> None:

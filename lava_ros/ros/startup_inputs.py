@@ -22,11 +22,11 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_yaml
+from lava_ros.live.recorder import BagFolder
+from lava_ros.live.session import Origin
 from lava_ros.maps.onset import recorded_onset
-from lava_ros.ros import codec, parameters
+from lava_ros.ros import codec, node_parameters, parameters
 from lava_ros.ros.parameters import constant_values, Settings
-from lava_ros.ros.recorder import BagFolder
-from lava_ros.ros.session import Origin
 from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
 from lava_ros.scene.terrain_files import load_terrain, terrain_path
 from lava_ros.simulation.accuracy import Accuracy
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Sources:
+class StartupInputs:
     """Initial inputs of a node; without any, it waits for the topics.
 
     Attributes:
@@ -66,7 +66,7 @@ class Sources:
     was_recording: bool = False
 
 
-def load_sources(node: Node, *, may_restart: bool = False) -> Sources:
+def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInputs:
     """Declare the parameters of the sources, and load the files that they name.
 
     Args:
@@ -76,7 +76,7 @@ def load_sources(node: Node, *, may_restart: bool = False) -> Sources:
     Raises:
         LavaError: If a file or a bag is not usable, or both a scene and a bag to resume are given.
     """
-    values = parameters.declare(node, parameters.SOURCES)
+    values = node_parameters.declare(node, parameters.SOURCES)
     restarted = _restarted(node) if may_restart else None
     if restarted is not None:
         return restarted
@@ -89,15 +89,15 @@ def load_sources(node: Node, *, may_restart: bool = False) -> Sources:
     name = values['terrain_file']
     terrain = load_terrain(terrain_path(name)) if name else None
     if not values['scene']:
-        return Sources(terrain=terrain)
-    return Sources(scene=scene_from_yaml(values['scene'], terrain=terrain))
+        return StartupInputs(terrain=terrain)
+    return StartupInputs(scene=scene_from_yaml(values['scene'], terrain=terrain))
 
 
-def _restarted(node: Node) -> Sources | None:
+def _restarted(node: Node) -> StartupInputs | None:
     """Load the newest bag that ``resume_since`` allows to resume; None without such a bag."""
     names = ('resume_since', 'bag_root', 'bag_directory')
     specs = tuple(spec for spec in parameters.PARAMETERS if spec.name in names)
-    values = parameters.declare(node, specs)
+    values = node_parameters.declare(node, specs)
     folder = BagFolder(
         values['bag_root'], values['bag_directory'], since=float(values['resume_since'])
     )
@@ -128,7 +128,7 @@ def _reached(bag: BagReader) -> float:
     return 0.0
 
 
-def _resumed(node: Node, bag: str) -> Sources:
+def _resumed(node: Node, bag: str) -> StartupInputs:
     found = newest_checkpoint(bag)
     for error in found.refused:
         node.get_logger().warning(f'a newer checkpoint cannot be used: {error}')
@@ -140,7 +140,7 @@ def _resumed(node: Node, bag: str) -> Sources:
     origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)
     description = BagReader(bag).custom_data
     onset = recorded_onset(description)
-    return Sources(
+    return StartupInputs(
         scene=checkpoint.scene, checkpoint=checkpoint, origin=origin,
         before=_vents_of(description, checkpoint.scene.terrain), onset=onset.text if onset else '',
     )
@@ -155,7 +155,7 @@ def _vents_of(description: Mapping[str, str], terrain: Terrain) -> tuple[Vent, .
         return ()
 
 
-def adopted(
+def overrides_from_checkpoint(
     checkpoint: Checkpoint,
     values: Mapping[str, Any],
     defaults: Mapping[str, Any],
@@ -314,14 +314,3 @@ class SimulationFactory:
             spent=time.monotonic() - begun,
         )
         return preset_accuracy(plan.preset, spacing=plan.spacing)
-
-
-def resumed_simulation(checkpoint: Checkpoint, settings: Settings) -> 'Simulation':
-    """Resume a simulation from a checkpoint.
-
-    Raises:
-        LavaError: If checkpoint, device and settings do not fit together.
-    """
-    from lava_ros.simulation import Simulation
-
-    return Simulation.resume(checkpoint, device=settings.device)

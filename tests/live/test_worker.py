@@ -4,6 +4,7 @@
 """The worker without ROS: simulated time and the clock, changing scenes, and effects."""
 
 from dataclasses import asdict, replace
+from functools import partial
 import time
 from types import SimpleNamespace
 
@@ -12,11 +13,11 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.ros import worker_status as speed
-from lava_ros.ros.followed_clock import MAX_LAG
-from lava_ros.ros.session import effect_table, is_on, Origin
-from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import MAX_TASK_DURATION, SpeedMeter, WorkerState
+from lava_ros.live import worker_status as speed
+from lava_ros.live.clock import MAX_LAG
+from lava_ros.live.session import effect_table, is_on, Origin
+from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker_status import MAX_TASK_DURATION, SpeedMeter, WorkerState
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.selection import decide, effects_for, HORIZON
@@ -64,7 +65,7 @@ def test_snapshot_shows_the_time_of_the_clock(bench, step):
         # a blocked worker processes the clock and the request together
         bench.simulation.is_compiled.clear()
         held = bench.worker.set_effects({}, horizon=float(count))
-        bench.wait(lambda: bench.worker.status.doing == 'effects')
+        bench.wait(lambda: bench.worker.status.current_task == 'effects')
         bench.now += step
         bench.worker.request_snapshot()
         bench.simulation.is_compiled.set()
@@ -176,22 +177,47 @@ def test_reset_makes_a_new_simulation_at_time_0(bench):
     bench.wait_for_state(WorkerState.PAUSED)
 
 
+@pytest.mark.parametrize(
+    'kind', ['pause', 'step', 'reset', 'vents', 'terrain', 'effects', 'snapshot']
+)
+def test_waiting_command_is_replaced_by_the_next_of_its_kind(bench, kind):
+    bench.start()
+    bench.simulation.is_compiled.clear()
+    held = bench.worker.set_effects({}, horizon=1.0)
+    bench.wait(lambda: bench.worker.status.current_task == 'effects')
+    ask = {
+        'pause': partial(bench.worker.pause, True),
+        'step': partial(bench.worker.step, 1.0),
+        'reset': bench.worker.reset,
+        'vents': partial(bench.worker.set_vents, [VENT]),
+        'terrain': partial(bench.worker.set_terrain, TERRAIN),
+        'effects': partial(bench.worker.set_effects, {}, horizon=1.0),
+        'snapshot': bench.worker.request_snapshot,
+    }[kind]
+    for _ in range(400):
+        ask()
+    assert bench.worker.status.waiting == (kind,)
+    assert len(bench.worker.commands) == 1
+    bench.simulation.is_compiled.set()
+    bench.run(held)
+
+
 def test_status_has_the_current_task_and_waiting_commands(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.wait(lambda: bench.worker.status.blocked_by == '')
     bench.simulation.is_compiled.clear()
     futures = [bench.worker.set_effects({}, horizon=3600.0)]
-    bench.wait(lambda: bench.worker.status.doing == 'effects')
+    bench.wait(lambda: bench.worker.status.current_task == 'effects')
     futures.append(bench.worker.reset())
     before = bench.worker.status
-    bench.wait(lambda: bench.worker.status.turn > before.turn)
+    bench.wait(lambda: bench.worker.status.task_duration > before.task_duration)
     assert before.waiting == ('reset',)
     bench.simulation.is_compiled.set()
     for future in futures:
         bench.run(future)
     bench.simulation.slowness = MAX_TASK_DURATION
     bench.now += 0.5
-    bench.wait(lambda: bench.worker.status.turn >= MAX_TASK_DURATION)
+    bench.wait(lambda: bench.worker.status.task_duration >= MAX_TASK_DURATION)
     assert bench.worker.status.blocked_by.startswith('a step takes ')
     bench.simulation.slowness = 0.0
     bench.go_on()
@@ -242,7 +268,7 @@ def test_first_vents_restart_the_simulation(bench):
     bench.run(bench.worker.set_vents([]))
     bench.run(bench.worker.add_vent(VENT))
     assert len(bench.made) == 2
-    assert bench.worker.eruption.scene.vents == bench.simulation.scene.vents == (VENT,)
+    assert bench.worker.session.scene.vents == bench.simulation.scene.vents == (VENT,)
 
 
 @pytest.mark.parametrize(
@@ -259,7 +285,7 @@ def test_first_vents_restart_the_simulation(bench):
     ],
 )
 def test_noise_of_inputs_does_not_outdate_forecasts(bench, kind, noise, change):
-    session, put = bench.worker.eruption, getattr(bench.worker, f'set_{kind}')
+    session, put = bench.worker.session, getattr(bench.worker, f'set_{kind}')
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.set_vents([VENT]))
     before = session.changes
@@ -272,7 +298,7 @@ def test_noise_of_inputs_does_not_outdate_forecasts(bench, kind, noise, change):
 
 
 def test_slow_drift_outdates_forecasts(bench):
-    session = bench.worker.eruption
+    session = bench.worker.session
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.set_vents([VENT]))
     before = session.changes
@@ -283,23 +309,23 @@ def test_slow_drift_outdates_forecasts(bench):
 
 
 def test_origin_and_schedule_are_kept_until_a_reset(bench):
-    assert bench.worker.eruption.origin is None
+    assert bench.worker.session.origin is None
     earlier = replace(VENT, discharge=((0.0, 7.0), (2.0, 9.0)))
     scene, origin = Scene(TERRAIN, (VENT,), lava=Lava()), Origin('bags/first', 120.0, 7)
     bench.run(bench.worker.pause(True))
     bench.run(bench.worker.resume_with(lambda: bench.make(scene), scene, origin, (earlier,)))
-    assert bench.worker.eruption.origin == origin
+    assert bench.worker.session.origin == origin
     bench.run(bench.worker.set_vents([replace(VENT, discharge=4.0)]))
-    assert bench.worker.eruption.scene.vents[0].discharge == 4.0
+    assert bench.worker.session.scene.vents[0].discharge == 4.0
     bench.simulation.time = 3.0
     bench.run(bench.worker.set_vents([]))
-    (vent,) = bench.worker.eruption.schedule
+    (vent,) = bench.worker.session.schedule
     assert vent.discharge == ((0.0, 4.0), (3.0, 0.0))
-    assert bench.worker.eruption.origin == origin
+    assert bench.worker.session.origin == origin
     # a reset starts a new eruption
     bench.run(bench.worker.reset())
-    assert bench.worker.eruption.schedule == ()
-    assert bench.worker.eruption.origin is None
+    assert bench.worker.session.schedule == ()
+    assert bench.worker.session.origin is None
 
 
 @pytest.mark.parametrize(
@@ -332,7 +358,7 @@ def test_rejected_inputs_change_nothing(bench):
     ):
         with pytest.raises(LavaError, match='position'):
             bench.run(command)
-    assert bench.worker.eruption.scene.vents == bench.simulation.scene.vents == (VENT,)
+    assert bench.worker.session.scene.vents == bench.simulation.scene.vents == (VENT,)
     assert bench.simulation.scene.terrain is TERRAIN
     bench.go_on()
 
@@ -357,25 +383,25 @@ def test_new_terrain_is_shown_immediately(bench):
 
 
 def test_effects_follow_terrain_and_vents(bench):
-    assert bench.worker.eruption.effects == {}
+    assert bench.worker.session.effects == {}
     bench.start()
-    before = bench.worker.eruption.effects
+    before = bench.worker.session.effects
     assert not is_on(before['steep'])
     bench.run(bench.worker.set_vents([Vent((25.0, 15.0), 2.0, temperature=1300.0)]))
-    assert bench.worker.eruption.effects['inertia'] != before['inertia']
+    assert bench.worker.session.effects['inertia'] != before['inertia']
     hill = np.tile(np.arange(5) * 8.0, (4, 1))
     bench.run(bench.worker.set_terrain(Terrain(hill, 10.0)))
-    assert bench.worker.eruption.effects['steep'].startswith('on: slope = 0.8 > ')
+    assert bench.worker.session.effects['steep'].startswith('on: slope = 0.8 > ')
 
 
 def test_effects_can_be_forced_during_a_run(bench):
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
     bench.start()
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
-    assert bench.worker.eruption.effects['steep'] == 'on: forced'
+    assert bench.worker.session.effects['steep'] == 'on: forced'
     with pytest.raises(LavaError, match='vft'):
         bench.run(bench.worker.set_effects({'vft': True}, horizon=HORIZON))
-    assert bench.worker.eruption.effects['steep'] == 'on: forced'
+    assert bench.worker.session.effects['steep'] == 'on: forced'
     assert bench.simulation.horizon == 60.0
     bench.go_on()
     assert len(bench.made) == 1
@@ -453,7 +479,7 @@ def test_frames_continue_while_effects_change():
         change = worker.set_effects(forced, horizon=HORIZON)
         show_frames(3)
         change.result(timeout=60.0)
-        assert {name: worker.eruption.effects[name] for name in forced} == {
+        assert {name: worker.session.effects[name] for name in forced} == {
             name: f'{"on" if is_on else "off"}: forced' for name, is_on in forced.items()
         }
     assert worker.stop(60.0)

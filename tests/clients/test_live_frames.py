@@ -15,17 +15,18 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PointStamped
 from std_srvs.srv import SetBool
 
+from lava_ros.clients import live_frames
+from lava_ros.clients.live_frames import LiveFrames
+from lava_ros.clients.watcher import Watcher
 from lava_ros.errors import LavaError
 from lava_ros.maps.layers import IMAGE, PROBABILITY
 from lava_ros.maps.plot import barriers_of
-from lava_ros.ros import codec, live_frames, outputs, qos
-from lava_ros.ros.live_frames import LiveFrames
+from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.outputs import vent_markers
-from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Level, watched_layers
 from recording import diagnostics_of, growing, SECOND, snapshot_at, START, TERRAIN, VENT
-from ros.graph_publisher import wait_until
 from ros_domain import own_domain
+from waiting import wait_until
 
 #: Crest of a barrier on the terrain, easting and northing [m].
 BARRIER = [(500_020.0, 4_180_050.0), (500_060.0, 4_180_070.0)]
@@ -134,7 +135,7 @@ def test_maps_become_frames_of_their_time(live: LiveFrames, node: FakeNode) -> N
 def test_probabilities_belong_to_later_frames(
     live: LiveFrames, node: FakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(live_frames, 'MOST_FRAMES', 4)
+    monkeypatch.setattr(live_frames, 'MAX_FRAMES', 4)
     node.publish_ground(live)
     for second in range(1, 6):
         if second == 3:

@@ -18,23 +18,23 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 from sensor_msgs.msg import Image
 from std_srvs.srv import SetBool, Trigger
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
 from lava_ros.bag.decoding import image_array, Moment, moment_of, places_in
+from lava_ros.clients.watcher import Watcher
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame
 from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
 from lava_ros.ros.outputs import BARRIERS, LABELS, PLACES
-from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Frames, Level, Status, watched_layers
 
 #: Time without diagnostics after which the node counts as silent [s]; the normal period is 1 s.
 PATIENCE = 5.0
 
 #: Maximum number of frames. Beyond it, every second one is deleted.
-MOST_FRAMES = 600
+MAX_FRAMES = 600
 
 #: Maximum number of stamps whose maps wait for the diagnostics with their simulated time.
 _MAX_PENDING = 20
@@ -87,7 +87,6 @@ class LiveFrames(Watcher, Frames):
         self._info: MapMetaData | None = None
         self._elevation: np.ndarray | None = None
         self._frame_id = 'map'
-        self._vents = np.empty((0, 2))
         self._scene: dict[str, Any] = {}
         self._statuses: dict[str, str] = {}
         self._senders: dict[str, Any] = {}
@@ -165,7 +164,7 @@ class LiveFrames(Watcher, Frames):
             resolution=float(str(np.float32(self._info.resolution))),
             origin=(self._info.origin.position.x, self._info.origin.position.y),
             layers=layers,
-            vents=self._vents,
+            vents=np.reshape([vent['position'] for vent in self._scene.get('vents', [])], (-1, 2)),
             time=self.times[index],
             scene=self._scene,
             arrived=None if arrived is None else arrived.values,
@@ -246,25 +245,20 @@ class LiveFrames(Watcher, Frames):
         self.version += 1
 
     def _on_vents(self, message: MarkerArray) -> None:
-        points: list[Any] = []
         barriers = [
             [(point.x, point.y) for point in item.points]
             for item in message.markers
             if item.ns == BARRIERS
         ]
         labels = {item.id: item.text for item in message.markers if item.ns == LABELS}
-        vents = []
-        for item in message.markers:
-            if item.ns == PLACES:
-                is_line = item.type == Marker.LINE_STRIP
-                places = item.points if is_line else [item.pose.position]
-                points += places
-                vents += [
-                    {'name': labels.get(item.id, ''), 'position': [place.x, place.y]}
-                    for place in places
-                ]
+        vents = [
+            {'name': labels.get(item.id, ''), 'position': [place.x, place.y]}
+            for item in message.markers
+            if item.ns == PLACES
+            # a fissure is a line, a vent a disc
+            for place in item.points or [item.pose.position]
+        ]
         self._scene = {'terrain': {'barriers': barriers}, 'vents': vents}
-        self._vents = np.array([(item.x, item.y) for item in points]).reshape(-1, 2)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self._received += 1
@@ -307,5 +301,5 @@ class LiveFrames(Watcher, Frames):
                 self.times.append(now)
                 self._maps.append(maps)
             self.version += 1
-        if len(self.times) > MOST_FRAMES:
+        if len(self.times) > MAX_FRAMES:
             del self.times[1:-1:2], self._maps[1:-1:2]

@@ -6,7 +6,7 @@
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
@@ -14,22 +14,30 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from lava_ros.errors import LavaError
+from lava_ros.live.checkpoint_recording import CheckpointRecording
+from lava_ros.live.clock import ClockWatch
+from lava_ros.live.recorder import BagFolder, Recorder
+from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker_status import WorkerState
 from lava_ros.maps.layer_files import find_config
 from lava_ros.ros import codec, diagnostics, qos
-from lava_ros.ros.allowance import Allowance
-from lava_ros.ros.forecast_topics import ForecastTopics
-from lava_ros.ros.input_topics import InputTopics
+from lava_ros.ros.executor import EntityRegistry, now_ns
+from lava_ros.ros.forecast_topics import ForecastTopics, load_places, PlaceTopic
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
-from lava_ros.ros.place_topic import load_places, PlaceTopic
-from lava_ros.ros.publishers import LayerPublishers, published_layers, ScenePublisher
-from lava_ros.ros.recorder import BagFolder, Recorder
-from lava_ros.ros.recording import CheckpointRecording, SceneRecording
-from lava_ros.ros.services import create_services
-from lava_ros.ros.sources import resumed_simulation, SimulationFactory, Sources
-from lava_ros.ros.spinning import Entities, now_ns
-from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import WorkerState
+from lava_ros.ros.publishers import (
+    LayerPublishers,
+    publish_and_record,
+    published_layers,
+    ScenePublisher,
+)
+from lava_ros.ros.recording import SceneRecording
+from lava_ros.ros.services import Allowance, create_services
+from lava_ros.ros.startup_inputs import SimulationFactory, StartupInputs
+from lava_ros.ros.subscribers import InputSubscribers
 from lava_ros.simulation.output.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from lava_ros.simulation import Simulation
 
 #: Maximum wait for the simulation thread when closing [s]. It may be in a time step, or compiling.
 STOP_TIMEOUT = 4.0
@@ -41,10 +49,11 @@ CHECKPOINT_TIMEOUT = 2.0
 HEARTBEAT = 1.0
 
 
-class ActiveNode:
-    """A configured node: it receives inputs and, while ``is_active``, simulates and publishes.
+class NodeRuntime:
+    """A configured node: it receives ``inputs`` and, while ``is_active``, simulates and publishes.
 
-    ``failure`` is the error that prevents the node from resuming a bag and ends it, None without.
+    ``worker`` has the simulation. ``failure`` is the error that prevents the node from resuming a
+    bag and ends it, None without.
     """
 
     def __init__(
@@ -52,11 +61,11 @@ class ActiveNode:
         node: Node,
         settings: Settings,
         values: Callable[[], Mapping[str, Any]],
-        sources: Sources,
+        startup: StartupInputs,
         *,
-        entities: Entities,
+        entities: EntityRegistry,
     ) -> None:
-        """Create publishers, subscriptions and services, and load ``sources`` with time held.
+        """Create publishers, subscriptions and services, and load ``startup`` with time held.
 
         ``values`` returns the node's parameters.
 
@@ -77,8 +86,8 @@ class ActiveNode:
         features = load_places(settings.places)
         layers = published_layers(*configs.values(), settings=settings)
         self.is_active = self._is_paused = False
-        self._is_recording_wanted = settings.record or sources.was_recording
-        self._clock_watch = diagnostics.ClockWatch()
+        self._is_recording_wanted = settings.record or startup.was_recording
+        self._clock_watch = ClockWatch()
         self._log = diagnostics.NodeLog(node.get_logger())
         self._recorder = Recorder()
         self._recording = SceneRecording(
@@ -90,9 +99,9 @@ class ActiveNode:
         )
         self._entities = entities
         snapshot_ready = entities.create('guard_condition', self._publish)
-        maker = SimulationFactory()
-        self._worker = SimulationWorker(
-            lambda scene: maker.make(scene, self._settings),
+        factory = SimulationFactory()
+        self.worker = SimulationWorker(
+            lambda scene: factory.make(scene, self._settings),
             clock=lambda: now_ns(node) * 1e-9,
             constants=settings.constants,
             time_scale=settings.time_scale,
@@ -101,7 +110,7 @@ class ActiveNode:
             paused=True,
             on_snapshot=snapshot_ready.trigger,
         )
-        self._checkpoints = CheckpointRecording(self._recorder, self._worker.checkpoint)
+        self._checkpoints = CheckpointRecording(self._recorder, self.worker.checkpoint)
         self._saved_bytes = 0
         self._layers = LayerPublishers[Snapshot](
             entities,
@@ -113,16 +122,15 @@ class ActiveNode:
             entities,
             [layer for layer in layers if layer.is_forecast],
             self._recorder,
-            worker=self._worker,
+            worker=self.worker,
             settings=lambda: self._settings,
-            choice=lambda: maker.choice,
+            choice=lambda: factory.choice,
             features=features,
         )
         self._places = PlaceTopic(
             entities, self._recorder, features, frame_id=settings.frame_id
         )
-        rates = self._layers.rates.union(*(item.rates for item in self._forecasts.publishers))
-        for rate in sorted(rates):
+        for rate in sorted(self._layers.rates | self._forecasts.rates):
             entities.create('timer', 1.0 / rate, lambda rate=rate: self._mark_due(rate))
         self._scene = ScenePublisher(entities, frame_id=settings.frame_id)
         self._diagnostics = entities.create(
@@ -131,22 +139,22 @@ class ActiveNode:
         # The heartbeat must not stop with a simulated clock.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         entities.create('timer', HEARTBEAT, self._publish_diagnostics, clock=steady)
-        self._inputs = InputTopics(
+        self.inputs = InputSubscribers(
             entities,
-            self._worker,
+            self.worker,
             settings=lambda: self._settings,
             steady=steady,
             observe=self._forecasts.observe if settings.ensemble_members else None,
             recorder=self._recorder,
             is_own=self._scene.is_own,
         )
-        self._allowance = Allowance(self._inputs.refuse)
+        self._allowance = Allowance(self.inputs.refuse)
         create_services(
-            self, entities, worker=self._worker, inputs=self._inputs, allowance=self._allowance
+            self, entities, worker=self.worker, inputs=self.inputs, allowance=self._allowance
         )
-        self._begin(sources)
+        self._begin(startup)
         # Start the threads last, so that an error above leaves none running.
-        self._worker.start()
+        self.worker.start()
         self._forecasts.start()
 
     @property
@@ -160,7 +168,7 @@ class ActiveNode:
         Raises:
             LavaError: If the simulation has failed, or the bag cannot be created.
         """
-        status = self._worker.status
+        status = self.worker.status
         if status.state is WorkerState.FAILED:
             raise LavaError('simulation', status.error, 'one that has not failed; ~/reset')
         is_busy = self._recorder.is_recording or self._recorder.is_armed
@@ -169,7 +177,7 @@ class ActiveNode:
         # Only once: a recording that ~/record or a full disk has ended must not stop the maps.
         self._is_recording_wanted = False
         self.is_active = True
-        self._worker.pause(self._is_paused)
+        self.worker.pause(self._is_paused)
         self._forecasts.activate(True)
         self._publish(repeat=True)
 
@@ -177,23 +185,19 @@ class ActiveNode:
         """Hold simulated time and publish no layers; inputs and diagnostics continue."""
         self.is_active = False
         self._forecasts.activate(False)
-        self._worker.pause(True)
+        self.worker.pause(True)
 
     def close(self) -> None:
         """Finish the bag, end the worker and leave the graph."""
         self.is_active = False
         try:
             self._close_bag()
-            if self._worker.latest is not None:
-                self._log.volumes(self._worker.latest)
+            if self.worker.latest is not None:
+                self._log.volumes(self.worker.latest)
         finally:
             self._forecasts.stop()
-            self._worker.stop(STOP_TIMEOUT)
+            self.worker.stop(STOP_TIMEOUT)
             self._entities.destroy()
-
-    def has_ended(self) -> bool:
-        """Return True if the simulation thread, which ``close`` stops, has ended."""
-        return self._worker.stop(0.0)
 
     def check(self, settings: Settings) -> None:
         """Check settings before they are used.
@@ -210,33 +214,28 @@ class ActiveNode:
     def apply(self, new: Settings) -> None:
         """Use new settings, immediately or, for preset, spacing and lava, at the next start."""
         old, self._settings = self._settings, new
-        command = self._inputs.command
+        command = self.inputs.command
         for name in ('time_scale', 'max_particles', 'end_time'):
             value = getattr(new, name)
             if value != getattr(old, name):
-                command(name, self._worker.set(name, value))
+                command(name, self.worker.set(name, value))
         if _effect_settings(new) != _effect_settings(old):
-            command('effects', self._worker.set_effects(new.forced, horizon=new.horizon))
+            command('effects', self.worker.set_effects(new.forced, horizon=new.horizon))
         if new.constants != old.constants:
-            command('lava', self._worker.set_constants(new.constants))
+            command('lava', self.worker.set_constants(new.constants))
         before, after = (
             {'preset': item.preset, 'spacing': item.spacing, **constant_values(item.constants)}
             for item in (old, new)
         )
-        later = [name for name in after if after[name] != before[name]]
-        if later:
+        if later := [name for name in after if after[name] != before[name]]:
             self._node.get_logger().info(
                 f'{", ".join(later)}: the new value is used from the next start or reset on'
             )
 
-    def report_callback(self, error: Exception) -> None:
-        """Report an error that the middleware itself raised in a callback."""
-        self._inputs.report_callback(error)
-
     def pause(self, paused: bool) -> 'Future[None]':
         """Hold simulated time, or let it continue as soon as the node is active."""
         self._is_paused = paused
-        return self._worker.pause(paused or not self.is_active)
+        return self.worker.pause(paused or not self.is_active)
 
     def start_recording(self) -> str:
         """Start a bag, and return its name and when it starts.
@@ -275,7 +274,7 @@ class ActiveNode:
             LavaError: If the bag or the checkpoint cannot be written, there is nothing to save, or
                 ``max_saved_bytes`` have been saved.
         """
-        if self._worker.latest is None:
+        if self.worker.latest is None:
             raise LavaError('save', 'no simulation yet', 'a terrain')
         maximum = self._settings.max_saved_bytes
         if self._saved_bytes >= maximum:
@@ -301,48 +300,51 @@ class ActiveNode:
             raise LavaError('save', reason, f'a checkpoint with the maps in {directory}')
         return directory
 
-    def _begin(self, sources: Sources) -> None:
-        checkpoint, command = sources.checkpoint, self._inputs.command
+    def _begin(self, startup: StartupInputs) -> None:
+        checkpoint, command = startup.checkpoint, self.inputs.command
         if checkpoint is not None:
-            resume_future = self._worker.resume_with(
-                lambda: resumed_simulation(checkpoint, self._settings),
-                checkpoint.scene,
-                sources.origin,
-                sources.before,
-                reached=sources.reached,
-            )
-            resume_future.add_done_callback(self._note_failure)
-        elif sources.scene is not None:
-            command('scene', self._worker.set_scene(sources.scene))
-        elif sources.terrain is not None:
-            command('terrain_file', self._worker.set_terrain(sources.terrain))
-        else:
-            self._node.get_logger().info(self._inputs.wanted)
 
-    def _note_failure(self, resume_future: 'Future[None]') -> None:
+            def resume() -> 'Simulation':
+                # the solver loads Warp: done in the worker's thread, not at import
+                from lava_ros.simulation import Simulation
+
+                return Simulation.resume(checkpoint, device=self._settings.device)
+
+            future = self.worker.resume_with(
+                resume, checkpoint.scene, startup.origin, startup.before, reached=startup.reached
+            )
+            future.add_done_callback(self._note_failure)
+        elif startup.scene is not None:
+            command('scene', self.worker.set_scene(startup.scene))
+        elif startup.terrain is not None:
+            command('terrain_file', self.worker.set_terrain(startup.terrain))
+        else:
+            self._node.get_logger().info(self.inputs.wanted)
+
+    def _note_failure(self, future: 'Future[None]') -> None:
         # a new simulation in its place would look like the resumed eruption
-        if not resume_future.cancelled():
-            self.failure = resume_future.exception()
+        if not future.cancelled():
+            self.failure = future.exception()
 
     def _mark_due(self, rate: float) -> None:
         if not self.is_active:
             return
         self._layers.mark_due(rate)
         self._forecasts.mark_due(rate)
-        self._worker.request_snapshot()
+        self.worker.request_snapshot()
         if self._is_at_rest():
             self._publish()
 
     def _publish(self, *, repeat: bool = False) -> None:
         """Publish the layers that are due and have changed; at rest, also those not due."""
-        snapshot, scene = self._worker.latest, self._worker.eruption.scene
-        self._log.scene(self._worker.eruption, snapshot)
+        snapshot, scene = self.worker.latest, self.worker.session.scene
+        self._log.scene(self.worker.session, snapshot)
         if snapshot is None or not self.is_active:
             return
         stamp_ns = now_ns(self._node)
         if scene is not None:
-            self._recording.write(self._worker.eruption, snapshot, stamp_ns)
-            is_heard = self._inputs.came_from_topic(scene.terrain)
+            self._recording.write(self.worker.session, snapshot, stamp_ns)
+            is_heard = self.inputs.came_from_topic(scene.terrain)
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
         self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
         self._forecasts.publish(repeat=repeat)
@@ -363,10 +365,10 @@ class ActiveNode:
             )
 
     def _is_at_rest(self) -> bool:
-        return self._worker.status.state is not WorkerState.RUNNING
+        return self.worker.status.state is not WorkerState.RUNNING
 
     def _publish_diagnostics(self) -> None:
-        worker = self._worker.status
+        worker = self.worker.status
         if self._is_at_rest():
             # Publish the last maps before the status that reports the end.
             self._publish()
@@ -379,7 +381,7 @@ class ActiveNode:
         clock = self._clock_watch.look(
             stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
         )
-        resolution = self._worker.eruption.resolution
+        resolution = self.worker.session.resolution
         self._log.worker(worker, resolution, clock, is_paused=self._is_paused)
         message = DiagnosticArray(
             header=codec.header('', stamp_ns),
@@ -389,24 +391,23 @@ class ActiveNode:
                     snapshot,
                     is_active=self.is_active,
                     frame_stamp_ns=self._layers.shown_stamp_ns,
-                    resolution=self._worker.eruption.measured_resolution,
+                    resolution=self.worker.session.measured_resolution,
                     clock=clock,
                 ),
-                diagnostics.effects_status(self._worker.eruption.effects),
-                self._inputs.log.status(),
+                diagnostics.effects_status(self.worker.session.effects),
+                self.inputs.log.status(),
                 diagnostics.recorder_status(self._recorder.status, self._checkpoints.last),
                 *self._forecasts.statuses(),
                 *self._places.statuses(),
             ],
         )
         diagnostics.sign(message, self._node.get_fully_qualified_name(), worker.device)
-        data = codec.serialise(message)
-        self._diagnostics.publish(data)
-        kind = codec.type_name(DiagnosticArray)
-        self._recorder.write('/diagnostics', kind, data, stamp_ns, qos=qos.DIAGNOSTICS)
+        publish_and_record(
+            self._diagnostics, message, self._recorder, stamp_ns, profile=qos.DIAGNOSTICS
+        )
         self._recorder.flush()
         period = self._settings.checkpoint_period
-        changes = self._worker.eruption.changes
+        changes = self.worker.session.changes
         self._report_checkpoint(self._checkpoints.poll(period, stamp_ns, changes=changes))
         self._log.recorder(self._recorder)
 

@@ -1,28 +1,22 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulation thread, which executes commands and makes snapshots. Without rclpy."""
+"""The simulation thread, which executes commands and makes snapshots."""
 
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 import queue
 import threading
 import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.followed_clock import FollowedClock, MAX_LAG
-from lava_ros.ros.session import Eruption, failure_text, Fork, Origin
-from lava_ros.ros.worker_status import (
-    Command,
-    CommandQueue,
-    finish,
-    SpeedMeter,
-    WorkerState,
-    WorkerStatus,
-)
+from lava_ros.live.clock import FollowedClock, MAX_LAG
+from lava_ros.live.commands import Command, command, CommandQueue, finish
+from lava_ros.live.session import failure_text, Fork, Origin, SimulationSession
+from lava_ros.live.worker_status import SpeedMeter, WorkerState, WorkerStatus
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 
 if TYPE_CHECKING:
@@ -39,7 +33,7 @@ SLICE_WALL_TIME = 0.1
 IDLE_WALL_TIME = 0.1
 
 #: Minimum wall time between two rounds of commands [s].
-TURN_WALL_TIME = 0.02
+ROUND_WALL_TIME = 0.02
 
 #: Lag at or below which simulated time has reached the clock [s].
 ROUNDING = 1e-3
@@ -56,19 +50,17 @@ class SimulationWorker:
     """Runs a simulation that follows a clock, in a separate thread.
 
     Simulated time advances by ``time_scale`` times the steps of the clock, up to ``MAX_LAG`` each.
-    A simulation that cannot keep up runs as fast as it can and lags by at most ``MAX_LAG``. The
-    status counts the time lost beyond that, and the jumps of the clock.
+    A simulation that cannot keep up lags by at most ``MAX_LAG``; time beyond that is lost.
 
-    Commands return immediately with a future. A refused command sets a LavaError in its future and
-    changes nothing. A command that replaces all of its kind (vents, terrain, a parameter) cancels
-    the future of a waiting one. Any other exception stops the simulation: the state is FAILED, the
-    last snapshot remains, and ``reset`` starts again.
+    A ``command`` returns immediately with a future. A refused one sets a LavaError in its future
+    and changes nothing. A command that replaces all of its kind (vents, terrain, a parameter)
+    cancels the future of a waiting one. Any other exception stops the simulation: the state is
+    FAILED, the last snapshot remains, and ``reset`` starts again.
 
     ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` returns
     the time to follow [s]. ``constants`` are the lava and its surroundings until a scene defines
-    them, ``end_time`` is the simulated end time [s]. ``on_snapshot`` is called when
-    ``latest`` has changed, in this or another thread. ``eruption`` contains the scene and the
-    state of its simulation; other threads only read it.
+    them, ``end_time`` is the simulated end time [s]. ``on_snapshot`` is called when ``latest`` has
+    changed, in any thread. Other threads only read ``session``.
     """
 
     make_simulation: Callable[[Scene], 'Simulation']
@@ -83,7 +75,7 @@ class SimulationWorker:
     def __post_init__(self) -> None:
         """Prepare the thread; ``start`` runs it."""
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
-        self._snapshot_asked = False
+        self._is_snapshot_requested = False
         self._finisher = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
         self._finishing: Future[None] | None = None
         self._clock = FollowedClock(self.clock)
@@ -91,26 +83,31 @@ class SimulationWorker:
         self._step_target: float | None = None
         self._speed = SpeedMeter()
         self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
-        self.eruption = Eruption(self._starting(self.make_simulation), constants=self.constants)
+        self.session = SimulationSession(self._make, constants=self.constants)
         self._error = ''
         self._is_stopping = False
-        self._commands = CommandQueue()
-        self._last_turn = 0.0
-        self._turn, self._slice = ('', 0.0), 0.0
+        self.commands = CommandQueue()
+        self._last_round = 0.0
+        # the current task with its begin, and the duration of the last slice
+        self._task, self._slice = ('', 0.0), 0.0
         self._thread = threading.Thread(target=self._run, name='lava simulation', daemon=True)
 
     @property
     def latest(self) -> 'Snapshot | None':
         """The newest snapshot, None before the first."""
-        return self.eruption.latest
+        return self.session.latest
 
     @property
     def status(self) -> WorkerStatus:
         """The current status of the worker."""
-        doing, begun = self._turn
-        so_far = time.monotonic() - begun if doing else 0.0
-        turn = max(so_far, self._status.turn)
-        return replace(self._status, doing=doing, turn=turn, waiting=self._commands.kinds)
+        task, begun = self._task
+        so_far = time.monotonic() - begun if task else 0.0
+        return replace(
+            self._status,
+            current_task=task,
+            task_duration=max(so_far, self._status.task_duration),
+            waiting=self.commands.kinds,
+        )
 
     def start(self) -> None:
         """Start the thread."""
@@ -122,15 +119,17 @@ class SimulationWorker:
         Waiting and later commands are refused.
         """
         self._is_stopping = True
-        self._commands.close(_STOPPED)
+        self.commands.close(_STOPPED)
         if self._thread.ident is not None:
             self._thread.join(timeout)
         return not self._thread.is_alive()
 
-    def set_scene(self, scene: Scene) -> 'Future[None]':
+    @command()
+    def set_scene(self, scene: Scene) -> None:
         """Replace the simulation by one of ``scene`` at time 0."""
-        return self._put(lambda: self.eruption.start(scene))
+        self.session.start(scene)
 
+    @command()
     def resume_with(
         self,
         make_simulation: Callable[[], 'Simulation'],
@@ -139,87 +138,123 @@ class SimulationWorker:
         before: tuple[Vent, ...] = (),
         *,
         reached: float = 0.0,
-    ) -> 'Future[None]':
-        """Continue with another simulation of a scene (see ``Eruption.resume_with``).
+    ) -> None:
+        """Continue with another simulation of a scene (see ``SimulationSession.resume_with``).
 
-        ``make_simulation`` is called in the worker's thread. The thread then simulates up to the
-        time ``reached`` [s], for at most ``MAX_CATCH_UP`` of wall time, before its first snapshot.
+        Before its first snapshot, simulate up to the time ``reached`` [s].
         """
-        make = self._starting(make_simulation)
+        self._status = replace(self._status, state=WorkerState.STARTING)
+        self.session.resume_with(make_simulation(), scene, origin, before)
+        reached = min(reached, self.end_time or reached)
+        end = time.monotonic() + MAX_CATCH_UP
+        while self.session.time < reached and time.monotonic() < end and not self._is_stopping:
+            self._advance_session(reached)
 
-        def go_on() -> None:
-            self.eruption.resume_with(make(), scene, origin, before)
-            self._catch_up(min(reached, self.end_time or reached))
-
-        return self._put(go_on)
-
-    def checkpoint(self) -> 'Future[bytes]':
+    @command('checkpoint')
+    def checkpoint(self) -> bytes:
         """Serialise the state for a later resume; the future fails without a simulation."""
-        return self._put(lambda: self.eruption.checkpoint().to_bytes(), kind='checkpoint')
+        return self.session.checkpoint().to_bytes()
 
-    def fork(self) -> 'Future[Fork]':
+    @command('fork')
+    def fork(self) -> Fork:
         """Copy the state for another simulation; the future fails without a simulation."""
-        return self._put(self._fork, kind='fork')
+        begun = time.monotonic()
+        checkpoint = self.session.checkpoint()
+        return Fork(checkpoint, self.session.changes, self.clock(), time.monotonic() - begun)
 
-    def set_terrain(self, terrain: Terrain) -> 'Future[None]':
+    @command('terrain')
+    def set_terrain(self, terrain: Terrain) -> None:
         """Replace the terrain under the flow; the first terrain starts the simulation."""
-        return self._put(lambda: self._set_terrain(terrain), kind='terrain')
+        if self.session.scene is not None:
+            if self.session.set_terrain(terrain):
+                self._show()
+            return
+        vents, future = self._waiting_vents or ((), None)
+        error: LavaError | None = None
+        try:
+            vents = check_vents(vents, terrain)
+        except LavaError as refused:
+            vents, error = (), refused
+        self.session.begin(terrain, vents)
+        self._waiting_vents = None
+        if future is not None:
+            finish(future, error)
 
     def set_vents(self, vents: Iterable[Vent]) -> 'Future[None]':
-        """Replace all vents (see ``Eruption.set_vents``).
-
-        Before there is a terrain, the newest vents and their future wait for it.
-        """
+        """Replace all vents; before there is a terrain, the newest ones wait for it."""
         vents = tuple(vents)
         future: Future[None] = Future()
-        return self._put(lambda: self._set_vents(vents, future), future, kind='vents')
 
-    def add_vent(self, vent: Vent) -> 'Future[None]':
+        def set_or_wait() -> None:
+            if self.session.scene is not None:
+                self.session.set_vents(vents)
+                return
+            if self._waiting_vents is not None:
+                self._waiting_vents[1].cancel()
+            self._waiting_vents = vents, future
+
+        self.commands.put(Command(set_or_wait, future, 'vents'))
+        return future
+
+    @command()
+    def add_vent(self, vent: Vent) -> None:
         """Add a vent; refused before there is a terrain."""
-        return self._put(lambda: self._add_vent(vent))
+        scene = self.session.scene
+        if scene is None:
+            raise LavaError('vent', vent.position, 'a terrain before the first single vent')
+        self.session.set_vents((*scene.vents, vent))
 
-    def set_constants(self, constants: Mapping[str, Any]) -> 'Future[None]':
+    @command('constants')
+    def set_constants(self, constants: Mapping[str, Any]) -> None:
         """Replace the lava properties, effective at the next start or reset."""
-        return self._put(lambda: self.eruption.set_constants(constants), kind='constants')
+        self.session.set_constants(constants)
 
-    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> 'Future[None]':
+    @command('effects')
+    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
         """Choose the effects again, with some forced on or off, for a horizon [s].
 
         The thread then compiles new kernels; the last snapshot remains until that is done.
         """
-        return self._put(lambda: self._set_effects(forced, horizon), kind='effects')
+        self.session.set_effects(forced, horizon=horizon)
+        self._show()
 
     def set(self, name: str, value: float | None) -> 'Future[None]':
         """Change the attribute ``time_scale``, ``end_time`` or ``max_particles``."""
-        return self._put(lambda: self._set(name, value), kind=name)
 
-    def pause(self, paused: bool) -> 'Future[None]':
+        def set_attribute() -> None:
+            if name == 'time_scale':
+                # keep the lag in seconds of the clock
+                lag = (self._target - self.session.time) / self.time_scale
+                self._target = self.session.time + lag * float(value or 0.0)
+            setattr(self, name, value)
+
+        return self.commands.submit(set_attribute, name)
+
+    @command('pause')
+    def pause(self, paused: bool) -> None:
         """Hold simulated time, also in the middle of a step, or let it continue."""
-        return self._put(lambda: self._pause(paused), kind='pause')
+        if paused and not self.paused:
+            self._give_up(self.session.time)
+        self.paused = paused
+        self._step_target = None
 
-    def reset(self) -> 'Future[None]':
+    @command('reset')
+    def reset(self) -> None:
         """Restart the scene at time 0, also after a failure; a pause remains."""
-        return self._put(self.eruption.reset, kind='reset')
+        self.session.reset()
 
-    def step(self, duration: float) -> 'Future[None]':
+    @command('step')
+    def step(self, duration: float) -> None:
         """Advance a paused simulation by a duration [s]."""
-        return self._put(lambda: self._begin_step(duration), kind='step')
+        if self.session.simulation is None or not self.paused:
+            raise LavaError('step', self._status.state.value, 'a paused simulation')
+        self._step_target = self.session.time + duration
 
     def request_snapshot(self) -> None:
-        """Request an update of ``latest`` after the current slice, if anything has changed.
-
-        A separate thread completes snapshots, one at a time, while the simulation continues.
-        """
-        if not self._snapshot_asked:
-            self._snapshot_asked = True
-            self._put(self._begin_snapshot, kind='snapshot')
-
-    def _put(
-        self, action: Callable[[], Any], future: 'Future[Any] | None' = None, *, kind: str = ''
-    ) -> 'Future[Any]':
-        future = future or Future()
-        self._commands.put(Command(action, future, kind))
-        return future
+        """Request an update of ``latest``; a separate thread completes it."""
+        if not self._is_snapshot_requested:
+            self._is_snapshot_requested = True
+            self._begin_snapshot()
 
     def _run(self) -> None:
         while not self._is_stopping:
@@ -232,30 +267,28 @@ class SimulationWorker:
             finish(self._waiting_vents[1], _STOPPED)
         self._finisher.shutdown()
         # Free the device memory even if the worker is still referenced.
-        self.eruption.fail()
+        self.session.fail()
 
     def _run_commands(self) -> None:
-        time.sleep(max(0.0, self._last_turn + TURN_WALL_TIME - time.monotonic()))
-        is_behind = self._target > self.eruption.time
+        time.sleep(max(0.0, self._last_round + ROUND_WALL_TIME - time.monotonic()))
+        is_behind = self._target > self.session.time
         wait = (0.0 if is_behind else IDLE_WALL_TIME) if self._is_moving() else None
-        try:
-            command = self._commands.get(wait)
-            self._last_turn = time.monotonic()
-            self._execute(command)
+        with suppress(queue.Empty):
+            first = self.commands.get(wait)
+            self._last_round = time.monotonic()
+            self._execute(first)
             # Later commands wait for the next round, so that simulated time always advances.
-            for _ in range(len(self._commands)):
+            for _ in range(len(self.commands)):
                 if self._is_stopping:
                     return
-                self._execute(self._commands.get(0.0))
-        except queue.Empty:
-            return
+                self._execute(self.commands.get(0.0))
 
     def _execute(self, command: Command) -> None:
-        future, starts = command.future, self.eruption.starts
-        self._turn = command.kind or 'a command', time.monotonic()
+        future, starts = command.future, self.session.starts
+        self._task = command.kind or 'a command', time.monotonic()
         try:
             result = command.action()
-            if self.eruption.starts != starts:
+            if self.session.starts != starts:
                 self._note_start()
         except Exception as error:
             if not isinstance(error, LavaError):
@@ -265,7 +298,7 @@ class SimulationWorker:
             # vents that wait for a terrain are not complete yet
             if self._waiting_vents is None or self._waiting_vents[1] is not future:
                 finish(future, result=result)
-        self._turn = '', 0.0
+        self._task = '', 0.0
         self._guard(self._update_status)
 
     def _guard(self, action: Callable[[], None]) -> None:
@@ -275,22 +308,15 @@ class SimulationWorker:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        self._error = failure_text(error, self.eruption.latest)
-        self.eruption.fail()
+        self._error = failure_text(error, self.session.latest)
+        self.session.fail()
         self._step_target = None
         self._status = replace(self._status, state=WorkerState.FAILED, error=self._error)
-
-    def _catch_up(self, reached: float) -> None:
-        end = time.monotonic() + MAX_CATCH_UP
-        while self.eruption.time < reached and time.monotonic() < end and not self._is_stopping:
-            self.eruption.advance(
-                reached, wall_limit=SLICE_WALL_TIME, max_particles=self.max_particles
-            )
 
     def _advance(self) -> None:
         if not self._is_moving():
             return
-        before = self.eruption.time
+        before = self.session.time
         if self._step_target is not None:
             self._target = self._step_target
         else:
@@ -301,16 +327,20 @@ class SimulationWorker:
         self._slice = 0.0
         if self._target > before:
             begun = time.monotonic()
-            self._turn = 'a step', begun
+            self._task = 'a step', begun
             try:
-                reached = self.eruption.advance(
-                    self._target, wall_limit=SLICE_WALL_TIME, max_particles=self.max_particles
-                )
+                reached = self._advance_session(self._target)
             finally:
-                self._turn, self._slice = ('', 0.0), time.monotonic() - begun
+                self._task, self._slice = ('', 0.0), time.monotonic() - begun
             self._speed.note(reached)
-        if self._step_target is not None and self.eruption.time >= self._target:
+        if self._step_target is not None and self.session.time >= self._target:
             self._step_target = None
+
+    def _advance_session(self, until: float) -> float:
+        """Simulate a slice, and return the time reached [s]."""
+        return self.session.advance(
+            until, wall_limit=SLICE_WALL_TIME, max_particles=self.max_particles
+        )
 
     def _give_up(self, until: float) -> None:
         """Limit the target to a simulated time [s], and count the rest as lost time."""
@@ -318,18 +348,18 @@ class SimulationWorker:
         self._target = min(self._target, until)
 
     def _is_moving(self) -> bool:
-        if self.eruption.simulation is None or self._is_finished():
+        if self.session.simulation is None or self._is_finished():
             return False
         return not self.paused or self._step_target is not None
 
     def _is_finished(self) -> bool:
-        return self.end_time is not None and self.eruption.time >= self.end_time
+        return self.end_time is not None and self.session.time >= self.end_time
 
     def _update_status(self) -> None:
         old = self._status.state
         if self._error:
             state = WorkerState.FAILED
-        elif self.eruption.simulation is None:
+        elif self.session.simulation is None:
             state = WorkerState.WAITING
         elif self._is_finished():
             state = WorkerState.FINISHED
@@ -344,26 +374,26 @@ class SimulationWorker:
         # At rest, update the snapshot before the status reports the state.
         is_new = not self._is_moving() and self._is_snapshot_new()
         # Exclude the newest step of the clock from the lag.
-        lag = (self._target - self.eruption.time) / self.time_scale - self._clock.step
+        lag = (self._target - self.session.time) / self.time_scale - self._clock.step
         self._status = WorkerStatus(
             state=state,
             error=self._error,
             speed=self._speed.value,
             mean_speed=self._speed.mean,
             is_behind=state is WorkerState.RUNNING and lag > ROUNDING,
-            device=self.eruption.device,
+            device=self.session.device,
             lag=max(0.0, lag),
             lost=self._clock.lost,
             jump=self._clock.jump,
             jumps=self._clock.jumps,
-            turn=self._slice if self._is_moving() else 0.0,
+            task_duration=self._slice if self._is_moving() else 0.0,
         )
         if is_new:
             self.on_snapshot()
 
     def _follow_from_here(self) -> None:
         self._clock.start()
-        self._target = self.eruption.time
+        self._target = self.session.time
         self._speed.clear()
         self._speed.note(self._target)
 
@@ -376,44 +406,39 @@ class SimulationWorker:
         finishing, self._finishing = self._finishing, None
         if finishing is not None:
             wait([finishing])
-        return self.eruption.renew_snapshot() or finishing is not None
+        return self.session.renew_snapshot() or finishing is not None
 
+    @command('snapshot')
     def _begin_snapshot(self) -> None:
         finishing = self._finishing
         if finishing is not None and not finishing.done():
-            again = partial(self._put, self._begin_snapshot, kind='snapshot')
-            finishing.add_done_callback(lambda _: again())
+            finishing.add_done_callback(lambda _: self._begin_snapshot())
             return
-        self._snapshot_asked = False
+        self._is_snapshot_requested = False
         # Maps are due when the clock has advanced, so simulate to its current time first.
         self._guard(self._advance)
-        rest = self.eruption.begin_snapshot()
+        rest = self.session.begin_snapshot()
         if rest is not None:
-            simulation = self.eruption.simulation
+            simulation = self.session.simulation
             self._finishing = self._finisher.submit(self._finish_snapshot, rest, simulation)
 
     def _finish_snapshot(self, rest: Callable[[], None], simulation: 'Simulation | None') -> None:
         """Complete a snapshot; an error is a failure of its simulation."""
-
-        def fail(reason: Exception) -> None:
-            if self.eruption.simulation is simulation:
-                self._fail(reason)
-
         try:
             rest()
         except Exception as error:
-            self._put(partial(fail, error), kind='failure')
+            self._fail_in_thread(error, simulation)
         else:
             self.on_snapshot()
 
-    def _starting(self, make: Callable[..., 'Simulation']) -> Callable[..., 'Simulation']:
-        """Wrap ``make`` so that the status is STARTING while it runs."""
+    @command('failure')
+    def _fail_in_thread(self, error: Exception, simulation: 'Simulation | None') -> None:
+        if self.session.simulation is simulation:
+            self._fail(error)
 
-        def start(*scene: Scene) -> 'Simulation':
-            self._status = replace(self._status, state=WorkerState.STARTING)
-            return make(*scene)
-
-        return start
+    def _make(self, scene: Scene) -> 'Simulation':
+        self._status = replace(self._status, state=WorkerState.STARTING)
+        return self.make_simulation(scene)
 
     def _note_start(self) -> None:
         self._error = ''
@@ -422,60 +447,3 @@ class SimulationWorker:
         self._clock = FollowedClock(self.clock)
         self._follow_from_here()
         self._show()
-
-    def _fork(self) -> Fork:
-        begun = time.monotonic()
-        checkpoint = self.eruption.checkpoint()
-        return Fork(checkpoint, self.eruption.changes, self.clock(), time.monotonic() - begun)
-
-    def _set_terrain(self, terrain: Terrain) -> None:
-        if self.eruption.scene is not None:
-            if self.eruption.set_terrain(terrain):
-                self._show()
-            return
-        vents, future = self._waiting_vents or ((), None)
-        error: LavaError | None = None
-        try:
-            vents = check_vents(vents, terrain)
-        except LavaError as refused:
-            vents, error = (), refused
-        self.eruption.begin(terrain, vents)
-        self._waiting_vents = None
-        if future is not None:
-            finish(future, error)
-
-    def _set_vents(self, vents: tuple[Vent, ...], future: 'Future[None]') -> None:
-        if self.eruption.scene is None:
-            if self._waiting_vents is not None:
-                self._waiting_vents[1].cancel()
-            self._waiting_vents = (vents, future)
-        else:
-            self.eruption.set_vents(vents)
-
-    def _add_vent(self, vent: Vent) -> None:
-        scene = self.eruption.scene
-        if scene is None:
-            raise LavaError('vent', vent.position, 'a terrain before the first single vent')
-        self.eruption.set_vents((*scene.vents, vent))
-
-    def _set_effects(self, forced: Mapping[str, bool], horizon: float) -> None:
-        self.eruption.set_effects(forced, horizon=horizon)
-        self._show()
-
-    def _set(self, name: str, value: float | None) -> None:
-        if name == 'time_scale':
-            # keep the lag in seconds of the clock
-            lag = (self._target - self.eruption.time) / self.time_scale
-            self._target = self.eruption.time + lag * float(value or 0.0)
-        setattr(self, name, value)
-
-    def _pause(self, paused: bool) -> None:
-        if paused and not self.paused:
-            self._give_up(self.eruption.time)
-        self.paused = paused
-        self._step_target = None
-
-    def _begin_step(self, duration: float) -> None:
-        if self.eruption.simulation is None or not self.paused:
-            raise LavaError('step', self._status.state.value, 'a paused simulation')
-        self._step_target = self.eruption.time + duration

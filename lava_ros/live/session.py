@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Session of a simulation: the current scene, which messages change. Without rclpy."""
+"""Session of a simulation: the current scene, which messages change."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace
@@ -49,8 +49,8 @@ class Origin(NamedTuple):
 class Fork(NamedTuple):
     """A copy of the state, from which another simulation can start.
 
-    ``changes`` is ``Eruption.changes`` at the copy, ``clock`` the time of the clock that simulated
-    time follows [s], and ``wall_time`` the wall time of the copying [s].
+    ``changes`` is ``SimulationSession.changes`` at the copy, ``clock`` the time of the clock that
+    simulated time follows [s], and ``wall_time`` the wall time of the copying [s].
     """
 
     checkpoint: Checkpoint
@@ -59,7 +59,7 @@ class Fork(NamedTuple):
     wall_time: float
 
 
-class Eruption:
+class SimulationSession:
     """A scene that changes while it is simulated.
 
     A refused change or request raises LavaError and leaves scene and simulation unchanged.

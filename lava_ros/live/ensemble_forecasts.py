@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensemble forecasts of the live simulation, on the side of the node. Without rclpy."""
+"""Ensemble forecasts of the live simulation, on the side of the node."""
 
 from collections import deque
 from collections.abc import Callable
@@ -9,35 +9,35 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
 import queue
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
+from lava_ros.live.commands import finish
+from lava_ros.live.session import Fork
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.places import Places, places_on
-from lava_ros.ros.session import Fork
-from lava_ros.ros.worker_status import finish
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
 
 #: Maximum number of (ROS time, simulated time) pairs kept to convert a stamp.
 _MOMENTS = 512
 
-#: A forecast or the maps of an ensemble.
-Ahead = TypeVar('Ahead', Forecast, EnsembleForecast)
+#: A forecast, or the maps of an ensemble.
+ForecastT = TypeVar('ForecastT', Forecast, EnsembleForecast)
 
 
 @dataclass(frozen=True, eq=False)
-class Live(Generic[Ahead]):
-    """A forecast or the maps of an ensemble, with the state from which they start.
+class StampedForecast(Generic[ForecastT]):
+    """A forecast or the maps of an ensemble, ``shown``, with the state from which they start.
 
     ``stamp_ns`` is the ROS time of that state [ns], ``changes`` its count of changes of scene or
     effects.
     """
 
-    shown: Ahead
+    shown: ForecastT
     stamp_ns: int
     changes: int
 
@@ -70,7 +70,7 @@ class ForecastRules:
 
 
 @dataclass(frozen=True)
-class AheadStatus:
+class ForecastStatus:
     """The status of the forecasts or of the ensembles.
 
     Attributes:
@@ -90,14 +90,6 @@ class AheadStatus:
     jaccard_mean: float | None = None
 
 
-class _Seen(NamedTuple):
-    """An observed outline that waits to be sent to the process."""
-
-    mask: Mask
-    clock: float
-    done: 'Future[None]'
-
-
 class EnsembleForecasts:
     """Requests ensembles, receives their maps, and forwards observed outlines.
 
@@ -106,13 +98,14 @@ class EnsembleForecasts:
 
     def __init__(self) -> None:
         """Initialize without an ensemble."""
-        self.latest: Live[EnsembleForecast] | None = None
-        self.status = AheadStatus()
-        self._seen: queue.SimpleQueue[_Seen] = queue.SimpleQueue()
+        self.latest: StampedForecast[EnsembleForecast] | None = None
+        self.status = ForecastStatus()
+        # observed outlines that wait to be sent to the process
+        self._waiting: queue.SimpleQueue[tuple[Mask, float, Future[None]]] = queue.SimpleQueue()
         self._sent: dict[int, Future[None]] = {}
         self._number = 0
         self._current: int | None = None
-        self._ordered: tuple[int, float] | None = None
+        self._requested: tuple[int, float] | None = None
         self._is_refused = False
         self._changes: int | None = None
         self._terrain: Terrain | None = None
@@ -131,23 +124,24 @@ class EnsembleForecasts:
         The future completes when the members have been weighted, or contains a LavaError.
         """
         done: Future[None] = Future()
-        self._seen.put(_Seen(mask, clock, done))
+        self._waiting.put((mask, clock, done))
         return done
 
     def is_wanted(self, changes: int, time: float) -> bool:
         """Return True if no ensemble is being computed or has been requested for this state."""
-        # a refused ensemble would fail again until something changes
-        may_be = not self._is_refused or changes != self._changes
-        return may_be and self._current is None and (changes, time) != self._ordered
+        if self._is_refused and changes == self._changes:
+            # it would fail again until something changes
+            return False
+        return self._current is None and (changes, time) != self._requested
 
-    def order(self, fork: Fork, number: int, rules: ForecastRules) -> dict[str, Any] | None:
+    def request(self, fork: Fork, number: int, rules: ForecastRules) -> dict[str, Any] | None:
         """Return the ensemble part of the request for forecast ``number``, or None."""
         self._note(fork)
         if not rules.members or not self.is_wanted(fork.changes, fork.checkpoint.time):
             return None
         self._current = number
-        self._ordered = fork.changes, fork.checkpoint.time
-        self._put(progress=0.0)
+        self._requested = fork.changes, fork.checkpoint.time
+        self._put_status(progress=0.0)
         return {
             'members': rules.members,
             'changes': fork.changes,
@@ -166,46 +160,43 @@ class EnsembleForecasts:
                 self._places = terrain, places_on(features, terrain)
         return None if self._places is None else self._places[1]
 
-    def send(self, order: Callable[..., None], *, changes: int, time_scale: float) -> None:
+    def send(self, request: Callable[..., None], *, changes: int, time_scale: float) -> None:
         """Send the waiting outlines to the process, unless the scene has just changed."""
-        while changes == self._changes and not self._seen.empty():
-            seen = self._seen.get()
+        while changes == self._changes and not self._waiting.empty():
+            mask, clock, done = self._waiting.get()
             assert self._terrain is not None
             try:
-                time = self._time_at(seen.clock, time_scale)
-                outline = outline_on(self._terrain, seen.mask, time)
+                outline = outline_on(self._terrain, mask, self._time_at(clock, time_scale))
             except LavaError as error:
-                finish(seen.done, error)
+                finish(done, error)
                 continue
             self._number += 1
-            self._sent[self._number] = seen.done
-            order('outline', number=self._number, outline=outline)
+            self._sent[self._number] = done
+            request('outline', number=self._number, outline=outline)
 
-    def hear(self, name: str, **values: Any) -> bool:
+    def handle_reply(self, name: str, **values: Any) -> bool:
         """Process a reply of the child process; return True if ``latest`` has changed."""
         if name == 'progress' and self._current is not None:
-            self._put(progress=values['ensemble'])
+            self._put_status(progress=values['ensemble'])
         elif name == 'ensemble_refused':
             self._current, self._is_refused = None, True
-            self._put(progress=None, error=values['reason'])
+            self._put_status(progress=None, error=values['reason'])
         elif name == 'outline_refused':
-            self._end(values['number'], values['error'])
+            self._complete(values['number'], values['error'])
         elif name == 'weighed':
             self._agreement = values['agreement']
-            self._put(outlines=values['outlines'], jaccard_mean=values['jaccard_mean'])
-            self._end(values['number'])
-        elif name == 'ensemble':
-            return self._take(**values)
-        return False
+            self._put_status(outlines=values['outlines'], jaccard_mean=values['jaccard_mean'])
+            self._complete(values['number'])
+        return name == 'ensemble' and self._accept(**values)
 
-    def drop(self, reason: str) -> None:
+    def cancel(self, reason: str) -> None:
         """Discard the current ensemble; the child process discards it too, or has ended."""
-        self._current = self._ordered = None
-        self._put(progress=None)
+        self._current = self._requested = None
+        self._put_status(progress=None)
         waiting = list(self._sent.values())
         self._sent = {}
-        while not self._seen.empty():
-            waiting.append(self._seen.get().done)
+        while not self._waiting.empty():
+            waiting.append(self._waiting.get()[-1])
         for done in waiting:
             finish(done, LavaError('observed_outline', reason, 'an ensemble to be weighed'))
 
@@ -215,7 +206,7 @@ class EnsembleForecasts:
             self._changes = fork.changes
             self._moments.clear()
             self._agreement, self._is_refused = None, False
-            self._put(outlines=0, jaccard_mean=None, error='')
+            self._put_status(outlines=0, jaccard_mean=None, error='')
         self._terrain = fork.checkpoint.scene.terrain
         self._moments.append((fork.clock, fork.checkpoint.time))
 
@@ -232,26 +223,26 @@ class EnsembleForecasts:
             return float(times[-1] + (clock - clocks[-1]) * time_scale)
         return float(np.interp(clock, clocks, times))
 
-    def _take(
+    def _accept(
         self, number: int, stamp_ns: int, changes: int, *, is_done: bool, **values: Any
     ) -> bool:
-        # the reply belongs to an earlier scene
+        """Replace ``latest``, unless the reply belongs to an earlier scene."""
         if changes != self._changes:
             return False
         assert self._terrain is not None
         ensemble = EnsembleForecast(terrain=self._terrain, is_done=is_done, **values)
-        self.latest = Live(ensemble, stamp_ns, changes)
-        self._put(error='')
+        self.latest = StampedForecast(ensemble, stamp_ns, changes)
+        self._put_status(error='')
         if is_done and number == self._current:
             self._current = None
-            self._put(progress=None, count=self.status.count + 1)
+            self._put_status(progress=None, count=self.status.count + 1)
         return True
 
-    def _end(self, number: int, error: LavaError | None = None) -> None:
+    def _complete(self, number: int, error: LavaError | None = None) -> None:
         """Complete the future of an outline, with the error if it was not used."""
         done = self._sent.pop(number, None)
         if done is not None:
             finish(done, error)
 
-    def _put(self, **changes: Any) -> None:
+    def _put_status(self, **changes: Any) -> None:
         self.status = replace(self.status, **changes)
