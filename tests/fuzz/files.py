@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hostile files: bags, cases, tables and rasters with wrong parts.
+"""Hostile bags and rasters with wrong parts; mutations.py has other files.
 
 Each is a valid file in which a record, a field, a size or a count is changed, so that it passes
 checks of the whole.
@@ -13,14 +13,11 @@ from contextlib import suppress
 from dataclasses import replace
 import io
 from itertools import takewhile
-import json
 import math
-import os
 from pathlib import Path
 import random
 import struct
 from typing import Any
-import warnings
 import zipfile
 import zlib
 
@@ -34,7 +31,6 @@ from rasterio.shutil import copy
 from rasterio.transform import from_origin
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, PointCloud2
-import yaml
 import zstandard
 
 from lava_ros.bag import BagReader, BagWriter
@@ -255,139 +251,6 @@ def _bomb(chance: random.Random, source: Path, target: Path) -> None:
     (target / f'{target.name}_0.mcap').write_bytes(again)
 
 
-#: A valid case, by file.
-CASE = {
-    'case.yaml': 'epsg: 32633\ntitle: a case\nlow_pass: 5.0\nlava: {material: etna_basalt}\n'
-    'events: [{time: 900.0, barrier: {line: [[500050, 4180050], [500080, 4180080]], '
-    'height: 2}}]\n',
-    'vent.csv': 'x,y,name,share\n500100,4180100,a,1\n500110,4180100,b,2\n',
-    'effusion_rate.csv': 'start_s,end_s,discharge_m3_per_s\n0,1800,1\n1800,3600,0.5\n',
-}
-
-_CELLS = (*TEXTS, *map(str, FLOATS), *map(str, INTEGERS), '"', ',', '1;2', '1,5', ' ', '\n', '-5')
-
-
-def hostile_case(chance: random.Random, folder: Path) -> None:
-    """Write a case in which a value, or the type of a file, is changed."""
-    folder.mkdir()
-    values = np.add.outer(np.arange(20.0), np.zeros(20))
-    ground = grid(500_000, 4_180_000, 2.0 * values)
-    footprint = grid(500_000, 4_180_000, (abs(values - 10.0) < 3.0).astype(int))
-    texts = {**CASE, 'elevation.asc': ground, 'footprint.asc': footprint}
-    name = chance.choice(list(texts))
-    if name == 'case.yaml':
-        data = yaml.safe_load(texts[name])
-        where = chance.choice([*data, 'start', 'end', 'lava', 'vent_radius', 'vent_temperature'])
-        data[where] = any_value(chance)
-        texts[name] = yaml.safe_dump(data, allow_unicode=True)
-        if chance.random() < 0.2:
-            texts[name] = chance.choice(TEXTS)
-    elif name.endswith('.csv'):
-        rows = [line.split(',') for line in texts[name].splitlines()]
-        row = chance.choice(rows)
-        row[chance.randrange(len(row))] = chance.choice(_CELLS)
-        rows *= chance.choice((1, 1, 1, 2, 500))
-        texts[name] = '\n'.join(','.join(row) for row in rows) + '\n'
-    else:
-        texts[name] = other_grid(chance, texts[name])
-    for item, text in texts.items():
-        (folder / item).write_text(text, encoding='utf-8')
-    if chance.random() < 0.1:
-        (folder / name).unlink()
-        chance.choice((os.mkfifo, Path.mkdir, lambda path: path.symlink_to('/dev/zero')))(
-            folder / name
-        )
-
-
-def any_value(chance: random.Random, depth: int = 0) -> Any:
-    """Return plain data of any shape."""
-    if depth < 3 and chance.random() < 0.3:
-        size = chance.randrange(4)
-        if chance.random() < 0.5:
-            return [any_value(chance, depth + 1) for _ in range(size)]
-        keys = ('time', 'terrain', 'barrier', 'line', 'height', 'width', 'material', 'density')
-        return {chance.choice(keys): any_value(chance, depth + 1) for _ in range(size)}
-    return chance.choice((*INTEGERS, *FLOATS, *TEXTS, None, True, -5, 0.5, 1000.0))
-
-
-def grid(x: float, y: float, values: np.ndarray) -> str:
-    """Return an ESRI ASCII grid."""
-    rows, columns = values.shape
-    head = f'ncols {columns}\nnrows {rows}\nxllcorner {x}\nyllcorner {y}\ncellsize 10\n'
-    return head + '\n'.join(' '.join(f'{item:g}' for item in row) for row in values) + '\n'
-
-
-def other_grid(chance: random.Random, text: str) -> str:
-    """Return a grid with a number changed, in its header or in a cell."""
-    lines = text.splitlines()
-    index = chance.randrange(5) if chance.random() < 0.7 else chance.randrange(5, len(lines))
-    words = lines[index].split()
-    words[-1] = chance.choice(_CELLS)
-    lines[index] = ' '.join(words)
-    if chance.random() < 0.3:
-        lines.insert(5, f'NODATA_value {chance.choice(_CELLS)}')
-    if chance.random() < 0.2:
-        del lines[chance.randrange(len(lines)) :]
-    return '\n'.join(lines) + '\n'
-
-
-def hostile_vents(chance: random.Random, folder: Path) -> Path:
-    """Write a vector file of any format in which bytes are changed or missing."""
-    from pyogrio import raw
-
-    name, driver = chance.choice((
-        ('geojson', 'GeoJSON'), ('gpkg', 'GPKG'), ('kml', 'LIBKML'), ('kml', 'KML'),
-        ('shz', 'ESRI Shapefile'), ('shp', 'ESRI Shapefile'),
-    ))
-    kind, places = chance.choice((
-        ('MultiPoint', [[25.0, 15.0], [35.0, 25.0]]),
-        ('MultiLineString', [[[25.0, 15.0], [35.0, 25.0]], [[5.0, 5.0], [5.0, 9.0]]]),
-        ('MultiPolygon', [[[[5.0, 5.0], [9.0, 5.0], [9.0, 9.0], [5.0, 5.0]]]]),
-    ))
-    known = {'name': 'a', 'Q': 3.0, 'radius': 5.0, 'remark': 'b'}
-    known[chance.choice(list(known))] = chance.choice((*FLOATS[:10], *TEXTS, None))
-    feature = {
-        'type': 'Feature', 'properties': known, 'geometry': {'type': kind, 'coordinates': places}
-    }
-    with warnings.catch_warnings():
-        warnings.simplefilter('ignore')
-        meta, _, geometry, values = raw.read(json.dumps(feature).encode('utf-8', 'replace'))
-        path = folder / f'vents.{name}'
-        raw.write(path, geometry, values, meta['fields'], driver=driver, geometry_type=kind)
-    part = chance.choice(sorted(folder.glob('vents.*')))
-    data = part.read_bytes()
-    for _ in range(chance.choice((0, 1, 1, 4, 16))):
-        data = _set(chance, data)
-    if chance.random() < 0.2:
-        data = data[: chance.randrange(len(data))]
-    if chance.random() < 0.3 and name in ('geojson', 'kml'):
-        words = data.split(b'"' if name == 'geojson' else b'>')
-        words[chance.randrange(len(words))] = chance.choice(TEXTS).encode('utf-8', 'replace')
-        data = (b'"' if name == 'geojson' else b'>').join(words)
-    part.write_bytes(data)
-    return path
-
-
-#: Valid tables of effusion rates.
-RATES = (
-    'start_s,end_s,discharge_m3_per_s,error\n0,1800,1,0.5\n1800,3600,0.5,0.1\n',
-    'date;TADR\n2021-09-19;5,5\n2021-09-20T12:00:00Z;3,5\n2021-09-21;1\n',
-    'time_h\tcumulative_volume\n0\t0\n2\t50\n4\t80\n',
-)
-
-
-def hostile_rates(chance: random.Random, folder: Path) -> Path:
-    """Write a table of effusion rates with any text in a cell."""
-    text = chance.choice(RATES)
-    separator = next(item for item in '\t;,' if item in text)
-    rows = [line.split(separator) for line in text.splitlines()]
-    row = chance.choice(rows)
-    row[chance.randrange(len(row))] = chance.choice((*_CELLS, '2021-09-20', '12:30', 'start_h'))
-    path = folder / 'rates.csv'
-    path.write_text('\n'.join(separator.join(row) for row in rows) + '\n', encoding='utf-8')
-    return path
-
-
 #: Drivers that write the other formats, by suffix.
 _DRIVERS = {
     'vrt': ('VRT',), 'img': ('HFA',), 'nc': ('netCDF',), 'gpkg': ('GPKG',), 'flt': ('EHdr',),
@@ -398,16 +261,10 @@ _DRIVERS = {
 def hostile_raster(chance: random.Random, folder: Path) -> Path:
     """Write a raster with a changed number in its header, or with another encoding."""
     values = np.add.outer(np.arange(20.0), np.zeros(20)).astype(np.float32)
-    kind = chance.choice(('npz', 'npz', 'asc', 'asc', 'tif', 'tif', *_DRIVERS))
+    kind = chance.choice(('npz', 'npz', 'tif', 'tif', *_DRIVERS))
     path = folder / f'ground.{kind}'
-    if kind == 'asc':
-        path.write_text(other_grid(chance, grid(0.0, 0.0, values)), encoding='utf-8')
-    elif kind == 'npz':
-        _write_npz(chance, path, values)
-    elif kind in _DRIVERS:
-        _write_other(chance, path, values)
-    else:
-        _write_tif(chance, path, values)
+    write = {'npz': _write_npz, 'tif': _write_tif}.get(kind, _write_other)
+    write(chance, path, values)
     return path
 
 
@@ -491,41 +348,3 @@ def _write_tif(chance: random.Random, path: Path, values: np.ndarray) -> None:
         data = path.read_bytes()
         path.write_bytes(_set(chance, data[:600]) + data[600:])
 
-
-#: A valid scene.
-SCENE = {
-    'terrain': {'file': 'ground.npz'},
-    'vents': [{'position': [25.0, 15.0], 'discharge': [[0.0, 3.0], [60.0, 0.0]]}],
-    'lava': {'density': 2600.0},
-    'gravity': 9.81,
-    'uncertainty': {},
-    'emplaced_flows': [{'file': 'flow.asc', 'as': 'lava', 'temperature': 1360.0}],
-    'events': [
-        {'time': 30.0, 'terrain': 'ground.npz'},
-        {
-            'time': 60.0,
-            'barrier': {'line': [[5.0, 5.0], [60.0, 5.0]], 'height': 5.0, 'width': 10.0},
-        },
-    ],
-}
-
-
-def hostile_scene(chance: random.Random, folder: Path) -> Path:
-    """Write a scene in which a value at any depth is changed."""
-    np.savez(folder / 'ground.npz', elevation=np.zeros((6, 7)), resolution=10.0)
-    (folder / 'flow.asc').write_text(grid(0.0, 0.0, np.eye(5)), encoding='utf-8')
-    data = json.loads(json.dumps(SCENE))
-    part, key = data, chance.choice([*data, 'material', 'ambient_temperature'])
-    while isinstance(part.get(key) if isinstance(part, dict) else part[key], dict | list):
-        inner = part[key]
-        if not inner or chance.random() < 0.3:
-            break
-        part, key = inner, chance.choice(list(inner) if isinstance(inner, dict) else [0])
-    part[key] = any_value(chance)
-    text = yaml.safe_dump(data, allow_unicode=True)
-    if chance.random() < 0.15:
-        place = chance.randrange(len(text))
-        text = text[:place] + chance.choice(TEXTS) + text[place:]
-    path = folder / 'scene.yaml'
-    path.write_bytes(chance.randbytes(60) if chance.random() < 0.05 else text.encode())
-    return path

@@ -22,6 +22,7 @@ from rasterio.crs import CRS
 import yaml
 
 from eruption import LAVA, write_case
+from fuzz.files import FLOATS, INTEGERS, TEXTS
 from lava_ros.cli.scenes import vents_as_given
 from lava_ros.files.columns import COLUMNS
 from lava_ros.hindcast.case import load_case
@@ -421,6 +422,15 @@ def _is_number(value: Any) -> bool:
     with suppress(ValueError):
         return math.isfinite(float(str(value)))
     return False
+
+
+def insane(chance: random.Random, document: Document) -> Any:
+    """Return the parts of a document with an extreme value in place of one."""
+    path = chance.choice(list(_paths(document.tree, document.depth)))
+    value: Any = chance.choice((*INTEGERS, *FLOATS, *TEXTS, [1.0, {'time': []}], {'line': 1}))
+    if document.is_table:
+        value = [str(value), *document.tree[path[-1]][1:]]
+    return _with(document.tree, path, lambda part, key: {**part, key: value})
 
 
 def damaged(chance: random.Random, path: Path) -> None:

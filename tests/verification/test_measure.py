@@ -117,15 +117,6 @@ def test_settings_may_apply_to_some_cases():
     assert paper == set(measuring.KNOB_CASES)
 
 
-def test_radius_of_the_paper_is_1_m():
-    """The fixed volume ends as a disc with a radius of 130 m."""
-    literal = measuring.from_paper()['l = 1 m, as in table 3.1']
-    count = 8000.0 * literal.refinement**2
-    spacing = math.sqrt(math.pi * 130.0**2 / count)
-    assert literal.ratio * spacing == pytest.approx(1.0, rel=1e-3)
-    assert literal.fixed_step == PRESETS['as-published'].accuracy.fixed_step
-
-
 def test_name_of_a_setting_has_its_differences_from_the_default():
     accuracy = Accuracy(
         ratio=3.5, kernel='poly6', courant_number=0.25, gradient='difference', deterministic=True

@@ -121,6 +121,7 @@ def test_convergence_scenes_have_a_volume():
         assert case.volume == sum(emitted) > 0.0
 
 
+@pytest.mark.nightly
 def test_finer_presets_have_more_particles_and_smaller_errors(device):
     x = np.arange(40) * 5.0
     scene = Scene(
