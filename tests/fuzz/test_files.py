@@ -24,9 +24,9 @@ from lava_ros.scene import Terrain
 from lava_ros.scene.emplaced import KINDS, read_flows
 from recording import record
 
-#: Rasters of each kind, and bags, which are slow: 20 and 3 in a test run, 1,000 and 500 nightly.
+#: Rasters of each kind, and bags, which are slow: 20 and 2 in a test run, 1,000 and 500 nightly.
 FILES = max(1, settings.default.max_examples // 2)
-BAGS = FILES // 2 if FILES > 20 else 3
+BAGS = FILES // 2 if FILES > 20 else 2
 
 SEEDS = st.integers(0, 2**63)
 

@@ -31,6 +31,9 @@ STOP = 200.0
 def checkpoint_and_run(name):
     """Return a checkpoint on the CPU, and the run resumed from it."""
     simulation = begun(name, 'cpu')
+    simulation.advance(37.0)
+    # part of a particle waits in the conduit
+    simulation.set_vents((replace(VENTS[0], radius=11.0), VENTS[1]))
     simulation.advance(STOP)
     checkpoint = simulation.checkpoint()
     run = Simulation.resume(checkpoint, device='cpu')
@@ -110,11 +113,11 @@ def test_neighbour_grid_of_a_resumed_run_covers_lava_far_from_vents(device, monk
 @pytest.mark.parametrize(
     ('scene', 'array'),
     [
-        *(('bare', f'state.{name}') for name in ('particle', 'remainder', 'left')),
+        *(('bare', f'state.{name}') for name in ('particle', 'left')),
         *(('bare', f'vents.{name}') for name in ('volume', 'released')),
         ('freezing', 'solidification.deposit'),
         ('freezing', 'state.frozen'),
-        *(('inertia', f'state.{name}') for name in ('velocity', 'clock')),
+        *(('inertia', f'state.{name}') for name in ('remainder', 'velocity', 'clock')),
         *(('crust', f'state.{name}') for name in ('age', 'waited')),
         ('merging', 'state.moved'),
     ],
@@ -142,7 +145,7 @@ def test_resumes_a_checkpoint_with_one_sum_of_lost_lava():
     arrays = {**checkpoint.arrays, 'state.left': left.sum(keepdims=True)}
     del arrays['state.top']
     old = resumed(checkpoint, arrays=arrays)
-    assert old.solver.state.top.numpy()[0] == np.float32(FAR)
+    assert old.solver.state.top.numpy()[0] == FAR
     budget = old.budget()
     assert (budget.over_border, budget.in_holes) == (left.sum(), 0.0)
     assert run.budget().left >= left.sum()

@@ -37,12 +37,6 @@ def test_setting_without_a_result_is_named_but_not_on_the_front(row):
     assert '| **a** | 1 % |' in text
 
 
-def test_table_of_presets_omits_cases_without_presets(row):
-    text = markdown([row(preset='draft'), row(case='other')], {}, stem='cpu')
-    assert text.split('## fixed_volume')[0].count('other') == 0
-    assert '## Presets' not in markdown([row(case='other')], {}, stem='cpu')
-
-
 def test_presets_are_in_order_of_cost(row):
     rows = [row(setting=name, preset=name) for name in ('fine', '', 'draft')]
     assert presets_of(points(rows)) == ['draft', 'fine']
