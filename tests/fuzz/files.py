@@ -68,8 +68,8 @@ _DEFINITIONS = (
 
 def hostile_bag(chance: random.Random, source: Path, target: Path) -> None:
     """Write a bag with changed messages, texts or records."""
-    kind = chance.choice((_messages, _messages, _described, _redefined, _records, _records, _bomb))
-    kind(chance, source, target)
+    change_it = chance.choice((_messages, _messages, _described, _redefined, _records, _records))
+    change_it(chance, source, target)
 
 
 def _copied(
@@ -234,23 +234,6 @@ def _records(chance: random.Random, source: Path, target: Path) -> None:
     (target / f'{target.name}_0.mcap').write_bytes(again)
 
 
-def _bomb(chance: random.Random, source: Path, target: Path) -> None:
-    """Write chunks of the same time that unpack to a thousand times their size or more."""
-    records = data_section(source / f'{source.name}_0.mcap')
-    content = next(content for opcode, content in records if opcode == Opcode.CHUNK)
-    message = struct.pack('<HIQQ', chance.randrange(1, 6), 0, *struct.unpack('<QQ', content[:16]))
-    size = chance.choice((2**26, 2**28, 2**29 + 2**20))
-    body = FRAME.pack(Opcode.MESSAGE, len(message) + size) + message + bytes(size)
-    claimed = chance.choice((None, None, 0, 1000, 2**40))
-    bomb = chunk(
-        body, compression=chance.choice(('lz4', 'zstd')), size=claimed, times=content[:16]
-    )
-    target.mkdir()
-    many = chance.choice((1, 2, 5))
-    again = joined([*records, *[(int(Opcode.CHUNK), bomb)] * many], b'')
-    (target / f'{target.name}_0.mcap').write_bytes(again)
-
-
 #: Drivers that write the other formats, by suffix.
 _DRIVERS = {
     'vrt': ('VRT',), 'img': ('HFA',), 'nc': ('netCDF',), 'gpkg': ('GPKG',), 'flt': ('EHdr',),
@@ -347,4 +330,3 @@ def _write_tif(chance: random.Random, path: Path, values: np.ndarray) -> None:
     if chance.random() < 0.4:
         data = path.read_bytes()
         path.write_bytes(_set(chance, data[:600]) + data[600:])
-

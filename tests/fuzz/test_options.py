@@ -6,6 +6,7 @@
 import argparse
 from collections.abc import Iterator
 from functools import cache
+import logging
 from pathlib import Path
 import tempfile
 from typing import Any
@@ -49,9 +50,9 @@ COMMANDS = {
 
 #: Functions that start the work, after arguments and files are checked.
 WORK = (
-    'lava_ros.maps.animation._Canvas.draw', 'lava_ros.verification.benchmarks.convergence.compare',
-    'lava_ros.cli.demo._flow', 'lava_ros.cli.demo_forecast._Truth.__init__',
-    'lava_ros.forecast.pool.Pool.__init__', 'lava_ros.simulation.simulation.Simulation.__init__',
+    'lava_ros.maps.animation.new_figure', 'lava_ros.verification.benchmarks.convergence.compare',
+    'lava_ros.ros.monitor.Monitor.__init__', 'lava_ros.forecast.pool.Pool.__init__',
+    'lava_ros.simulation.simulation.Simulation.__init__',
 )
 
 WHOLE = (
@@ -130,7 +131,7 @@ def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         monkeypatch.setattr(name, begin)
     # do not log the files that were read
     for module in (emplaced, terrain_files, scene_module, scenes, reshaping):
-        monkeypatch.setattr(module._LOG, 'disabled', True)
+        monkeypatch.setattr(logging.getLogger(module.__name__), 'disabled', True)
     with tempfile.TemporaryDirectory() as folder:
         monkeypatch.chdir(folder)
         north = np.arange(30)[:, None] * 20.0
