@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from rclpy.serialization import serialize_message
 
-from fuzz.files import change
+from fuzz.bags import change
 from lava_ros.errors import LavaError
 from lava_ros.ros import inputs
 from lava_ros.ros.codec import decode

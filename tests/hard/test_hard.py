@@ -9,7 +9,6 @@
 import csv
 from dataclasses import replace
 import json
-import math
 
 import numpy as np
 import pytest

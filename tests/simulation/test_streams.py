@@ -115,7 +115,7 @@ def streams() -> Iterator[Any]:
     rates = [('discharge', rate) for rate in (10.0, 1.0, 0.1)]
     for source in SOURCES:
         for kind, rate in (*rates, *((kind, 1.0) for kind in KINDS)):
-            is_for_every_run = source == 'several' and (rate == 10.0 or kind != 'discharge')
+            is_for_every_run = source == 'several' and rate == 1.0
             yield pytest.param(
                 source, kind, rate, marks=() if is_for_every_run else pytest.mark.nightly
             )

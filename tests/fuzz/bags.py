@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hostile bags and rasters with wrong parts; mutations.py has other files.
+"""Hostile bags with wrong parts; mutations.py has other files.
 
 Each is a valid file in which a record, a field, a size or a count is changed, so that it passes
 checks of the whole.
@@ -11,24 +11,18 @@ from array import array
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-import io
 from itertools import takewhile
 import math
 from pathlib import Path
 import random
 import struct
 from typing import Any
-import zipfile
 import zlib
 
 from diagnostic_msgs.msg import DiagnosticArray
 import lz4.frame
 from mcap.opcode import Opcode
 from nav_msgs.msg import MapMetaData, OccupancyGrid
-import numpy as np
-import rasterio
-from rasterio.shutil import copy
-from rasterio.transform import from_origin
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, PointCloud2
 import zstandard
@@ -232,101 +226,3 @@ def _records(chance: random.Random, source: Path, target: Path) -> None:
         again = again[: chance.randrange(len(MAGIC), len(again))]
     target.mkdir()
     (target / f'{target.name}_0.mcap').write_bytes(again)
-
-
-#: Drivers that write the other formats, by suffix.
-_DRIVERS = {
-    'vrt': ('VRT',), 'img': ('HFA',), 'nc': ('netCDF',), 'gpkg': ('GPKG',), 'flt': ('EHdr',),
-    'grd': ('GSAG', 'GSBG', 'GS7BG'),
-}
-
-
-def hostile_raster(chance: random.Random, folder: Path) -> Path:
-    """Write a raster with a changed number in its header, or with another encoding."""
-    values = np.add.outer(np.arange(20.0), np.zeros(20)).astype(np.float32)
-    kind = chance.choice(('npz', 'npz', 'tif', 'tif', *_DRIVERS))
-    path = folder / f'ground.{kind}'
-    write = {'npz': _write_npz, 'tif': _write_tif}.get(kind, _write_other)
-    write(chance, path, values)
-    return path
-
-
-def _write_other(chance: random.Random, path: Path, values: np.ndarray) -> None:
-    source = path.with_name('source.tif')
-    with rasterio.open(
-        source, 'w', driver='GTiff', height=20, width=20, count=1, dtype='float32',
-        crs='EPSG:32633', transform=from_origin(500_000.0, 4_180_000.0, 10.0, 10.0),
-    ) as file:
-        file.write(values, 1)
-    copy(source, path, driver=chance.choice(_DRIVERS[path.suffix[1:]]))
-    damaged = path.with_suffix('.hdr')
-    damaged = damaged if damaged.exists() and chance.random() < 0.5 else path
-    data = damaged.read_bytes()
-    if chance.random() < 0.3:
-        data = data[: chance.randrange(len(data))]
-    else:
-        data = _set(chance, data[:1000]) + data[1000:]
-    damaged.write_bytes(data)
-
-
-def _npy(value: Any) -> bytes:
-    buffer = io.BytesIO()
-    np.lib.format.write_array(buffer, np.asarray(value))
-    return buffer.getvalue()
-
-
-def _write_npz(chance: random.Random, path: Path, values: np.ndarray) -> None:
-    members = {'elevation': _npy(values), 'resolution': _npy(10.0), 'epsg': _npy(32633)}
-    name = chance.choice([*members, 'origin', 'offset', 'row_order', 'dx', 'other'])
-    draw = chance.random()
-    if draw < 0.5:
-        sides = [chance.choice((*INTEGERS, -1, 20)) for _ in range(chance.choice((0, 1, 2, 2, 3)))]
-        kinds = ('<f4', '<f8', '|O', '<U9', '|V0', '<c16', '<f2', '|b1', 'x', '<i8')
-        header = f"{{'descr': '{chance.choice(kinds)}', 'fortran_order': False, "
-        header += f"'shape': ({''.join(f'{side}, ' for side in sides)})}}"
-        if chance.random() < 0.1:
-            header = chance.choice(('(' * 9000, '', header[:20], header * 2))
-        size = min(math.prod([max(side, 0) for side in sides]) * 4, 2**24)
-        body = bytes(chance.choice((0, 8, 1600, size)))
-        version = bytes([chance.choice((1, 1, 1, 2, 3, 9)), 0])
-        members[name] = (
-            b'\x93NUMPY' + version + struct.pack('<H', len(header)) + header.encode() + body
-        )
-    elif draw < 0.8:
-        members[name] = _npy(chance.choice((*FLOATS, *INTEGERS, 'x', True, [1.0], [[1.0]] * 2)))
-    else:
-        members[name] = chance.randbytes(chance.randrange(300))
-    with zipfile.ZipFile(path, 'w', chance.choice((0, 8, 8, 12, 14))) as archive:
-        for item, data in members.items():
-            archive.writestr(f'{item}.npy', data)
-    if chance.random() < 0.2:
-        path.write_bytes(_set(chance, path.read_bytes()))
-
-
-def _write_tif(chance: random.Random, path: Path, values: np.ndarray) -> None:
-    numbers = (*FLOATS, 0.1, 10.0, -10.0)
-    x, y, dx, dy = 500_000.0, 4_180_000.0, 10.0, 10.0
-    epsg = chance.choice((32633, 32633, 4326, 3857, 2193))
-    if epsg == 4326:
-        x, y, dx, dy = 15.0, 37.0, 1e-4, 1e-4
-    if chance.random() < 0.5:
-        part = [x, y, dx, dy]
-        part[chance.randrange(4)] = chance.choice(numbers)
-        x, y, dx, dy = part
-    options: dict[str, Any] = {'dtype': 'float32', 'count': 1}
-    shape = values.shape
-    if chance.random() < 0.4:
-        options |= {'SPARSE_OK': True, 'tiled': True}
-        shape = tuple(chance.choice((1, 20, 300, 2000, 10_001, 32767, 40_000)) for _ in range(2))
-    options['dtype'] = chance.choice(('float32', 'float64', 'int16', 'uint8', 'complex64'))
-    with rasterio.open(
-        path, 'w', driver='GTiff', height=shape[0], width=shape[1], crs=f'EPSG:{epsg}',
-        transform=from_origin(x, y, dx or 1.0, dy or 1.0), **options,
-    ) as file:
-        if shape == values.shape:
-            file.write(values.astype(options['dtype']), 1)
-        if chance.random() < 0.2:
-            file.scales, file.offsets = (chance.choice(numbers),), (chance.choice(numbers),)
-    if chance.random() < 0.4:
-        data = path.read_bytes()
-        path.write_bytes(_set(chance, data[:600]) + data[600:])
