@@ -19,7 +19,7 @@ from solver import flat, lattice, only, simulated
 LAVA = Lava(viscosity=1e4, arrhenius=0.0)
 
 
-@pytest.mark.parametrize('radius', [0.6, 1.0, 3.5, 10.0])
+@pytest.mark.parametrize('radius', [0.6, 10.0])
 def test_response_is_that_of_stokes_flow(device, radius):
     run = response('helmholtz', radius, 8.0 * radius, Accuracy(ratio=3.0), device)
     assert run.measurements[0].error < 0.01
@@ -73,15 +73,14 @@ def test_step_length_follows_the_reduced_speed():
     assert rates[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
 
 
-@pytest.mark.parametrize('precision', ['float32', 'float64'])
 @pytest.mark.parametrize('height', [0.1, 1.0, 10.0])
 @pytest.mark.parametrize('distance', [0.02, 0.1, 0.3, 1.0])
-def test_columns_do_not_attract_each_other(device, precision, height, distance):
+def test_columns_do_not_attract_each_other(device, height, distance):
     """A neighbour with more weight than the particle itself would attract it."""
     places = 0.5 * distance * np.array([[-1.0, 0.0], [1.0, 0.0]])
     simulation = simulated(
         flat(8), Lava(viscosity=1e6), Particles(places, height, 1400.0), effects=only('green'),
-        device=device, spacing=1.0, ratio=3.5, precision=precision,
+        device=device, spacing=1.0, ratio=3.5,
     )
     sample = simulation.sample()
     apart = np.sign(sample.position[:, 0]) * sample.velocity[:, 0]

@@ -131,17 +131,6 @@ def test_copies_run_together_as_alone():
     assert all(choice.jaccard(one, cells) > 0.97 for one in both.cells)
 
 
-def test_refined_map_is_interpolated_between_cells():
-    row, column = np.indices((3, 4))
-    values = choice.refined(2.0 * row + 3.0 * column)
-    y, x = (
-        np.clip((np.arange(choice.PARTS * count) + 0.5) / choice.PARTS - 0.5, 0.0, count - 1.0)
-        for count in (3, 4)
-    )
-    assert values == pytest.approx(2.0 * y[:, None] + 3.0 * x)
-    assert choice.refined(np.full((1, 1), 7.0)) == pytest.approx(np.full((choice.PARTS,) * 2, 7.0))
-
-
 def test_area_is_that_of_most_runs():
     runs = np.array([[[1, 1, 0]], [[1, 0, 0]], [[1, 1, 1]]], dtype=bool)
     assert choice.footprint(runs).tolist() == [[True, True, False]]
