@@ -111,11 +111,12 @@ KINDS = ('place', 'temperature', 'radius', 'name', 'distant vent', 'order', 'ter
 
 
 def streams() -> Iterator[Any]:
-    """Return every kind of update for every source: in every run all kinds for several vents."""
+    """Return every kind of update for every source, most of them nightly."""
     rates = [('discharge', rate) for rate in (10.0, 1.0, 0.1)]
     for source in SOURCES:
         for kind, rate in (*rates, *((kind, 1.0) for kind in KINDS)):
-            is_for_every_run = source == 'several' and rate == 1.0
+            some = ('discharge', 'place', 'distant vent', 'terrain', 'resumed')
+            is_for_every_run = source == 'several' and rate == 1.0 and kind in some
             yield pytest.param(
                 source, kind, rate, marks=() if is_for_every_run else pytest.mark.nightly
             )
@@ -151,7 +152,7 @@ def test_vent_that_reopens_often_does_not_emit_from_one_place(device: str) -> No
     assert simulation.budget().emitted == pytest.approx(duration)
 
 
-@pytest.mark.parametrize('kind', ['vents', 'terrain'])
+@pytest.mark.parametrize('kind', ['terrain', pytest.param('vents', marks=pytest.mark.nightly)])
 def test_updates_do_not_stop_slow_lava(kind: str, device: str) -> None:
     """A displacement below the resolution of float32 is kept across updates."""
     ground = Terrain(np.tile(-0.5 * np.arange(40.0), (3, 1)), 1000.0)
