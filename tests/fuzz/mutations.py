@@ -433,9 +433,9 @@ def insane(chance: random.Random, document: Document) -> Any:
     return _with(document.tree, path, lambda part, key: {**part, key: value})
 
 
-def damaged(chance: random.Random, path: Path) -> None:
-    """Change or remove bytes of a file."""
-    data = bytearray(path.read_bytes())
+def damaged(chance: random.Random, content: bytes) -> bytes:
+    """Change, remove or repeat some bytes."""
+    data = bytearray(content)
     for _ in range(chance.choice((1, 1, 2, 8))):
         place = chance.randrange(len(data))
         action = chance.random()
@@ -447,4 +447,4 @@ def damaged(chance: random.Random, path: Path) -> None:
         else:
             data[place:place] = data[place : place + chance.randrange(40)]
         data = data or bytearray(b' ')
-    path.write_bytes(data)
+    return bytes(data)
