@@ -33,7 +33,7 @@ def checkpoint_and_run(name):
     simulation = begun(name, 'cpu')
     simulation.advance(37.0)
     # part of a particle waits in the conduit
-    simulation.set_vents((replace(VENTS[0], radius=11.0), VENTS[1]))
+    simulation.set_vents((VENTS[0], replace(VENTS[1], discharge=8.0)))
     simulation.advance(STOP)
     checkpoint = simulation.checkpoint()
     run = Simulation.resume(checkpoint, device='cpu')

@@ -115,7 +115,7 @@ def streams() -> Iterator[Any]:
     rates = [('discharge', rate) for rate in (10.0, 1.0, 0.1)]
     for source in SOURCES:
         for kind, rate in (*rates, *((kind, 1.0) for kind in KINDS)):
-            some = ('discharge', 'place', 'distant vent', 'terrain', 'resumed')
+            some = ('discharge', 'place', 'distant vent', 'terrain')
             is_for_every_run = source == 'several' and rate == 1.0 and kind in some
             yield pytest.param(
                 source, kind, rate, marks=() if is_for_every_run else pytest.mark.nightly
