@@ -57,9 +57,6 @@ REASONS = {
 #: Characters that only a shell understands.
 SHELL = re.compile(r'[|&;<>$*`]')
 
-#: Documents whose blocks are run in every test run.
-EVERY_RUN = ('README.md',)
-
 DOCUMENTS = sorted(
     path
     for pattern in (
@@ -187,10 +184,14 @@ def _is_run(block: Block) -> bool:
     return '' not in _left_out(block)
 
 
+def _is_quick(block: Block) -> bool:
+    return block.document == 'README.md' or block.language == 'yaml'
+
+
 def _running(language: str) -> Any:
     """Return a parameter for each block of a language that runs in the unchanged package."""
     running = [
-        pytest.param(item, marks=() if item.document in EVERY_RUN else pytest.mark.nightly)
+        pytest.param(item, marks=() if _is_quick(item) else pytest.mark.nightly)
         for item in STANDING if item.language == language and _is_run(item)
     ]
     return pytest.mark.parametrize('block', running, ids=str)

@@ -168,11 +168,10 @@ def test_arrival_equals_that_of_frequent_maps():
     assert len(np.unique(shown.arrived[inundated])) > 20
 
 
-@pytest.mark.parametrize('precision', ['float32', 'float64'])
-def test_frozen_lava_is_on_inundated_cells_and_keeps_its_volume(device, precision):
+def test_frozen_lava_is_on_inundated_cells_and_keeps_its_volume(device):
     lava = Lava(viscosity=2e4, solidus=1300.0, convection=300.0)
     scene = Scene(TERRAIN, (Vent((40.0, 75.0), ((0.0, 20.0), (40.0, 0.0))),), lava=lava)
-    accuracy = Accuracy(spacing=3.5, thickness=0.7, precision=precision)
+    accuracy = Accuracy(spacing=3.5, thickness=0.7)
     on = {'cooling': True, 'solidification': True}
     simulation = Simulation(scene, effects=on, device=device, accuracy=accuracy)
     simulation.advance(3000.0)
