@@ -21,7 +21,6 @@ from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.ros import parameters
 from lava_ros.scene import constants_of, Scene, Terrain, Vent, vents_from_list
 from lava_ros.scene.lava import Lava
-from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import decide
@@ -232,44 +231,6 @@ def test_yaml_of_any_shape_is_read_or_refused(data):
             read()
         except LavaError as error:
             assert error.field
-
-
-LAYER_FIELDS: dict[str, st.SearchStrategy[Any]] = {
-    'topic': st.sampled_from((*NOT_TEXTS, '', '/height', 'a b', '1a', 'a/', 'ä')),
-    'source': no_choice(('thickness', 'temperature', 'hazard')),
-    'message': no_choice(('nav_msgs/OccupancyGrid', 'sensor_msgs/Image')),
-    'range': st.sampled_from((*NOT_PAIRS[:13], [1.0, 1.0], [2.0, 1.0])),
-    'threshold': no_number(0.0),
-    'outside': st.sampled_from((-2, 101, 1.5, None, True, 'one', 10**30)),
-    'enabled': st.sampled_from(NOT_SWITCHES),
-    'rate': no_number(0.001, 50.0),
-    'record': st.sampled_from(NOT_SWITCHES),
-    'qos': st.sampled_from(
-        (None, [], 'latched', {'depth': 0}, {'depth': 1.5}, {'durability': 1}, {'no': 1}, {1: 2})
-    ),
-    'hazard': st.sampled_from(({}, None, [])),
-    'name': st.just('x'),
-    'colour': st.just('red'),
-}
-
-
-@every
-@given(data=st.data())
-def test_names_the_invalid_key_of_a_layer(data):
-    layer = {'source': 'thickness', 'message': 'nav_msgs/OccupancyGrid', 'range': [0.0, 5.0]}
-    for name, values in LAYER_FIELDS.items():
-        with pytest.raises(LavaError) as caught:
-            layers_from_dict({'layers': {'depth': {**layer, name: data.draw(values)}}})
-        assert name in caught.value.field
-        assert caught.value.field.startswith('layers.depth')
-
-
-@given(data=st.binary(max_size=400), ending=st.sampled_from(('npz', 'asc', 'tif', 'npy', '')))
-def test_refuses_random_bytes_as_a_terrain(data, ending, tmp_path_factory):
-    path = tmp_path_factory.mktemp('file') / f'ground.{ending}'
-    path.write_bytes(data)
-    with pytest.raises(LavaError):
-        load_terrain(path)
 
 
 PARAMETERS = {
