@@ -116,7 +116,9 @@ def test_watch_detects_vents_with_overdue_lava():
         Watch(simulation).check(late)
 
 
-@pytest.mark.parametrize('effects', [PHYSICS['plain'], Effects(power_law=True)])
+@pytest.mark.parametrize(
+    'effects', [PHYSICS['plain'], pytest.param(Effects(power_law=True), marks=pytest.mark.nightly)]
+)
 def test_watch_detects_steps_that_are_too_short(effects, monkeypatch):
     longest = timestep.longest_step
     monkeypatch.setattr(timestep, 'longest_step', lambda *of: 0.01 * longest(*of))
@@ -140,13 +142,14 @@ def test_line_of_the_safeguard_occurs_once(safeguard):
 def test_scene_that_misses_it(safeguard):
     """The scene does not hold if the line is removed."""
     compare = safeguard.invariant == 'halving'
-    outcome = play(SCENES[safeguard.scene], safeguard.preset, compare=compare, wall_limit=60.0)
+    outcome = play(SCENES[safeguard.scene], safeguard.preset, compare=compare, wall_limit=600.0)
     assert outcome.verdict == 'holds', outcome.violations
 
 
 WORDS = ('--scene', 'no_particles', '--preset', 'draft', '--device', 'cpu', '--jobs', '1')
 
 
+@pytest.mark.nightly
 def test_command_creates_the_folder_of_its_table(tmp_path):
     assert run.main([*WORDS, '--csv', str(tmp_path / 'a/b')]) == 0
     with (tmp_path / 'a/b/hard_cpu.csv').open(encoding='utf-8', newline='') as table:
