@@ -51,14 +51,16 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture(autouse=True)
-def conserved_volume(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Any:
+def conserved_volume(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
     """Check after each test that its simulations have conserved the volume of the lava.
 
     Not those of nodes, which may run in a thread until the process ends.
     """
     module = sys.modules.get('lava_ros.simulation.simulation')
-    is_exempt = request.node.get_closest_marker('spoils_volume') or 'ros' in request.path.parts
-    if module is None or is_exempt:
+    is_of_a_node = request.node.nodeid.startswith('tests/ros/')
+    if module is None or is_of_a_node or request.node.get_closest_marker('spoils_volume'):
         yield
         return
     advancing, flown = module.Simulation.advancing, {}
