@@ -40,6 +40,11 @@ def test_cooling_is_second_order_in_time():
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.3)
 
 
+def test_temperature_is_constant_without_heat_loss():
+    lava = Lava(viscosity=1e14, emissivity=0.0, convection=0.0)
+    assert cooled(lava, 10.0, longest_step=600.0)[0] == 1423.0
+
+
 def responses(effects, lava, slopes, thickness, device):
     """Return mobility and its bound [m/s] from the device function, shape [slopes, 2]."""
     speed = speed_function(wp, wp.float64, law_type(wp.float64), effects)
