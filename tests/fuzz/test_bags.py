@@ -50,7 +50,9 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def unpublished() -> Iterator[None]:
     """Let a replay read the bag without publishing it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr('lava_ros.clients.player.play', lambda bag, **_: sum(1 for _ in schedule(bag)))
+        patch.setattr(
+            'lava_ros.clients.player.play', lambda bag, **_: sum(1 for _ in schedule(bag))
+        )
         yield
 
 
