@@ -3,6 +3,8 @@
 
 """Fixtures for processes in the ROS graph of a test run, and for nodes in the test's process."""
 
+from contextlib import contextmanager
+from functools import partial
 import json
 import os
 from pathlib import Path
@@ -216,48 +218,56 @@ def bench(request):
     assert result.worker.stop(PATIENCE)
 
 
-@pytest.fixture(scope='module')
+@pytest.fixture
 def graph(tmp_path_factory):
     result = Graph(tmp_path_factory.mktemp('graph'))
     yield result
     result.close()
 
 
-@pytest.fixture
-def alone(graph):
-    yield
-    graph.close()
-
-
-@pytest.fixture
-def local(tmp_path, monkeypatch):
-    """Return a function that starts nodes in the process of the test."""
+@contextmanager
+def local_nodes(directory, domain):
+    """Give a function that starts nodes in the process of the test."""
     from ros.local_node import LocalNode
 
     nodes = []
+    with pytest.MonkeyPatch.context() as patch:
 
-    def start(**options):
-        nodes.append(LocalNode(tmp_path, monkeypatch, **options))
-        return nodes[-1]
+        def start(**options):
+            nodes.append(LocalNode(directory, patch, domain=domain, **options))
+            return nodes[-1]
 
-    yield start
-    for node in nodes:
-        node.close()
+        yield start
+        for node in nodes:
+            node.close()
+
+
+@pytest.fixture
+def local(tmp_path):
+    with local_nodes(tmp_path, 'local') as start:
+        yield start
+
+
+@pytest.fixture(scope='module')
+def module_local(tmp_path_factory):
+    """Do as ``local`` for nodes that all tests of a module share."""
+    with local_nodes(tmp_path_factory.mktemp('local'), 'module') as start:
+        yield start
+
+
+def start_flow(local, **parameters):
+    """Start an active node with a slope, a vent and lava."""
+    node = local(**parameters)
+    assert node.change('configure') and node.change('activate'), node.log
+    # the vents come first: they wait for the terrain
+    node.publish('vents', 'terrain_info', 'terrain')
+    node.status_now('inputs', lambda item: item['accepted'] == '3')
+    node.status_now('simulation', lambda item: item['state'] == 'running')
+    node.run(2.0)
+    node.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
+    return node
 
 
 @pytest.fixture
 def flowing(local):
-    """Return a function that starts an active node with a slope, a vent and lava."""
-
-    def start(**parameters):
-        node = local(**parameters)
-        assert node.change('configure') and node.change('activate'), node.log
-        # the vents come first: they wait for the terrain
-        node.publish('vents', 'terrain_info', 'terrain')
-        node.status_now('inputs', lambda item: item['accepted'] == '3')
-        node.status_now('simulation', lambda item: item['state'] == 'running')
-        node.run(2.0)
-        node.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
-        return node
-
-    return start
+    return partial(start_flow, local)

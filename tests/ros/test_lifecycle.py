@@ -14,8 +14,6 @@ from lava_ros.ros import active_node
 from lava_ros.ros.active_node import ActiveNode
 from lava_ros.simulation import Simulation
 
-pytestmark = pytest.mark.usefixtures('alone')
-
 GRIDS = {'/hazard', '/height', '/temperature'}
 #: Names of a configured node.
 CONFIGURED = {*GRIDS, '/terrain', '/diagnostics', '/lava/step'}

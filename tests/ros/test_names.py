@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from lava_ros.bag import BagReader
-
-pytestmark = pytest.mark.usefixtures('alone')
+from lava_ros.ros.publishers import ScenePublisher
 
 ETNA, HEKLA = '/etna/lava', '/hekla/lava2'
 
@@ -105,60 +104,20 @@ def test_each_node_records_its_own_bag(start, tmp_path):
     assert not [topic for topic in hekla.topics if topic.startswith(('/etna', '/map'))]
 
 
-def launch(graph, name, **parameters):
-    path = terrain(graph.directory, name)
-    return graph.node(
-        remap=REMAPS[name], device='cpu', time_scale=20.0, terrain_file=path, **parameters
-    )
+def test_terrain_of_the_node_is_no_input(start, monkeypatch):
+    is_own, received = ScenePublisher.is_own, []
 
+    def note(publisher, topic, data):
+        received.append((topic, is_own(publisher, topic, data)))
+        return received[-1][1]
 
-def test_late_subscriber_gets_the_terrain_of_a_file(graph):
-    # images only: the terrain that the node publishes comes back to it
-    launch(graph, HEKLA, terrain_scale=2.0)
-    publisher = graph.publisher(remap=['__ns:=/hekla'])
-    listener = graph.listener('/hekla/height')
-    listener.wait_for_topic('/hekla/height')
-    topics = ('/hekla/terrain:image', '/hekla/relief')
-    first = graph.listener(*topics).newest('/hekla/terrain', '/hekla/relief')
-    seen, relief = first['/hekla/terrain'], first['/hekla/relief']
-    assert (seen['shape'], seen['encoding']) == ([16, 24], '32FC1')
-    assert seen['max'] == pytest.approx(300.0)
-    # there is no slope next to the hole
-    assert relief['shape'] == [16, 24] and relief['min'] == -1 and 0 < relief['max'] <= 100
-    # the node has received its own terrain, which changes nothing
-    inputs = listener.status_now('inputs', node='hekla/lava2')
-    assert (inputs['accepted'], inputs['rejected']) == ('1', '0'), inputs
-    publisher.publish('terrain_info', 'terrain')
-    listener.wait_for_topic('/hekla/height', lambda grid: grid['shape'] == [30, 40])
-    second = graph.listener(*topics)
-    second.newest(
-        '/hekla/terrain', '/hekla/relief',
-        condition=lambda newest: newest['/hekla/relief']['shape'] == [30, 40],
-    )
-    listener.status_now('simulation', node='hekla/lava2')
-    second.hear()
-    assert seen['sha256'] not in {item['sha256'] for item in second.seen}
-
-
-def test_commands_apply_to_one_node(graph):
-    for name in NAMES:
-        launch(graph, name)
-    publisher, listener = graph.publisher(), graph.listener()
-
-    def status(name, condition=lambda _: True):
-        return listener.status_now('simulation', condition, node=name.removeprefix('/'))
-
-    for name in NAMES:
-        status(name, lambda item: item['state'] == 'running')
-    assert publisher.call('pause', True, node=ETNA)['success']
-    assert publisher.set(time_scale=7.0, node=ETNA)['success']
-    status(ETNA, lambda item: item['state'] == 'paused')
-    before = float(status(HEKLA)['simulated_time_s'])
-    status(HEKLA, lambda item: float(item['simulated_time_s']) > before)
-    assert publisher.change('deactivate', node=ETNA)
-    # ignore warnings about its last map or a slow machine
-    etna, hekla = (status(name) for name in NAMES)
-    assert (etna['lifecycle'], etna['state']) == ('inactive', 'paused')
-    assert etna['message'].startswith('inactive: ')
-    assert (hekla['lifecycle'], hekla['state']) == ('active', 'running')
-    assert publisher.state(HEKLA) == 'active'
+    monkeypatch.setattr(ScenePublisher, 'is_own', note)
+    # as an input, the terrain would be scaled, and refused for its hole
+    node = start(HEKLA, terrain_scale=2.0)
+    node.wait_until(lambda: len(received) == 2)
+    assert sorted(received) == [('terrain', True), ('terrain_info', True)]
+    status = node.status_now('inputs', node='hekla/lava2')
+    # that of the file
+    assert (status['accepted'], status['rejected']) == ('1', '0')
+    node.publish('terrain_info', 'terrain')
+    node.wait_for_topic('hekla/height', lambda grid: grid['shape'] == [30, 40])

@@ -12,16 +12,16 @@ import pytest
 import yaml
 
 from lava_ros.bag import BagReader
-
-pytestmark = pytest.mark.usefixtures('alone')
+from ros.conftest import start_flow
 
 #: Topics of the grids that are published by default.
 GRIDS = ('height', 'temperature', 'hazard')
 
 
-@pytest.fixture
-def running(flowing):
-    return flowing()
+@pytest.fixture(scope='module')
+def running(module_local):
+    """A node with flowing lava that accepts terrain of at most a million cells."""
+    return start_flow(module_local, max_terrain_cells=1_000_000)
 
 
 def test_log_has_one_line_for_each_event(flowing):
@@ -55,6 +55,15 @@ def test_diagnostics_have_state_speed_and_budget(running):
     assert stamp in {item['stamp_ns'] for item in running.seen if item['topic'] in GRIDS}
 
 
+def check_advance(node):
+    before, now = node.worker.eruption.time, node.now
+    node.run(2.0)
+    assert node.worker.eruption.time > before
+    grid = node.wait_for_topic('height', lambda grid: grid['stamp_ns'] > now * 1e9)
+    assert grid['wet'] > 0 and grid['min'] == 0
+    assert float(node.status_now('simulation')['volume_error']) < 1e-5
+
+
 #: Rejected messages, the topic in the error, and its text.
 MALFORMED = (
     ('nan_hole', 'terrain', '1 of 1200 cells without data'),
@@ -66,10 +75,18 @@ MALFORMED = (
     ('vents_without_fields', 'vents', 'missing: discharge, radius'),
     ('vents_wrong_frame', 'vents', "vents.header.frame_id is 'base_link'"),
     ('click_off_map', 'clicked_point', 'a place on the terrain'),
+    ('huge', 'terrain', "terrain.size is '4000 x 4000', expected at most 1000000 cells (max_terr"),
+    ('lying_image', 'terrain', "terrain.size is '30000 x 30000', expected at most 1000000 cells"),
+    ('lying_info', 'terrain_info', "'4294967295 x 30', expected 2 to 32767 cells a side"),
+    ('lying_cloud', 'terrain_cloud', 'terrain_cloud.'),
+    ('wide_cloud', 'terrain_cloud', "'30001 x 30001', expected at most 1000000 cells"),
+    ('many_vents', 'vents', 'vents.size is 1001, expected at most 1000 vents (max_vents)'),
+    ('lying_vents', 'vents', 'expected at most 1000 vents (max_vents)'),
 )
 
 
 def test_malformed_input_is_logged_and_counted(running):
+    before = running.status_now('inputs')
     for case, topic, words in MALFORMED:
         length = len(running.log)
         running.publish(case)
@@ -79,13 +96,10 @@ def test_malformed_input_is_logged_and_counted(running):
         status = running.status_now('inputs')
         assert status['level'] == 2 and words in status['last_error'], case
         assert status['last_error'] in status['message']
-    assert int(status['rejected']) == len(MALFORMED)
+    assert int(status['rejected']) == int(before['rejected']) + len(MALFORMED)
     for topic, count in Counter(topic for _, topic, _ in MALFORMED).items():
-        assert int(status[f'rejected.{topic}']) == count
-    before = running.worker.eruption.time
-    running.run(1.0)
-    assert running.worker.eruption.time > before
-    running.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
+        assert int(status[f'rejected.{topic}']) == int(before.get(f'rejected.{topic}', 0)) + count
+    check_advance(running)
 
 
 def test_pause_stops_publishing_and_step_advances_one_second(running):
@@ -122,20 +136,18 @@ def test_bad_parameters_are_rejected_and_some_apply_later(running):
         running.wait_for_log(f'{name}: the new value is used from the next start or reset on')
 
 
-def test_changing_effects_does_not_stop_publishing(running):
-    for values, effect, text in (
-        ({'effects_on': ['helmholtz']}, 'helmholtz', 'on: forced'),
-        ({'effects_on': [], 'effects_off': ['cover']}, 'cover', 'off: forced'),
-        ({'effects_off': [''], 'horizon': 1e-3}, 'cover', 'off: heat lost = '),
-        ({'horizon': 24.0}, 'cover', 'on: heat lost = '),
-    ):
-        assert running.set(**values)['success']
-        running.status_now('effects', lambda status: status[effect].startswith(text))  # noqa: B023
-        changed, before = running.now, running.worker.eruption.time
-        running.run(1.0)
-        assert running.worker.eruption.time > before
-        grid = running.wait_for_topic('height', lambda grid: grid['stamp_ns'] > changed * 1e9)  # noqa: B023
-        assert grid['wet'] > 0
+def test_flow_continues_on_new_terrain(running):
+    for size, names in ((48, ('higher', 'higher_info')), (40, ('terrain', 'terrain_info'))):
+        running.publish(*names)
+        running.run_commands()
+        check_advance(running)
+        assert running.newest('height')['height']['shape'] == [30, size]
+    before = int(running.status_now('inputs')['rejected'])
+    running.publish('away', 'terrain')
+    status = running.status_now('inputs', lambda item: int(item['rejected']) > before)
+    assert 'position' in status['last_error']
+    check_advance(running)
+    assert running.newest('height')['height']['origin'] == [0.0, 0.0]
 
 
 def test_bag_has_inputs_scene_parameters_and_effects(flowing, tmp_path):
@@ -201,21 +213,3 @@ def test_late_subscribers_and_the_bag_have_the_published_grids(graph):
     assert {f'/{topic}' for topic in GRIDS} == {topic for topic, _ in received}
     assert received <= recorded
     assert node.end() == 0
-
-
-def test_unknown_parameters_of_a_file_are_warnings(graph):
-    values = {'device': 'cpu', 'discharge': 60.0, 'time_scales': 2.0, 'unheard_of': 1}
-    file = graph.directory / 'for_all.yaml'
-    file.write_text(json.dumps({'/**': {'ros__parameters': values}}), encoding='utf-8')
-    words = ('-m', 'lava_ros.ros.node', '--ros-args', '--params-file', str(file))
-    node = graph.node(aside=True, program=words)
-    node.wait_for_log('active')
-    assert node.end() == 0
-    expected_words = [line for line in node.log.splitlines() if 'has no effect' in line]
-    assert all('[WARN]' in line for line in expected_words)
-    discharge, scale, unheard_of = expected_words
-    assert "this node has no parameter 'discharge'" in discharge
-    assert 'similar names: default_discharge; vents come by the scene file (scene)' in discharge
-    assert "'time_scales'" in scale and 'vents' not in scale
-    assert 'similar names: time_scale' in scale
-    assert unheard_of.endswith("no parameter 'unheard_of': its value has no effect")

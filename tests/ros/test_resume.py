@@ -28,8 +28,6 @@ from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import HORIZON
 from ros.conftest import QUICK_MODULE
 
-pytestmark = pytest.mark.usefixtures('alone')
-
 
 def numbers(status):
     """Return simulated time, emitted volume and steps of a status."""

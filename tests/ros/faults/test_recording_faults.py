@@ -20,9 +20,6 @@ KILLS = int(os.environ.get('LAVA_KILLS', '1'))
 GRIDS = ('height', 'temperature', 'hazard')
 
 
-pytestmark = pytest.mark.usefixtures('alone')
-
-
 def wait_for_messages(listener):
     """Wait until a bag has some frames and diagnostics, flushed with the next frame."""
     listener.status_now('recorder', lambda status: int(status['messages']) > 30)
