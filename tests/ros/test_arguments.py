@@ -6,6 +6,7 @@
 import logging
 from pathlib import Path
 import signal
+from unittest.mock import Mock
 
 import pytest
 
@@ -13,6 +14,7 @@ from command_line import lava
 from lava_ros.cli.parser import COMMANDS
 from lava_ros.errors import LavaError
 from lava_ros.ros import node
+from lava_ros.ros.active_node import ActiveNode
 from lava_ros.ros.arguments import start_ros
 from ros_domain import own_domain
 
@@ -27,6 +29,7 @@ FILES = {
     'type.yaml': '/**: {ros__parameters: {preset: 3}}',
     'whole.yaml': '/lava: {ros__parameters: {time_scale: 60}}',
     'list.yaml': '/**: {ros__parameters: {effects_off: 3}}',
+    'unknown.yaml': '/**: {ros__parameters: {discharge: 6.0, time_scales: 2.0, unheard_of: 1}}',
 }
 
 MISTAKES = {
@@ -102,6 +105,26 @@ def test_mistake_is_one_sentence_and_status_2(run, words):
     (sentence,) = stderr.splitlines()
     assert sentence.startswith(f'lava_node cannot start: {MISTAKES[words]}')
     assert status == 2
+
+
+def test_unexpected_error_is_the_last_line_and_status_1(run, monkeypatch):
+    monkeypatch.setattr(ActiveNode, '_begin', Mock(side_effect=RuntimeError('went wrong')))
+    status, stderr = run('--ros-args', '-p', 'device:=cpu')
+    assert stderr.splitlines()[-1] == 'lava_node cannot start: RuntimeError: went wrong'
+    assert status == 1
+
+
+def test_unknown_parameters_of_a_file_are_warnings(run, monkeypatch):
+    monkeypatch.setattr(ActiveNode, '_begin', Mock(side_effect=RuntimeError('went wrong')))
+    _, stderr = run('--ros-args', '--params-file', 'unknown.yaml')
+    warnings = [line for line in stderr.splitlines() if 'has no effect' in line]
+    assert all('[WARN]' in line for line in warnings)
+    discharge, scale, unheard_of = warnings
+    assert "this node has no parameter 'discharge'" in discharge
+    assert 'similar names: default_discharge; vents come by the scene file (scene)' in discharge
+    assert "'time_scales'" in scale and 'vents' not in scale
+    assert 'similar names: time_scale' in scale
+    assert unheard_of.endswith("no parameter 'unheard_of': its value has no effect")
 
 
 @pytest.mark.parametrize('words', [('--help',), ('scene.yaml',), ('-r', '__node:=other')])

@@ -120,17 +120,6 @@ def test_fault_is_reported_and_the_last_maps_remain(node, monkeypatch, fault, wo
     recover(node)
 
 
-def test_simulation_stops_above_max_particles(node):
-    assert not node.set(max_particles=0)['success']
-    assert node.set(max_particles=5)['success']
-    status = fail(node)
-    count = int(status['particles'])
-    assert f'{count} particles, expected at most 5 (max_particles)' in status['message']
-    assert count > 5
-    assert node.set(max_particles=100_000)['success']
-    recover(node)
-
-
 def test_step_that_does_not_end_is_reported(node, monkeypatch):
     may_end, advance, before = threading.Event(), Simulation.advance, len(node.log)
 
