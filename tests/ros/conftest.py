@@ -6,6 +6,7 @@
 from contextlib import contextmanager
 from functools import partial
 import json
+import logging
 import os
 from pathlib import Path
 import queue
@@ -271,3 +272,27 @@ def start_flow(local, **parameters):
 @pytest.fixture
 def flowing(local):
     return partial(start_flow, local)
+
+
+@pytest.fixture
+def run_program(monkeypatch, tmp_path, capfd):
+    """Return a function that runs the node's program in the test: exit status and stderr."""
+    from lava_ros.ros import active_node, node
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(own_domain()))
+    # a thread that is still in the solver would end the test's process
+    monkeypatch.setattr(active_node, 'STOP_TIMEOUT', PATIENCE)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    package = logging.getLogger('lava_ros')
+    kept, level = package.handlers[:], package.level
+
+    def run(*words):
+        status = node.main([str(word) for word in words])
+        return status, capfd.readouterr().err
+
+    yield run
+    package.handlers[:] = kept
+    package.setLevel(level)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)

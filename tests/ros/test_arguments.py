@@ -3,9 +3,7 @@
 
 """Mistakes in ROS arguments give one sentence and the exit status of a usage error."""
 
-import logging
 from pathlib import Path
-import signal
 from unittest.mock import Mock
 
 import pytest
@@ -13,10 +11,8 @@ import pytest
 from command_line import lava
 from lava_ros.cli.parser import COMMANDS
 from lava_ros.errors import LavaError
-from lava_ros.ros import node
 from lava_ros.ros.active_node import ActiveNode
 from lava_ros.ros.arguments import start_ros
-from ros_domain import own_domain
 
 BAG = Path(__file__).parents[2] / 'bags/sample'
 
@@ -77,26 +73,11 @@ MISTAKES = {
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path, capfd):
-    """Run the node's program with arguments, where there are files of parameters."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(own_domain('graph')))
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+def run(run_program, tmp_path):
+    """Run the node's program where there are files of parameters."""
     for name, text in FILES.items():
         (tmp_path / name).write_text(text, encoding='utf-8')
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    package = logging.getLogger('lava_ros')
-    kept, level = package.handlers[:], package.level
-
-    def start(*words):
-        status = node.main(list(words))
-        return status, capfd.readouterr().err
-
-    yield start
-    package.handlers[:] = kept
-    package.setLevel(level)
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
+    return run_program
 
 
 @pytest.mark.parametrize('words', MISTAKES, ids=' '.join)

@@ -108,6 +108,7 @@ def test_inactive_node_accepts_inputs_and_publishes_no_maps(start):
     node.publish('click')
     inputs = node.status_now('inputs', lambda item: item['accepted'] == '3')
     assert inputs['rejected'] == '0'
+    assert node.map('height')['shape'] == [0, 0]
     status = node.status_now('simulation')
     assert status['message'] == 'inactive: paused'
     assert (status['lifecycle'], status['state']) == ('inactive', 'paused')
