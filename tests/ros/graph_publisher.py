@@ -19,7 +19,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
@@ -265,7 +264,6 @@ class Publisher(Asking):
             topic: self.node.create_publisher(kind, topic, qos)
             for topic, (kind, qos) in TYPES.items()
         }
-        self._clock = self.node.create_publisher(Clock, '/clock', 1)
         self._clients = {}
 
     def close(self):
@@ -293,5 +291,6 @@ class Publisher(Asking):
             wait_until(publisher.get_subscription_count, lambda: f'{topic} has no subscriber')  # noqa: B023
             publisher.publish(make())
 
-    def clock(self, seconds):
-        self._clock.publish(Clock(clock=codec.time_message(round(seconds * 1e9))))
+    def spin_until(self, condition):
+        """Run callbacks until a condition holds."""
+        wait_until(lambda: self._executor.spin_once(timeout_sec=0.1) or condition(), pause=0.0)

@@ -120,4 +120,4 @@ def test_terrain_of_the_node_is_no_input(start, monkeypatch):
     # that of the file
     assert (status['accepted'], status['rejected']) == ('1', '0')
     node.publish('terrain_info', 'terrain')
-    node.wait_for_topic('hekla/height', lambda grid: grid['shape'] == [30, 40])
+    node.wait_for_log('terrain: 40 x 30 cells of 10 m')
