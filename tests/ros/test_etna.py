@@ -19,6 +19,7 @@ HOUR, DAY = 3600.0, 86400.0
 RADIUS, SPACING = 20.0, 32.0
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not DATA.is_dir(), reason='needs the Etna 2001 data next to the checkout')
 def test_first_day_of_etna_2001_has_volume_area_and_direction(graph):
     easting, northing = np.loadtxt(DATA / 'vent.csv', delimiter=',', skiprows=1)
