@@ -38,21 +38,15 @@ QUICK = QUICK_MODULE.format('ros.node')
 GRACE = 5.0
 
 
-def _environment(aside):
-    environment = dict(os.environ)
-    environment['ROS_DOMAIN_ID'] = str(own_domain('aside' if aside else 'graph'))
-    environment['PYTHONPATH'] = os.pathsep.join(
-        [str(ROOT), *filter(None, [environment.get('PYTHONPATH')])]
-    )
-    environment['PYTHONUNBUFFERED'] = '1'
-    return environment
-
-
 class Process:
     """A child process whose output is read line by line."""
 
-    def __init__(self, directory, arguments, aside=False):
-        self.environment = _environment(aside)
+    def __init__(self, directory, arguments):
+        path = [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]
+        self.environment = {
+            **os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'PYTHONUNBUFFERED': '1',
+            'PYTHONPATH': os.pathsep.join(path),
+        }
         self.child = subprocess.Popen(
             [sys.executable, *arguments], cwd=directory, env=self.environment,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -144,7 +138,7 @@ class Comparison(Listener):
 
 
 class Graph:
-    """Starts processes in one graph, or in a second one (``aside``).
+    """Starts processes in one graph.
 
     Attributes:
         directory: Working directory of the processes.
@@ -159,16 +153,16 @@ class Graph:
         self._started.append(process)
         return process
 
-    def node(self, *, aside=False, program=('-c', QUICK), remap=(), **parameters):
+    def node(self, *, program=('-c', QUICK), remap=(), **parameters):
         """Start a node with parameters and five maps a second; ``program`` replaces the node."""
         often = self.directory / 'often.yaml'
         default = (ROOT / 'msg_configs/default.yaml').read_text(encoding='utf-8')
         often.write_text(default.replace('rate: 1.0 ', 'rate: 5.0 '), encoding='utf-8')
         words = _ros_arguments(remap, **{'msg_config': str(often), **parameters})
-        return self.process(*program, *words, aside=aside)
+        return self.process(*program, *words)
 
-    def publisher(self, *, remap=()):
-        self._publishers.append(Publisher(own_domain(), remap))
+    def publisher(self):
+        self._publishers.append(Publisher(own_domain()))
         return self._publishers[-1]
 
     def listener(self, *topics):
@@ -177,8 +171,8 @@ class Graph:
     def comparison(self, mask, *costmaps):
         return self._start(Comparison, mask, *costmaps)
 
-    def process(self, *arguments, aside=False):
-        return self._start(Process, arguments, aside)
+    def process(self, *arguments):
+        return self._start(Process, arguments)
 
     @property
     def logs(self):
@@ -204,9 +198,10 @@ class Graph:
 def pytest_runtest_makereport(item):
     """Add the logs of the graph's processes to a failure."""
     report = yield
-    graph = getattr(item, 'funcargs', {}).get('graph')
-    if report.failed and isinstance(graph, Graph):
-        report.sections += [(f'stderr of {name}', log) for name, log in graph.logs if log]
+    for value in getattr(item, 'funcargs', {}).values():
+        graph = getattr(value, 'graph', value)
+        if report.failed and hasattr(graph, 'logs'):
+            report.sections += [(f'stderr of {name}', log) for name, log in graph.logs if log]
     return report
 
 

@@ -229,11 +229,10 @@ class Asking(ABC):
 class Publisher(Asking):
     """Publishes the messages of a test to nodes in a graph, and calls their services."""
 
-    def __init__(self, domain, remap=()):
+    def __init__(self, domain):
         self._context = Context()
         self._context.init(args=[], domain_id=domain)
-        words = ['--ros-args', *(word for rule in remap for word in ('-r', rule))]
-        self.node = Node('test_publisher', context=self._context, cli_args=words)
+        self.node = Node('test_publisher', context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self.publishers = {
