@@ -89,6 +89,8 @@ class LocalNode(Asking, Hearing):
 
     def __init__(self, directory, patch, *, domain='local', remap=(), **parameters):
         patch.setattr(active_node, 'HEARTBEAT', HEARTBEAT)
+        # a busy machine may take long to end the simulation
+        patch.setattr(active_node, 'STOP_TIMEOUT', PATIENCE)
         # no warning about a clock that stands still
         patch.setattr(diagnostics, 'PATIENCE', float('inf'))
         patch.chdir(directory)

@@ -234,8 +234,8 @@ def test_unexpected_error_leaves_the_node_unconfigured(start, monkeypatch):
 
 
 def test_configuration_waits_for_the_last_step_of_the_previous_simulation(start, monkeypatch):
-    monkeypatch.setattr(active_node, 'STOP_TIMEOUT', 0.1)
     node = start('active')
+    monkeypatch.setattr(active_node, 'STOP_TIMEOUT', 0.1)
     begun, may_end, advance = threading.Event(), threading.Event(), Simulation.advance
 
     def advance_slowly(*arguments, **options):

@@ -16,7 +16,7 @@ from geometry_msgs.msg import PointStamped
 from std_srvs.srv import SetBool
 
 from lava_ros.errors import LavaError
-from lava_ros.maps.layers import IMAGE, PROBABILITY
+from lava_ros.maps.layers import PROBABILITY
 from lava_ros.maps.plot import barriers_of
 from lava_ros.ros import codec, live_frames, outputs, qos
 from lava_ros.ros.live_frames import LiveFrames
@@ -102,6 +102,13 @@ def node(live: LiveFrames) -> Iterator[FakeNode]:
 def test_maps_become_frames_of_their_time(live: LiveFrames, node: FakeNode) -> None:
     """A map without diagnostics has a time between those of its neighbours."""
     node.publish_ground(live)
+    (vent,) = live._scene['vents']
+    assert vent['name'].startswith('open: 10 m3/s')
+    np.testing.assert_allclose(vent['position'], VENT.position)
+    values = [KeyValue(key='x_m', value='20.0'), KeyValue(key='y_m', value='95.0')]
+    statuses = [DiagnosticStatus(name='hut', values=values), DiagnosticStatus(name='unplaced')]
+    node.publish('place_arrivals', DiagnosticArray(status=statuses))
+    until(lambda: live.places == {'hut': (20.0, 95.0)}, live.poll)
     node.frame(2, 'thickness', 'hazard')
     until(lambda: len(live._waiting.get(START + 2 * SECOND, ())) == 2, live.poll)
     node.status(2, 200.0)
@@ -187,17 +194,6 @@ def test_status_reports_each_fault(
     until(lambda: live.status == (Level.BAD, 'etna/lava: '), live.poll)
 
 
-def test_places_and_vents_have_names(live: LiveFrames, node: Any) -> None:
-    node.publish_ground(live)
-    values = [KeyValue(key='x_m', value='20.0'), KeyValue(key='y_m', value='95.0')]
-    statuses = [DiagnosticStatus(name='hut', values=values), DiagnosticStatus(name='unplaced')]
-    node.publish('place_arrivals', DiagnosticArray(status=statuses))
-    until(lambda: live.places == {'hut': (20.0, 95.0)}, live.poll)
-    (vent,) = live._scene['vents']
-    assert vent['name'].startswith('open: 10 m3/s')
-    np.testing.assert_allclose(vent['position'], VENT.position)
-
-
 def test_commands_reach_the_node(live: LiveFrames, node: Any) -> None:
     live.command('reset')
     assert live.answer == 'reset: no node answers'
@@ -236,10 +232,3 @@ def test_commands_reach_the_node(live: LiveFrames, node: Any) -> None:
 
     until(clicked, poll)
     assert (heard[2].header.frame_id, heard[2].point.x, heard[2].point.y) == ('map', 10.0, 20.0)
-
-
-def test_subscriptions_have_the_types_of_the_layers(live: LiveFrames) -> None:
-    types = dict(live._node.get_topic_names_and_types())
-    for layer in LAYERS.values():
-        assert types[f'/etna/{layer.topic}'] == [layer.message]
-    assert LAYERS['arrived'].message == IMAGE

@@ -89,13 +89,6 @@ def test_node_resumes_from_the_bag_of_a_killed_node(graph, tmp_path):
         assert float(item['volume_error']) < 1e-5
     assert wait_for('effects')['cooling'] == 'off: forced'
     listener.wait_for_topic('height', lambda grid: grid['stamp_ns'] > killed_ns)
-    statuses = [
-        item['status']['lava: simulation']
-        for item in listener.seen
-        if item['topic'] == 'diagnostics' and item['stamp_ns'] > killed_ns
-    ]
-    times = [numbers(status)[0] for status in statuses if has_lava(status)]
-    assert min(times) >= checkpoint.time
     assert node.end(signal.SIGTERM) == 0
 
     assert 'Traceback' not in node.log

@@ -140,14 +140,14 @@ def test_recording_parameters_can_be_changed(local):
 
 
 def test_save_during_a_recording_uses_its_bag(paused):
-    assert paused.set(bag_directory='run')['success']
+    assert paused.set(bag_directory='bags/run')['success']
     assert paused.call('record', True)['success']
-    assert saved(paused.call('save')) == 'run'
-    assert newest_checkpoint(paused.directory / 'run').checkpoint.time == 0.0
+    assert saved(paused.call('save')) == 'bags/run'
+    assert newest_checkpoint(paused.directory / 'bags/run').checkpoint.time == 0.0
     before = paused.status_now('recorder')
     assert (before['state'], before['checkpoints']) == ('recording', '1')
-    assert paused.call('record', False)['message'] == 'recorded run'
-    topics = [message.topic for message in BagReader(paused.directory / 'run').messages()]
+    assert paused.call('record', False)['message'] == 'recorded bags/run'
+    topics = [message.topic for message in BagReader(paused.directory / 'bags/run').messages()]
     # at the start and at the save
     assert topics.count('/height') == topics.count('/hazard') == 2
     # an existing bag is not changed
@@ -157,15 +157,15 @@ def test_save_during_a_recording_uses_its_bag(paused):
 
 
 def test_removed_bag_is_reported_by_diagnostics_log_and_service(paused):
-    assert paused.set(bag_directory='gone')['success']
-    bag, outside = paused.directory / 'gone', paused.directory / 'outside'
+    assert paused.set(bag_directory='bags/gone')['success']
+    bag, outside = paused.directory / 'bags/gone', paused.directory / 'outside'
     outside.mkdir()
     assert paused.call('record', True)['success']
     bag.rename(paused.directory / 'moved')
     bag.symlink_to(outside)
     status = paused.status_now('recorder', lambda status: status['level'] == 2)
     assert status['state'] == 'off'
-    reason = f'recording to gone stopped: {bag} was removed, moved or replaced'
+    reason = f'recording to bags/gone stopped: {bag} was removed, moved or replaced'
     assert status['message'] == reason
     answer = paused.call('record', False)
     assert not answer['success']
