@@ -107,19 +107,11 @@ class Process:
             raise
 
 
-def _ros_arguments(remap, **parameters):
-    words = [('-r', rule) for rule in remap]
-    words += [('-p', f'{name}:={json.dumps(value)}') for name, value in parameters.items()]
-    return ['--ros-args', *(word for pair in words for word in pair)]
-
-
 class Listener(Process, Hearing):
     """A process that reports what the node publishes."""
 
-    program = 'graph_listener.py'
-
-    def __init__(self, directory, *topics):
-        super().__init__(directory, [str(HERE / self.program), *topics])
+    def __init__(self, directory, *topics, program='graph_listener.py'):
+        super().__init__(directory, [str(HERE / program), *topics])
         self.seen = []
 
     def next(self, timeout):
@@ -129,12 +121,6 @@ class Listener(Process, Hearing):
         while not self._lines.empty():
             self.seen.append(json.loads(self.line(1.0)))
         return len(self.seen)
-
-
-class Comparison(Listener):
-    """A robot that compares its costmaps with its map and with a mask."""
-
-    program = 'graph_costmap.py'
 
 
 class Graph:
@@ -148,8 +134,8 @@ class Graph:
         self.directory = directory
         self._started, self._publishers = [], []
 
-    def _start(self, kind, *arguments):
-        process = kind(self.directory, *arguments)
+    def _start(self, kind, *arguments, **options):
+        process = kind(self.directory, *arguments, **options)
         self._started.append(process)
         return process
 
@@ -158,8 +144,10 @@ class Graph:
         often = self.directory / 'often.yaml'
         default = (ROOT / 'msg_configs/default.yaml').read_text(encoding='utf-8')
         often.write_text(default.replace('rate: 1.0 ', 'rate: 5.0 '), encoding='utf-8')
-        words = _ros_arguments(remap, **{'msg_config': str(often), **parameters})
-        return self.process(*program, *words)
+        words = [word for rule in remap for word in ('-r', rule)]
+        for name, value in {'msg_config': str(often), **parameters}.items():
+            words += ['-p', f'{name}:={json.dumps(value)}']
+        return self.process(*program, '--ros-args', *words)
 
     def publisher(self):
         self._publishers.append(Publisher(own_domain()))
@@ -169,7 +157,8 @@ class Graph:
         return self._start(Listener, *topics)
 
     def comparison(self, mask, *costmaps):
-        return self._start(Comparison, mask, *costmaps)
+        """Start a robot that compares its costmaps with its map and with a mask."""
+        return self._start(Listener, mask, *costmaps, program='graph_costmap.py')
 
     def process(self, *arguments):
         return self._start(Process, arguments)

@@ -8,11 +8,13 @@ import hashlib
 import json
 import re
 
+import numpy as np
 import pytest
 import yaml
 
 from lava_ros.bag import BagReader
 from ros.conftest import start_flow
+from ros.graph_publisher import elevation
 
 #: Topics of the grids that are published by default.
 GRIDS = ('height', 'temperature', 'hazard')
@@ -172,11 +174,16 @@ def test_bag_has_inputs_scene_parameters_and_effects(flowing, tmp_path):
     assert 'does not exist yet' in refused['message']
 
 
-def test_late_subscribers_and_the_bag_have_the_published_grids(graph):
-    bag = graph.directory / 'bag'
+def test_late_subscribers_and_the_bag_have_the_grids_of_a_fed_scene(graph):
+    bag, scene = graph.directory / 'bag', graph.directory / 'scene.yaml'
+    np.savez(graph.directory / 'slope.npz', elevation=elevation(), resolution=10.0)
+    scene.write_text(
+        'terrain: {file: slope.npz}\n'
+        'vents: [{position: [60.0, 155.0], discharge: 20.0, radius: 12.0}]\n'
+    )
     node = graph.node(time_scale=60.0, device='cpu', record=True, bag_directory=str(bag))
     publisher, listener = graph.publisher(), graph.listener(*GRIDS)
-    publisher.publish('vents', 'terrain_info', 'terrain')
+    graph.process('-m', 'lava_ros.cli.main', 'feed', '--scene', str(scene))
     for topic in GRIDS:
         grid = listener.newest(topic, condition=lambda newest: newest[topic]['wet'] > 0)[topic]  # noqa: B023
         place = {name: grid[name] for name in ('frame_id', 'shape', 'resolution', 'origin')}
