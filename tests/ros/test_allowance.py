@@ -143,7 +143,6 @@ def test_waiting_command_is_replaced_by_the_next_of_its_kind(bench, kind):
     for _ in range(N_CALLS):
         ask()
     assert bench.worker.status.waiting == (kind,)
-    assert len(bench.worker._commands) == 1
     bench.simulation.is_compiled.set()
     bench.run(held)
 
